@@ -1,0 +1,60 @@
+"""Arrays at the border of the library: what a caller may hand in, checked once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay.errors import InputError
+
+FloatArray: TypeAlias = NDArray[np.float64]
+#: A number, a sequence of numbers, a numpy array or a pandas Series.
+ArrayLike: TypeAlias = float | Sequence[float] | NDArray[Any] | Any
+
+
+def as_finite(values: ArrayLike, name: str) -> FloatArray:
+    """Return `values` as a float array, or say which entry is not a finite number."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must hold numbers; got {values!r:.80}") from error
+    finite = np.isfinite(array)
+    if not finite.all():
+        index = int(np.flatnonzero(~finite.ravel())[0])
+        raise InputError(
+            f"{name} holds {array.ravel()[index]} at index {index}; remove or mask such points first"
+        )
+    return array
+
+
+def positive(value: float, name: str, unit: str) -> float:
+    """Return `value` as a float if it is finite and above zero."""
+    number = _number(value, name)
+    if not (0.0 < number < np.inf):
+        raise InputError(f"{name} must be positive and finite ({unit}); got {value!r}")
+    return number
+
+
+def _number(value: float, name: str) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be a number; got {value!r}") from error
+
+
+def finite(value: float, name: str, unit: str) -> float:
+    """Return `value` as a float if it is finite."""
+    number = _number(value, name)
+    if not np.isfinite(number):
+        raise InputError(f"{name} must be finite ({unit}); got {value!r}")
+    return number
+
+
+def read_only(array: FloatArray) -> FloatArray:
+    """Return a read-only copy of `array`."""
+    copy = np.array(array)
+    copy.flags.writeable = False
+    return copy

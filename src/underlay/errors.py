@@ -1,0 +1,95 @@
+"""The errors and warnings of underlay.
+
+Everything raised on purpose derives from `UnderlayError` *and* from the builtin that fits, so that
+``except ValueError`` and ``except OSError`` work as a caller expects.
+
+==================  =============  ==================================================================
+error               builtin        raised when
+==================  =============  ==================================================================
+InputError          ValueError     a value given by the caller is not allowed
+MaterialError       InputError     elastic constants are not those of a stable material
+UnitError           InputError     a unit is unknown or of the wrong dimension
+ParameterError      InputError     a parameter path does not exist, or cannot act in this scene
+RangeError          InputError     a law is asked outside the range in which it holds
+CurveError          InputError     a curve cannot be used: too few points, NaN, no contact, ...
+FileFormatError     InputError     a file was read but its content is not understood
+FileAccessError     OSError        a file cannot be opened, read or written
+FitError            RuntimeError   an inference could not be carried out on valid input
+MissingExtraError   ImportError    an optional dependency is needed; says which extra brings it
+==================  =============  ==================================================================
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "CurveError",
+    "FileAccessError",
+    "FileFormatError",
+    "FitError",
+    "InputError",
+    "MaterialError",
+    "MissingExtraError",
+    "ParameterError",
+    "RangeError",
+    "UnderlayError",
+    "UnderlayWarning",
+    "UnitError",
+]
+
+
+class UnderlayError(Exception):
+    """Base of every error raised on purpose."""
+
+
+class InputError(UnderlayError, ValueError):
+    """A value given by the caller is not allowed."""
+
+
+class MaterialError(InputError):
+    """Elastic constants that no stable material has."""
+
+
+class UnitError(InputError):
+    """An unknown unit, or one of the wrong dimension."""
+
+
+class ParameterError(InputError):
+    """A parameter path that does not exist or cannot act in this scene."""
+
+
+class RangeError(InputError):
+    """A law asked outside the range in which it holds.
+
+    Attributes
+    ----------
+    max_depth : float or None
+        Largest indentation depth (m) that works, where there is one.
+    """
+
+    def __init__(self, message: str, *, max_depth: float | None = None) -> None:
+        super().__init__(message)
+        self.max_depth = max_depth
+
+
+class CurveError(InputError):
+    """A curve that cannot be used as it is."""
+
+
+class FileFormatError(InputError):
+    """A file whose content is not understood."""
+
+
+class FileAccessError(UnderlayError, OSError):
+    """A file that cannot be opened, read or written."""
+
+
+class FitError(UnderlayError, RuntimeError):
+    """An inference that could not be carried out on valid input."""
+
+
+class MissingExtraError(UnderlayError, ImportError):
+    """An optional dependency is needed and absent."""
+
+
+class UnderlayWarning(UserWarning):
+    """A result that stands, with a reservation the caller should know."""

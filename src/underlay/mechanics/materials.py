@@ -1,0 +1,253 @@
+"""Elastic materials of the layer and of the substrate.
+
+A transversely isotropic material (axis along the indentation) has five constants, but a frictionless
+axisymmetric indentation sees only four combinations of them (`PlaneConstants`), finite at nu = 0.5:
+
+- q = A13/A33,  c = 1/A33,  g = A11 - A13^2/A33,  S = 1/A44  (stiffnesses A_ij, the paper's appendix);
+- from engineering constants, with n = E/E': q = n nu'/(1-nu), c = (1 - 2 n nu'^2/(1-nu))/E',
+  g = E/(1-nu^2), S = 1/G'.
+
+From them p = sqrt(q^2 + c g), sigma = sqrt(S g - 2q + 2p), and theta = g/(p sigma), which is the paper's
+1/(2 pi H): half the indentation modulus. Isotropic: p = 1, sigma = 2, theta = E/(2(1-nu^2)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Self, TypeAlias
+
+import numpy as np
+
+from underlay._arrays import FloatArray, finite, positive
+from underlay.errors import InputError, MaterialError
+
+__all__ = ["RIGID", "Isotropic", "Layer", "Material", "Rigid", "Substrate", "TransverselyIsotropic"]
+
+Real: TypeAlias = "float | FloatArray"
+
+
+class PlaneConstants(NamedTuple):
+    """What an axisymmetric indentation sees of a material; each entry a float or an array (batch,).
+
+    q is dimensionless; c and S are compliances (1/Pa); g is a stiffness (Pa).
+    """
+
+    q: Real
+    c: Real
+    g: Real
+    S: Real
+
+    @property
+    def p(self) -> Real:
+        """Product of the two decay roots of the material (dimensionless)."""
+        return np.sqrt(self.q * self.q + self.c * self.g)
+
+    @property
+    def sigma(self) -> Real:
+        """Sum of the two decay roots of the material (dimensionless)."""
+        return np.sqrt(self.S * self.g - 2.0 * self.q + 2.0 * self.p)
+
+    @property
+    def theta(self) -> Real:
+        """The paper's elastic constant theta (Pa): half the indentation modulus."""
+        return self.g / (self.p * self.sigma)
+
+
+def isotropic_constants(E: Real, nu: Real) -> PlaneConstants:
+    """Plane constants of isotropic materials; `E` (Pa) and `nu` may be arrays of one shape."""
+    return PlaneConstants(
+        q=nu / (1.0 - nu),
+        c=(1.0 + nu) * (1.0 - 2.0 * nu) / (E * (1.0 - nu)),
+        g=E / ((1.0 - nu) * (1.0 + nu)),
+        S=2.0 * (1.0 + nu) / E,
+    )
+
+
+def transversely_isotropic_constants(
+    E: Real, E_axial: Real, nu: Real, nu_axial: Real, G_axial: Real
+) -> PlaneConstants:
+    """Plane constants from the paper's engineering constants E, E', nu, nu', G'; arrays allowed."""
+    n = E / E_axial
+    return PlaneConstants(
+        q=n * nu_axial / (1.0 - nu),
+        c=(1.0 - 2.0 * n * nu_axial * nu_axial / (1.0 - nu)) / E_axial,
+        g=E / ((1.0 - nu) * (1.0 + nu)),
+        S=1.0 / G_axial,
+    )
+
+
+@dataclass(frozen=True)
+class Isotropic:
+    """An isotropic elastic material.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus (Pa), positive.
+    nu : float
+        Poisson's ratio, in (-1, 0.5]; 0.5 (incompressible) is exact, not a limit.
+
+    Raises
+    ------
+    MaterialError
+        If `E` or `nu` is outside its range.
+
+    Examples
+    --------
+    >>> Isotropic(E=3e6, nu=0.5).theta
+    2000000.0
+    """
+
+    E: float
+    nu: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "E", positive(self.E, "Young's modulus E", "Pa"))
+        nu = finite(self.nu, "Poisson's ratio nu", "dimensionless")
+        if not (-1.0 < nu <= 0.5):
+            raise MaterialError(f"Poisson's ratio nu must be in (-1, 0.5]; got {self.nu!r}")
+        object.__setattr__(self, "nu", nu)
+
+    @property
+    def plane_constants(self) -> PlaneConstants:
+        """What the indentation sees of the material."""
+        return isotropic_constants(self.E, self.nu)
+
+    @property
+    def theta(self) -> float:
+        """theta = E / (2 (1 - nu^2)) (Pa), the paper's elastic constant."""
+        return self.E / (2.0 * (1.0 - self.nu) * (1.0 + self.nu))
+
+
+@dataclass(frozen=True)
+class TransverselyIsotropic:
+    """A transversely isotropic material whose axis is the direction of indentation.
+
+    Parameters
+    ----------
+    E, E_axial : float
+        Young's moduli (Pa) in the plane of isotropy and along the axis: the paper's E and E'.
+    nu : float
+        Poisson's ratio in the plane: the paper's nu.
+    nu_axial : float
+        Lateral contraction under an axial load: the paper's nu'.
+    G_axial : float
+        Shear modulus (Pa) in planes through the axis: the paper's G'.
+
+    Raises
+    ------
+    MaterialError
+        If the stiffness is not positive definite; the message names the inequality that fails. The
+        incompressible limit 1 - nu - 2 (E/E') nu'^2 = 0 is allowed.
+    """
+
+    E: float
+    E_axial: float
+    nu: float
+    nu_axial: float
+    G_axial: float
+
+    def __post_init__(self) -> None:
+        for name, text in (
+            ("E", "in-plane Young's modulus E"),
+            ("E_axial", "axial Young's modulus E_axial"),
+            ("G_axial", "axial shear modulus G_axial"),
+        ):
+            object.__setattr__(self, name, positive(getattr(self, name), text, "Pa"))
+        for name in ("nu", "nu_axial"):
+            object.__setattr__(self, name, finite(getattr(self, name), name, "dimensionless"))
+        if not (-1.0 < self.nu < 1.0):
+            raise MaterialError(f"not positive definite: -1 < nu < 1 fails; got nu = {self.nu!r}")
+        room = 1.0 - self.nu - 2.0 * (self.E / self.E_axial) * self.nu_axial**2
+        # A material declared incompressible may miss zero by the rounding of its own constants.
+        if room < -8.0 * np.finfo(float).eps:
+            raise MaterialError(
+                "not positive definite: 1 - nu - 2 (E/E_axial) nu_axial^2 >= 0 fails; "
+                f"it is {room:.6g} for nu = {self.nu!r}, nu_axial = {self.nu_axial!r}, "
+                f"E/E_axial = {self.E / self.E_axial:.6g}"
+            )
+
+    @classmethod
+    def from_stiffness(cls, *, A11: float, A12: float, A13: float, A33: float, A44: float) -> Self:
+        """Build the material from its stiffnesses (Pa); `A44` is the shear modulus G'.
+
+        Raises
+        ------
+        MaterialError
+            If the stiffness is not positive definite, naming the inequality.
+        """
+        for name, value in (("A11", A11), ("A12", A12), ("A13", A13), ("A33", A33), ("A44", A44)):
+            finite(value, name, "Pa")
+        for inequality, excess in (
+            ("A44 > 0", A44),
+            ("A33 > 0", A33),
+            ("A11 > |A12|", A11 - abs(A12)),
+            ("(A11 + A12) A33 > 2 A13^2", (A11 + A12) * A33 - 2.0 * A13 * A13),
+        ):
+            if not excess > 0.0:
+                raise MaterialError(
+                    f"not positive definite: {inequality} fails for A11 = {A11:.6g}, A12 = {A12:.6g}, "
+                    f"A13 = {A13:.6g}, A33 = {A33:.6g}, A44 = {A44:.6g}"
+                )
+        plane = A11 * A33 - A13 * A13
+        volume = (A11 + A12) * A33 - 2.0 * A13 * A13
+        return cls(
+            E=(A11 - A12) * volume / plane,
+            E_axial=volume / (A11 + A12),
+            nu=(A12 * A33 - A13 * A13) / plane,
+            nu_axial=A13 / (A11 + A12),
+            G_axial=A44,
+        )
+
+    @property
+    def plane_constants(self) -> PlaneConstants:
+        """What the indentation sees of the material."""
+        constants = transversely_isotropic_constants(
+            self.E, self.E_axial, self.nu, self.nu_axial, self.G_axial
+        )
+        # c is 1/A33 >= 0; at the incompressible limit the rounding of the constants may leave -1e-17.
+        return constants if constants.c >= 0.0 else constants._replace(c=0.0)
+
+    @property
+    def theta(self) -> float:
+        """theta (Pa): the paper's 1/(2 pi H)."""
+        return float(self.plane_constants.theta)
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """A base that does not deform; the layer is bonded to it."""
+
+    def __repr__(self) -> str:
+        return "RIGID"
+
+
+#: A bonded rigid base.
+RIGID = Rigid()
+
+Material: TypeAlias = Isotropic | TransverselyIsotropic
+Substrate: TypeAlias = Isotropic | TransverselyIsotropic | Rigid
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A layer of uniform thickness.
+
+    Parameters
+    ----------
+    material : Isotropic or TransverselyIsotropic
+        What it is made of.
+    thickness : float, default inf
+        Thickness h (m), positive; infinite means a half-space.
+    """
+
+    material: Material
+    thickness: float = np.inf
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.material, Isotropic | TransverselyIsotropic):
+            raise InputError(
+                f"a layer is made of Isotropic or TransverselyIsotropic material; got {self.material!r}"
+            )
+        if self.thickness != np.inf:
+            object.__setattr__(self, "thickness", positive(self.thickness, "layer thickness", "m"))
