@@ -17,8 +17,9 @@ To add an indenter: a frozen dataclass that derives from `Indenter` (or from `Po
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from scipy import special
@@ -30,7 +31,20 @@ __all__ = ["Cone", "FlatPunch", "Indenter", "Paraboloid", "PowerLaw", "Sphere"]
 
 
 class Indenter(ABC):
-    """A rigid, convex, axisymmetric indenter; all lengths in metres."""
+    """A rigid, convex, axisymmetric indenter; all lengths in metres.
+
+    A concrete class names itself in `shape`; scene files know it by that name.
+    """
+
+    shape: ClassVar[str] = ""
+
+    @classmethod
+    def shapes(cls) -> Iterator[type[Indenter]]:
+        """Every concrete indenter there is, wherever it was defined."""
+        for child in cls.__subclasses__():
+            if child.shape:
+                yield child
+            yield from child.shapes()
 
     @property
     def max_radius(self) -> float:
@@ -57,6 +71,8 @@ class Indenter(ABC):
 @dataclass(frozen=True)
 class FlatPunch(Indenter):
     """A flat-ended cylinder of the given radius (m); its contact radius never changes."""
+
+    shape: ClassVar[str] = "flat_punch"
 
     radius: float
 
@@ -133,6 +149,8 @@ class PowerLawShape(Indenter):
 class Paraboloid(PowerLawShape):
     """Phi(r) = r^2/(2R) (5.11): what most AFM software calls a sphere. `radius` R in metres."""
 
+    shape: ClassVar[str] = "paraboloid"
+
     radius: float
 
     def __post_init__(self) -> None:
@@ -155,6 +173,8 @@ class Cone(PowerLawShape):
 
     The paper's gamma (section 5.2) is the complement: Phi = r tan(gamma) = r / tan(half_angle).
     """
+
+    shape: ClassVar[str] = "cone"
 
     half_angle: float
 
@@ -200,6 +220,8 @@ class PowerLaw(PowerLawShape):
         The paper's A (m^(1-lambda)), positive.
     """
 
+    shape: ClassVar[str] = "power_law"
+
     exponent: float
     coefficient: float
 
@@ -225,6 +247,8 @@ _SECOND = 1.0 / ((2 * _TERM + 5) * (2 * _TERM + 1))
 @dataclass(frozen=True)
 class Sphere(Indenter):
     """A true sphere, Phi = R - sqrt(R^2 - r^2) (6.1); `radius` R in metres, contact radius a < R."""
+
+    shape: ClassVar[str] = "sphere"
 
     radius: float
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay._files import write_atomic
 from underlay.errors import InputError
 from underlay.mechanics.accuracy import Accuracy, contact_law
 from underlay.mechanics.contact_law import ContactLaw
@@ -15,6 +18,7 @@ from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
 from underlay.scene.instrument import Instrument
 from underlay.scene.parameters import parameter_values, replace_values
+from underlay.scene.scene_writer import scene_text
 
 __all__ = ["Scene"]
 
@@ -124,3 +128,13 @@ class Scene:
             If the scene has no such path; names the nearest one.
         """
         return replace_values(self, values)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the scene as a scene file that `load_scene` reads back bit for bit.
+
+        Raises
+        ------
+        FileAccessError
+            If the file cannot be written; an older file stays whole.
+        """
+        return write_atomic(path, scene_text(self))
