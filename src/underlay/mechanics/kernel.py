@@ -32,8 +32,8 @@ __all__ = ["SubstrateKernel", "one_minus_L", "u_rule"]
 # isotropic constants alone leaves 1e-15. TODO measured
 _EQUAL_ROOTS = 16.0 * np.finfo(float).eps
 _SOFT = 0.5
-_SMALL_U = 1.0
-_SERIES_TERMS = 10
+_SMALL_U = 3.0
+_FACTORIALS = [(float(factorial(2 * k + 1)), float(factorial(2 * k + 2))) for k in range(1, 16)]
 
 
 class _Interface(NamedTuple):
@@ -88,9 +88,11 @@ def one_minus_L(u: FloatArray, layer: PlaneConstants, substrate: PlaneConstants 
     if not np.any(soft):
         return value
     small = soft & (np.maximum(sigma, 2.0 * p**0.5) * u < _SMALL_U)
-    if not small.any():
-        return value
-    return np.where(small, _soft_small_u(np.where(small, u, 0.0), pair, ch2, chsh, sh2), value)
+    nodes = small if small.ndim == 1 else small.any(axis=0)
+    if nodes.any():
+        recovered = _soft_small_u(u[nodes], pair, ch2[..., nodes], chsh[..., nodes], sh2[..., nodes])
+        value[..., nodes] = np.where(small[..., nodes], recovered, value[..., nodes])
+    return value
 
 
 def _interface(layer: PlaneConstants, substrate: PlaneConstants | None) -> _Interface:
@@ -181,16 +183,22 @@ def _remainder(u: FloatArray, p: Real, sigma2: Real, sigma: Real) -> FloatArray:
     difference = sigma2 - 4.0 * p
     term = power = 4.0 * p
     odd, even = [], []
-    for k in range(1, _SERIES_TERMS + 1):
-        odd.append(term * (sigma / factorial(2 * k + 1)))
-        even.append(term * (sigma2 / factorial(2 * k + 2)))
+    for odd_factorial, even_factorial in _FACTORIALS:
+        odd.append(term * (sigma / odd_factorial))
+        even.append(term * (sigma2 / even_factorial))
         power = power * difference
         term = sigma2 * term + power
-    u2 = u * u
-    series = odd[-1] + even[-1] * u
-    for a, b in zip(odd[-2::-1], even[-2::-1], strict=True):
-        series = series * u2 + (a + b * u)
-    return series * (u2 * u)
+    powers = np.empty((len(_FACTORIALS), u.size))
+    powers[:] = u * u
+    np.multiply.accumulate(powers, axis=0, out=powers)
+    return u * (_row(odd) @ powers) + u * u * (_row(even) @ powers)
+
+
+def _row(coefficients: list[Real]) -> FloatArray:
+    """Coefficients side by side: (terms,), or (batch, terms) from entries (batch, 1)."""
+    if isinstance(coefficients[0], np.ndarray):
+        return np.concatenate(coefficients, axis=1)
+    return np.array(coefficients)
 
 
 @dataclass(frozen=True)
