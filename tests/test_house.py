@@ -89,7 +89,9 @@ def test_no_import_circles():
     for path in modules():
         name = "underlay." + name_of(path).replace("/", ".").removesuffix(".__init__")
         graph[name] = {
-            module for module, typing_only in imported(path) if module.startswith("underlay.") and not typing_only
+            module
+            for module, typing_only in imported(path)
+            if module.startswith("underlay.") and not typing_only
         }
     done, trail = set(), []
 

@@ -1,6 +1,7 @@
 """README and CI run the same commands: neither can drift from the other."""
 
 import re
+import subprocess
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -29,8 +30,6 @@ def test_readme_commands_do_all_the_set_up():
 
 
 def test_top_level_is_what_the_house_says():
-    import subprocess
-
     listing = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
     if listing.returncode:
         names = {path.name for path in ROOT.iterdir()}

@@ -10,7 +10,7 @@ import typer
 __all__ = ["CurveFile", "OutputFolder", "SceneOption", "ScenePath", "Seed"]
 
 CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format of `underlay formats`.")]
-SceneOption = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML) that says what was tested.")]
+SceneOption = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): what was tested.")]
 ScenePath = Annotated[Path, typer.Argument(help="Scene file (TOML).")]
 OutputFolder = Annotated[
     Path | None,

@@ -23,4 +23,5 @@ def sample(name: str) -> Path:
     for folder in _FOLDERS:
         if (folder / name).is_file():
             return folder / name
-    raise FileAccessError(f"sample {name} is not in this installation; looked in {', '.join(map(str, _FOLDERS))}")
+    places = " and ".join(map(str, _FOLDERS))
+    raise FileAccessError(f"sample {name} is not in this installation; looked in {places}")

@@ -23,7 +23,7 @@ __all__ = ["simulate"]
 
 def simulate(
     scene: ScenePath,
-    output: Annotated[Path, typer.Option("--output", "-o", help="CSV file to write.")] = Path("simulated.csv"),
+    output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.")] = Path("simulated.csv"),
     seed: Seed = 0,
 ) -> None:
     """Make a curve from a scene, with the noise its [noise] section names.
@@ -34,7 +34,9 @@ def simulate(
     """
     file = read_scene_file(scene)
     if file.simulate is None:
-        raise InputError(f"{scene.name} has no [simulate] section; add one: max_depth = \"100 um\", points = 200")
+        raise InputError(
+            f"{scene.name} has no [simulate] section; add one, e.g. max_depth = '100 um' and points = 200"
+        )
     depth = file.simulate.depth
     if file.noise:
         curve = synthesize(file.scene, depth, noise=Noise(**file.noise), rng=seed, **file.solver)

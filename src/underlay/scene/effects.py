@@ -17,7 +17,6 @@ import pandas as pd
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Rigid, TransverselyIsotropic
-from underlay.scene.instrument import Instrument
 
 if TYPE_CHECKING:
     from underlay.scene.scene import Scene
@@ -83,7 +82,9 @@ def _effects(scene: Scene) -> list[_Effect]:
             "against a rigid base",
         ),
         _Effect("anisotropy", _isotropic(scene), _anisotropic(scene), "against the isotropic part"),
-        _Effect("true sphere", _paraboloid(scene), isinstance(scene.indenter, Sphere), "against a paraboloid"),
+        _Effect(
+            "true sphere", _paraboloid(scene), isinstance(scene.indenter, Sphere), "against a paraboloid"
+        ),
         _Effect("instrument compliance", bare, bare != scene, "against a stiff instrument"),
         _Effect("baseline", level, level != scene, "against no baseline"),
     ]
@@ -92,19 +93,25 @@ def _effects(scene: Scene) -> list[_Effect]:
 def _row(effect: _Effect, scene: Scene, deepest: float, accuracy: Accuracy) -> dict[str, object]:
     if not effect.declared:
         note = "not in this scene: none of its code runs"
-        return dict(effect=effect.name, size_percent=np.nan, simulated=False, cost_percent=0.0, note=note)
+        return {
+            "effect": effect.name,
+            "size_percent": np.nan,
+            "simulated": False,
+            "cost_percent": 0.0,
+            "note": note,
+        }
     depth = np.array([deepest])
     with_it = float(scene.force(depth, accuracy=accuracy)[0])
     without = float(effect.without.force(depth, accuracy=accuracy)[0])
     size = with_it / without - 1.0
     simulated = abs(size) >= accuracy.rtol
-    return dict(
-        effect=effect.name,
-        size_percent=100.0 * size,
-        simulated=simulated,
-        cost_percent=_added_cost(scene, effect.without, deepest, accuracy) if simulated else 0.0,
-        note=effect.note if simulated else f"below rtol = {accuracy.rtol:g}: left out where a law allows",
-    )
+    return {
+        "effect": effect.name,
+        "size_percent": 100.0 * size,
+        "simulated": simulated,
+        "cost_percent": _added_cost(scene, effect.without, deepest, accuracy) if simulated else 0.0,
+        "note": effect.note if simulated else f"below rtol = {accuracy.rtol:g}: left out where a law allows",
+    }
 
 
 def _added_cost(scene: Scene, without: Scene, deepest: float, accuracy: Accuracy) -> float:
@@ -147,5 +154,3 @@ def _in_plane(material: Material) -> Isotropic:
         return material
     # An isotropic material cannot have the in-plane ratio above 0.5 that an anisotropic one may.
     return Isotropic(material.E, min(material.nu, 0.5))
-
-
