@@ -26,14 +26,17 @@ from underlay.errors import InputError
 from underlay.mechanics.kernel_quadrature import u_rule
 from underlay.mechanics.materials import Material, PlaneConstants, Real, Rigid, Substrate
 
-__all__ = ["SubstrateKernel", "one_minus_L", "u_rule"]
+__all__ = ["SubstrateKernel", "coefficients", "one_minus_L", "u_rule"]
 
 # |d^2|/p below which the two roots count as equal (sh = u, ch = 1, each times the decay): the rounding of
 # isotropic constants alone leaves 1e-15. TODO measured
 _EQUAL_ROOTS = 16.0 * np.finfo(float).eps
 _SOFT = 0.5
-_SMALL_U = 1.0
-_SERIES_TERMS = 10
+_SMALL_U = 3.0
+_FACTORIALS = [(float(factorial(2 * k + 1)), float(factorial(2 * k + 2))) for k in range(1, 16)]
+
+
+_MOST_COEFFICIENTS = 12
 
 
 class _Interface(NamedTuple):
@@ -88,9 +91,11 @@ def one_minus_L(u: FloatArray, layer: PlaneConstants, substrate: PlaneConstants 
     if not np.any(soft):
         return value
     small = soft & (np.maximum(sigma, 2.0 * p**0.5) * u < _SMALL_U)
-    if not small.any():
-        return value
-    return np.where(small, _soft_small_u(np.where(small, u, 0.0), pair, ch2, chsh, sh2), value)
+    nodes = small if small.ndim == 1 else small.any(axis=0)
+    if nodes.any():
+        recovered = _soft_small_u(u[nodes], pair, ch2[..., nodes], chsh[..., nodes], sh2[..., nodes])
+        value[..., nodes] = np.where(small[..., nodes], recovered, value[..., nodes])
+    return value
 
 
 def _interface(layer: PlaneConstants, substrate: PlaneConstants | None) -> _Interface:
@@ -181,16 +186,46 @@ def _remainder(u: FloatArray, p: Real, sigma2: Real, sigma: Real) -> FloatArray:
     difference = sigma2 - 4.0 * p
     term = power = 4.0 * p
     odd, even = [], []
-    for k in range(1, _SERIES_TERMS + 1):
-        odd.append(term * (sigma / factorial(2 * k + 1)))
-        even.append(term * (sigma2 / factorial(2 * k + 2)))
+    for odd_factorial, even_factorial in _FACTORIALS:
+        odd.append(term * (sigma / odd_factorial))
+        even.append(term * (sigma2 / even_factorial))
         power = power * difference
         term = sigma2 * term + power
-    u2 = u * u
-    series = odd[-1] + even[-1] * u
-    for a, b in zip(odd[-2::-1], even[-2::-1], strict=True):
-        series = series * u2 + (a + b * u)
-    return series * (u2 * u)
+    powers = np.empty((len(_FACTORIALS), u.size))
+    powers[:] = u * u
+    np.multiply.accumulate(powers, axis=0, out=powers)
+    return u * (_row(odd) @ powers) + u * u * (_row(even) @ powers)
+
+
+def _row(coefficients: list[Real]) -> FloatArray:
+    """Coefficients side by side: (terms,), or (batch, terms) from entries (batch, 1)."""
+    if isinstance(coefficients[0], np.ndarray):
+        return np.concatenate(coefficients, axis=1)
+    return np.array(coefficients)
+
+
+def coefficients(
+    layer: PlaneConstants, substrate: PlaneConstants | None, count: int, rtol: float = 1e-15
+) -> FloatArray:
+    """a_m = (-1)^m/((2m)!!)^2 int_0^inf [1 - L(u)] u^(2m) du (1.8), m < `count`, without checks.
+
+    Parameters
+    ----------
+    layer, substrate : PlaneConstants
+        Entries floats, or arrays (batch, 1); `substrate` None is a bonded rigid base.
+    count : int
+        Number of coefficients.
+    rtol : float
+        Wanted error of the integrals.
+
+    Returns
+    -------
+    array (count,) or (batch, count)
+    """
+    u, weights = u_rule(layer, substrate, 0.0, rtol, power=2 * count - 2)
+    moments = weights[:, None] * u[:, None] ** (2.0 * np.arange(count))
+    scale = [(-1.0) ** m / (2.0**m * factorial(m)) ** 2 for m in range(count)]
+    return one_minus_L(u, layer, substrate) @ moments * scale
 
 
 @dataclass(frozen=True)
@@ -228,6 +263,18 @@ class SubstrateKernel:
             raise InputError(f"the kernel needs u of zero or more; got {nodes.min():.6g}")
         flat = np.atleast_1d(nodes).ravel()
         return one_minus_L(flat, *self._constants()).reshape(nodes.shape)[()]
+
+    def coefficients(self, count: int) -> FloatArray:
+        """a_0, a_1, ... of (1.7) by (1.8), `count` of them, to near machine precision; array (count,).
+
+        Raises
+        ------
+        InputError
+            If `count` is not in 1..12; each asymptotic order needs a_m only up to m = 1.
+        """
+        if not 1 <= count <= _MOST_COEFFICIENTS:
+            raise InputError(f"count of coefficients must be in 1..{_MOST_COEFFICIENTS}; got {count!r}")
+        return coefficients(*self._constants(), count)
 
     def _constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
         base = None if isinstance(self.substrate, Rigid) else self.substrate.plane_constants
