@@ -26,7 +26,7 @@ from underlay.errors import InputError
 from underlay.mechanics.kernel_quadrature import u_rule
 from underlay.mechanics.materials import Material, PlaneConstants, Real, Rigid, Substrate
 
-__all__ = ["SubstrateKernel", "one_minus_L", "u_rule"]
+__all__ = ["SubstrateKernel", "coefficients", "one_minus_L", "u_rule"]
 
 # |d^2|/p below which the two roots count as equal (sh = u, ch = 1, each times the decay): the rounding of
 # isotropic constants alone leaves 1e-15. TODO measured
@@ -34,6 +34,9 @@ _EQUAL_ROOTS = 16.0 * np.finfo(float).eps
 _SOFT = 0.5
 _SMALL_U = 3.0
 _FACTORIALS = [(float(factorial(2 * k + 1)), float(factorial(2 * k + 2))) for k in range(1, 16)]
+
+
+_MOST_COEFFICIENTS = 12
 
 
 class _Interface(NamedTuple):
@@ -201,6 +204,30 @@ def _row(coefficients: list[Real]) -> FloatArray:
     return np.array(coefficients)
 
 
+def coefficients(
+    layer: PlaneConstants, substrate: PlaneConstants | None, count: int, rtol: float = 1e-15
+) -> FloatArray:
+    """a_m = (-1)^m/((2m)!!)^2 int_0^inf [1 - L(u)] u^(2m) du (1.8), m < `count`, without checks.
+
+    Parameters
+    ----------
+    layer, substrate : PlaneConstants
+        Entries floats, or arrays (batch, 1); `substrate` None is a bonded rigid base.
+    count : int
+        Number of coefficients.
+    rtol : float
+        Wanted error of the integrals.
+
+    Returns
+    -------
+    array (count,) or (batch, count)
+    """
+    u, weights = u_rule(layer, substrate, 0.0, rtol, power=2 * count - 2)
+    moments = weights[:, None] * u[:, None] ** (2.0 * np.arange(count))
+    scale = [(-1.0) ** m / (2.0**m * factorial(m)) ** 2 for m in range(count)]
+    return one_minus_L(u, layer, substrate) @ moments * scale
+
+
 @dataclass(frozen=True)
 class SubstrateKernel:
     """The kernel of one layer material on one substrate.
@@ -236,6 +263,18 @@ class SubstrateKernel:
             raise InputError(f"the kernel needs u of zero or more; got {nodes.min():.6g}")
         flat = np.atleast_1d(nodes).ravel()
         return one_minus_L(flat, *self._constants()).reshape(nodes.shape)[()]
+
+    def coefficients(self, count: int) -> FloatArray:
+        """a_0, a_1, ... of (1.7) by (1.8), `count` of them, to near machine precision; array (count,).
+
+        Raises
+        ------
+        InputError
+            If `count` is not in 1..12; each asymptotic order needs a_m only up to m = 1.
+        """
+        if not 1 <= count <= _MOST_COEFFICIENTS:
+            raise InputError(f"count of coefficients must be in 1..{_MOST_COEFFICIENTS}; got {count!r}")
+        return coefficients(*self._constants(), count)
 
     def _constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
         base = None if isinstance(self.substrate, Rigid) else self.substrate.plane_constants

@@ -10,7 +10,8 @@ cheapest.
 
 from __future__ import annotations
 
-from math import ceil, e, exp, hypot, lgamma, log
+from math import ceil, e, hypot, lgamma, log
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,10 +21,11 @@ from underlay.mechanics.materials import PlaneConstants, Real
 __all__ = ["u_rule"]
 
 _LARGEST_ORDER = 40
+_ORDERS = np.arange(1.0, _LARGEST_ORDER + 1.0)
 _GAUSS = tuple(np.polynomial.legendre.leggauss(n) for n in range(1, _LARGEST_ORDER + 1))
 _GROWTH = 3.0
-# Half of ln(1/error) that one node of a tripling panel brings: ln rho, rho the Bernstein ellipse through a
-# pole at 60 degrees, 3.85; a pole at 0.74i (nu = 0.5 on a rigid base) leaves 3.7 in the first panel.
+# n nodes leave rho^(-2 n), rho the Bernstein ellipse through the nearest pole: 3.85 in a tripling panel with
+# a pole at 60 degrees, 3.7 in [0, 1] with the pole at 0.74i of nu = 0.5 on a rigid base.
 _PER_NODE = log(3.7)
 
 
@@ -53,28 +55,56 @@ def u_rule(
     nodes, weights : array (n,)
         Nodes in increasing order.
     """
-    digits = -log(rtol)
-    graded_order = min(ceil(digits / (2.0 * _PER_NODE)) + 1 + power // 2, _LARGEST_ORDER)
+    digits = 1.0 - log(rtol)
     slow, fast, turn = _rates(layer)
     rate = 2.0 * hypot(slow, eps_max + turn)
     reach = _reach(digits, power) / (2.0 * slow)
-    widest = 2.0 * _half_phase(graded_order, digits) / rate
-    first = _FIRST / fast
+    least = min(ceil(digits / (2.0 * _PER_NODE)) + 1 + power // 2, _LARGEST_ORDER - 6)
+    first = 1.0 / fast
     if substrate is not None:
-        first *= _first_panel(_extremes(substrate.theta / layer.theta), digits, graded_order)
-    edges = [0.0, min(first, widest, reach)]
-    while edges[-1] < reach and (_GROWTH - 1.0) * edges[-1] <= widest:
-        edges.append(min(_GROWTH * edges[-1], reach))
-    graded = _panels(np.array(edges), graded_order)
-    left = reach - edges[-1]
-    if left <= 0.0:
+        first = min(first, _first_panel(layer, substrate, digits, least, fast))
+    # Largest half-phase phi that n nodes hold: int_-1^1 exp(i phi x) dx to (e phi/(4 n))^(2 n).
+    widths = (8.0 / (e * rate)) * _ORDERS * np.exp(-0.5 * digits / _ORDERS)
+    plan = _plan(first, reach, widths, least, least)
+    for order in (least + 2, least + 4, least + 6):
+        if not plan.tail_panels:
+            break
+        plan = min(plan, _plan(first, reach, widths, least, order), key=_nodes)
+    graded = _panels(np.array(plan.edges), plan.order)
+    if not plan.tail_panels:
         return graded
-    order, count = _cheapest(left, edges[-1], rate, digits, graded_order)
-    uniform = _panels(edges[-1] + left / count * np.arange(count + 1.0), order)
-    return np.concatenate((graded[0], uniform[0])), np.concatenate((graded[1], uniform[1]))
+    tail = _panels(np.linspace(plan.edges[-1], reach, plan.tail_panels + 1), plan.tail_order)
+    return np.concatenate((graded[0], tail[0])), np.concatenate((graded[1], tail[1]))
 
 
-_FIRST = 1.0
+class _Plan(NamedTuple):
+    """Edges and order of the tripling panels; number and order of the equal ones after them."""
+
+    edges: list[float]
+    order: int
+    tail_panels: int
+    tail_order: int
+
+
+def _nodes(plan: _Plan) -> int:
+    return (len(plan.edges) - 1) * plan.order + plan.tail_panels * plan.tail_order
+
+
+def _plan(first: float, reach: float, widths: FloatArray, least: int, order: int) -> _Plan:
+    """Triple the panels up to the width that `order` nodes can hold, then take the cheapest equal ones."""
+    widest = float(widths[order - 1])
+    edge = min(first, widest, reach)
+    edges = [0.0, edge]
+    while edge < reach and (_GROWTH - 1.0) * edge <= widest:
+        edge = min(_GROWTH * edge, reach)
+        edges.append(edge)
+    if edge >= reach:
+        return _Plan(edges, order, 0, 0)
+    # A panel wider than its distance from zero also needs nodes for the poles near zero.
+    allowed = np.minimum(widths[least - 1 :], ((_GROWTH - 1.0) * edge / least) * _ORDERS[least - 1 :])
+    panels = np.ceil((reach - edge) / allowed)
+    cheapest = int(np.argmin(panels * _ORDERS[least - 1 :]))
+    return _Plan(edges, order, int(panels[cheapest]), least + cheapest)
 
 
 def _rates(layer: PlaneConstants) -> tuple[float, float, float]:
@@ -92,24 +122,28 @@ def _extremes(value: Real) -> tuple[float, float]:
     return float(value), float(value)
 
 
-def _first_panel(ratios: tuple[float, float], digits: float, order: int) -> float:
-    """Width of the first panel over that of a rigid base, for substrates `ratios` as stiff (least, most).
+def _first_panel(
+    layer: PlaneConstants, substrate: PlaneConstants, digits: float, order: int, fast: float
+) -> float:
+    """Width of the first panel over a substrate that is not rigid.
 
-    A pole at -x is resolved on [0, x/delta] by n nodes to exp(-4 n sqrt(delta)). The bend at u ~ ratio
-    carries ratio^(2/3) of the integral, that at ratio^(-1/3) carries ratio^(-4/3): what is below the
-    tolerance needs no panel.
+    A pole at -x is resolved on [0, x/delta] by n nodes to exp(-4 n sqrt(delta)). With r the ratio of the
+    thetas: the pole of a stretching layer on a soft base, at -g2/(g1 sigma2), carries r^(2/3) of the
+    integral; the bend on a stiff base, at r^(-1/3), carries r^(-4/3). What is below the tolerance needs no
+    panel.
     """
-    softest, stiffest = ratios
-    width = 1.0
+    softest, stiffest = _extremes(substrate.theta / layer.theta)
+    width = 1.0 / fast
     if softest < 1.0:
-        width = min(width, 2.0 * softest ** (1.0 / 3.0))
+        width *= min(1.0, 2.0 * softest ** (1.0 / 3.0))
         wanted = digits + 2.0 / 3.0 * log(min(stiffest, 1.0))
         if wanted > 0.0:
-            width = min(width, softest * (4.0 * order / wanted) ** 2)
+            stretch = _extremes(substrate.g / (layer.g * substrate.sigma))[0]
+            width = min(width, stretch * (4.0 * order / wanted) ** 2)
     if stiffest > 1.0:
         wanted = digits - 4.0 / 3.0 * log(max(softest, 1.0))
         if wanted > 0.0:
-            width = min(width, stiffest ** (-1.0 / 3.0) * (4.0 * order / wanted) ** 2)
+            width = min(width, stiffest ** (-1.0 / 3.0) * (4.0 * order / wanted) ** 2 / fast)
     return width
 
 
@@ -119,26 +153,6 @@ def _reach(digits: float, power: int) -> float:
     for _ in range(6):
         x = digits + (power + 2.0) * log(x) - lgamma(power + 3.0)
     return x
-
-
-def _half_phase(order: int, digits: float) -> float:
-    """Largest phi for which n Gauss-Legendre nodes hold int_-1^1 exp(i phi x) dx to exp(-digits).
-
-    The error is (e phi/(4 n))^(2 n) to leading order.
-    """
-    return 4.0 * order / e * exp(-digits / (2.0 * order))
-
-
-def _cheapest(length: float, start: float, rate: float, digits: float, least: int) -> tuple[int, int]:
-    """Order and number of equal panels from `start` over `length` with the fewest nodes."""
-    best = (0, 0)
-    for order in range(least, _LARGEST_ORDER + 1):
-        # A panel wider than its distance from zero also needs nodes for the poles near zero.
-        width = min(2.0 * _half_phase(order, digits) / rate, (_GROWTH - 1.0) * start * order / least)
-        count = ceil(length / width)
-        if not best[0] or order * count < best[0] * best[1]:
-            best = (order, count)
-    return best
 
 
 def _panels(edges: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
