@@ -19,7 +19,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from scipy import special
@@ -60,6 +60,10 @@ class Indenter(ABC):
         """H(r) (m): depth at which the contact radius on a half-space is `radius` (m)."""
 
     @abstractmethod
+    def abel_slope(self, radius: FloatArray) -> FloatArray:
+        """H'(r) (dimensionless) at `radius` (m); never negative."""
+
+    @abstractmethod
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(int_0^a H ds, int_0^a H s^2 ds) (m^2, m^4) for contact radii a = `radius` (m)."""
 
@@ -92,6 +96,10 @@ class FlatPunch(Indenter):
         """Zero: the face is flat."""
         return np.zeros_like(radius)
 
+    def abel_slope(self, radius: FloatArray) -> FloatArray:
+        """Zero: the face is flat."""
+        return np.zeros_like(radius)
+
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Zero: the face is flat."""
         return np.zeros_like(radius), np.zeros_like(radius)
@@ -101,31 +109,33 @@ class FlatPunch(Indenter):
         return np.full_like(depth, self.radius)
 
 
-def abel_factor(exponent: float) -> float:
+def abel_factor(exponent: float | FloatArray) -> float | FloatArray:
     """F_2(lambda) of (5.5), written with the beta function so that lambda = 200 does not overflow.
 
     F_2 = lambda 2^(lambda-2) Gamma(lambda/2)^2 / Gamma(lambda) = (lambda/2) B(lambda/2, 1/2).
     """
-    return 0.5 * exponent * float(special.beta(0.5 * exponent, 0.5))
+    factor: float | FloatArray = 0.5 * exponent * special.beta(0.5 * exponent, 0.5)
+    return factor
 
 
 class PowerLawShape(Indenter):
     """Phi(r) = A r^lambda (5.1): the family in which every relation has a closed form."""
 
-    @property
-    @abstractmethod
-    def exponent(self) -> float:
-        """The paper's lambda (dimensionless), at least 1."""
+    # Not abstract properties: `PowerLaw` holds both as plain fields, which cannot replace a property.
+    if TYPE_CHECKING:
 
-    @property
-    @abstractmethod
-    def coefficient(self) -> float:
-        """The paper's A (m^(1-lambda)), positive."""
+        @property
+        def exponent(self) -> float:
+            """The paper's lambda (dimensionless), at least 1."""
+
+        @property
+        def coefficient(self) -> float:
+            """The paper's A (m^(1-lambda)), positive."""
 
     @property
     def abel_coefficient(self) -> float:
         """A F_2(lambda): H(r) = A F_2 r^lambda."""
-        return self.coefficient * abel_factor(self.exponent)
+        return self.coefficient * float(abel_factor(self.exponent))
 
     def height(self, radius: FloatArray) -> FloatArray:
         """Phi(r) = A r^lambda (5.1)."""
@@ -134,6 +144,10 @@ class PowerLawShape(Indenter):
     def abel(self, radius: FloatArray) -> FloatArray:
         """H(r) = A F_2(lambda) r^lambda, the leading term of (5.3)."""
         return np.asarray(self.abel_coefficient * radius**self.exponent)
+
+    def abel_slope(self, radius: FloatArray) -> FloatArray:
+        """H'(r) = lambda A F_2(lambda) r^(lambda-1)."""
+        return np.asarray(self.exponent * self.abel_coefficient * radius ** (self.exponent - 1.0))
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """A F_2 a^(lambda+1)/(lambda+1) and A F_2 a^(lambda+3)/(lambda+3)."""
@@ -267,6 +281,11 @@ class Sphere(Indenter):
     def abel(self, radius: FloatArray) -> FloatArray:
         """H(r) = r artanh(r/R), the first identity of section 6."""
         return np.asarray(radius * np.arctanh(radius / self.radius))
+
+    def abel_slope(self, radius: FloatArray) -> FloatArray:
+        """H'(r) = artanh(r/R) + (r/R)/(1 - (r/R)^2)."""
+        alpha = np.asarray(radius, dtype=np.float64) / self.radius
+        return np.asarray(np.arctanh(alpha) + alpha / ((1.0 - alpha) * (1.0 + alpha)))
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """First and second moment of H: the second and third identities of section 6, by (3.2)."""
