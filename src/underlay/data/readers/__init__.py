@@ -1,1 +1,160 @@
-"""Readers: one file per instrument format."""
+"""Readers: one file per instrument format, and the table of formats."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from importlib import metadata
+
+from underlay.data.curve import Curve
+from underlay.data.readers import delimited, optics11
+from underlay.data.readers._format import Format, Options
+from underlay.data.readers._source import Source, load, unpack
+from underlay.errors import CurveError, FileFormatError, InputError
+from underlay.units import parse_quantity
+
+__all__ = ["FORMATS", "Format", "read", "read_all"]
+
+#: Every format, in the order in which they are tried on a file. Plain tables come last: many
+#: instrument files look like one.
+FORMATS: tuple[Format, ...] = (
+    optics11.FORMAT,
+    delimited.FORMAT,
+)
+
+_CALIBRATION = {"spring_constant": "stiffness", "sensitivity": "sensitivity"}
+_LISTED = 12
+
+
+def read(
+    path: str | os.PathLike[str],
+    format: str | None = None,  # noqa: A002  the name users know from other readers
+    columns: Mapping[str, str] | None = None,
+    *,
+    test: int | None = None,
+    calibration: Mapping[str, str | float] | None = None,
+) -> Curve:
+    """Read the one curve of an instrument file.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+    format : str, optional
+        Name of a format in `FORMATS`; recognised from the content by default.
+    columns : mapping, optional
+        For plain tables, which column is what: ``{"depth": "h (nm)", "force": "-Fz (mN)"}``. A unit in the
+        name overrides the file's; a minus sign turns the direction.
+    test : int, optional
+        Which test of a file that holds several, counted from 1.
+    calibration : mapping, optional
+        What a file may lack: ``{"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"}``.
+
+    Returns
+    -------
+    Curve
+        In SI, depth into the sample and force in compression positive; its metadata say how that was done.
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be read.
+    FileFormatError
+        If its content is not understood.
+    InputError
+        If it holds several tests and `test` does not say which.
+    """
+    curves = read_all(path, format, columns, calibration=calibration)
+    if test is None:
+        if len(curves) == 1:
+            return curves[0]
+        raise InputError(f"{_listing(curves)}. Pick one with test=1 to test={len(curves)}, or use read_all")
+    if not 1 <= test <= len(curves):
+        raise InputError(f"there is no test {test}: {_listing(curves)}")
+    return curves[test - 1]
+
+
+def read_all(
+    path: str | os.PathLike[str],
+    format: str | None = None,  # noqa: A002  as in read
+    columns: Mapping[str, str] | None = None,
+    *,
+    calibration: Mapping[str, str | float] | None = None,
+) -> list[Curve]:
+    """Read every curve of an instrument file; see `read`.
+
+    An archive (.zip) of instrument files is read member by member, in memory.
+    """
+    chosen = _format_named(format) if format is not None else None
+    options = Options(columns, _calibration(calibration))
+    source = load(path)
+    curves: list[Curve] = []
+    for part in unpack(source):
+        reader = chosen or recognise(part)
+        if columns is not None and not reader.takes_columns:
+            raise InputError(
+                f"a column mapping does not apply to {part.name}, a file of format {reader.name!r}"
+            )
+        curves.extend(_stamp(curve, part, reader) for curve in reader.read_all(part, options))
+    if not curves:
+        raise CurveError(f"{source.name} holds no curve")
+    return [curve.with_metadata(test=number) for number, curve in enumerate(curves, start=1)]
+
+
+def recognise(source: Source) -> Format:
+    """Return the format of a file, from its content alone.
+
+    Raises
+    ------
+    FileFormatError
+        If it is none of `FORMATS`.
+    """
+    for candidate in FORMATS:
+        if candidate.sniff(source):
+            return candidate
+    names = ", ".join(known.name for known in FORMATS)
+    raise FileFormatError(f"{source.name} is not recognised as any known format ({names})")
+
+
+def _format_named(name: str) -> Format:
+    for candidate in FORMATS:
+        if candidate.name == name:
+            return candidate
+    raise InputError(f"no format {name!r}; there are {', '.join(known.name for known in FORMATS)}")
+
+
+def _calibration(given: Mapping[str, str | float] | None) -> dict[str, float]:
+    numbers = {}
+    for name, value in (given or {}).items():
+        if name not in _CALIBRATION:
+            raise InputError(f"no calibration {name!r}; there are {', '.join(_CALIBRATION)}")
+        numbers[name] = parse_quantity(value, _CALIBRATION[name])
+    return numbers
+
+
+def _stamp(curve: Curve, source: Source, reader: Format) -> Curve:
+    """Add to a curve where it came from."""
+    return curve.with_metadata(
+        name=curve.metadata.get("name") or source.path.stem,
+        path=str(source.path),
+        member=source.member or None,
+        sha256=source.sha256,
+        format=reader.name,
+        reader=f"underlay {_version()}, reader {reader.name}",
+    )
+
+
+def _version() -> str:
+    try:
+        return metadata.version("underlay")
+    except metadata.PackageNotFoundError:
+        return "from source"
+
+
+def _listing(curves: list[Curve]) -> str:
+    names = [
+        f"{number}: {curve.metadata.get('name')}, {len(curve)} points"
+        for number, curve in enumerate(curves, 1)
+    ]
+    more = f"; and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return f"{curves[0].metadata.get('path')} holds {len(curves)} tests ({'; '.join(names[:_LISTED])}{more})"

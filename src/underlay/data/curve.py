@@ -1,0 +1,251 @@
+"""A measured or made curve: depth, force, time and segments in SI, read-only, with where they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from underlay._arrays import ArrayLike, FloatArray
+from underlay.data.metadata import Metadata
+from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
+from underlay.errors import CurveError
+
+__all__ = ["MIN_POINTS", "Curve", "check_fittable"]
+
+#: Fewer points than this are not fitted.
+MIN_POINTS = 8
+
+_LABELS = (LOADING, HOLD, UNLOADING)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One indentation curve.
+
+    Parameters
+    ----------
+    depth : array_like (n,)
+        Depth reading, growing into the sample (m). Its zero is the instrument's; the contact is found or
+        fitted.
+    force : array_like (n,)
+        Force, positive in compression (N).
+    time : array_like (n,), optional
+        Time (s).
+    segment : array_like (n,) of str, optional
+        ``"loading"``, ``"hold"`` or ``"unloading"`` for each point. Without it the motion decides, where
+        it is asked for.
+    metadata : mapping, optional
+        What is known of the curve: name, file, hash, reader, rules of sign, units found, ...
+    truth : mapping, optional
+        For a synthetic curve, the numbers it was made from.
+
+    Raises
+    ------
+    CurveError
+        If lengths differ, a column does not hold numbers, or a segment has another name. NaN are allowed
+        here, so that a bad file can be looked at; `check_fittable` refuses them.
+
+    Examples
+    --------
+    >>> curve = Curve([0.0, 1e-6, 2e-6], [0.0, 1e-9, 3e-9])
+    >>> len(curve), curve.depth.flags.writeable
+    (3, False)
+    """
+
+    depth: FloatArray
+    force: FloatArray
+    time: FloatArray | None = None
+    segment: NDArray[np.str_] | None = None
+    metadata: Mapping[str, Any] = field(default_factory=Metadata)
+    truth: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        depth = _column(self.depth, "depth")
+        _set(self, "depth", depth)
+        _set(self, "force", _column(self.force, "force", len(depth)))
+        if self.time is not None:
+            _set(self, "time", _column(self.time, "time", len(depth)))
+        if self.segment is not None:
+            _set(self, "segment", _labels(self.segment, len(depth)))
+        _set(self, "metadata", Metadata(self.metadata))
+        if self.truth is not None:
+            _set(self, "truth", Metadata(self.truth))
+
+    def __len__(self) -> int:
+        return len(self.depth)
+
+    def __repr__(self) -> str:
+        name = self.metadata.get("name")
+        return f"<Curve{f' {name!r}' if name else ''}, {len(self)} points>"
+
+    @classmethod
+    def from_frame(cls, frame: pd.DataFrame) -> Curve:
+        """Make a curve of a table with columns depth (m), force (N) and, if there, time (s) and segment.
+
+        Raises
+        ------
+        CurveError
+            If depth or force is missing; names the columns that are there.
+        """
+        for name in ("depth", "force"):
+            if name not in frame.columns:
+                there = ", ".join(repr(str(column)) for column in frame.columns)
+                raise CurveError(f"the table has no column {name!r}; it has {there or 'none'}")
+        metadata = frame.attrs.get("metadata", {})
+        return cls(
+            frame["depth"].to_numpy(),
+            frame["force"].to_numpy(),
+            time=frame["time"].to_numpy() if "time" in frame.columns else None,
+            segment=frame["segment"].to_numpy() if "segment" in frame.columns else None,
+            metadata=metadata if isinstance(metadata, Mapping) else {},
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return a table with the columns depth (m), force (N), time (s) and segment, as far as known."""
+        columns: dict[str, Any] = {"depth": self.depth.copy(), "force": self.force.copy()}
+        if self.time is not None:
+            columns["time"] = self.time.copy()
+        if self.segment is not None:
+            columns["segment"] = self.segment.copy()
+        frame = pd.DataFrame(columns)
+        frame.attrs["metadata"] = dict(self.metadata)
+        return frame
+
+    def select(self, which: slice | ArrayLike) -> Curve:
+        """Return the curve of some points.
+
+        Parameters
+        ----------
+        which : slice, or array_like of bool (n,) or of int
+            The points to keep.
+        """
+        index = which if isinstance(which, slice) else np.asarray(which)
+        if isinstance(index, np.ndarray) and index.size == 0:
+            index = index.astype(np.intp)
+        try:
+            depth = self.depth[index]
+        except IndexError as error:
+            raise CurveError(f"cannot select from a curve of {len(self)} points: {error}") from error
+        return Curve(
+            depth,
+            self.force[index],
+            time=None if self.time is None else self.time[index],
+            segment=None if self.segment is None else self.segment[index],
+            metadata=self.metadata,
+            truth=self.truth,
+        )
+
+    def with_metadata(self, **values: Any) -> Curve:
+        """Return the curve with some metadata added or replaced."""
+        metadata = Metadata(self.metadata).updated(**values)
+        return Curve(self.depth, self.force, self.time, self.segment, metadata, self.truth)
+
+    def segments(self) -> NDArray[np.str_]:
+        """Label of every point, (n,): the file's own, else from the motion of the depth."""
+        if self.segment is not None:
+            return self.segment
+        return segments_from_motion(self.depth, self.time)
+
+    def loading(self) -> Curve:
+        """Return the points where the indenter goes in."""
+        return self._part(LOADING)
+
+    def hold(self) -> Curve:
+        """Return the points where the indenter rests."""
+        return self._part(HOLD)
+
+    def unloading(self) -> Curve:
+        """Return the points where the indenter comes back."""
+        return self._part(UNLOADING)
+
+    def _part(self, label: str) -> Curve:
+        labels = self.segments()
+        kept = labels == label
+        whole = (
+            self
+            if self.segment is not None
+            else Curve(self.depth, self.force, self.time, labels, self.metadata, self.truth)
+        )
+        return whole.select(kept)
+
+
+def check_fittable(curve: Curve, contact_depth: float | None = None) -> None:
+    """Refuse a curve that no contact law can be fitted to.
+
+    Parameters
+    ----------
+    curve : Curve
+        The points that would be fitted, usually ``curve.loading()``.
+    contact_depth : float, optional
+        Depth reading at contact (m), where it is known and not fitted.
+
+    Raises
+    ------
+    CurveError
+        Fewer than 8 points, NaN or infinity, a depth that never increases, a force that is zero
+        everywhere, or no point beyond contact.
+    """
+    if len(curve) < MIN_POINTS:
+        raise CurveError(
+            f"{_named(curve)} has {len(curve)} points; at least {MIN_POINTS} are needed for a fit"
+        )
+    for name, column in (("depth", curve.depth), ("force", curve.force)):
+        bad = np.flatnonzero(~np.isfinite(column))
+        if bad.size:
+            raise CurveError(
+                f"{_named(curve)}: {name} holds {column[bad[0]]} at point {bad[0]} ({bad.size} such points); "
+                "remove them first, for example with curve.select(mask)"
+            )
+    if not (np.diff(curve.depth) > 0.0).any():
+        raise CurveError(
+            f"{_named(curve)}: the depth never increases; check which column is the depth, and its sign"
+        )
+    if not curve.force.any():
+        raise CurveError(
+            f"{_named(curve)}: the force is zero at every point; check which column is the force"
+        )
+    if contact_depth is not None and not (curve.depth > contact_depth).any():
+        raise CurveError(
+            f"{_named(curve)}: no point beyond contact: the deepest is {curve.depth.max():.6g} m, contact is "
+            f"at {contact_depth:.6g} m"
+        )
+
+
+def _named(curve: Curve) -> str:
+    name = curve.metadata.get("name")
+    return f"curve {name!r}" if name else "the curve"
+
+
+def _set(curve: Curve, name: str, value: Any) -> None:
+    object.__setattr__(curve, name, value)
+
+
+def _column(values: ArrayLike, name: str, length: int | None = None) -> FloatArray:
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise CurveError(f"{name} must hold numbers; got {values!r:.80}") from error
+    if array.ndim != 1:
+        raise CurveError(f"{name} must be one column, shape (n,); got shape {array.shape}")
+    if length is not None and len(array) != length:
+        raise CurveError(f"{name} has {len(array)} points but depth has {length}")
+    array.flags.writeable = False
+    return array
+
+
+def _labels(values: ArrayLike, length: int) -> NDArray[np.str_]:
+    # Widened to the longest label first: a narrower type would cut "unloading again" to a valid label.
+    array = np.array([str(value) for value in np.asarray(values)], dtype=np.str_)
+    if array.shape != (length,):
+        raise CurveError(f"segment has {array.size} points but depth has {length}")
+    unknown = sorted({str(value) for value in np.unique(array)} - set(_LABELS))
+    if unknown:
+        raise CurveError(f"segment holds {unknown[0]!r}; allowed are {', '.join(_LABELS)}")
+    labels: NDArray[np.str_] = array.astype("<U9")
+    labels.flags.writeable = False
+    return labels

@@ -1,0 +1,110 @@
+"""What a format is, and how a reader hands over what it read."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
+from underlay.data.readers._source import Source
+from underlay.errors import CurveError, FileFormatError, UnderlayWarning
+
+__all__ = ["Format", "Options", "make_curve"]
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a caller adds to a file.
+
+    Parameters
+    ----------
+    columns : mapping, optional
+        For tables: which column is ``depth``, ``force``, ``time`` or ``segment``.
+    calibration : mapping
+        SI numbers that a file may lack: ``spring_constant`` (N/m), ``sensitivity`` (m/V).
+    """
+
+    columns: Mapping[str, str] | None = None
+    calibration: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Format:
+    """One instrument format.
+
+    Parameters
+    ----------
+    name : str
+        What ``read(..., format=)`` takes.
+    description : str
+        One line for people.
+    sniff : callable
+        Whether the content of a file is of this format; looks at content only.
+    read_all : callable
+        All curves in a file of this format.
+    extra : str
+        The optional extra that the format needs; empty if none.
+    takes_columns : bool
+        Whether a column mapping means something.
+    """
+
+    name: str
+    description: str
+    sniff: Callable[[Source], bool]
+    read_all: Callable[[Source, Options], list[Curve]]
+    extra: str = ""
+    takes_columns: bool = False
+
+
+def make_curve(
+    source: Source,
+    depth: FloatArray,
+    force: FloatArray,
+    time: FloatArray | None = None,
+    segment: NDArray[np.str_] | None = None,
+    **metadata: Any,
+) -> Curve:
+    """Make a curve of SI columns, leaving out points without a value and saying so.
+
+    Parameters
+    ----------
+    depth, force, time, segment : ndarray (n,)
+        NaN marks an empty cell or a sentinel.
+    **metadata
+        What the reader knows of the curve.
+
+    Raises
+    ------
+    CurveError
+        If no point is left.
+    """
+    valid = np.isfinite(depth) & np.isfinite(force)
+    if time is not None:
+        valid &= np.isfinite(time)
+    left_out = int(np.count_nonzero(~valid))
+    if left_out == len(valid):
+        raise CurveError(f"{source.name}: no point has both a depth and a force")
+    notes = tuple(metadata.pop("notes", ()))
+    if left_out:
+        note = f"{left_out} of {len(valid)} points left out: empty cell, NaN or sentinel value"
+        warnings.warn(f"{source.name}: {note}", UnderlayWarning, stacklevel=2)
+        notes = (*notes, note)
+    return Curve(
+        depth[valid],
+        force[valid],
+        None if time is None else time[valid],
+        None if segment is None else segment[valid],
+        {**metadata, "notes": notes, "points_left_out": left_out},
+    )
+
+
+def require(condition: object, source: Source, message: str) -> None:
+    """Refuse a file whose content is not what the format promises."""
+    if not condition:
+        raise FileFormatError(f"{source.name}: {message}")

@@ -1,0 +1,182 @@
+"""From a table with labelled columns to a curve: which column is which, in which unit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
+from underlay.data.readers._format import Options, make_curve
+from underlay.data.readers._source import Source
+from underlay.data.readers._text import column_factor, is_number, numbers, split_label, uses_comma
+from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.errors import FileFormatError, InputError
+from underlay.units import kind_of
+
+__all__ = ["ROLES", "find_columns", "table_curve"]
+
+#: What a column can be, and the kind of quantity it holds.
+ROLES = {"depth": "length", "force": "force", "time": "time", "segment": ""}
+
+# Names taken for granted; others are given by a column mapping. "position" and "z" are not here: their
+# direction differs between instruments.
+_KNOWN = {
+    "depth": (
+        "depth",
+        "indentation",
+        "indentation depth",
+        "penetration",
+        "penetration depth",
+        "displacement",
+        "h",
+    ),
+    "force": ("force", "load", "normal force", "fn", "f", "p"),
+    "time": ("time", "t", "test time"),
+    "segment": ("segment", "segments"),
+}
+_LABELS = (LOADING, HOLD, UNLOADING)
+
+
+def find_columns(labels: Sequence[str], mapping: Mapping[str, str] | None) -> dict[str, int]:
+    """Index of the column of each role that is there.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        The header, names with or without units.
+    mapping : mapping of role to name, optional
+        Names with or without a unit, as ``{"depth": "h (nm)", "force": "-Fz"}``; the sign is ignored here.
+    """
+    names = [split_label(label)[0].lower() for label in labels]
+    whole = [label.strip().lower() for label in labels]
+    found: dict[str, int] = {}
+    for role in ROLES:
+        wanted = (mapping or {}).get(role)
+        if wanted is not None:
+            text = wanted.strip().removeprefix("-").strip()
+            candidates: tuple[str, ...] = (text.lower(), split_label(text)[0].lower())
+        else:
+            candidates = _KNOWN[role]
+        for candidate in candidates:
+            if candidate in whole:
+                found[role] = whole.index(candidate)
+                break
+            if candidate in names:
+                found[role] = names.index(candidate)
+                break
+    return found
+
+
+def table_curve(
+    source: Source,
+    labels: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    options: Options,
+    *,
+    may_use_comma: bool,
+    **metadata: Any,
+) -> Curve:
+    """Make a curve of labelled rows of cells.
+
+    Raises
+    ------
+    FileFormatError
+        If depth or force is not there (names the columns that are), or a cell is not a number.
+    UnitError
+        If a column has no unit or one of the wrong kind.
+    """
+    _check_mapping(options.columns)
+    columns = find_columns(labels, options.columns)
+    _check_present(source, labels, columns, options.columns)
+    units, rows = _take_unit_row(labels, rows)
+    if not rows:
+        raise FileFormatError(f"{source.name} names its columns but has no rows of numbers")
+    roles = [role for role in ("depth", "force", "time") if role in columns]
+    indices = [columns[role] for role in roles]
+    sample = [row[index] for row in rows[:200] for index in indices if index < len(row)]
+    table = numbers(rows, indices, source.name, comma=may_use_comma and uses_comma(sample))
+    values: dict[str, FloatArray] = {}
+    units_found: dict[str, str] = {}
+    signs: dict[str, str] = {}
+    for j, role in enumerate(roles):
+        mapped = (options.columns or {}).get(role, "")
+        unit = split_label(mapped)[1] or units[columns[role]]
+        label = labels[columns[role]].strip()
+        if not unit:
+            raise FileFormatError(_no_unit(source, label, role))
+        factor = column_factor(unit, ROLES[role], label, source.name)
+        flipped = mapped.strip().startswith("-")
+        values[role] = table[:, j] * (-factor if flipped else factor)
+        units_found[label] = unit
+        signs[role] = f"minus the column {label!r}, as asked" if flipped else f"as written in {label!r}"
+    segment, note = _segment(rows, columns.get("segment"))
+    return make_curve(
+        source,
+        values["depth"],
+        values["force"],
+        values.get("time"),
+        segment,
+        units=units_found,
+        sign_rules=signs,
+        notes=note,
+        **metadata,
+    )
+
+
+def _check_mapping(mapping: Mapping[str, str] | None) -> None:
+    for role, name in (mapping or {}).items():
+        if role not in ROLES:
+            raise InputError(f"a column mapping has no {role!r}; it takes {', '.join(ROLES)}")
+        if not str(name).strip(" -"):
+            raise InputError(f"the column for {role!r} must be a name such as 'h (nm)'; got {name!r}")
+
+
+def _check_present(
+    source: Source, labels: Sequence[str], columns: Mapping[str, int], mapping: Mapping[str, str] | None
+) -> None:
+    there = ", ".join(repr(label.strip()) for label in labels[:40] if label.strip())
+    for role in ROLES:
+        asked = (mapping or {}).get(role)
+        if role in columns or (asked is None and role not in {"depth", "force"}):
+            continue
+        missing = f"no column {asked!r}" if asked is not None else f"no column for the {role}"
+        raise FileFormatError(
+            f"{source.name} has {missing}; it has {there}. Say which with columns={{{role!r}: 'name (unit)'}}"
+        )
+
+
+def _no_unit(source: Source, label: str, role: str) -> str:
+    example = {"depth": "um", "force": "mN", "time": "s"}[role]
+    return (
+        f"{source.name}, column {label!r}: no unit; write it in the header as '{label} ({example})', or give "
+        f"columns={{{role!r}: '{label} ({example})'}}"
+    )
+
+
+def _take_unit_row(
+    labels: Sequence[str], rows: Sequence[Sequence[str]]
+) -> tuple[list[str], Sequence[Sequence[str]]]:
+    """Units of all columns, and the rows of numbers without a row of units above them."""
+    units = [split_label(label)[1] for label in labels]
+    if rows and not any(is_number(cell) for cell in rows[0]):
+        below = [cell.strip().strip("()[]").strip() for cell in rows[0]]
+        if any(kind_of(unit) is not None for unit in below if unit):
+            below += [""] * (len(units) - len(below))
+            units = [unit or extra for unit, extra in zip(units, below, strict=False)]
+            return units, rows[1:]
+    return units, rows
+
+
+def _segment(
+    rows: Sequence[Sequence[str]], index: int | None
+) -> tuple[NDArray[np.str_] | None, tuple[str, ...]]:
+    if index is None:
+        return None, ()
+    cells = [row[index].strip().strip('"').lower() if index < len(row) else "" for row in rows]
+    if set(cells) <= set(_LABELS):
+        return np.array(cells, dtype="<U9"), ()
+    return None, ("the segment column is not used: it holds other words than loading, hold and unloading",)

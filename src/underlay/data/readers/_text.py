@@ -1,0 +1,177 @@
+"""Text of instrument files: decoding, lines, units in headers, and numbers in cells."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.data.readers._source import MAX_TEXT_BYTES, Source
+from underlay.errors import FileFormatError, UnitError
+from underlay.units import kind_of, unit_factor
+
+__all__ = [
+    "SENTINEL",
+    "column_factor",
+    "decode",
+    "is_number",
+    "lines_of",
+    "numbers",
+    "split_label",
+    "uses_comma",
+]
+
+#: Instruments write the largest double, or averages of it, for "no value".
+SENTINEL = 1e300
+
+# "Depth (nm)", "force [mN]", "Piezo speed  (um/s)"; the unit is the last bracket.
+_BRACKETED = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*(?:\([^()]*\))?[^()\[\]]*)[)\]]\s*")
+# "Time, s", "Position (z), mm"
+_AFTER_COMMA = re.compile(r"(.*\S)\s*,\s*([^\s,]+)\s*")
+# "Load / mN"
+_AFTER_SLASH = re.compile(r"(.*\S)\s+/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
+_NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
+_MISSING = frozenset({"", "na", "n/a", "nan", "-", "--", "x", "#n/a"})
+
+
+def decode(source: Source) -> str:
+    """Return the text of a file: UTF-8, UTF-16 with its mark, else Latin-1.
+
+    Raises
+    ------
+    FileFormatError
+        If it is binary (holds NUL bytes) or larger than `MAX_TEXT_BYTES`.
+    """
+    data = source.data
+    if len(data) > MAX_TEXT_BYTES:
+        raise FileFormatError(
+            f"{source.name} holds {len(data) / 1e6:.0f} MB of text, more than the "
+            f"{MAX_TEXT_BYTES // 1_000_000} MB that are read; split it into one file per test"
+        )
+    if data[:2] in {b"\xff\xfe", b"\xfe\xff"}:
+        try:
+            text = data.decode("utf-16")
+        except UnicodeDecodeError as error:
+            raise FileFormatError(
+                f"{source.name} starts as UTF-16 text but is damaged: {error.reason}"
+            ) from error
+    else:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("latin-1")
+    if "\0" in text:
+        raise FileFormatError(f"{source.name} holds NUL bytes: it is binary or damaged, not a text file")
+    return text
+
+
+def lines_of(source: Source) -> list[str]:
+    r"""Return the lines that hold something, whatever mixture of \n, \r\n, \r and \n\r ends them."""
+    return [line for line in re.split(r"[\r\n]+", decode(source)) if line.strip()]
+
+
+def split_label(label: str) -> tuple[str, str]:
+    """Split a column label into name and unit.
+
+    Examples
+    --------
+    >>> split_label("Load (µN)"), split_label("Position (z), mm"), split_label("force [mN]"), split_label("h")
+    (('Load', 'µN'), ('Position (z)', 'mm'), ('force', 'mN'), ('h', ''))
+    """
+    text = label.strip().strip('"').strip()[:200]
+    matched = _AFTER_COMMA.fullmatch(text)
+    if matched and kind_of(matched.group(2)) is not None:
+        return matched.group(1).strip(), matched.group(2)
+    matched = _BRACKETED.fullmatch(text)
+    if matched and matched.group(1):
+        return matched.group(1).strip(), matched.group(2).strip()
+    matched = _AFTER_SLASH.fullmatch(text)
+    if matched and kind_of(matched.group(2)) is not None:
+        return matched.group(1).strip(), matched.group(2)
+    return text, ""
+
+
+def column_factor(unit: str, kind: str, column: str, where: str) -> float:
+    """SI value of the unit of a column, with an error that names the column.
+
+    Raises
+    ------
+    UnitError
+        If the unit is unknown or of another kind.
+    """
+    try:
+        return unit_factor(unit, kind)
+    except UnitError as error:
+        raise UnitError(f"{where}, column {column!r:.80}: {error}") from error
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, with a decimal point or comma."""
+    return len(cell) < 60 and _NUMBER.fullmatch(cell) is not None
+
+
+def uses_comma(cells: Sequence[str]) -> bool:
+    """Whether these cells write a decimal comma: some hold a comma, and none a point."""
+    return any("," in cell for cell in cells) and not any("." in cell for cell in cells)
+
+
+def numbers(
+    rows: Sequence[Sequence[str]],
+    indices: Sequence[int],
+    where: str,
+    *,
+    comma: bool = False,
+    first_line: int = 1,
+) -> FloatArray:
+    """Read some columns of a table of cells.
+
+    Parameters
+    ----------
+    rows : sequence of sequences of str
+        The cells.
+    indices : sequence of int, (m,)
+        Columns wanted.
+    where : str
+        File, for messages.
+    comma : bool
+        Whether the decimal sign is a comma.
+    first_line : int
+        Number of the first row, for messages.
+
+    Returns
+    -------
+    ndarray (n, m)
+        NaN where a cell is empty, marked as missing or holds a sentinel (above `SENTINEL`).
+
+    Raises
+    ------
+    FileFormatError
+        If a row is too short or a cell is not a number.
+    """
+    table = np.empty((len(rows), len(indices)))
+    for i, row in enumerate(rows):
+        for j, index in enumerate(indices):
+            try:
+                cell = row[index]
+            except IndexError:
+                raise FileFormatError(
+                    f"{where}, row {first_line + i} of the table has {len(row)} cells where at least "
+                    f"{max(indices) + 1} are expected; the file may be cut short"
+                ) from None
+            table[i, j] = _number(cell, comma=comma, where=where, line=first_line + i)
+    table[np.abs(table) > SENTINEL] = np.nan
+    return table
+
+
+def _number(cell: str, *, comma: bool, where: str, line: int) -> float:
+    text = cell.replace(",", ".") if comma else cell
+    try:
+        if "_" not in text:  # Python reads 1_000; no instrument writes it
+            return float(text)
+    except ValueError:
+        pass
+    if cell.strip().lower() in _MISSING:
+        return float("nan")
+    raise FileFormatError(f"{where}, row {line} of the table: {cell!r:.40} is not a number")

@@ -1,0 +1,152 @@
+"""Plain CSV and TSV: one row of names with units, then numbers.
+
+Units stand in the header (``depth (um)``, ``force [mN]``, ``Time, s``), in a row below the names, or in the
+column mapping. Separators are tab, semicolon, comma or blanks; a decimal comma is understood where the
+separator is not a comma. Lines that start with ``#`` are kept as comments. Signs are taken as written:
+depth grows into the sample and force is positive in compression, unless the mapping says ``-name``.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from underlay.data.curve import Curve
+from underlay.data.readers._format import Format, Options
+from underlay.data.readers._source import Source
+from underlay.data.readers._table import find_columns, table_curve
+from underlay.data.readers._text import is_number, lines_of
+from underlay.errors import FileFormatError, UnitError
+from underlay.units import parse_quantity
+
+__all__ = ["FORMAT", "METADATA_MARK"]
+
+#: A comment line that starts with this carries the metadata of an exported curve as JSON.
+METADATA_MARK = "underlay-metadata:"
+# How far down the row of names is looked for.
+_MAX_PREAMBLE = 80
+# Comments that carry a number.
+_KNOWN_NUMBERS = {"indenter_radius": "length", "spring_constant": "stiffness"}
+_COMMENT = ("#", "%", "//")
+_LABEL_WITH_UNIT = re.compile(r"[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
+
+
+def _sniff(source: Source) -> bool:
+    return _separator_of_table(source.head()) is not None
+
+
+def _separator_of_table(text: str) -> str | None:
+    """Return the separator of a text that looks like a table: a row of two numbers or more."""
+    for line in text.split("\n")[: _MAX_PREAMBLE * 4]:
+        for separator in ("\t", ";", ",", " "):
+            cells = _split(line, separator)
+            filled = [cell for cell in cells if cell.strip()]
+            if len(filled) >= 2 and sum(map(is_number, filled)) >= 2:
+                return separator
+    return None
+
+
+def _split(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.split()
+    if '"' in line:
+        return next(csv.reader(io.StringIO(line), delimiter=separator), [])
+    return line.split(separator)
+
+
+def _split_names(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        labels = _LABEL_WITH_UNIT.findall(line)
+        return labels if len(labels) >= 2 else line.split()
+    return _split(line, separator)
+
+
+def _read_all(source: Source, options: Options) -> list[Curve]:
+    lines = lines_of(source)
+    if lines and re.fullmatch(r"sep=.\s*", lines[0]):  # a line by which spreadsheets name the separator
+        lines = lines[1:]
+    comments = [line.lstrip("#%/ \t").rstrip() for line in lines if line.lstrip().startswith(_COMMENT)]
+    lines = [line for line in lines if not line.lstrip().startswith(_COMMENT)]
+    if not lines:
+        raise FileFormatError(f"{source.name} holds no table")
+    separator = _separator_of_table("\n".join(lines[: _MAX_PREAMBLE * 4]))
+    if separator is None:
+        raise FileFormatError(
+            f"{source.name} holds no row of numbers; a table needs a row of names with units, such as "
+            "'depth (um),force (mN)', and rows of numbers below it"
+        )
+    try:
+        names_at, names = _find_names(lines, separator, source, options)
+        cells = [_split(line, separator) for line in lines[names_at + 1 :]]
+    except csv.Error as error:
+        raise FileFormatError(f"{source.name} is not a readable table: {error}") from error
+    preamble = [line.strip() for line in lines[:names_at]]
+    texts = [comment for comment in comments if not comment.startswith(METADATA_MARK)]
+    known: dict[str, Any] = _known_numbers(texts + preamble)
+    if origin := _stored_metadata(comments):
+        known["origin"] = origin
+    return [
+        table_curve(
+            source, names, cells, options, may_use_comma=separator != ",", comments=texts + preamble, **known
+        )
+    ]
+
+
+def _find_names(
+    lines: Sequence[str], separator: str, source: Source, options: Options
+) -> tuple[int, list[str]]:
+    """Row number and labels of the first row that names a depth and a force."""
+    candidate: tuple[int, list[str]] | None = None
+    for i, line in enumerate(lines[:_MAX_PREAMBLE]):
+        names = [name.strip() for name in _split_names(line, separator)]
+        if sum(map(is_number, names)) >= 2:
+            break
+        if len(names) >= 2:
+            if {"depth", "force"} <= find_columns(names, options.columns).keys():
+                return i, names
+            if candidate is None or len(names) > len(candidate[1]):
+                candidate = i, names
+    if candidate is None:
+        raise FileFormatError(
+            f"{source.name} has no row of names above its numbers; write one with units, such as "
+            "'depth (um),force (mN)'"
+        )
+    return candidate
+
+
+def _known_numbers(comments: Sequence[str]) -> dict[str, float]:
+    """Numbers that mean something to a fit, from comments such as ``indenter radius: 27.5 um``."""
+    known = {}
+    for comment in comments:
+        key, _, value = comment.partition(":")
+        name = key.strip().lower().replace(" ", "_")
+        if name in _KNOWN_NUMBERS:
+            try:
+                known[name] = parse_quantity(value, _KNOWN_NUMBERS[name])
+            except UnitError as error:
+                raise UnitError(f"comment {comment!r:.80}: {error}") from error
+    return known
+
+
+def _stored_metadata(comments: Sequence[str]) -> dict[str, Any]:
+    for comment in comments:
+        if comment.startswith(METADATA_MARK):
+            try:
+                stored = json.loads(comment.removeprefix(METADATA_MARK))
+            except (ValueError, RecursionError):
+                return {}
+            return stored if isinstance(stored, dict) else {}
+    return {}
+
+
+FORMAT = Format(
+    name="csv",
+    description="plain CSV or TSV with names and units in the header",
+    sniff=_sniff,
+    read_all=_read_all,
+    takes_columns=True,
+)

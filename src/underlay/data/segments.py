@@ -1,0 +1,125 @@
+"""Segments of a test from its motion: approach, hold, retract.
+
+The motion is replaced by the polyline that stays within a tolerance of it (Douglas & Peucker 1973,
+doi:10.3138/FM57-6770-U75U-7727, here splitting the worst piece first). Each piece of the polyline then
+moves or rests, by its speed against the speed at which most of the travel is done. A tolerance above the
+noise makes this blind to noise, and a polyline needs no uniform sampling.
+"""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+
+__all__ = ["HOLD", "LOADING", "UNLOADING", "segments_from_motion"]
+
+LOADING = "loading"
+HOLD = "hold"
+UNLOADING = "unloading"
+
+# A piece slower than this fraction of the speed of travel rests. Under a load ramp on a Hertz contact the
+# depth slows down as t**(-1/3), to a fifth of its speed at 1 % of the ramp: 0.1 keeps that as loading.
+_REST_SPEED = 0.1
+# Tolerance of the polyline, as a fraction of the range of the motion and in noise standard deviations.
+_TOLERANCE = 0.01
+_NOISE = 4.0
+# More corners than any protocol has; bounds the work on a file of pure noise.
+_MAX_PIECES = 400
+
+
+def segments_from_motion(motion: FloatArray, time: FloatArray | None = None) -> NDArray[np.str_]:
+    """Label every point of a motion.
+
+    Parameters
+    ----------
+    motion : ndarray (n,)
+        Depth, or better the position of the actuator, growing into the sample (m).
+    time : ndarray (n,), optional
+        Time (s), not decreasing; the sample number serves without it.
+
+    Returns
+    -------
+    ndarray (n,) of str
+        ``"loading"``, ``"hold"`` or ``"unloading"``.
+    """
+    n = len(motion)
+    labels: NDArray[np.str_] = np.full(n, LOADING, dtype="<U9")
+    clock = np.arange(n, dtype=np.float64) if time is None else time
+    if n < 3 or not (np.isfinite(motion).all() and np.isfinite(clock).all()) or np.ptp(clock) <= 0.0:
+        return labels
+    tolerance = max(_TOLERANCE * float(np.ptp(motion)), _NOISE * _noise(motion))
+    if np.ptp(motion) <= tolerance:
+        labels[:] = HOLD
+        return labels
+    corners = _polyline(clock, motion, tolerance)
+    for first, last, label in _pieces(clock, motion, corners, tolerance):
+        labels[first : last + 1] = label
+    return labels
+
+
+def _noise(motion: FloatArray) -> float:
+    """Standard deviation of white noise, from second differences: a smooth motion leaves none."""
+    second = np.diff(motion, 2)
+    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
+
+
+def _polyline(clock: FloatArray, motion: FloatArray, tolerance: float) -> list[int]:
+    """Indices of the corners of a polyline within `tolerance` of the motion."""
+    corners = {0, len(motion) - 1}
+    worst: list[tuple[float, int, int, int]] = []
+
+    def propose(first: int, last: int) -> None:
+        if last - first < 2:
+            return
+        x = clock[first : last + 1]
+        y = motion[first : last + 1]
+        run = x[-1] - x[0]
+        line = y[0] + (y[-1] - y[0]) * (x - x[0]) / run if run > 0.0 else np.full_like(y, y[0])
+        miss = np.abs(y - line)
+        split = int(np.argmax(miss))
+        if miss[split] > tolerance and 0 < split < last - first:
+            heapq.heappush(worst, (-float(miss[split]), first, first + split, last))
+
+    propose(0, len(motion) - 1)
+    while worst and len(corners) < _MAX_PIECES:
+        _, first, split, last = heapq.heappop(worst)
+        corners.add(split)
+        propose(first, split)
+        propose(split, last)
+    return sorted(corners)
+
+
+def _pieces(
+    clock: FloatArray, motion: FloatArray, corners: list[int], tolerance: float
+) -> list[tuple[int, int, str]]:
+    """First index, last index and label of each piece between corners."""
+    ends = np.array(corners)
+    run = np.diff(clock[ends])
+    rise = np.diff(motion[ends])
+    # A step within one clock tick is as fast as the fastest piece that took time.
+    timed = run > 0.0
+    speed = np.full(len(run), np.inf)
+    speed[timed] = np.abs(rise[timed]) / run[timed]
+    resting = speed < _REST_SPEED * _speed_of_travel(speed, np.abs(rise))
+    # A piece no higher than the tolerance between two resting ones is a wobble of the hold.
+    low = np.abs(rise) <= tolerance
+    calm = resting | low
+    for i in np.flatnonzero(low & ~resting):
+        before = calm[i - 1] if i > 0 else True
+        after = calm[i + 1] if i + 1 < len(calm) else True
+        resting[i] = before and after
+    labels = np.where(resting, HOLD, np.where(rise > 0.0, LOADING, UNLOADING))
+    return [(int(ends[i]) + (i > 0), int(ends[i + 1]), str(label)) for i, label in enumerate(labels)]
+
+
+def _speed_of_travel(speed: FloatArray, travel: FloatArray) -> float:
+    """Speed at or above which half of the travel is done."""
+    order = np.argsort(speed)[::-1]
+    done = np.cumsum(travel[order])
+    chosen = speed[order][int(np.searchsorted(done, 0.5 * done[-1]))]
+    finite = speed[np.isfinite(speed)]
+    return float(chosen) if np.isfinite(chosen) else float(finite.max(initial=0.0))

@@ -1,0 +1,248 @@
+"""Curves made from a scene: `simulate` without noise, `synthesize` with it and with their truth.
+
+The order is that of an instrument: the tip goes to its depth, the contact answers with a force, the
+instrument adds its baseline, then come noise, drift and outliers, and the load cell rounds last. Every
+effect is off unless named. Each draws from a stream of its own, spawned from the seed, so switching one on
+or off leaves the others bit for bit as they were. Contact offset, tilted baseline and compliance belong to
+the scene's instrument.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from underlay._arrays import ArrayLike, FloatArray, as_finite, finite, positive
+from underlay.data.curve import Curve
+from underlay.data.noise import Noise
+from underlay.errors import InputError
+from underlay.mechanics.accuracy import Accuracy
+from underlay.scene.scene import Scene
+
+__all__ = ["simulate", "synthesize"]
+
+
+def simulate(
+    scene: Scene,
+    depth: ArrayLike,
+    *,
+    time: ArrayLike | None = None,
+    accuracy: Accuracy | None = None,
+    method: str = "auto",
+    order: int = 4,
+    form: str = "auto",
+) -> Curve:
+    """Make the curve a perfect reading of a scene would give.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test.
+    depth : ArrayLike
+        Depth readings (m), (n,).
+    time : ArrayLike, optional
+        Times of the readings (s), (n,).
+    accuracy, method, order, form
+        Which contact law; see `contact_law`.
+
+    Returns
+    -------
+    Curve
+        With ``truth``, every parameter of the scene by its path.
+
+    Raises
+    ------
+    InputError
+        If depth or time cannot be used.
+    RangeError
+        If the law cannot reach the deepest point.
+    """
+    readings = _column(depth, "depth")
+    return Curve(
+        depth=readings,
+        force=scene.force(readings, accuracy=accuracy, method=method, order=order, form=form),
+        time=None if time is None else _times(time, readings.size),
+        truth=scene.parameters,
+    )
+
+
+def synthesize(
+    scene: Scene,
+    depth: ArrayLike,
+    noise: Noise | None = None,
+    rng: int | np.random.Generator = 0,
+    *,
+    time: ArrayLike | None = None,
+    sampling_rate: float | None = None,
+    drift: float = 0.0,
+    quantisation: float = 0.0,
+    outliers: float = 0.0,
+    outlier_sd: float | None = None,
+    accuracy: Accuracy | None = None,
+    method: str = "auto",
+    order: int = 4,
+    form: str = "auto",
+) -> Curve:
+    """Make a measured-looking curve of a scene, with its truth.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test; contact offset, tilted baseline and compliance are its instrument's.
+    depth : ArrayLike
+        True depth axis (m), (n,). Depth noise is added to what the curve reports, not to where the tip is.
+    noise : Noise, optional
+        White, proportional, correlated and depth noise. A white noise of None is left out. With a
+        correlation time, force and depth noise are both correlated.
+    rng : int or numpy Generator, default 0
+        Seed, recorded in the truth, or a generator to spawn from. The same seed gives the same curve.
+    time : ArrayLike, optional
+        Times of the points (s), (n,).
+    sampling_rate : float, optional
+        Points per second (Hz), instead of `time`.
+    drift : float, default 0
+        Drift of the force reading (N/s), from the first point on; needs times.
+    quantisation : float, default 0
+        Step of the load cell (N): the force is rounded to multiples of it.
+    outliers : float, default 0
+        Probability of a point to be an outlier, in [0, 1].
+    outlier_sd : float, optional
+        Standard deviation (N) of what an outlier adds; needed when `outliers` is not zero.
+    accuracy, method, order, form
+        Which contact law; see `contact_law`.
+
+    Returns
+    -------
+    Curve
+        ``truth`` holds every parameter of the scene by its path, ``noise.force`` and the other noise
+        settings, ``drift``, ``quantisation``, ``outliers``, ``outlier_sd``, and ``sampling_rate`` and
+        ``seed`` where given.
+
+    Raises
+    ------
+    InputError
+        If a number is not allowed, or times are needed and missing.
+    RangeError
+        If the law cannot reach the deepest point.
+
+    Examples
+    --------
+    >>> from underlay import Isotropic, Layer, Paraboloid, Scene
+    >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5)))
+    >>> curve = synthesize(scene, np.linspace(0.0, 1e-5, 200), Noise(force=1e-6), rng=7)
+    >>> curve.truth["layer.E"], curve.truth["noise.force"], curve.truth["seed"]
+    (1000000.0, 1e-06, 7)
+    """
+    readings = _column(depth, "depth")
+    clock = _clock(time, sampling_rate, readings.size)
+    settings = _checked_settings(drift, quantisation, outliers, outlier_sd)
+    for_noise, for_depth, for_outliers = _generator(rng).spawn(3)
+
+    # One evaluation of the law: the proportional noise needs the contact force without the baseline.
+    bare = replace(scene, instrument=replace(scene.instrument, baseline=0.0, baseline_slope=0.0))
+    contact = bare.force(readings, accuracy=accuracy, method=method, order=order, form=form)
+    force = scene.instrument.reading(readings, contact)
+    shown = readings
+    if noise is not None:
+        force = force + _force_noise(noise, for_noise, contact, clock)
+        if noise.depth:
+            shown = readings + noise.sample(for_depth, np.full(readings.size, noise.depth), clock)
+    if drift:
+        force = force + _drift(drift, clock)
+    if outliers:
+        hit = for_outliers.random(readings.size) < settings["outliers"]
+        force = force + hit * for_outliers.normal(scale=settings["outlier_sd"], size=readings.size)
+    if quantisation:
+        force = np.round(force / settings["quantisation"]) * settings["quantisation"]
+
+    truth: dict[str, float] = scene.parameters | _noise_settings(noise) | settings
+    if sampling_rate is not None:
+        truth["sampling_rate"] = float(sampling_rate)
+    if not isinstance(rng, np.random.Generator):
+        truth["seed"] = int(rng)
+    return Curve(depth=shown, force=force, time=clock, truth=truth)
+
+
+def _force_noise(
+    noise: Noise, rng: np.random.Generator, contact: FloatArray, clock: FloatArray | None
+) -> FloatArray:
+    """Force noise (N), (n,): white and proportional parts; the depth noise acts on the depth itself."""
+    if noise.force is None and not (noise.relative or noise.depth):
+        raise InputError(
+            "noise.force is unknown (None), which a generator cannot draw: give it a value (N), or pass no "
+            "noise for a clean curve"
+        )
+    if not (noise.force or noise.relative):
+        return np.zeros_like(contact)
+    drawn = replace(noise, force=noise.force or 0.0, depth=0.0)
+    return drawn.sample(rng, drawn.sigma(contact), clock)
+
+
+def _drift(rate: float, clock: FloatArray | None) -> FloatArray:
+    if clock is None:
+        raise InputError("drift (N/s) needs the times of the points: pass time (s) or sampling_rate (Hz)")
+    elapsed: FloatArray = clock - clock[0]
+    return rate * elapsed
+
+
+def _noise_settings(noise: Noise | None) -> dict[str, float]:
+    if noise is None:
+        return {f"noise.{name}": 0.0 for name in ("force", "relative", "correlation_time", "depth")}
+    return {
+        "noise.force": noise.force or 0.0,
+        "noise.relative": noise.relative,
+        "noise.correlation_time": noise.correlation_time,
+        "noise.depth": noise.depth,
+    }
+
+
+def _checked_settings(
+    drift: float, quantisation: float, outliers: float, outlier_sd: float | None
+) -> dict[str, float]:
+    settings = {
+        "drift": finite(drift, "drift", "N/s"),
+        "quantisation": finite(quantisation, "quantisation", "N"),
+        "outliers": finite(outliers, "outliers", "probability of a point"),
+        "outlier_sd": 0.0,
+    }
+    if settings["quantisation"] < 0.0:
+        raise InputError(f"quantisation must be zero or positive (N); got {quantisation!r}")
+    if not (0.0 <= settings["outliers"] <= 1.0):
+        raise InputError(f"outliers is the probability of a point, between 0 and 1; got {outliers!r}")
+    if settings["outliers"]:
+        if outlier_sd is None:
+            raise InputError("outliers need their size: pass outlier_sd, a standard deviation (N)")
+        settings["outlier_sd"] = positive(outlier_sd, "outlier_sd", "N")
+    return settings
+
+
+def _generator(rng: int | np.random.Generator) -> np.random.Generator:
+    try:
+        return np.random.default_rng(rng)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"rng must be a seed (an integer, 0 or more) or a Generator; got {rng!r}") from error
+
+
+def _clock(time: ArrayLike | None, sampling_rate: float | None, count: int) -> FloatArray | None:
+    if time is not None:
+        if sampling_rate is not None:
+            raise InputError("pass time or sampling_rate, not both: they say the same thing")
+        return _times(time, count)
+    if sampling_rate is None:
+        return None
+    return np.arange(count) / positive(sampling_rate, "sampling_rate", "Hz")
+
+
+def _times(time: ArrayLike, count: int) -> FloatArray:
+    times = _column(time, "time")
+    if times.size != count:
+        raise InputError(f"time has {times.size} points and depth {count}; they must match")
+    return times
+
+
+def _column(values: ArrayLike, name: str) -> FloatArray:
+    array = as_finite(values, name)
+    if array.ndim != 1 or array.size == 0:
+        raise InputError(f"{name} must be a list of numbers, (n,); got shape {array.shape}")
+    return array

@@ -1,0 +1,277 @@
+"""Numbers with units, at the borders only: ``"1.5 mm"`` <-> ``1.5e-3``.
+
+Scene files, readers, the command line and tables speak in units; everything inside is SI floats. A
+quantity is always asked for by its *kind* ("length", "pressure", ...), so a length where a pressure belongs
+is an error that names both.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import pint
+
+from underlay.errors import UnitError
+
+__all__ = ["KINDS", "format_quantity", "human_unit", "kind_of", "parse_quantity", "unit_factor"]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of quantity.
+
+    Parameters
+    ----------
+    si : str
+        The unit of the floats inside.
+    units : tuple of str
+        Units for people, smallest first; the ones an error message offers.
+    example : str
+        What a caller may write.
+    """
+
+    si: str
+    units: tuple[str, ...]
+    example: str
+
+
+#: The kinds of quantity underlay speaks of.
+KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "length": Kind("m", ("nm", "um", "mm", "m"), "1.5 mm"),
+        "pressure": Kind("Pa", ("Pa", "kPa", "MPa", "GPa"), "0.4 MPa"),
+        "force": Kind("N", ("pN", "nN", "uN", "mN", "N"), "20 uN"),
+        "angle": Kind("rad", ("deg",), "35 deg"),
+        "stiffness": Kind("N/m", ("mN/m", "N/m", "kN/m", "MN/m"), "0.019 N/m"),
+        "compliance": Kind("m/N", ("nm/N", "um/N", "mm/N", "m/N"), "0.5 um/N"),
+        "time": Kind("s", ("us", "ms", "s"), "2 s"),
+        "speed": Kind("m/s", ("nm/s", "um/s", "mm/s", "m/s"), "5 um/s"),
+        "frequency": Kind("Hz", ("Hz", "kHz", "MHz"), "10 Hz"),
+        "voltage": Kind("V", ("mV", "V"), "2 V"),
+        "sensitivity": Kind("m/V", ("nm/V", "um/V", "m/V"), "60 nm/V"),
+        "dimensionless": Kind("", ("",), "0.45"),
+    }
+)
+
+# What a unit may be written with. Everything else is refused before pint sees it: pint evaluates
+# expressions, and a file is not trusted with an expression.
+_UNIT = re.compile(r"[A-Za-z%°\u00b5\u03bc\u00b7*/^() .\-0-9²³]{0,40}")
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*", re.DOTALL)
+# Exponents of a unit: one digit is more than any quantity here needs, and bounds pint's work.
+_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d+(?:\.\d+)?\)?")
+_SHORT_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d(?:\.\d{1,6})?\)?")
+_ANGLE_UNITS = frozenset({"degree", "radian", "turn", "arcminute", "arcsecond", "grade"})
+
+
+@functools.cache
+def _registry() -> pint.UnitRegistry[float]:
+    # A constant of the module, built at first use because building it takes a good part of a second.
+    return pint.UnitRegistry()
+
+
+def _clean(unit: str) -> str:
+    # The micro sign, the Greek mu and "u" are the same prefix; so are the ways to write a product.
+    text = unit.strip().replace("\u00b5", "u").replace("\u03bc", "u").replace("\u00b7", "*")
+    text = text.replace("²", "^2").replace("³", "^3").replace("%", "percent").replace("°", "deg")
+    return re.sub(r"(?<=[A-Za-z])-(?=[A-Za-z])", "*", text)  # "N-mm" is a product in instrument headers
+
+
+@functools.lru_cache(maxsize=256)
+def _parse_unit(unit: str) -> tuple[str, float] | None:
+    """Kind and SI factor of `unit`, or None if it is not one of `KINDS`. A pure function, remembered."""
+    if not _UNIT.fullmatch(unit):
+        return None
+    text = _clean(unit)
+    if len(_POWER.findall(text)) != len(_SHORT_POWER.findall(text)):
+        return None
+    registry = _registry()
+    try:
+        parsed = registry.parse_units(text)
+        return _match_kind(registry, parsed)
+    except Exception:  # noqa: BLE001  pint raises errors of tokenize, ast and its own on odd text
+        return None
+
+
+def _match_kind(registry: pint.UnitRegistry[float], parsed: pint.Unit) -> tuple[str, float] | None:
+    names = set(parsed._units)  # noqa: SLF001  pint has no public list of the units in a product
+    if parsed.dimensionless:
+        is_angle = bool(names & _ANGLE_UNITS)
+        target = "radian" if is_angle else "dimensionless"
+        return ("angle" if is_angle else "dimensionless"), float(registry.Quantity(1.0, parsed).m_as(target))
+    for name, kind in KINDS.items():
+        if kind.si and name != "angle" and parsed.is_compatible_with(kind.si):
+            return name, float(registry.Quantity(1.0, parsed).m_as(kind.si))
+    return None
+
+
+def _kind(name: str) -> Kind:
+    try:
+        return KINDS[name]
+    except KeyError:
+        raise UnitError(f"no kind of quantity {name!r}; there are {', '.join(KINDS)}") from None
+
+
+def kind_of(unit: str) -> str | None:
+    """Kind of quantity that `unit` measures, or None if the unit is unknown.
+
+    Examples
+    --------
+    >>> kind_of("gf"), kind_of("µm"), kind_of("furlongs of hay")
+    ('force', 'length', None)
+    """
+    known = _parse_unit(unit)
+    return known[0] if known else None
+
+
+def unit_factor(unit: str, kind: str) -> float:
+    """SI value of one `unit`.
+
+    Parameters
+    ----------
+    unit : str
+        For example ``"um"``, ``"µN"``, ``"gf"`` (9.80665e-3 N), ``"N/m"``.
+    kind : str
+        One of `KINDS`.
+
+    Raises
+    ------
+    UnitError
+        If the unit is unknown or measures another kind of quantity.
+
+    Examples
+    --------
+    >>> unit_factor("gf", "force")
+    0.00980665
+    """
+    wanted = _kind(kind)
+    known = _parse_unit(unit)
+    if known is None:
+        raise UnitError(f"unknown unit {unit!r} for {_article(kind)}; allowed: {_offer(wanted)}")
+    found, factor = known
+    if found != kind:
+        raise UnitError(f"{unit!r} is a unit of {found}, but {_article(kind)} is needed: {_offer(wanted)}")
+    return factor
+
+
+def _article(kind: str) -> str:
+    if kind == "dimensionless":
+        return "a dimensionless number"
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
+
+
+def _offer(kind: Kind) -> str:
+    named = [unit for unit in kind.units if unit]
+    return (
+        f"{', '.join(named)} (write {kind.example!r})" if named else f"a bare number such as {kind.example}"
+    )
+
+
+def parse_quantity(value: str | float, kind: str) -> float:
+    """Read a number with its unit as an SI float.
+
+    Parameters
+    ----------
+    value : str or float
+        Such as ``"1.5 mm"`` or ``"0.4 MPa"``. A bare number is allowed for a dimensionless quantity only.
+    kind : str
+        One of `KINDS`.
+
+    Returns
+    -------
+    float
+        The value in SI (angles in radians).
+
+    Raises
+    ------
+    UnitError
+        If the unit is missing, unknown or of another kind, or the number is not one.
+
+    Examples
+    --------
+    >>> parse_quantity("1.5 mm", "length")
+    0.0015
+    >>> parse_quantity("0.5 gf", "force")
+    0.004903325
+    """
+    wanted = _kind(kind)
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise UnitError(f"{_article(kind)} must be given as {wanted.example!r}; got {value!r:.80}")
+    matched = _NUMBER.fullmatch(value) if isinstance(value, str) else None
+    if isinstance(value, str):
+        if matched is None:
+            raise UnitError(f"{_article(kind)} must be given as {wanted.example!r}; got {value!r:.80}")
+        number, unit = float(matched.group(1)), matched.group(2)
+    else:
+        number, unit = float(value), ""
+    if not math.isfinite(number):
+        raise UnitError(f"{_article(kind)} must be finite; got {value!r:.80}")
+    if not unit and kind != "dimensionless":
+        raise UnitError(f"{value!r} has no unit; {_article(kind)} takes one of {_offer(wanted)}")
+    return _scaled(number, unit, kind)
+
+
+def _scaled(number: float, unit: str, kind: str) -> float:
+    factor = unit_factor(unit, kind) if unit else 1.0
+    # 1.5 * 1e-3 is not the double nearest to 1.5e-3 for every number; dividing by the exact inverse is.
+    inverse = round(1.0 / factor) if 0.0 < factor < 1.0 else 0
+    exact = inverse and math.isclose(inverse * factor, 1.0, rel_tol=1e-15)
+    return number / inverse if exact else number * factor
+
+
+def human_unit(value: float, kind: str) -> tuple[str, float]:
+    """Return the unit in which people would write `value` (SI), and the SI value of one such unit.
+
+    The largest unit of the kind in which the number is at least 0.1; zero gets the middle one.
+
+    Examples
+    --------
+    >>> human_unit(4.2e5, "pressure")
+    ('MPa', 1000000.0)
+    """
+    units = _kind(kind).units
+    magnitude = abs(value)
+    if not (0.0 < magnitude < math.inf):
+        unit = units[len(units) // 2]
+        return unit, unit_factor(unit, kind) if unit else 1.0
+    chosen = units[0]
+    for unit in units:
+        # 1 - 1e-12: a tenth of a unit is still written in that unit after rounding.
+        if unit and magnitude >= 0.1 * unit_factor(unit, kind) * (1.0 - 1e-12):
+            chosen = unit
+    return chosen, unit_factor(chosen, kind) if chosen else 1.0
+
+
+def format_quantity(value: float, kind: str, uncertainty: float | None = None) -> str:
+    """Write an SI value for people, in a unit of its size.
+
+    Parameters
+    ----------
+    value : float
+        In SI.
+    kind : str
+        One of `KINDS`.
+    uncertainty : float, optional
+        Standard error in the same SI unit; sets the digits shown (two of its own).
+
+    Examples
+    --------
+    >>> format_quantity(4.2e5, "pressure")
+    '0.42 MPa'
+    >>> format_quantity(1.5034e-3, "length", 2.1e-5)
+    '1.503 ± 0.021 mm'
+    """
+    unit, factor = human_unit(value, kind)
+    scaled = value / factor
+    suffix = f" {unit}" if unit else ""
+    if uncertainty is None or not math.isfinite(uncertainty) or uncertainty <= 0.0:
+        return f"{scaled:.4g}{suffix}"
+    error = uncertainty / factor
+    decimals = max(0, 1 - math.floor(math.log10(error)))
+    if decimals > 12:
+        return f"{scaled:.12g} ± {error:.2g}{suffix}"
+    return f"{scaled:.{decimals}f} ± {error:.{decimals}f}{suffix}"

@@ -1,0 +1,135 @@
+"""The noise model: its likelihood is the Gaussian's, and what it draws has the asked variance."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from underlay.data.noise import Noise, log_normalisation, standard_deviation, whiten
+from underlay.errors import InputError
+
+TIME = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.3, 40))
+FORCE = np.linspace(0.0, 2e-3, 40)
+STIFFNESS = np.linspace(0.0, 30.0, 40)
+
+
+def dense_covariance(sigma, time, tau):
+    correlation = np.exp(-np.abs(time[:, None] - time) / tau) if tau else np.eye(time.size)
+    return sigma[:, None] * correlation * sigma
+
+
+@pytest.mark.parametrize("tau", [0.0, 1e-3, 0.2, 50.0])
+def test_likelihood_is_that_of_the_dense_gaussian(tau):
+    noise = Noise(force=1e-5, relative=0.02, depth=1e-6, correlation_time=tau)
+    sigma = noise.sigma(FORCE, STIFFNESS)
+    residual = np.random.default_rng(2).normal(size=FORCE.size) * 2e-5
+    mine = noise.log_normalisation(sigma, TIME) - 0.5 * np.sum(noise.whiten(residual / sigma, TIME) ** 2)
+    dense = stats.multivariate_normal(cov=dense_covariance(sigma, TIME, tau)).logpdf(residual)
+    # Condition number of the correlation times rounding: 1e5 * 1e-16 at tau = 50 s.
+    assert mine == pytest.approx(dense, rel=1e-10)
+
+
+def test_variances_add_and_act_through_the_stiffness():
+    noise = Noise(force=3.0, relative=0.5, depth=2.0)
+    np.testing.assert_allclose(noise.sigma(np.array([8.0]), np.array([6.0])), [13.0], rtol=1e-15)
+
+
+def test_whitening_undoes_the_draw():
+    noise = Noise(force=1.0, correlation_time=0.4)
+    sigma = np.ones((3, TIME.size))
+    drawn = noise.sample(np.random.default_rng(5), sigma, TIME)
+    innovations = np.random.default_rng(5).standard_normal((3, TIME.size))
+    np.testing.assert_allclose(noise.whiten(drawn, TIME), innovations, atol=1e-12)
+
+
+@pytest.mark.parametrize("tau", [0.0, 0.05, 0.5])
+def test_variance_and_correlation_are_those_asked(tau):
+    noise = Noise(force=2.0, correlation_time=tau)
+    draws = 20_000
+    sigma = np.broadcast_to(np.linspace(1.0, 3.0, 25), (draws, 25))
+    time = TIME[:25]
+    sample = noise.sample(np.random.default_rng(3), sigma, time)
+    expected = dense_covariance(sigma[0], time, tau)
+    measured = sample.T @ sample / draws
+    # Wishart: sd of an entry is sqrt((C_ii C_jj + C_ij^2) / draws); 625 entries stay within 4.5 of them.
+    sd = np.sqrt((np.outer(np.diag(expected), np.diag(expected)) + expected**2) / draws)
+    assert np.abs((measured - expected) / sd).max() < 4.5
+    # The control: noise of another correlation time does not pass.
+    other = dense_covariance(sigma[0], time, 2.0 * tau or 0.05)
+    assert np.abs((measured - other) / sd).max() > 9.0
+
+
+def test_batch_axes_give_each_set_its_own_numbers():
+    white = np.array([1e-5, 2e-5, 4e-5])
+    relative = np.array([0.01, 0.0, 0.05])
+    depth = np.array([0.0, 1e-6, 2e-6])
+    tau = np.array([0.05, 0.2, 1.0])
+    force = np.stack([FORCE, 2 * FORCE, 3 * FORCE])
+    stiffness = np.stack([STIFFNESS, 2 * STIFFNESS, STIFFNESS])
+    sigma = standard_deviation(force, stiffness, force_sd=white, relative=relative, depth_sd=depth)
+    residual = np.random.default_rng(0).normal(size=sigma.shape)
+    whitened, normalisation = whiten(residual, TIME, tau), log_normalisation(sigma, TIME, tau)
+    for i in range(3):
+        one = Noise(white[i], relative[i], tau[i], depth[i])
+        np.testing.assert_allclose(sigma[i], one.sigma(force[i], stiffness[i]), rtol=1e-14)
+        np.testing.assert_allclose(whitened[i], one.whiten(residual[i], TIME), rtol=1e-13)
+        np.testing.assert_allclose(normalisation[i], one.log_normalisation(sigma[i], TIME), rtol=1e-13)
+
+
+def test_white_noise_alone_takes_one_logarithm_per_set():
+    view = standard_deviation(np.ones((4, 30)), force_sd=np.full(4, 0.3))
+    assert view.shape == (4, 30)
+    np.testing.assert_allclose(
+        log_normalisation(view, None, 0.0), log_normalisation(np.array(view), None, 0.0), rtol=1e-14
+    )
+
+
+def test_close_points_keep_their_digits():
+    time = np.array([0.0, 1e-12])
+    e = whiten(np.array([1.0, 1.0 + 3e-6]), time, 1.0)
+    # sqrt(1 - rho^2) = sqrt(2e-12); the rounding of 1 + 3e-6 limits the numerator to 1e-10 relative.
+    assert e[1] == pytest.approx((3e-6 + 1e-12) / np.sqrt(2e-12), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"force": -1e-6}, r"noise\.force must be zero or positive"),
+        ({"force": 1e-6, "relative": -0.1}, r"noise\.relative must be zero or positive"),
+        ({"force": 1e-6, "correlation_time": float("nan")}, r"noise\.correlation_time must be finite"),
+        ({"depth": "thin"}, r"noise\.depth must be a number"),
+        ({"force": 0.0}, "zero noise"),
+        ({"force": 0.0, "correlation_time": 1.0}, "zero noise"),
+    ],
+)
+def test_bad_settings(settings, message):
+    with pytest.raises(InputError, match=message):
+        Noise(**settings)
+
+
+def test_unknown_white_noise_cannot_be_evaluated():
+    with pytest.raises(InputError, match=r"noise\.force is unknown"):
+        Noise(relative=0.1).sigma(FORCE)
+
+
+def test_depth_noise_needs_the_stiffness():
+    with pytest.raises(InputError, match="stiffness"):
+        Noise(force=1.0, depth=1.0).sigma(FORCE)
+
+
+def test_zero_sigma_is_no_likelihood():
+    with pytest.raises(InputError, match=r"give noise\.force too"):
+        log_normalisation(Noise(force=0.0, relative=0.1).sigma(FORCE), None, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("time", "message"),
+    [(None, "needs the times"), (np.array([0.0, 1.0, 1.0]), "do not increase after index 1")],
+)
+def test_correlation_needs_increasing_times(time, message):
+    with pytest.raises(InputError, match=message):
+        whiten(np.zeros(3), time, 0.5)
+
+
+def test_batched_correlation_times_must_all_be_positive():
+    with pytest.raises(InputError, match="positive"):
+        whiten(np.zeros((2, 3)), np.arange(3.0), np.array([0.1, 0.0]))
