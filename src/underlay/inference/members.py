@@ -202,7 +202,11 @@ def _check_tests(tests: Sequence[tuple[Scene, Curve]]) -> None:
             keys.append(("file", source, curve.metadata.get("test")))
         for key in keys:
             if key in seen:
-                what = f"the same file ({curve.metadata.get('path', source)})" if key[0] == "file" else "the same data"
+                what = (
+                    f"the same file ({curve.metadata.get('path', source)})"
+                    if key[0] == "file"
+                    else "the same data"
+                )
                 raise CurveError(
                     f"curves {seen[key]} and {number} are {what}: a curve counted twice makes intervals too "
                     "narrow; pass it once"
@@ -225,7 +229,9 @@ def _requests(
             if number >= count:
                 raise ParameterError(f"{key!r}: there are {count} curves, numbered from 0")
             if numbered["path"] in shared:
-                raise ParameterError(f"{numbered['path']!r} is shared by all curves; {key!r} cannot be its own")
+                raise ParameterError(
+                    f"{numbered['path']!r} is shared by all curves; {key!r} cannot be its own"
+                )
             single.setdefault(numbered["path"], {})[number] = given
     requests: list[tuple[str, str, Given, list[int]]] = []
     for path in dict.fromkeys(_NUMBERED.sub(r"\g<path>", key) for key in free):

@@ -128,9 +128,7 @@ class Problem:
         self.noise = noise
         self.options = options
         self.store = LawStore()
-        self.members, self.coordinates = compile_members(
-            tests, self.free, shared, noise, options, self.store
-        )
+        self.members, self.coordinates = compile_members(tests, self.free, shared, noise, options, self.store)
 
     def revised(
         self,

@@ -115,4 +115,6 @@ def check(model: type[BaseModel], section: str, table: Mapping[str, Any]) -> dic
             raise InputError(f"[{section}] has no {key!r}; allowed: {allowed}") from error
         if first["type"] == "missing":
             raise InputError(f"[{section}] needs {key!r}") from error
-        raise InputError(f"[{section}] {key}: {first['msg'].removeprefix('Value error, ')}") from error
+        cause = first.get("ctx", {}).get("error")
+        kind = type(cause) if isinstance(cause, InputError) else InputError
+        raise kind(f"[{section}] {key}: {first['msg'].removeprefix('Value error, ')}") from error
