@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
 from underlay.errors import InputError
@@ -88,10 +89,13 @@ class NoiseSection(_Section):
 class CurveSection(_Section):
     """``[curve]``: which part of which file."""
 
-    format: str = ""
-    test: int | str = 0
-    segment: Literal["all", "loading", "unloading", "hold", "equilibrium"] = "loading"
-    columns: dict[str, str] = {}
+    format: str | None = None
+    test: int | None = Field(default=None, ge=1)
+    segment: Literal["all", "loading", "unloading", "hold"] = "loading"
+    columns: dict[str, str] | None = None
+    calibration: dict[str, str] | None = None
+    min_depth: Annotated[float, _quantity("length")] = -np.inf
+    max_depth: Annotated[float, _quantity("length")] = np.inf
 
 
 class SimulateSection(_Section):
