@@ -26,7 +26,11 @@ def compliance_matrix(material: Isotropic | TransverselyIsotropic) -> tuple[Any,
         E_axial, nu_axial, shear = E, nu, 2 * (1 + nu) / E
     else:
         E, nu = mp.mpf(material.E), mp.mpf(material.nu)
-        E_axial, nu_axial, shear = mp.mpf(material.E_axial), mp.mpf(material.nu_axial), 1 / mp.mpf(material.G_axial)
+        E_axial, nu_axial, shear = (
+            mp.mpf(material.E_axial),
+            mp.mpf(material.nu_axial),
+            1 / mp.mpf(material.G_axial),
+        )
     cross = -nu_axial / E_axial
     return mp.matrix([[1 / E, -nu / E, cross], [-nu / E, 1 / E, cross], [cross, cross, 1 / E_axial]]), shear
 
