@@ -27,8 +27,16 @@ def compliance_matrix(material: Isotropic | TransverselyIsotropic) -> tuple[Any,
         E_axial, nu_axial, shear = E, nu, 2 * (1 + nu) / E
     else:
         E, nu = mp.mpf(material.E), mp.mpf(material.nu)
+<<<<<<< HEAD
         E_axial, nu_axial = mp.mpf(material.E_axial), mp.mpf(material.nu_axial)
         shear = 1 / mp.mpf(material.G_axial)
+=======
+        E_axial, nu_axial, shear = (
+            mp.mpf(material.E_axial),
+            mp.mpf(material.nu_axial),
+            1 / mp.mpf(material.G_axial),
+        )
+>>>>>>> data
     cross = -nu_axial / E_axial
     return mp.matrix([[1 / E, -nu / E, cross], [-nu / E, 1 / E, cross], [cross, cross, 1 / E_axial]]), shear
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from importlib import metadata
 
 from underlay.data.curve import Curve
-from underlay.data.readers import delimited, optics11
+from underlay.data.readers import bioindenter, delimited, fischer, hysitron, mach1, optics11
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._source import Source, load, unpack
 from underlay.errors import CurveError, FileFormatError, InputError
@@ -18,7 +18,11 @@ __all__ = ["FORMATS", "Format", "read", "read_all"]
 #: Every format, in the order in which they are tried on a file. Plain tables come last: many
 #: instrument files look like one.
 FORMATS: tuple[Format, ...] = (
+    mach1.FORMAT,
     optics11.FORMAT,
+    bioindenter.FORMAT,
+    hysitron.FORMAT,
+    fischer.FORMAT,
     delimited.FORMAT,
 )
 
