@@ -52,6 +52,11 @@ class RadiusSeries:
     stretch: Stretch
     coefficients: FloatArray
 
+    @property
+    def error_estimate(self) -> float:
+        """Truncation error of the logarithms."""
+        return truncation_error(self.coefficients)
+
     def values(self, eps: FloatArray) -> FloatArray:
         """The three logarithms (n, 3) at `eps` (n,)."""
         angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
