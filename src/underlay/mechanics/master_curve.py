@@ -24,7 +24,17 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 
-__all__ = ["MOST_TERMS", "Factor", "MasterCurve", "Stretch", "chebyshev_angles", "chebyshev_coefficients", "truncation_error"]
+__all__ = [
+    "MOST_TERMS",
+    "Factor",
+    "MasterCurve",
+    "Stretch",
+    "chebyshev_angles",
+    "chebyshev_coefficients",
+    "in_powers",
+    "polynomial",
+    "truncation_error",
+]
 
 # Coefficients per row of the evaluated polynomial: sum_j z^(4j) (c_j0 + c_j1 z + c_j2 z^2 + c_j3 z^3).
 _BLOCK = 4
@@ -93,7 +103,7 @@ def chebyshev_coefficients(values: FloatArray, angles: FloatArray) -> FloatArray
     return scale * (np.cos(np.arange(count)[:, None] * angles) @ values)
 
 
-def _monomials(count: int) -> FloatArray:
+def _monomial_table(count: int) -> FloatArray:
     """Row k: the coefficients of T_k in powers of z."""
     table = np.zeros((count, count))
     table[0, 0] = table[1, 1] = 1.0
@@ -106,21 +116,29 @@ def _monomials(count: int) -> FloatArray:
 # Powers of z lose (1 + sqrt 2)^n / rho^n of relative accuracy against Chebyshev polynomials, rho > 1.8 the
 # rate at which a piece's coefficients fall: below 1e-12 for 24 terms, and far below with the usual rho > 3.
 MOST_TERMS = 24
-_MONOMIALS = _monomials(MOST_TERMS)
+_MONOMIALS = _monomial_table(MOST_TERMS)
 
 
-def truncation_error(coefficients: FloatArray) -> float:
-    """Error of a Chebyshev interpolant, from how its coefficients (terms, columns) fall.
+def in_powers(coefficients: FloatArray) -> FloatArray:
+    """Turn Chebyshev coefficients (..., terms, 3) into powers of z (..., 3, rows, 4) for `polynomial`."""
+    terms = coefficients.shape[-2]
+    rows = -(-terms // _BLOCK)
+    table = np.swapaxes(coefficients, -1, -2) @ _MONOMIALS[:terms, : rows * _BLOCK]
+    return table.reshape(*table.shape[:-1], rows, _BLOCK)
+
+
+def truncation_error(coefficients: FloatArray) -> FloatArray:
+    """Error of a Chebyshev interpolant, from how its coefficients (..., terms, columns) fall.
 
     The last four give the rate, pair against pair; the terms left out, and their aliases, are then within
     three times the sum of a geometric series. A rate of 0.9 and more is taken as 0.9.
     """
-    if coefficients.shape[0] < 4:
-        return float(np.abs(coefficients[-1]).max())
-    first, second, third, fourth = np.abs(coefficients[-4:]).max(axis=1).tolist()
-    last, before = third + fourth, first + second
-    rate = min(last / before, 0.9) if before > 0.0 else 0.0
-    return 3.0 * last * rate / (1.0 - rate)
+    size = np.abs(coefficients[..., -4:, :]).max(axis=-1)
+    last, before = size[..., 2] + size[..., 3], size[..., 0] + size[..., 1]
+    # last/(last + before) is rate/(1 + rate): no division by zero but where all four vanish, exactly.
+    share = np.minimum(last / np.maximum(last + before, np.finfo(float).tiny), 0.9 / 1.9)
+    rate = share / (1.0 - share)
+    return np.asarray(3.0 * last * rate / (1.0 - rate))
 
 
 @dataclass(frozen=True)
@@ -183,12 +201,10 @@ class MasterCurve:
         jumps: tuple[float, ...] = (),
     ) -> MasterCurve:
         """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece."""
-        terms = pieces[0].shape[0]
-        rows = -(-terms // _BLOCK)
-        table = np.array([piece.T for piece in pieces]) @ _MONOMIALS[:terms, : rows * _BLOCK]
+        stacked = np.array(pieces)
+        table = in_powers(stacked)
         table.flags.writeable = False
-        table = table.reshape(len(pieces), len(Factor), rows, _BLOCK)
-        return cls(stretch, tuple(edges), table, max(map(truncation_error, pieces)), jumps)
+        return cls(stretch, tuple(edges), table, float(truncation_error(stacked).max()), jumps)
 
     def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
         """One of the factors at `varpi` (n,)."""
@@ -202,29 +218,29 @@ class MasterCurve:
     def _factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
         z = self.stretch.z(varpi)
         if len(self.edges) == 2:
-            logarithm = _polynomial(self.coefficients[0, which], z)
+            logarithm = polynomial(self.coefficients[0, which], z)
         else:
             logarithm = np.empty_like(z)
             piece = np.searchsorted(self.edges[1:-1], z)
             for index, (low, high) in enumerate(pairwise(self.edges)):
                 here = piece == index
                 local = (z[here] - 0.5 * (low + high)) * (2.0 / (high - low))
-                logarithm[here] = _polynomial(self.coefficients[index, which], local)
+                logarithm[here] = polynomial(self.coefficients[index, which], local)
         return np.exp(logarithm, out=logarithm)
 
 
-def _polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
-    """Evaluate sum_j z^(4j) sum_i table[j, i] z^i: one matrix product, then Horner in z^4."""
-    powers = np.empty((_BLOCK, z.size))
-    powers[0] = 1.0
-    powers[1] = z
-    np.multiply(z, z, out=powers[2])
-    np.multiply(powers[2], z, out=powers[3])
+def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
+    """Evaluate sum_j z^(4j) sum_i table[..., j, i] z^i at z (..., n): one product, then Horner in z^4."""
+    powers = np.empty((*z.shape[:-1], _BLOCK, z.shape[-1]))
+    powers[..., 0, :] = 1.0
+    powers[..., 1, :] = z
+    np.multiply(z, z, out=powers[..., 2, :])
+    np.multiply(powers[..., 2, :], z, out=powers[..., 3, :])
     rows = table @ powers
-    total = rows[-1]
-    if len(rows) > 1:
-        fourth = powers[2] * powers[2]
-        for row in rows[-2::-1]:
+    total = rows[..., -1, :]
+    if table.shape[-2] > 1:
+        fourth = powers[..., 2, :] * powers[..., 2, :]
+        for row in range(table.shape[-2] - 2, -1, -1):
             total *= fourth
-            total += row
+            total += rows[..., row, :]
     return total

@@ -55,7 +55,7 @@ class RadiusSeries:
     @property
     def error_estimate(self) -> float:
         """Truncation error of the logarithms."""
-        return truncation_error(self.coefficients)
+        return float(truncation_error(self.coefficients))
 
     def values(self, eps: FloatArray) -> FloatArray:
         """The three logarithms (n, 3) at `eps` (n,)."""
