@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Self, TypeVar
 
 import numpy as np
@@ -37,8 +39,7 @@ _SHARE_OF_CURVE = 0.6
 _SHORT = 0.99
 # Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
 _SOFT = 0.3
-# There the guess is too large: beyond this a/h it pays to look first, this coarsely.
-_FAR = 0.5
+# There a coarse solution comes first.
 _COARSE = 1e-2
 _MOST_SERIES_TERMS = 400
 # Gauss nodes of int H p dx for a shape that is not a power law: the sphere's H is analytic, a measured tip's
@@ -138,14 +139,11 @@ def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
     if eps >= end:
         eps = end
         _check_reach(problem, top, end, rtol)
-    if problem.pair.ratio > _SOFT:
-        found = _direct(problem, top, eps, rtol)
+    place, eps = _placement(problem, top, eps)
+    if place is not None:
+        found = _direct(problem, place, top, eps, rtol)
         if found is not None:
             return found
-    elif eps > _FAR:
-        branches = _series(problem, eps, _COARSE)[0].branches()
-        if len(branches) == 1 and branches[0].varpi[-1] > top:
-            eps = min(eps, 1.05 * float(np.interp(top, branches[0].varpi, branches[0].eps)))
     series, resolution = _series(problem, eps, rtol)
     while eps < end and series.varpi(np.array([eps]))[0] < top:
         eps = min(1.25 * eps, end)
@@ -208,18 +206,42 @@ class RadiusGuess:
         return varpi * (1.0 + self.gain * share / (1.0 + share))
 
 
-def _direct(problem: ContactProblem, top: float, eps: float, rtol: float) -> SolvedCurve | None:
-    """One polynomial through radii placed by the guess; None where that does not reach `rtol`."""
+def _placement(
+    problem: ContactProblem, top: float, eps: float
+) -> tuple[Callable[[FloatArray], FloatArray] | None, float]:
+    """Where to put the radii for given varpi, and the largest of them; None where varpi(eps) folds.
+
+    The guess will do unless the substrate is much softer than the layer: then a coarse solution tells.
+    """
+    if problem.pair.ratio > _SOFT:
+        return problem.guess, eps
+    branches = _series(problem, eps, _COARSE)[0].branches()
+    if len(branches) > 1 or branches[0].varpi[-1] < top:
+        return None, eps
+    table = branches[0]
+    place = partial(np.interp, xp=table.varpi, fp=table.eps)
+    return place, 1.02 * float(place(top))
+
+
+def _direct(
+    problem: ContactProblem,
+    place: Callable[[FloatArray], FloatArray],
+    top: float,
+    eps: float,
+    rtol: float,
+) -> SolvedCurve | None:
+    """One polynomial through radii placed beforehand; None where that does not reach `rtol`."""
+    softness = problem.pair.softness
     terms = curve_terms(problem.pair, top, problem.measure.exponent, rtol)
     while terms <= MOST_TERMS:
         resolution = Resolution.choose(problem.pair, eps, rtol)
-        targets = np.append(Stretch(top, 0.0).v(np.cos(chebyshev_angles(terms))), top)
-        radii = problem.guess(targets)
+        targets = np.append(Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms))), top)
+        radii = place(targets)
         varpi, logarithms = problem.solve(radii[:-1] * (eps / radii[-1]), resolution)
         if varpi[-1] < _SHORT * targets[-2] and eps < problem.end:
             eps = min(1.05 * eps * float(targets[-2] / varpi[-1]), problem.end)
             continue
-        curve = MasterCurve.through(varpi, logarithms, top)
+        curve = MasterCurve.through(varpi, logarithms, top, softness)
         if curve.error_estimate <= _SHARE_OF_CURVE * rtol:
             error = _SHARE_OF_NODES * rtol + curve.error_estimate
             return SolvedCurve(curve, resolution, terms, eps, error)
@@ -229,7 +251,7 @@ def _direct(problem: ContactProblem, top: float, eps: float, rtol: float) -> Sol
 
 def _series(problem: ContactProblem, eps: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
     """Solve at Chebyshev points up to `eps` and expand in the radius, with as many terms as it takes."""
-    stretch = Stretch(eps, problem.pair.softness)
+    stretch = Stretch.to(eps, problem.pair.softness)
     resolution = Resolution.choose(problem.pair, eps, rtol)
     terms = series_terms(problem.pair, eps, rtol)
     while True:

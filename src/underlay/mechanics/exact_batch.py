@@ -106,7 +106,7 @@ class ExactBatch:
         top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / thickness
         solved = solve_curve(problem, top, rtol)
         terms = min(curve_terms(problem.pair, top, problem.measure.exponent, rtol), MOST_TERMS)
-        targets = Stretch(top, 0.0).v(np.cos(chebyshev_angles(terms)))
+        targets = Stretch.to(top, 0.0).v(np.cos(chebyshev_angles(terms)))
         eps = targets * solved.curve.factor(Factor.RADIUS, targets)
         resolution = Resolution.choose(problem.pair, solved.eps, rtol)
         u, weights = resolution.wavenumber_rule()

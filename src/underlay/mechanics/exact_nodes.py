@@ -122,9 +122,13 @@ def series_terms(pair: Pair, eps: float, rtol: float) -> int:
 
 
 def curve_terms(pair: Pair, varpi: float, exponent: float, rtol: float) -> int:
-    """Contact radii for one polynomial in varpi up to `varpi`, on a substrate that is not much softer."""
-    length = asinh(varpi) * (1.0 + 0.12 * pair.firmness) * (1.0 + 0.25 / exponent)
-    return 4 * ceil(0.25 * (1.0 - log10(rtol)) * (0.8 + length) - 0.02)
+    """Contact radii for one polynomial in varpi up to `varpi`."""
+    digits = 1.0 - log10(rtol)
+    if pair.softness == 0.0:
+        length = asinh(varpi) * (1.0 + 0.12 * pair.firmness) * (1.0 + 0.25 / exponent)
+    else:
+        length = 0.42 * (asinh(varpi) + log1p(pair.softness * varpi)) * (1.0 + 0.25 / exponent)
+    return 4 * ceil(0.25 * digits * (0.8 + length) - 0.02)
 
 
 # Each step moves the scale by less: after six the node count stands still.

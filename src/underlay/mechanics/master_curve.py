@@ -18,7 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
-from math import asinh, cos, log1p, pi, sinh
+from math import asinh, cos, log1p, pi
+from typing import Self
 
 import numpy as np
 
@@ -52,18 +53,18 @@ class Factor(IntEnum):
 
 @dataclass(frozen=True)
 class Stretch:
-    """The variable t(v) = arcsinh(v) + ln(1 + softness v) on [0, top], mapped to z in [-1, 1]."""
+    """The variable t(v) = arcsinh(v) + ln(1 + softness v) on [0, length], mapped to z in [-1, 1]."""
 
-    top: float
+    length: float
     softness: float
 
-    @property
-    def length(self) -> float:
-        """t(top)."""
-        return asinh(self.top) + log1p(self.softness * self.top)
+    @classmethod
+    def to(cls, top: float, softness: float) -> Self:
+        """Cover v in [0, top]."""
+        return cls(asinh(top) + log1p(softness * top), softness)
 
     def z(self, v: FloatArray) -> FloatArray:
-        """Map v in [0, top] to z in [-1, 1]."""
+        """Map v to z."""
         t = np.arcsinh(v)
         if self.softness > 0.0:
             t += np.log1p(self.softness * v)
@@ -80,14 +81,20 @@ class Stretch:
         target = (0.5 * self.length) * (z + 1.0)
         if self.softness == 0.0:
             return np.sinh(target)
-        # Newton in y = arcsinh(v), from a table graded like the map itself: quadratic from the first step.
-        table = np.expm1(np.linspace(0.0, log1p(self.softness * self.top), 64)) / self.softness
-        y = np.arcsinh(np.interp(target, np.arcsinh(table) + np.log1p(self.softness * table), table))
-        for _ in range(5):
+        # Newton in y = arcsinh(v). Either term of t alone bounds y from above, and so does their mean slope
+        # at zero; t is concave or straight in y from there on, so that the steps converge from one side.
+        y = np.minimum(target, np.arcsinh(np.expm1(target) / self.softness))
+        for _ in range(_NEWTON_STEPS):
             v = np.sinh(y)
             slope = 1.0 + self.softness * np.cosh(y) / (1.0 + self.softness * v)
-            y -= (y + np.log1p(self.softness * v) - target) / slope
+            step = (y + np.log1p(self.softness * v) - target) / slope
+            y = np.maximum(y - step, 0.0)
+            if (np.abs(step) <= 1e-15 * self.length).all():
+                break
         return np.sinh(y)
+
+
+_NEWTON_STEPS = 30
 
 
 def chebyshev_angles(count: int) -> FloatArray:
@@ -171,10 +178,10 @@ class MasterCurve:
         """Return the curve of factors that do not depend on varpi."""
         table = np.zeros((1, len(Factor), 1, _BLOCK))
         table[0, :, 0, 0] = logarithms
-        return cls(Stretch(top, 0.0), (-1.0, 1.0), table, 0.0)
+        return cls(Stretch.to(top, 0.0), (-1.0, 1.0), table, 0.0)
 
     @classmethod
-    def through(cls, varpi: FloatArray, logarithms: FloatArray, top: float) -> MasterCurve:
+    def through(cls, varpi: FloatArray, logarithms: FloatArray, top: float, softness: float) -> MasterCurve:
         """Return the polynomial through given points, for varpi in [0, `top`].
 
         Parameters
@@ -186,8 +193,10 @@ class MasterCurve:
             Of the factors.
         """
         # The last Chebyshev point stands at z = cos(pi/2n): points that go beyond it lengthen the interval.
-        reach = asinh(varpi[-1]) * 2.0 / (1.0 + cos(0.5 * pi / varpi.size))
-        stretch = Stretch(max(top, sinh(reach)), 0.0)
+        stretch = Stretch.to(top, softness)
+        reach = Stretch.to(float(varpi[-1]), softness).length * 2.0 / (1.0 + cos(0.5 * pi / varpi.size))
+        if reach > stretch.length:
+            stretch = Stretch(reach, softness)
         angles = np.arccos(stretch.z(varpi))
         basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
         return cls.of_pieces(stretch, [-1.0, 1.0], [np.linalg.solve(basis, logarithms)])

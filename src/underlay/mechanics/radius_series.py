@@ -108,7 +108,7 @@ class RadiusSeries:
         equations. The contact then jumps from disc to disc where both carry the same force, since of all
         contact areas the true one carries the largest load (Barber 1974, doi:10.1243/03093247V094230).
         """
-        stretch = Stretch(top, self.stretch.softness)
+        stretch = Stretch.to(top, self.stretch.softness)
         ends, branches = [0.0], self.branches()
         for lower, upper in pairwise(branches):
             ends.append(self._crossing(lower, upper))
