@@ -24,7 +24,7 @@ from underlay.mechanics.master_curve import (
 )
 from underlay.mechanics.materials import PlaneConstants, Real
 from underlay.mechanics.punch_solution import PunchSolution
-from underlay.mechanics.radius_series import RadiusSeries
+from underlay.mechanics.radius_series import Branch, RadiusSeries
 
 __all__ = ["LARGEST_EPS", "ContactProblem", "RadiusGuess", "SolvedCurve", "contact_factors", "depth_measure", "solve_curve"]
 
@@ -42,6 +42,10 @@ _SOFT = 0.3
 # There a coarse solution comes first.
 _COARSE = 1e-2
 _MOST_SERIES_TERMS = 400
+# Beyond this growth of errors, at a fold, the radius is not asked for more digits; below this the solution is
+# rounding.
+_LARGEST_GAIN = 30.0
+_FINEST = 1e-12
 # Gauss nodes of int H p dx for a shape that is not a power law: the sphere's H is analytic, a measured tip's
 # has corners in its derivatives.
 _SMOOTH_NODES, _MEASURED_NODES = 40, 240
@@ -139,17 +143,20 @@ def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
     if eps >= end:
         eps = end
         _check_reach(problem, top, end, rtol)
-    place, eps = _placement(problem, top, eps)
-    if place is not None:
-        found = _direct(problem, place, top, eps, rtol)
-        if found is not None:
-            return found
-    series, resolution = _series(problem, eps, rtol)
-    while eps < end and series.varpi(np.array([eps]))[0] < top:
-        eps = min(1.25 * eps, end)
-        series, resolution = _series(problem, eps, rtol)
+    place, eps, gain = _placement(problem, top, eps)
+    found = None if place is None else _direct(problem, place, top, eps, rtol, gain)
+    return found if found is not None else _by_branches(problem, top, eps, rtol, gain)
+
+
+def _by_branches(problem: ContactProblem, top: float, eps: float, rtol: float, gain: float) -> SolvedCurve:
+    """Expand in the radius first, then invert: works for any varpi(eps), folds included."""
+    fine = max(rtol / gain, _FINEST)
+    series, resolution = _series(problem, eps, fine)
+    while eps < problem.end and (last := float(series.varpi(np.array([eps]))[0])) < top:
+        eps = min(1.02 * eps * top / last, problem.end)
+        series, resolution = _series(problem, eps, fine)
     curve = series.inverted(top, 0.25 * rtol)
-    error = _SHARE_OF_NODES * rtol + series.error_estimate + curve.error_estimate
+    error = gain * (_SHARE_OF_NODES * fine + series.error_estimate) + curve.error_estimate
     return SolvedCurve(curve, resolution, series.coefficients.shape[0], eps, error)
 
 
@@ -208,19 +215,27 @@ class RadiusGuess:
 
 def _placement(
     problem: ContactProblem, top: float, eps: float
-) -> tuple[Callable[[FloatArray], FloatArray] | None, float]:
-    """Where to put the radii for given varpi, and the largest of them; None where varpi(eps) folds.
+) -> tuple[Callable[[FloatArray], FloatArray] | None, float, float]:
+    """Where to put the radii for given varpi, the largest of them, and how errors of depth grow in the radius.
 
-    The guess will do unless the substrate is much softer than the layer: then a coarse solution tells.
+    The guess will do unless the substrate is much softer than the layer: then a coarse solution tells. Where
+    varpi(eps) folds, or stops short, there is no placing beforehand (None). The growth is the largest slope
+    d ln eps/d ln varpi: one, but near a fold.
     """
     if problem.pair.ratio > _SOFT:
-        return problem.guess, eps
+        return problem.guess, eps, 1.0
     branches = _series(problem, eps, _COARSE)[0].branches()
+    gain = max(float(_steepest(branch)) for branch in branches)
     if len(branches) > 1 or branches[0].varpi[-1] < top:
-        return None, eps
+        return None, eps, min(gain, _LARGEST_GAIN)
     table = branches[0]
     place = partial(np.interp, xp=table.varpi, fp=table.eps)
-    return place, 1.02 * float(place(top))
+    return place, 1.02 * float(place(top)), min(gain, _LARGEST_GAIN)
+
+
+def _steepest(branch: Branch) -> float:
+    slope = np.diff(np.log(branch.eps[1:])) / np.diff(np.log(branch.varpi[1:]))
+    return max(1.0, float(slope.max(initial=1.0)))
 
 
 def _direct(
@@ -229,12 +244,14 @@ def _direct(
     top: float,
     eps: float,
     rtol: float,
+    gain: float,
 ) -> SolvedCurve | None:
     """One polynomial through radii placed beforehand; None where that does not reach `rtol`."""
     softness = problem.pair.softness
+    fine = max(rtol / gain, _FINEST)
     terms = curve_terms(problem.pair, top, problem.measure.exponent, rtol)
     while terms <= MOST_TERMS:
-        resolution = Resolution.choose(problem.pair, eps, rtol)
+        resolution = Resolution.choose(problem.pair, eps, fine)
         targets = np.append(Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms))), top)
         radii = place(targets)
         varpi, logarithms = problem.solve(radii[:-1] * (eps / radii[-1]), resolution)
@@ -243,7 +260,7 @@ def _direct(
             continue
         curve = MasterCurve.through(varpi, logarithms, top, softness)
         if curve.error_estimate <= _SHARE_OF_CURVE * rtol:
-            error = _SHARE_OF_NODES * rtol + curve.error_estimate
+            error = gain * _SHARE_OF_NODES * fine + curve.error_estimate
             return SolvedCurve(curve, resolution, terms, eps, error)
         terms += 4
     return None
@@ -300,10 +317,10 @@ def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> F
     """Weights (..., radii, nodes) of int_0^1 H(a x) p(x) dx for any shape, at contact radii `lengths` (m).
 
     A smooth step bunches the nodes at both ends, where H may be |x|^lambda or nearly singular; p has degree
-    2 n - 2 and takes its share of them.
+    2 n - 2, up to n half waves squeezed by two, and takes its share of them.
     """
     count = rule.nodes.size
-    s, weights = legendre_rule((_SMOOTH_NODES if isinstance(indenter, Sphere) else _MEASURED_NODES) + 2 * count)
+    s, weights = legendre_rule((_SMOOTH_NODES if isinstance(indenter, Sphere) else _MEASURED_NODES) + 4 * count)
     s = 0.5 * (s + 1.0)
     fine = s**3 * (10.0 - s * (15.0 - 6.0 * s))
     weights = 15.0 * weights * (s * (1.0 - s)) ** 2

@@ -146,15 +146,16 @@ def _graded(pair: Pair, wide: float, digits: float, reach: float) -> tuple[float
     base = max(2.2 + 0.6 * wide, 1.0 + 1.1 * wide)
     poles = [(0.5 * pair.decay / pair.fastest, digits)]
     if pair.ratio < 1.0:
-        poles.append((0.3 * pair.ratio ** (1.0 / 3.0), digits))
-        small = digits + 2.0 / 3.0 * log10(pair.ratio)
+        poles.append((0.3 * pair.ratio ** (1.0 / 3.0), digits - 0.5 * log10(pair.ratio)))
+        small = digits + 1.0 + 0.5 * log10(pair.ratio)
         if small > 0.0:
             poles.append((pair.stretch * pair.decay, small))
-    count = digits * (base + (0.34 + 0.13 * wide) * max(0.0, -log(first)))
+    growth = (0.34 if pair.ratio >= 1.0 else 0.5) + 0.13 * wide
+    count = digits * (base + growth * max(0.0, -log(first)))
     for _ in range(_GRADING_STEPS):
         finest = min(x * (1.74 * count / wanted) ** 2 for x, wanted in poles) / log1p(reach / first)
         if finest >= first:
             break
         first = finest
-        count = digits * (base + (0.34 + 0.13 * wide) * max(0.0, -log(first)))
+        count = digits * (base + growth * max(0.0, -log(first)))
     return first, count

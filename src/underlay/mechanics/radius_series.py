@@ -20,7 +20,7 @@ from underlay.mechanics.master_curve import (
     truncation_error,
 )
 
-__all__ = ["RadiusSeries"]
+__all__ = ["Branch", "RadiusSeries"]
 
 _NEWTON_STEPS = 60
 _BISECTIONS = 50
