@@ -1,0 +1,93 @@
+"""A plain solution of the exact contact problem, to judge approximate laws by.
+
+f(x) = w - G(x) + (2 eps/pi) int_0^1 K(eps x, eps y) f(y) dy,  f(1) = 0 (a flat punch has no such condition),
+K(s, t) = int_0^inf [1 - L(u)] cos(s u) cos(t u) du,  P = 4 theta a int_0^1 f dx.
+
+Gauss-Legendre Nystrom in x, graded Gauss-Legendre panels in u. Lengths in units of the layer thickness,
+forces in units of theta h^2. Shares nothing with the library but the values of 1 - L handed in.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+NODES = 40
+
+
+class Indentation(NamedTuple):
+    """Exact answers over contact radii: depth w/h, force P/(theta h^2), and P over the half-space force."""
+
+    depth: np.ndarray
+    force: np.ndarray
+    factor: np.ndarray
+
+
+def u_rule(finest=1e-6, end=40.0, order=24, longest=2.0):
+    """Nodes and weights on (0, end): panels that double from `finest` up to `longest`.
+
+    1 - L falls as exp(-2 u): what is left beyond 40 is below 1e-30. Panels of 2 resolve cos(2 eps u) with
+    24 nodes for a/h up to 3.
+    """
+    edges = [0.0, finest]
+    while edges[-1] < end:
+        edges.append(edges[-1] + min(edges[-1], longest))
+    edges = np.array(edges)
+    x, weight = np.polynomial.legendre.leggauss(order)
+    half = 0.5 * np.diff(edges)[:, None]
+    middle = 0.5 * (edges[1:] + edges[:-1])[:, None]
+    return (middle + half * x).ravel(), (half * weight).ravel()
+
+
+def bonded_kernel(layer, substrate):
+    """1 - L(u) of a layer bonded to `substrate`, from the library."""
+    from underlay.mechanics.kernel import SubstrateKernel
+
+    return SubstrateKernel(layer, substrate).one_minus_L
+
+
+def frictionless_kernel(u):
+    """1 - L(u) of a layer that rests without friction on a rigid base, whatever its Poisson's ratio.
+
+    Papkovich stream function with w = 0 and no shear at both faces but the indented one gives
+    L = (cosh 2u - 1)/(sinh 2u + 2u); with t = exp(-2u), 1 - L = 2 (2u + 1 - t) t/(1 + 4 u t - t^2).
+    """
+    t = np.exp(-2.0 * u)
+    return 2.0 * (2.0 * u + 1.0 - t) * t / (1.0 + 4.0 * u * t - t * t)
+
+
+def flat_punch(kernel, eps):
+    """Layer factor kappa_inf(eps) of a flat punch of radius eps h: P = 4 theta a w kappa_inf."""
+    return np.array([_punch_profile(kernel, e)[2] for e in np.atleast_1d(eps)])
+
+
+def power_law(kernel, eps, exponent):
+    """Exact `Indentation` by H = a^exponent (in units of h) at contact radii eps h.
+
+    The half-space force at the same depth w is 4 theta w^(1+1/exponent) exponent/(exponent+1).
+    """
+    depth, force = [], []
+    for e in np.atleast_1d(eps):
+        x, weight, mean, at_edge, operator, edge_row = _punch_profile(kernel, e)
+        shape = e**exponent * x**exponent
+        profile = np.linalg.solve(operator, -shape)
+        edge = -(e**exponent) + edge_row @ profile
+        w = -edge / at_edge
+        depth.append(w)
+        force.append(4.0 * e * (w * mean + weight @ profile))
+    depth, force = np.array(depth), np.array(force)
+    halfspace = 4.0 * depth ** (1.0 + 1.0 / exponent) * exponent / (exponent + 1.0)
+    return Indentation(depth, force, force / halfspace)
+
+
+def _punch_profile(kernel, eps):
+    x, weight = np.polynomial.legendre.leggauss(NODES)
+    x, weight = 0.5 * (x + 1.0), 0.5 * weight
+    u, du = u_rule()
+    spectrum = kernel(u) * du
+    cosines = np.cos(eps * np.outer(x, u))
+    operator = np.eye(NODES) - (2.0 * eps / np.pi) * ((cosines * spectrum) @ cosines.T) * weight
+    edge_row = (2.0 * eps / np.pi) * ((np.cos(eps * u) * spectrum) @ cosines.T) * weight
+    unit = np.linalg.solve(operator, np.ones(NODES))
+    return x, weight, weight @ unit, 1.0 + edge_row @ unit, operator, edge_row
