@@ -13,7 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-NODES = 40
+from underlay.mechanics.kernel import SubstrateKernel
+
+# Geometric convergence: 13 nodes give 1e-10 at a/h = 3 on a rigid base (the worst here); 24 leave nothing.
+NODES = 24
 
 
 class Indentation(NamedTuple):
@@ -42,8 +45,6 @@ def u_rule(finest=1e-6, end=40.0, order=24, longest=2.0):
 
 def bonded_kernel(layer, substrate):
     """1 - L(u) of a layer bonded to `substrate`, from the library."""
-    from underlay.mechanics.kernel import SubstrateKernel
-
     return SubstrateKernel(layer, substrate).one_minus_L
 
 
@@ -59,35 +60,43 @@ def frictionless_kernel(u):
 
 def flat_punch(kernel, eps):
     """Layer factor kappa_inf(eps) of a flat punch of radius eps h: P = 4 theta a w kappa_inf."""
-    return np.array([_punch_profile(kernel, e)[2] for e in np.atleast_1d(eps)])
+    return np.array([_system(kernel, e).mean for e in np.atleast_1d(eps)])
 
 
 def power_law(kernel, eps, exponent):
-    """Exact `Indentation` by H = a^exponent (in units of h) at contact radii eps h.
+    """Exact `Indentation` by a tip of H = a^exponent (in units of h) at contact radii eps h.
 
     The half-space force at the same depth w is 4 theta w^(1+1/exponent) exponent/(exponent+1).
     """
     depth, force = [], []
     for e in np.atleast_1d(eps):
-        x, weight, mean, at_edge, operator, edge_row = _punch_profile(kernel, e)
-        shape = e**exponent * x**exponent
-        profile = np.linalg.solve(operator, -shape)
-        edge = -(e**exponent) + edge_row @ profile
-        w = -edge / at_edge
+        system = _system(kernel, e)
+        profile = np.linalg.solve(system.operator, -((e * system.x) ** exponent))
+        edge = -(e**exponent) + system.edge_row @ profile
+        w = -edge / system.edge  # f(1) = 0
         depth.append(w)
-        force.append(4.0 * e * (w * mean + weight @ profile))
+        force.append(4.0 * e * (w * system.mean + system.weight @ profile))
     depth, force = np.array(depth), np.array(force)
     halfspace = 4.0 * depth ** (1.0 + 1.0 / exponent) * exponent / (exponent + 1.0)
     return Indentation(depth, force, force / halfspace)
 
 
-def _punch_profile(kernel, eps):
+class _System(NamedTuple):
+    x: np.ndarray
+    weight: np.ndarray
+    operator: np.ndarray
+    edge_row: np.ndarray
+    mean: float  # of the solution for w = 1 and a flat face
+    edge: float  # its value at x = 1
+
+
+def _system(kernel, eps):
     x, weight = np.polynomial.legendre.leggauss(NODES)
     x, weight = 0.5 * (x + 1.0), 0.5 * weight
     u, du = u_rule()
-    spectrum = kernel(u) * du
+    spectrum = (2.0 * eps / np.pi) * kernel(u) * du
     cosines = np.cos(eps * np.outer(x, u))
-    operator = np.eye(NODES) - (2.0 * eps / np.pi) * ((cosines * spectrum) @ cosines.T) * weight
-    edge_row = (2.0 * eps / np.pi) * ((np.cos(eps * u) * spectrum) @ cosines.T) * weight
+    operator = np.eye(NODES) - ((cosines * spectrum) @ cosines.T) * weight
+    edge_row = ((np.cos(eps * u) * spectrum) @ cosines.T) * weight
     unit = np.linalg.solve(operator, np.ones(NODES))
-    return x, weight, weight @ unit, 1.0 + edge_row @ unit, operator, edge_row
+    return _System(x, weight, operator, edge_row, weight @ unit, 1.0 + edge_row @ unit)

@@ -18,11 +18,11 @@ class Factor(ABC):
 
     @abstractmethod
     def value(self, u: FloatArray) -> FloatArray:
-        """The factor (dimensionless), shape of `u`."""
+        """Give the factor (dimensionless), shape of `u`."""
 
     @abstractmethod
     def slope(self, u: FloatArray) -> FloatArray:
-        """Its derivative with respect to u, shape of `u`."""
+        """Give its derivative with respect to u, shape of `u`."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,11 @@ class PolynomialFactor(Factor):
     coefficients: tuple[float, ...]
 
     def value(self, u: FloatArray) -> FloatArray:
-        """The polynomial at `u`."""
+        """Evaluate the polynomial at `u`."""
         return np.asarray(polynomial.polyval(u, self.coefficients))
 
     def slope(self, u: FloatArray) -> FloatArray:
-        """Its derivative at `u`."""
+        """Evaluate its derivative at `u`."""
         return np.asarray(polynomial.polyval(u, polynomial.polyder(self.coefficients)))
 
 
@@ -47,9 +47,9 @@ class ConstantFactor(Factor):
     number: float
 
     def value(self, u: FloatArray) -> FloatArray:
-        """The number, at every `u`."""
+        """Repeat the number at every `u`."""
         return np.full_like(u, self.number)
 
     def slope(self, u: FloatArray) -> FloatArray:
-        """Zero."""
+        """Give zero."""
         return np.zeros_like(u)

@@ -46,8 +46,8 @@ SPHERE = PublishedCorrection(
     measured_error=MeasuredError.from_table(
         (LAYER_NU,),
         """
-0.1 0.2 0.3 0.4 0.5 0.6 0.8 1 1.2 1.5
-0.5 0 0 0 0 0 0 0 0 0 0
+       0.1   0.2   0.3   0.4   0.5  0.6  0.8   1  1.2  1.5
+0.5  0.065  0.12  0.15  0.27  0.72  1.8  6.5  15   26   45
 """,
     ),
 )
@@ -57,7 +57,7 @@ CONE = PublishedCorrection(
     indenter="cone",
     substrate=RIGID_BONDED,
     equation="P/P_Sneddon = 1 + 0.721 y + 0.650 y^2 + 0.491 y^3 + 0.225 y^4",
-    valid_range=(0.0, 1.17),
+    valid_range=(0.0, 1.2),
     range_basis=MEASURED_RANGE,
     nu_range=(0.5, 0.5),
     assumptions=_ASSUMPTIONS,
@@ -67,8 +67,8 @@ CONE = PublishedCorrection(
     measured_error=MeasuredError.from_table(
         (LAYER_NU,),
         """
-0.1 0.2 0.3 0.4 0.5 0.6 0.8 1 1.2 1.5
-0.5 0 0 0 0 0 0 0 0 0 0
+       0.1    0.2    0.3    0.4   0.5   0.6   0.8    1  1.2  1.5
+0.5  0.039  0.072  0.079  0.079  0.12  0.26  0.31  1.5  4.9   14
 """,
     ),
 )
@@ -78,7 +78,7 @@ PUNCH = PublishedCorrection(
     indenter="flat punch",
     substrate=RIGID_BONDED,
     equation="P/P_halfspace = 1 + 1.133 eps + 1.283 eps^2 + 0.598 eps^3 - 0.291 eps^4",
-    valid_range=(0.0, 1.8),
+    valid_range=(0.0, 1.9),
     range_basis=MEASURED_RANGE,
     nu_range=(0.5, 0.5),
     assumptions=_ASSUMPTIONS,
@@ -88,8 +88,8 @@ PUNCH = PublishedCorrection(
     measured_error=MeasuredError.from_table(
         (LAYER_NU,),
         """
-0.1 0.2 0.3 0.4 0.5 0.6 0.8 1 1.5 2
-0.5 0 0 0 0 0 0 0 0 0 0
+       0.1   0.2   0.3   0.4   0.5   0.6  0.8    1  1.5    2
+0.5  0.064  0.13  0.21  0.34  0.57  0.92  1.9  2.9  3.4  6.9
 """,
     ),
 )

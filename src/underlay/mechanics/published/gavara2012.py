@@ -40,8 +40,8 @@ CONE = PublishedCorrection(
     measured_error=MeasuredError.from_table(
         (LAYER_NU,),
         """
-0.02 0.04 0.06 0.08 0.1 0.2 0.4 0.6 0.8 1
-0.5 0 0 0 0 0 0 0 0 0 0
+     0.02  0.04  0.06  0.08  0.1  0.2  0.4  0.6   0.8     1
+0.5   1.3   6.4    16    28   44  170  550  980  1400  1700
 """,
     ),
 )

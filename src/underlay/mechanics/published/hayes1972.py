@@ -61,8 +61,8 @@ PUNCH = PublishedCorrection(
     measured_error=MeasuredError.from_table(
         (LAYER_NU,),
         """
-0.2 0.4 0.6 0.8 1 1.2 1.4 1.6 1.8 2
-0.5 0 0 0 0 0 0 0 0 0 0
+       0.2    0.4    0.6   0.8     1   1.2  1.4   1.6   1.8     2
+0.5  0.029  0.043  0.086  0.19  0.27  0.41  0.5  0.62  0.75  0.88
 """,
     ),
 )

@@ -11,11 +11,11 @@ from underlay._arrays import FloatArray, positive
 from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.halfspace import HalfspaceLaw, largest_halfspace_depth
-from underlay.mechanics.indenters import Indenter, Paraboloid, Sphere
+from underlay.mechanics.indenters import Indenter, Sphere
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate
 from underlay.mechanics.published.correction import ELASTIC, PublishedCorrection
 from underlay.mechanics.published.factor import Factor
-from underlay.mechanics.published.layer_contact import LayerContact
+from underlay.mechanics.published.layer_contact import LayerContact, tip_of
 from underlay.mechanics.published.limits import OutOfRange
 from underlay.mechanics.published.registry import find_correction
 
@@ -106,6 +106,7 @@ def published_law(
 
     Examples
     --------
+    >>> from underlay.mechanics.indenters import Paraboloid
     >>> from underlay.mechanics.materials import RIGID
     >>> gel = Layer(Isotropic(E=3e3, nu=0.5), thickness=10e-6)
     >>> law = published_law("garcia2018", Paraboloid(5e-6), gel, RIGID, max_depth=1e-6)
@@ -165,8 +166,9 @@ def _layer_contact(
             f"{name} needs a rigid substrate (RIGID); got {substrate!r}. For an elastic base take, e.g., "
             "'clifford2009' or 'hay2011'; method='exact' takes every base"
         )
-    shape = Paraboloid(indenter.radius) if isinstance(indenter, Sphere) else indenter
-    return LayerContact(indenter=shape, thickness=layer.thickness, layer=layer.material, substrate=substrate)
+    return LayerContact(
+        indenter=tip_of(indenter), thickness=layer.thickness, layer=layer.material, substrate=substrate
+    )
 
 
 def _sphere_excess(indenter: Indenter, contact: LayerContact, depth: float) -> float:

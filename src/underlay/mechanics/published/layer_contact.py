@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.errors import InputError
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, Sphere
 from underlay.mechanics.materials import Isotropic, Rigid
 
-__all__ = ["KINDS", "LayerContact", "kind_of"]
+__all__ = ["KINDS", "LayerContact", "kind_of", "tip_of"]
 
 #: The three kinds of indenter the literature corrects for, and the library's indenters of each kind.
 KINDS = {
@@ -22,11 +23,26 @@ KINDS = {
 
 
 def kind_of(indenter: Indenter) -> str | None:
-    """The literature's word for `indenter`, None where it has no correction for such a shape."""
+    """Name `indenter` as the literature does, None where it has no correction for such a shape."""
     for kind, shapes in KINDS.items():
         if isinstance(indenter, shapes):
             return kind
     return None
+
+
+def tip_of(indenter: Indenter) -> Paraboloid | Cone | FlatPunch:
+    """Give the tip that a correction was made for: a true sphere becomes the paraboloid of its radius.
+
+    Raises
+    ------
+    InputError
+        If the literature has no correction for the shape.
+    """
+    if isinstance(indenter, Sphere):
+        return Paraboloid(indenter.radius)
+    if isinstance(indenter, Paraboloid | Cone | FlatPunch):
+        return indenter
+    raise InputError(f"no published correction is for {indenter!r}; method='exact' takes every shape")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,13 +81,13 @@ class LayerContact:
 
     @property
     def exponent(self) -> float:
-        """q of u ~ d^q: 1/2 for a sphere, 1 for a cone, 0 for a flat punch."""
+        """The power q of u ~ d^q: 1/2 for a sphere, 1 for a cone, 0 for a flat punch."""
         if isinstance(self.indenter, Paraboloid):
             return 0.5
         return 1.0 if isinstance(self.indenter, Cone) else 0.0
 
     def variable(self, depth: FloatArray) -> FloatArray:
-        """The literature's measure of how large the contact is against the layer, shape of `depth` (m).
+        """Measure the contact against the layer as the literature does; shape of `depth` (m).
 
         X = sqrt(R d)/h for a sphere, y = d tan(half-angle)/h for a cone, eps = a/h for a flat punch.
         """
@@ -82,7 +98,7 @@ class LayerContact:
         return np.full_like(depth, self.indenter.radius / self.thickness)
 
     def size_at(self, depth: float) -> float:
-        """`variable` at one depth (m)."""
+        """Give `variable` at one depth (m)."""
         return float(self.variable(np.array([depth]))[0])
 
     @property

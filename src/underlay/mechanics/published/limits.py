@@ -42,7 +42,7 @@ class Limit:
     high: float
 
     def broken_by(self, contact: LayerContact, max_depth: float) -> OutOfRange | None:
-        """The `OutOfRange` of this test, None if it keeps the range."""
+        """Say how this test leaves the range, None if it keeps it."""
         value = self.quantity.of(contact, max_depth)
         if self.low <= value <= self.high:
             return None

@@ -27,7 +27,7 @@ CONE = PublishedCorrection(
     indenter="cone",
     substrate=RIGID_BONDED,
     equation="P/P_Sneddon = 1 + 4 C y + 20 C^2 y^2, C = 1.7795/pi^2",
-    valid_range=(0.0, 0.51),
+    valid_range=(0.0, 0.5),
     range_basis=MEASURED_RANGE,
     nu_range=(0.5, 0.5),
     assumptions=("linear elasticity, no friction under the tip", "incompressible layer, nu = 0.5"),
@@ -41,8 +41,8 @@ CONE = PublishedCorrection(
     measured_error=MeasuredError.from_table(
         (LAYER_NU,),
         """
-0.1 0.2 0.3 0.4 0.5 0.6 0.8 1 1.2 1.5
-0.5 0 0 0 0 0 0 0 0 0 0
+       0.1   0.2  0.3  0.4  0.5  0.6  0.8   1  1.2  1.5
+0.5  0.014  0.29  1.1  2.6  4.9  7.8   15  23   29   37
 """,
     ),
 )

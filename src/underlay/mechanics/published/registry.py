@@ -54,12 +54,12 @@ def published_corrections() -> tuple[PublishedCorrection, ...]:
 
 
 def published_names() -> tuple[str, ...]:
-    """The names of the corrections, each once."""
+    """List the names of the corrections, each once."""
     return tuple(dict.fromkeys(correction.name for correction in _CORRECTIONS))
 
 
 def find_correction(name: str, indenter: Indenter) -> PublishedCorrection:
-    """The correction called `name` for this kind of indenter.
+    """Find the correction called `name` for this kind of indenter.
 
     Raises
     ------
