@@ -6,12 +6,13 @@ Run ``python tests/support/published_errors.py`` (src and tests on the path) to 
 
 from __future__ import annotations
 
-from itertools import product
+import sys
+from itertools import pairwise, product
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from support.fredholm import bonded_kernel, flat_punch, power_law
 
+from support.fredholm import bonded_kernel, flat_punch, power_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid
 from underlay.mechanics.materials import RIGID, Isotropic
 from underlay.mechanics.published import published_corrections
@@ -91,7 +92,7 @@ def remeasure(correction):
         exact = exact_factor(bonded_kernel(contact.layer, contact.substrate), correction.indenter)
         edges = np.append(0.0, table.variable)
         so_far = 0.0
-        for column, (start, end) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+        for column, (start, end) in enumerate(pairwise(edges)):
             sizes = start + (end - start) * np.arange(1, PER_COLUMN + 1) / PER_COLUMN
             error = np.abs(factor_of(correction, contact, sizes) / exact(sizes) - 1.0)
             so_far = max(so_far, float(error.max()))
@@ -114,11 +115,14 @@ def main():
     for correction in published_corrections():
         table = correction.measured_error
         worst = remeasure(correction)
-        print(f"# {correction.name} {correction.indenter}")
-        print(" ".join(f"{size:g}" for size in table.variable))
+        lines = [
+            f"# {correction.name} {correction.indenter}",
+            " ".join(f"{size:g}" for size in table.variable),
+        ]
         for index in product(*(range(nodes.size) for nodes in table.nodes)):
             values = [f"{nodes[i]:g}" for nodes, i in zip(table.nodes, index, strict=True)]
-            print(" ".join(values + [rounded_up(error) for error in worst[index]]))
+            lines.append(" ".join([*values, *(rounded_up(error) for error in worst[index])]))
+        sys.stdout.write("\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 P/P_Sneddon = 1 + 1.7795 (2 tan(alpha)/pi^2) d/h + 16 1.7795^2 tan(alpha)^2 (d/h)^2, alpha from the axis.
 
 Both terms as printed are far from the exact contact problem: the linear one is half of the exact
-4 a_0 tan(alpha)/pi^2, and the quadratic one, for lack of a 1/pi^4, about eighty times too large.
+4 a_0 tan(alpha)/pi^2, and the quadratic one, for lack of a 1/pi^4, about 78 times too large.
 """
 
 from __future__ import annotations

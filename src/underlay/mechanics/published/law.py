@@ -111,7 +111,7 @@ def published_law(
     >>> gel = Layer(Isotropic(E=3e3, nu=0.5), thickness=10e-6)
     >>> law = published_law("garcia2018", Paraboloid(5e-6), gel, RIGID, max_depth=1e-6)
     >>> round(float(law.force(1e-6) / law.contact.halfspace.force(1e-6)), 3)
-    1.346
+    1.347
     """
     correction = find_correction(name, indenter)
     contact = _layer_contact(correction, indenter, layer, substrate)
@@ -194,7 +194,13 @@ def _require_growth(law: PublishedLaw) -> None:
     if growing.all():
         return
     first = int(np.argmin(growing))
-    last_good = float(depth[first - 1]) if first > 0 else 0.0
+    if first == 0:
+        raise RangeError(
+            f"{law.method} gives no growing force at all here ({law.correction.variable} is "
+            f"{law.contact.size_at(law.max_depth):.4g} at the largest depth); take method='exact'",
+            max_depth=0.0,
+        )
+    last_good = float(depth[first - 1])
     raise RangeError(
         f"the force of {law.method} stops growing before a depth of {depth[first]:.6g} m, which no contact "
         f"does; ask for it up to {last_good:.6g} m at most, or take method='exact'",

@@ -4,8 +4,8 @@ P/P_Hertz = (1 + 1.15 X + a w + b w^2)/(1 + 2.3 w), w = X^3;
 R/h > 2: a = 9.5, b = 4.212; otherwise a = 10.05 - 0.63 sqrt(h/R) (3.1 + h^2/R^2), b = 4.8 - 4.23 h^2/R^2.
 
 A fit to neo-Hookean calculations with a true sphere. Against linear elasticity and a paraboloid the branch
-for R/h > 2 is within 2 % up to X = 0.75; the other one is up to 29 % lower, since it holds the large strain
-and the sphere's steep flank. The two differ by up to 8 % where they meet, at R/h = 2.
+for R/h > 2 is within 2 % up to X = 0.75; the other one is up to 33 % lower at the source's largest depths,
+where d is as large as R. The two branches differ by up to 9 % where they meet, at R/h = 2.
 """
 
 from __future__ import annotations
@@ -66,7 +66,6 @@ SPHERE = PublishedCorrection(
     assumptions=(
         "neo-Hookean, incompressible layer, large deformation",
         "a true sphere",
-        "no slip or no friction made no difference in the source's fit",
     ),
     source="Long, Hall, Wu & Hui 2011, Biophysical Journal 101, 643-650",
     doi="10.1016/j.bpj.2011.06.049",

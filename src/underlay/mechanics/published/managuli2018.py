@@ -35,8 +35,7 @@ CONE = PublishedCorrection(
         "Managuli & Roy 2018, Asymptotical correction of bottom substrate effect arising in AFM indentation "
         "of thin samples and adherent cells using conical tips, Experimental Techniques"
     ),
-    # Known from one secondary citation of the article; kept because the title there agrees.
-    doi=None,
+    doi="10.1007/s40799-018-0268-8",
     factor=_cone,
     measured_error=MeasuredError.from_table(
         (LAYER_NU,),
