@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import pickle
 import re
 import warnings
 
@@ -13,13 +14,22 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from support import fredholm
-from support.fredholm import bonded_kernel, flat_punch, frictionless_kernel, power_law, u_rule
+from support.fredholm import (
+    bonded_kernel,
+    fixed_radius_factor,
+    flat_punch,
+    frictionless_kernel,
+    power_law,
+    u_rule,
+)
 from support.published_errors import contact_of, exact_factor, factor_of, remeasure
 from underlay.errors import InputError, RangeError, UnderlayError, UnderlayWarning
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 from underlay.mechanics.published import OutOfRange, published_corrections, published_law, published_names
 from underlay.mechanics.published.correction import ELASTIC
+from underlay.mechanics.published.dimitriadis2002 import _expansion
+from underlay.mechanics.published.factor import PolynomialFactor
 
 CORRECTIONS = {(c.name, c.indenter): c for c in published_corrections()}
 RIGID_ONES = [c for c in published_corrections() if c.substrate != ELASTIC]
@@ -167,7 +177,7 @@ def test_doss_fails_for_a_softer_base_past_its_range():
 
 
 def test_hayes_table_against_the_exact_factor():
-    ratios = np.linspace(0.2, 2.0, 10)
+    ratios = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0])
     table = factor_of(CORRECTIONS["hayes1972", "flat punch"], contact_of("flat punch"), ratios)
     exact = flat_punch(BONDED, ratios)
     assert table.tolist() == [1.281, 1.683, 2.211, 2.855, 3.609, 4.469, 5.441, 6.528, 7.735, 9.069]
@@ -290,18 +300,60 @@ def test_gavara_terms_are_wrong_as_printed():
 # --- printed forms and bookkeeping --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("name", "printed"),
-    [
-        ("dimitriadis2002", (1.0, 1.133, 1.283, 0.769, 0.0975)),
-        ("dimitriadis2002-unbonded", (1.0, 0.884, 0.781, 0.386, 0.0048)),
-    ],
-)
-def test_dimitriadis_general_form_rounds_to_the_printed_coefficients(name, printed):
-    coefficients = CORRECTIONS[name, "sphere"].factor(contact_of("sphere")).coefficients
-    assert [
-        float(f"{c:.{len(str(p).split('.')[1])}f}") for c, p in zip(coefficients, printed, strict=True)
-    ] == list(printed)
+EQUATION_11 = (1.0, 0.884, 0.781, 0.386, 0.0048)
+EQUATION_12 = (1.0, 1.133, 1.283, 0.769, 0.0975)
+
+
+def printed_digits(numbers, like):
+    """`numbers` rounded to as many digits as `like` are printed with."""
+    return [float(f"{number:.{len(str(p).split('.')[1])}f}") for number, p in zip(numbers, like, strict=True)]
+
+
+def test_dimitriadis_unbonded_form_rounds_to_the_printed_coefficients():
+    coefficients = CORRECTIONS["dimitriadis2002-unbonded", "sphere"].factor(contact_of("sphere")).coefficients
+    assert printed_digits(coefficients, EQUATION_11) == list(EQUATION_11)
+
+
+def test_dimitriadis_bonded_form_differs_from_the_printed_coefficients_by_one_sign():
+    correction = CORRECTIONS["dimitriadis2002", "sphere"]
+    assert correction.factor(contact_of("sphere")).coefficients == EQUATION_12
+    general = correction.factor(contact_of("sphere", nu=0.5 - 1e-9)).coefficients
+    assert printed_digits(general, EQUATION_12) == [*EQUATION_12[:4], -EQUATION_12[4]]
+
+
+def test_dimitriadis_general_form_is_the_expansion_at_a_fixed_contact_radius():
+    """f = w - w x^2 + K f without f(1) = 0, to X^4: settles the sign that equation (12) has otherwise."""
+    u, du = u_rule()
+    spectrum = BONDED(u) * du
+    a_0, a_1 = spectrum.sum(), -0.25 * (spectrum @ u**2)
+    assert_allclose(a_1, -0.957769288898, rtol=1e-11)
+    radii = np.array([0.02, 0.04])
+    factor = fixed_radius_factor(BONDED, radii)
+    general = _expansion(-a_0, -a_1)
+    flipped = PolynomialFactor((*general.coefficients[:4], -general.coefficients[4]))
+    remainder, with_flip = (np.abs(factor - form.value(radii)) for form in (general, flipped))
+    order = np.log2(remainder[1] / remainder[0])
+    assert 4.9 < order < 5.1
+    assert np.log2(with_flip[1] / with_flip[0]) < 4.5
+
+
+def test_exact_quadratic_term_is_seven_sixths_of_the_fixed_radius_one():
+    radii = np.array([1e-3, 2e-3])
+    solution = power_law(BONDED, radii, 2.0)
+    X = np.sqrt(solution.depth)
+    slope = exact_slope("sphere")
+    quadratic = (solution.factor - 1.0 - slope * X) / X**2
+    extrapolated = 2.0 * quadratic[0] - quadratic[1]  # the next term is linear in X
+    assert_allclose(extrapolated / slope**2, 7.0 / 6.0, rtol=1e-3)
+
+
+def test_dimitriadis_step_at_one_half_is_as_stated():
+    correction = CORRECTIONS["dimitriadis2002", "sphere"]
+    X = np.array([0.75])
+    printed, general = (
+        correction.factor(contact_of("sphere", nu=nu)).value(X)[0] for nu in (0.5, 0.5 - 1e-12)
+    )
+    assert_allclose(printed / general - 1.0, 0.02, atol=0.005)
 
 
 def test_sphere_force_written_out():
@@ -595,6 +647,16 @@ def test_records_are_complete_and_distinct():
         assert low < high
         with pytest.raises(dataclasses.FrozenInstanceError):
             record.name = "other"
+
+
+@pytest.mark.parametrize("correction", published_corrections(), ids=label)
+def test_laws_travel_between_processes(correction):
+    law = law_for(correction)
+    copy = pickle.loads(pickle.dumps(law))  # noqa: S301 - our own bytes
+    assert copy.correction == correction
+    assert hash(copy.correction) == hash(correction)
+    assert copy.force(5e-7) == law.force(5e-7)
+    assert copy.warnings == law.warnings
 
 
 def test_every_error_is_one_of_ours():

@@ -81,6 +81,16 @@ def power_law(kernel, eps, exponent):
     return Indentation(depth, force, force / halfspace)
 
 
+def fixed_radius_factor(kernel, eps):
+    """P/P_Hertz of a paraboloid whose contact radius is held at its half-space value, eps h."""
+    factor = []
+    for e in np.atleast_1d(eps):
+        system = _system(kernel, e)
+        profile = np.linalg.solve(system.operator, 1.0 - system.x**2)
+        factor.append(1.5 * (system.weight @ profile))
+    return np.array(factor)
+
+
 class _System(NamedTuple):
     x: np.ndarray
     weight: np.ndarray

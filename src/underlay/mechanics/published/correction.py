@@ -67,8 +67,8 @@ class PublishedCorrection:
     source: str
     doi: str | None
     further_limits: tuple[Limit, ...] = ()
-    factor: Callable[[LayerContact], Factor] = field(repr=False)
-    measured_error: MeasuredError = field(repr=False)
+    factor: Callable[[LayerContact], Factor] = field(repr=False, compare=False)
+    measured_error: MeasuredError = field(repr=False, compare=False)
 
     @property
     def variable(self) -> str:

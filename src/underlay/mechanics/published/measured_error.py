@@ -20,7 +20,7 @@ from underlay.mechanics.published.quantities import Quantity
 __all__ = ["MeasuredError"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MeasuredError:
     """Largest relative error of the force up to a contact size, for given materials.
 

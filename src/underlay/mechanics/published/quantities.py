@@ -36,18 +36,46 @@ class Quantity:
     of: Callable[[LayerContact, float], float] = field(repr=False)
 
 
+def _contact_size(contact: LayerContact, depth: float) -> float:
+    return contact.size_at(depth)
+
+
+def _layer_nu(contact: LayerContact, _depth: float) -> float:
+    return contact.layer.nu
+
+
+def _base_nu(contact: LayerContact, _depth: float) -> float:
+    return contact.elastic_base.nu
+
+
+def _modulus_ratio(contact: LayerContact, _depth: float) -> float:
+    return contact.modulus_ratio
+
+
+def _radius_ratio(contact: LayerContact, _depth: float) -> float:
+    return contact.radius_ratio
+
+
+def _depth_ratio(contact: LayerContact, depth: float) -> float:
+    return depth / contact.thickness
+
+
+def _depth_over_radius(contact: LayerContact, depth: float) -> float:
+    return depth / (contact.radius_ratio * contact.thickness)
+
+
 #: The contact size that a factor depends on, by kind of indenter.
 VARIABLES = {
-    "sphere": Quantity("X = sqrt(R d)/h", lambda contact, depth: contact.size_at(depth)),
-    "cone": Quantity("y = d tan(half-angle)/h", lambda contact, depth: contact.size_at(depth)),
-    "flat punch": Quantity("eps = a/h", lambda contact, depth: contact.size_at(depth)),
+    "sphere": Quantity("X = sqrt(R d)/h", _contact_size),
+    "cone": Quantity("y = d tan(half-angle)/h", _contact_size),
+    "flat punch": Quantity("eps = a/h", _contact_size),
 }
-LAYER_NU = Quantity("nu of the layer", lambda contact, _depth: contact.layer.nu)
-BASE_NU = Quantity("nu of the base", lambda contact, _depth: contact.elastic_base.nu)
-MODULUS_RATIO = Quantity("E of the base over E of the layer", lambda contact, _depth: contact.modulus_ratio)
-RADIUS_RATIO = Quantity("R/h", lambda contact, _depth: contact.radius_ratio)
-DEPTH_RATIO = Quantity("d/h", lambda contact, depth: depth / contact.thickness)
-DEPTH_OVER_RADIUS = Quantity("d/R", lambda contact, depth: depth / (contact.radius_ratio * contact.thickness))
+LAYER_NU = Quantity("nu of the layer", _layer_nu)
+BASE_NU = Quantity("nu of the base", _base_nu)
+MODULUS_RATIO = Quantity("E of the base over E of the layer", _modulus_ratio)
+RADIUS_RATIO = Quantity("R/h", _radius_ratio)
+DEPTH_RATIO = Quantity("d/h", _depth_ratio)
+DEPTH_OVER_RADIUS = Quantity("d/R", _depth_over_radius)
 
 #: What the error of a correction for an elastic base is measured at.
 MATERIALS = (MODULUS_RATIO, LAYER_NU, BASE_NU)
