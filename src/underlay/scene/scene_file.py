@@ -223,7 +223,8 @@ def _indenter(table: dict[str, Any]) -> Indenter:
     name = table.pop("shape", None)
     if name not in shapes:
         raise InputError(f"[indenter] shape: {name!r} is not known; allowed: {', '.join(sorted(shapes))}")
-    return _build(shapes[name], "indenter", table)
+    indenter: Indenter = _build(shapes[name], "indenter", table)
+    return indenter
 
 
 def _material(section: str, table: dict[str, Any]) -> tuple[Material, float]:
