@@ -147,7 +147,9 @@ def _prior(name: str, given: Prior | tuple[float, float] | None, *, logarithmic:
     try:
         low, high = (float(end) for end in given)
     except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: give a prior such as Normal(...), (low, high) or None; got {given!r}") from error
+        raise InputError(
+            f"{name}: give a prior such as Normal(...), (low, high) or None; got {given!r}"
+        ) from error
     if not low < high:
         raise InputError(f"{name}: the lower bound must be below the upper one; got {low!r} and {high!r}")
     if not (np.isfinite(low) and np.isfinite(high)):

@@ -18,6 +18,7 @@ from underlay.inference.coordinates import Coordinate, Spans, make_coordinate
 from underlay.inference.forward import Forward, LawOptions, LawStore, Reading
 from underlay.inference.noise_start import noise_start
 from underlay.inference.priors import Prior
+from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -84,6 +85,12 @@ class Member:
     def reading(self, physical: FloatArray) -> Reading:
         """Model at a physical vector (k,); raises InputError where no law exists."""
         return self.forward.reading(self.values_at(physical))
+
+    def law(self, physical: FloatArray) -> ContactLaw:
+        """Contact law at a physical vector (k,), as a caller of the scene would get it."""
+        scene = self.scene_at(physical)
+        deepest = float(self.curve.depth.max()) - scene.instrument.contact_depth
+        return self.forward.options.build(scene, max(deepest, 0.0))
 
     def jacobian(self, physical: FloatArray) -> tuple[Reading, FloatArray]:
         """Model and d force / d vector (SI), (n, k); zero for entries this curve does not read."""
@@ -202,7 +209,11 @@ def _check_tests(tests: Sequence[tuple[Scene, Curve]]) -> None:
             keys.append(("file", source, curve.metadata.get("test")))
         for key in keys:
             if key in seen:
-                what = f"the same file ({curve.metadata.get('path', source)})" if key[0] == "file" else "the same data"
+                what = (
+                    f"the same file ({curve.metadata.get('path', source)})"
+                    if key[0] == "file"
+                    else "the same data"
+                )
                 raise CurveError(
                     f"curves {seen[key]} and {number} are {what}: a curve counted twice makes intervals too "
                     "narrow; pass it once"
@@ -225,7 +236,9 @@ def _requests(
             if number >= count:
                 raise ParameterError(f"{key!r}: there are {count} curves, numbered from 0")
             if numbered["path"] in shared:
-                raise ParameterError(f"{numbered['path']!r} is shared by all curves; {key!r} cannot be its own")
+                raise ParameterError(
+                    f"{numbered['path']!r} is shared by all curves; {key!r} cannot be its own"
+                )
             single.setdefault(numbered["path"], {})[number] = given
     requests: list[tuple[str, str, Given, list[int]]] = []
     for path in dict.fromkeys(_NUMBERED.sub(r"\g<path>", key) for key in free):

@@ -7,7 +7,7 @@ model towards large noise.)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,9 +15,19 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.noise import Noise, whiten
 from underlay.errors import InputError
+from underlay.inference.members import Member
 from underlay.inference.problem import Problem
 
-__all__ = ["Objective", "Weights", "weights_at"]
+__all__ = ["Minimum", "Objective", "Weights", "weights_at"]
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where a minimiser stopped: scaled vector (k,), whether it met its tolerance, and what it says."""
+
+    vector: FloatArray
+    success: bool
+    message: str
 
 
 @dataclass(frozen=True)
@@ -52,13 +62,27 @@ class Objective:
         Frozen noise.
     evaluations, failures : int
         Models asked, and how many did not exist.
+    held : frozenset of int
+        Entries of a vector that a minimiser leaves alone.
     """
 
     problem: Problem
     weights: Weights
     evaluations: int = 0
     failures: int = 0
+    held: frozenset[int] = frozenset()
     _largest: float = field(default=1.0, repr=False)
+
+    @property
+    def active(self) -> list[int]:
+        """Entries of a vector that a minimiser varies: not the noise's, and not those held."""
+        noisy = {entry for member in self.problem.members for entry in member.noise_entries.values()}
+        return [i for i in range(len(self.problem.coordinates)) if i not in noisy and i not in self.held]
+
+    @property
+    def has_measured_priors(self) -> bool:
+        """Whether a prior pulls, so that the size of the noise moves the optimum."""
+        return bool(self._informative())
 
     def residuals(self, vector: FloatArray) -> FloatArray:
         """Whitened (model - data) / sigma of all points, then the priors' residuals.
@@ -69,7 +93,11 @@ class Objective:
         physical = self.problem.physical(vector)
         try:
             parts = [
-                whiten((member.reading(physical).force - member.force) / sigma, member.curve.time, noise.correlation_time)
+                whiten(
+                    (member.reading(physical).force - member.force) / sigma,
+                    member.curve.time,
+                    noise.correlation_time,
+                )
                 for member, noise, sigma in self._members()
             ]
         except InputError:
@@ -88,11 +116,12 @@ class Objective:
             parts.append(whiten((columns * slopes).T / sigma, member.curve.time, noise.correlation_time).T)
         return np.concatenate([*parts, self._penalties(physical)[1] * slopes])
 
-    def _members(self):  # noqa: ANN202
+    def _members(self) -> Iterator[tuple[Member, Noise, FloatArray]]:
         return zip(self.problem.members, self.weights.noises, self.weights.sigmas, strict=True)
 
     def _informative(self) -> list[int]:
-        return [i for i, c in enumerate(self.problem.coordinates) if c.prior.informative]
+        noisy = {entry for member in self.problem.members for entry in member.noise_entries.values()}
+        return [i for i, c in enumerate(self.problem.coordinates) if c.prior.informative and i not in noisy]
 
     def _penalties(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals of the informative priors (p,) and their slopes in SI (p, k)."""

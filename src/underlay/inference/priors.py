@@ -332,7 +332,9 @@ class Truncated(Prior):
     def _ends(self) -> tuple[float, float]:
         low, high = self.support
         below = 0.0 if low == self.prior.support[0] else float(self.prior.probability_below(np.asarray(low)))
-        above = 1.0 if high == self.prior.support[1] else float(self.prior.probability_below(np.asarray(high)))
+        above = (
+            1.0 if high == self.prior.support[1] else float(self.prior.probability_below(np.asarray(high)))
+        )
         return below, above
 
     @property

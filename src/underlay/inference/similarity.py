@@ -127,7 +127,9 @@ def compile_similarity(scene: Scene, free: Iterable[str]) -> Similarity:
     """Find what scales out of the law of `scene` when the parameters at the paths `free` vary."""
     values = scene.parameters
     layered = scene.substrate is not None and np.isfinite(scene.layer.thickness)
-    materials = [path for path in values if path.startswith("layer.") or (layered and path.startswith("substrate."))]
+    materials = [
+        path for path in values if path.startswith("layer.") or (layered and path.startswith("substrate."))
+    ]
     moduli = tuple(path for path in materials if kind_of(path) == "pressure" and path != "layer.E")
     ratios = tuple(path for path in materials if kind_of(path) == "dimensionless")
     thickness = ("layer.thickness",) if layered else ()
@@ -150,7 +152,8 @@ def compile_similarity(scene: Scene, free: Iterable[str]) -> Similarity:
 def _is_made_of_lengths(indenter: Indenter) -> bool:
     numbers = {field.name: getattr(indenter, field.name) for field in fields(indenter)}  # type: ignore[arg-type]  # every indenter is a dataclass
     return bool(numbers) and all(
-        isinstance(value, float) and kind_of(f"indenter.{name}") == "length" for name, value in numbers.items()
+        isinstance(value, float) and kind_of(f"indenter.{name}") == "length"
+        for name, value in numbers.items()
     )
 
 

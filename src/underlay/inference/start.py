@@ -63,7 +63,9 @@ def scan_starts(problem: Problem, count: int = 3) -> list[FloatArray]:
     Empty if no grid point has a law.
     """
     blocks = [_average(member.curve) for member in problem.members]
-    radii = [_radius_scale(member.scene, block) for member, block in zip(problem.members, blocks, strict=True)]
+    radii = [
+        _radius_scale(member.scene, block) for member, block in zip(problem.members, blocks, strict=True)
+    ]
     scans = [
         _scan(member, block, problem, (min(radii), max(radii)))
         for member, block in zip(problem.members, blocks, strict=True)
@@ -94,7 +96,9 @@ def _scan(
     options = replace(member.forward.options, accuracy=_SCAN_ACCURACY)
     forward = Forward.compile(member.scene, blocks.depth, tuple(free), options, LawStore())
     scales = _MODULUS in free and (_BASE_MODULUS not in member.base or _BASE_MODULUS in free)
-    trial = _Trial(forward, blocks, free, member.base, _contacts(free, blocks, member.base[_CONTACT]), scales=scales)
+    trial = _Trial(
+        forward, blocks, free, member.base, _contacts(free, blocks, member.base[_CONTACT]), scales=scales
+    )
     found: dict[tuple[int, ...], _Candidate] = {}
     for i, thickness in enumerate(_thicknesses(free, radii)):
         for j, moduli in enumerate(_moduli(free, member.base, trial)):
@@ -130,7 +134,9 @@ class _Trial:
             power = np.einsum("cm,cm->c", shapes, shapes)
             # A contact beyond the last point gives no force at all: it explains nothing.
             amplitude = np.where(power > 0.0, shapes @ target / np.where(power > 0.0, power, 1.0), 0.0)
-            low, high = (bound / values[_MODULUS] for bound in (self.free[_MODULUS].low, self.free[_MODULUS].high))
+            low, high = (
+                bound / values[_MODULUS] for bound in (self.free[_MODULUS].low, self.free[_MODULUS].high)
+            )
             amplitude = np.clip(np.where(amplitude > 0.0, amplitude, 1e-12), low, high)
         else:
             amplitude = np.ones(len(self.contacts))
@@ -216,7 +222,9 @@ def _thicknesses(free: Mapping[str, Coordinate], radii: tuple[float, float]) -> 
     return [{_THICKNESS: value} for value in values]
 
 
-def _moduli(free: Mapping[str, Coordinate], base: Mapping[str, float], trial: _Trial) -> list[dict[str, float]]:
+def _moduli(
+    free: Mapping[str, Coordinate], base: Mapping[str, float], trial: _Trial
+) -> list[dict[str, float]]:
     """Pairs of moduli to try; where the layer's scales the force only their ratio matters."""
     if _BASE_MODULUS not in base or not {_MODULUS, _BASE_MODULUS} & free.keys():
         return [{}]
