@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from underlay._arrays import finite
+from underlay._arrays import as_finite, finite
 from underlay.errors import InputError
+from underlay.mechanics.asymptotic import asymptotic_law
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.halfspace import HalfspaceLaw, largest_halfspace_depth
 from underlay.mechanics.indenters import Indenter
@@ -54,16 +55,22 @@ def contact_law(
     form: str = "auto",
 ) -> ContactLaw:
     """Build the law of an indenter on a layer on a substrate, for depths up to `max_depth` (m)."""
-    del accuracy, order, form
-    if method == "auto" and (substrate is None or not np.isfinite(layer.thickness)):
-        method = "halfspace"
-    if method == "halfspace":
-        return HalfspaceLaw(
-            method="halfspace",
-            reason="no layer effect: the layer is a half-space",
-            max_depth=largest_halfspace_depth(indenter),
-            error_estimate=0.0,
-            indenter=indenter,
-            theta=layer.material.theta,
-        )
+    deepest = as_finite(max_depth, "max_depth")
+    no_layer = substrate is None or substrate == layer.material or not np.isfinite(layer.thickness)
+    if method == "halfspace" or (method == "auto" and no_layer):
+        return halfspace_law(indenter, layer)
+    if method in ("asymptotic", "auto"):
+        return asymptotic_law(indenter, layer, substrate, float(deepest), order=order, form=form)
     raise InputError(f"unknown method {method!r}; known: {', '.join(METHODS)}")
+
+
+def halfspace_law(indenter: Indenter, layer: Layer) -> HalfspaceLaw:
+    """Build the law of a half-space of the layer's material."""
+    return HalfspaceLaw(
+        method="halfspace",
+        reason="no layer effect: the layer is a half-space",
+        max_depth=largest_halfspace_depth(indenter),
+        error_estimate=0.0,
+        indenter=indenter,
+        theta=layer.material.theta,
+    )

@@ -21,6 +21,7 @@ __all__ = ["ContactLaw"]
 
 # Newton in log-log coordinates on a smooth increasing law: quadratic after the first steps.
 _MAX_NEWTON_STEPS = 60
+_LARGEST = float(np.finfo(float).max)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +109,8 @@ class ContactLaw(ABC):
     def _in_contact(self, depth: ArrayLike, primitive: Callable[[FloatArray], FloatArray]) -> FloatArray:
         w = np.asarray(depth, dtype=np.float64)
         flat = np.atleast_1d(w).ravel()
-        if not (flat <= self.max_depth).all():
+        # NaN fails the comparison too, and so does inf where the law has no end: as_finite names them.
+        if not (flat <= min(self.max_depth, _LARGEST)).all():
             as_finite(w, "depth")
             raise RangeError(
                 f"depth {flat.max():.6g} m is beyond the largest that works here, "

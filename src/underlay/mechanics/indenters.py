@@ -17,8 +17,9 @@ To add an indenter: a frozen dataclass that derives from `Indenter` (or from `Po
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from scipy import special
@@ -30,7 +31,20 @@ __all__ = ["Cone", "FlatPunch", "Indenter", "Paraboloid", "PowerLaw", "Sphere"]
 
 
 class Indenter(ABC):
-    """A rigid, convex, axisymmetric indenter; all lengths in metres."""
+    """A rigid, convex, axisymmetric indenter; all lengths in metres.
+
+    A concrete class names itself in `shape`; scene files know it by that name.
+    """
+
+    shape: ClassVar[str] = ""
+
+    @classmethod
+    def shapes(cls) -> Iterator[type[Indenter]]:
+        """Every concrete indenter there is, wherever it was defined."""
+        for child in cls.__subclasses__():
+            if child.shape:
+                yield child
+            yield from child.shapes()
 
     @property
     def max_radius(self) -> float:
@@ -46,6 +60,10 @@ class Indenter(ABC):
         """H(r) (m): depth at which the contact radius on a half-space is `radius` (m)."""
 
     @abstractmethod
+    def abel_slope(self, radius: FloatArray) -> FloatArray:
+        """H'(r) (dimensionless) at `radius` (m); never negative."""
+
+    @abstractmethod
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(int_0^a H ds, int_0^a H s^2 ds) (m^2, m^4) for contact radii a = `radius` (m)."""
 
@@ -57,6 +75,8 @@ class Indenter(ABC):
 @dataclass(frozen=True)
 class FlatPunch(Indenter):
     """A flat-ended cylinder of the given radius (m); its contact radius never changes."""
+
+    shape: ClassVar[str] = "flat_punch"
 
     radius: float
 
@@ -76,6 +96,10 @@ class FlatPunch(Indenter):
         """Zero: the face is flat."""
         return np.zeros_like(radius)
 
+    def abel_slope(self, radius: FloatArray) -> FloatArray:
+        """Zero: the face is flat."""
+        return np.zeros_like(radius)
+
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Zero: the face is flat."""
         return np.zeros_like(radius), np.zeros_like(radius)
@@ -85,31 +109,33 @@ class FlatPunch(Indenter):
         return np.full_like(depth, self.radius)
 
 
-def abel_factor(exponent: float) -> float:
+def abel_factor(exponent: float | FloatArray) -> float | FloatArray:
     """F_2(lambda) of (5.5), written with the beta function so that lambda = 200 does not overflow.
 
     F_2 = lambda 2^(lambda-2) Gamma(lambda/2)^2 / Gamma(lambda) = (lambda/2) B(lambda/2, 1/2).
     """
-    return 0.5 * exponent * float(special.beta(0.5 * exponent, 0.5))
+    factor: float | FloatArray = 0.5 * exponent * special.beta(0.5 * exponent, 0.5)
+    return factor
 
 
 class PowerLawShape(Indenter):
     """Phi(r) = A r^lambda (5.1): the family in which every relation has a closed form."""
 
-    @property
-    @abstractmethod
-    def exponent(self) -> float:
-        """The paper's lambda (dimensionless), at least 1."""
+    # Not abstract properties: `PowerLaw` holds both as plain fields, which cannot replace a property.
+    if TYPE_CHECKING:
 
-    @property
-    @abstractmethod
-    def coefficient(self) -> float:
-        """The paper's A (m^(1-lambda)), positive."""
+        @property
+        def exponent(self) -> float:
+            """The paper's lambda (dimensionless), at least 1."""
+
+        @property
+        def coefficient(self) -> float:
+            """The paper's A (m^(1-lambda)), positive."""
 
     @property
     def abel_coefficient(self) -> float:
         """A F_2(lambda): H(r) = A F_2 r^lambda."""
-        return self.coefficient * abel_factor(self.exponent)
+        return self.coefficient * float(abel_factor(self.exponent))
 
     def height(self, radius: FloatArray) -> FloatArray:
         """Phi(r) = A r^lambda (5.1)."""
@@ -118,6 +144,10 @@ class PowerLawShape(Indenter):
     def abel(self, radius: FloatArray) -> FloatArray:
         """H(r) = A F_2(lambda) r^lambda, the leading term of (5.3)."""
         return np.asarray(self.abel_coefficient * radius**self.exponent)
+
+    def abel_slope(self, radius: FloatArray) -> FloatArray:
+        """H'(r) = lambda A F_2(lambda) r^(lambda-1)."""
+        return np.asarray(self.exponent * self.abel_coefficient * radius ** (self.exponent - 1.0))
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """A F_2 a^(lambda+1)/(lambda+1) and A F_2 a^(lambda+3)/(lambda+3)."""
@@ -132,6 +162,8 @@ class PowerLawShape(Indenter):
 @dataclass(frozen=True)
 class Paraboloid(PowerLawShape):
     """Phi(r) = r^2/(2R) (5.11): what most AFM software calls a sphere. `radius` R in metres."""
+
+    shape: ClassVar[str] = "paraboloid"
 
     radius: float
 
@@ -155,6 +187,8 @@ class Cone(PowerLawShape):
 
     The paper's gamma (section 5.2) is the complement: Phi = r tan(gamma) = r / tan(half_angle).
     """
+
+    shape: ClassVar[str] = "cone"
 
     half_angle: float
 
@@ -200,6 +234,8 @@ class PowerLaw(PowerLawShape):
         The paper's A (m^(1-lambda)), positive.
     """
 
+    shape: ClassVar[str] = "power_law"
+
     exponent: float
     coefficient: float
 
@@ -226,6 +262,8 @@ _SECOND = 1.0 / ((2 * _TERM + 5) * (2 * _TERM + 1))
 class Sphere(Indenter):
     """A true sphere, Phi = R - sqrt(R^2 - r^2) (6.1); `radius` R in metres, contact radius a < R."""
 
+    shape: ClassVar[str] = "sphere"
+
     radius: float
 
     def __post_init__(self) -> None:
@@ -243,6 +281,11 @@ class Sphere(Indenter):
     def abel(self, radius: FloatArray) -> FloatArray:
         """H(r) = r artanh(r/R), the first identity of section 6."""
         return np.asarray(radius * np.arctanh(radius / self.radius))
+
+    def abel_slope(self, radius: FloatArray) -> FloatArray:
+        """H'(r) = artanh(r/R) + (r/R)/(1 - (r/R)^2)."""
+        alpha = np.asarray(radius, dtype=np.float64) / self.radius
+        return np.asarray(np.arctanh(alpha) + alpha / ((1.0 - alpha) * (1.0 + alpha)))
 
     def abel_moments(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
         """First and second moment of H: the second and third identities of section 6, by (3.2)."""

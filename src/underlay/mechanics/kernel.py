@@ -1,61 +1,281 @@
 """The substrate kernel 1 - L(u): how the base under a layer changes its surface compliance.
 
-Placeholder path: steps 1-3 of the stable form; see the module's successor.
+Formula (Hankel space, u = wavenumber times thickness; J = diag(-1, 1); 1 = layer, 2 = substrate):
+
+- surface compliance of a half-space  C = (1/g) [[sigma, q-p], [q-p, p sigma]], zero for a rigid base;
+- reflection at the interface         R = (C1 + J C2 J)^-1 J (C1 - C2);
+- passage through the layer           E = exp(-u sigma/2) [[ch - sigma sh/2, p sh], [-sh, ch + sigma sh/2]],
+  ch = cosh(u d), sh = sinh(u d)/d, d^2 = sigma^2/4 - p (of any sign; p, sigma of the layer);
+- G = E R E and 1 - L = 2 (G22 - det G)/(1 - G11 + G22 - det G), det G = det R exp(-2 sigma u).
+
+It is the L(u) of (1.6) and of the paper's appendix, for a layer bonded to its base, without the appendix's
+division by gamma_1 - gamma_2: real, equal and complex roots and nu = 0.5 are one formula. Identical materials
+give R = 0 and therefore L = 1 to the last bit. (Appendix, erratum: a_21 carries a minus, -(2 gamma_1/Z){...}.)
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import factorial
+from typing import NamedTuple
 
 import numpy as np
-from scipy import special
 
-from underlay._arrays import FloatArray
-from underlay.mechanics.materials import Material, PlaneConstants, Rigid, Substrate
+from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay.errors import InputError
+from underlay.mechanics.kernel_quadrature import u_rule
+from underlay.mechanics.materials import Material, PlaneConstants, Real, Rigid, Substrate
 
-__all__ = ["SubstrateKernel"]
+__all__ = ["SubstrateKernel", "coefficients", "one_minus_L", "u_rule"]
+
+# |d^2|/p below which the two roots count as equal (sh = u, ch = 1, each times the decay): the rounding of
+# isotropic constants alone leaves 1e-15. TODO measured
+_EQUAL_ROOTS = 16.0 * np.finfo(float).eps
+_SOFT = 0.5
+_SMALL_U = 3.0
+_FACTORIALS = [(float(factorial(2 * k + 1)), float(factorial(2 * k + 2))) for k in range(1, 16)]
+
+
+_MOST_COEFFICIENTS = 12
+
+
+class _Interface(NamedTuple):
+    """M^-1 = C1 + J C2 J and C1 - C2 of a pair, times the layer's g; floats or (batch, 1).
+
+    C1 and C2 have the same off-diagonal sign, so `m12` is the entry of both matrices.
+    """
+
+    p: Real
+    sigma2: Real
+    sigma: Real
+    m11: Real
+    m12: Real
+    m22: Real
+    determinant: Real
+    d11: Real
+    d22: Real
 
 
 def one_minus_L(u: FloatArray, layer: PlaneConstants, substrate: PlaneConstants | None) -> FloatArray:
-    """1 - L(u); constants scalar, or (batch, 1) against u (nodes,)."""
-    p, sigma = layer.p, layer.sigma
-    c11, c12, c22 = sigma / layer.g, (layer.q - p) / layer.g, p * sigma / layer.g
+    """Evaluate 1 - L(u) without checks: the hot path of the solvers.
+
+    Parameters
+    ----------
+    u : array (nodes,)
+        Dimensionless wavenumbers, zero or more.
+    layer, substrate : PlaneConstants
+        Entries floats, or arrays (batch, 1); `substrate` None is a bonded rigid base.
+
+    Returns
+    -------
+    array (nodes,) or (batch, nodes)
+        Absolute error of L below 1e-14; relative error of L below 1e-13 where the substrate is softer.
+    """
+    pair = _interface(layer, substrate)
+    p, sigma, m12, scale = pair.p, pair.sigma, pair.m12, 1.0 / pair.determinant
+    r11 = -(pair.m22 * pair.d11 + m12 * m12) * scale
+    r12 = -m12 * (pair.m22 + pair.d22) * scale
+    r21 = m12 * (pair.d11 + pair.m11) * scale
+    r22 = (m12 * m12 + pair.m11 * pair.d22) * scale
+    det_r = (m12 * m12 - pair.d11 * pair.d22) * scale
+    ch, sh = _passage(u, pair)
+    ch2, chsh, sh2 = ch * ch, ch * sh, sh * sh
+    # G22 and G22 - G11, with E = ch + sh [[-k, p], [-1, k]] multiplied out.
+    k, w, spread = 0.5 * sigma, p * r21 - r12, r22 - r11
+    det_g = det_r * np.exp(-2.0 * sigma * u)
+    g22 = r22 * ch2 + (w + sigma * r22) * chsh + (k * (k * r22 + w) - p * r11) * sh2
+    g22_g11 = spread * ch2 + sigma * (r11 + r22) * chsh + ((k * k + p) * spread + sigma * w) * sh2
+    value = 2.0 * (g22 - det_g) / (1.0 + g22_g11 - det_g)
+    # The denominator is this ratio at u = 0: the digits that step loses for a soft substrate.
+    soft = 4.0 * p * pair.sigma2 < _SOFT * pair.determinant
+    if not np.any(soft):
+        return value
+    small = soft & (np.maximum(sigma, 2.0 * p**0.5) * u < _SMALL_U)
+    nodes = small if small.ndim == 1 else small.any(axis=0)
+    if nodes.any():
+        recovered = _soft_small_u(u[nodes], pair, ch2[..., nodes], chsh[..., nodes], sh2[..., nodes])
+        value[..., nodes] = np.where(small[..., nodes], recovered, value[..., nodes])
+    return value
+
+
+def _interface(layer: PlaneConstants, substrate: PlaneConstants | None) -> _Interface:
+    p, gap = layer.p, layer.p_minus_q
+    sigma2 = layer.S * layer.g + 2.0 * gap
+    sigma = sigma2**0.5
+    c22 = p * sigma
+    det_c = layer.g * (p * layer.S + layer.c)
     if substrate is None:
-        b11 = b12 = b22 = 0.0
-    else:
-        p2, sigma2 = substrate.p, substrate.sigma
-        b11, b12, b22 = sigma2 / substrate.g, (substrate.q - p2) / substrate.g, p2 * sigma2 / substrate.g
-    m11, m12, m22 = c11 + b11, c12 - b12, c22 + b22
-    determinant = m11 * m22 - m12 * m12
-    d11, d12, d21, d22 = -(c11 - b11), -(c12 - b12), c12 - b12, c22 - b22
-    r11 = (m22 * d11 - m12 * d21) / determinant
-    r12 = (m22 * d12 - m12 * d22) / determinant
-    r21 = (m11 * d21 - m12 * d11) / determinant
-    r22 = (m11 * d22 - m12 * d12) / determinant
-    d2 = 0.25 * sigma * sigma - p
-    d = np.sqrt(np.abs(d2))
-    real_root = d2 >= 0.0
-    slow = np.where(real_root, p / (0.5 * sigma + d), 0.5 * sigma)
-    fade = np.exp(-slow * u)
-    sh = np.where(real_root, special.exprel(-2.0 * d * u), np.sinc(d * u / np.pi)) * u * fade
-    ch = np.where(real_root, 1.0 + 0.5 * np.expm1(-2.0 * d * u), np.cos(d * u)) * fade
-    e11, e12, e21, e22 = ch - 0.5 * sigma * sh, p * sh, -sh, ch + 0.5 * sigma * sh
-    f11, f12 = r11 * e11 + r12 * e21, r11 * e12 + r12 * e22
-    f21, f22 = r21 * e11 + r22 * e21, r21 * e12 + r22 * e22
-    g11 = e11 * f11 + e12 * f21
-    g22 = e21 * f12 + e22 * f22
-    det = (r11 * r22 - r12 * r21) * np.exp(-2.0 * sigma * u)
-    return 2.0 * (g22 - det) / (1.0 - g11 + g22 - det)
+        return _Interface(p, sigma2, sigma, sigma, -gap, c22, det_c, sigma, c22)
+    ratio = layer.g / substrate.g
+    p_b, gap_b = substrate.p, substrate.p_minus_q
+    b11 = ratio * (substrate.S * substrate.g + 2.0 * gap_b) ** 0.5
+    b22, s_b = p_b * b11, ratio * gap_b
+    # A sum of terms none of which is negative: p - q >= 0 for every stable material.
+    determinant = (
+        det_c
+        + ratio * layer.g * (p_b * substrate.S + substrate.c)
+        + sigma * b22
+        + c22 * b11
+        + 2.0 * gap * s_b
+    )
+    return _Interface(
+        p, sigma2, sigma, sigma + b11, s_b - gap, c22 + b22, determinant, sigma - b11, c22 - b22
+    )
+
+
+def _passage(u: FloatArray, pair: _Interface) -> tuple[FloatArray, FloatArray]:
+    """ch and sh times exp(-u sigma/2), with decaying exponentials only."""
+    p, half = pair.p, 0.5 * pair.sigma
+    d2 = 0.25 * pair.sigma2 - p
+    equal = _EQUAL_ROOTS * p
+    if np.all(abs(d2) <= equal):
+        ch = np.exp(-half * u)
+        return ch, u * ch
+    if np.all(d2 > 0.0):
+        return _real_roots(u, p, half, d2**0.5)
+    if np.all(d2 < 0.0):
+        return _complex_roots(u, half, (-d2) ** 0.5)
+    # A batch with both kinds: each formula is evaluated for all, away from its own 0/0.
+    d = np.maximum(abs(d2), equal) ** 0.5
+    real, turning = _real_roots(u, p, half, d), _complex_roots(u, half, d)
+    return np.where(d2 > 0.0, real[0], turning[0]), np.where(d2 > 0.0, real[1], turning[1])
+
+
+def _real_roots(u: FloatArray, p: Real, half: Real, d: Real) -> tuple[FloatArray, FloatArray]:
+    decay = np.exp(-p / (half + d) * u)
+    sh = np.expm1((-2.0 * d) * u) * decay / (-2.0 * d)
+    return decay - d * sh, sh
+
+
+def _complex_roots(u: FloatArray, half: Real, d: Real) -> tuple[FloatArray, FloatArray]:
+    decay, phase = np.exp(-half * u), d * u
+    return decay * np.cos(phase), decay * np.sin(phase) / d
+
+
+def _soft_small_u(
+    u: FloatArray, pair: _Interface, ch2: FloatArray, chsh: FloatArray, sh2: FloatArray
+) -> FloatArray:
+    """1 - L = 2 (1 - Y11/det Y), Y = (I - J E J E) + 2 J E (M D) E, every entry without cancellation.
+
+    R = 2 M D - J with D = diag(-C1_11, C1_22), so this is the same law; Y12 = p Y21 by reciprocity.
+    """
+    p, sigma = pair.p, pair.sigma
+    k, scale = 0.5 * sigma, 2.0 * sigma / pair.determinant
+    # Q = 2 M D
+    q11, q21, q22 = -pair.m22 * scale, pair.m12 * scale, pair.m11 * p * scale
+    w = 2.0 * p * q21
+    x = sigma * u
+    x11 = sigma * (chsh - k * sh2) - np.expm1(-x)
+    y11 = x11 - q11 * ch2 - (w - sigma * q11) * chsh - (k * (k * q11 - w) - p * q22) * sh2
+    y22 = (
+        np.exp(-x) * _remainder(u, p, pair.sigma2, sigma)
+        + q22 * ch2
+        + (w + sigma * q22) * chsh
+        + (k * (k * q22 + w) - p * q11) * sh2
+    )
+    y21 = q21 * ch2 - (q11 + q22) * chsh + (sigma + k * (q11 - q22) - (k * k + p) * q21) * sh2
+    return 2.0 - 2.0 * y11 / (y11 * y22 - p * y21 * y21)
+
+
+def _remainder(u: FloatArray, p: Real, sigma2: Real, sigma: Real) -> FloatArray:
+    """exp(u sigma) X22 by its series, X = I - J E J E: of order u^3, its lower terms cancelled by hand.
+
+    sum_{k>=1} q_k [sigma u^(2k+1)/(2k+1)! + sigma^2 u^(2k+2)/(2k+2)!], q_1 = 4 p,
+    q_{k+1} = sigma^2 q_k + 4 p (sigma^2 - 4 p)^k.
+    """
+    difference = sigma2 - 4.0 * p
+    term = power = 4.0 * p
+    odd, even = [], []
+    for odd_factorial, even_factorial in _FACTORIALS:
+        odd.append(term * (sigma / odd_factorial))
+        even.append(term * (sigma2 / even_factorial))
+        power = power * difference
+        term = sigma2 * term + power
+    powers = np.empty((len(_FACTORIALS), u.size))
+    powers[:] = u * u
+    np.multiply.accumulate(powers, axis=0, out=powers)
+    return u * (_row(odd) @ powers) + u * u * (_row(even) @ powers)
+
+
+def _row(coefficients: list[Real]) -> FloatArray:
+    """Coefficients side by side: (terms,), or (batch, terms) from entries (batch, 1)."""
+    if isinstance(coefficients[0], np.ndarray):
+        return np.concatenate(coefficients, axis=1)
+    return np.array(coefficients)
+
+
+def coefficients(
+    layer: PlaneConstants, substrate: PlaneConstants | None, count: int, rtol: float = 1e-15
+) -> FloatArray:
+    """a_m = (-1)^m/((2m)!!)^2 int_0^inf [1 - L(u)] u^(2m) du (1.8), m < `count`, without checks.
+
+    Parameters
+    ----------
+    layer, substrate : PlaneConstants
+        Entries floats, or arrays (batch, 1); `substrate` None is a bonded rigid base.
+    count : int
+        Number of coefficients.
+    rtol : float
+        Wanted error of the integrals.
+
+    Returns
+    -------
+    array (count,) or (batch, count)
+    """
+    u, weights = u_rule(layer, substrate, 0.0, rtol, power=2 * count - 2)
+    moments = weights[:, None] * u[:, None] ** (2.0 * np.arange(count))
+    scale = [(-1.0) ** m / (2.0**m * factorial(m)) ** 2 for m in range(count)]
+    return one_minus_L(u, layer, substrate) @ moments * scale
 
 
 @dataclass(frozen=True)
 class SubstrateKernel:
-    """The kernel of one layer material on one substrate."""
+    """The kernel of one layer material on one substrate.
+
+    Parameters
+    ----------
+    layer : Isotropic or TransverselyIsotropic
+        Material of the layer.
+    substrate : Isotropic, TransverselyIsotropic or RIGID
+        Material of the half-space bonded under it.
+
+    Examples
+    --------
+    >>> from underlay.mechanics.materials import RIGID, Isotropic
+    >>> kernel = SubstrateKernel(Isotropic(E=1.0, nu=0.5), RIGID)
+    >>> [round(float(a), 10) for a in kernel.coefficients(2)]
+    [1.7702167734, -0.9577692889]
+    """
 
     layer: Material
     substrate: Substrate
 
-    def one_minus_L(self, u: FloatArray) -> FloatArray:
-        """1 - L(u), any shape."""
+    def one_minus_L(self, u: ArrayLike) -> FloatArray:
+        """1 - L(u), shape of `u` (wavenumber times thickness, dimensionless, zero or more).
+
+        Raises
+        ------
+        InputError
+            If a `u` is negative or not finite.
+        """
+        nodes = as_finite(u, "u")
+        if (nodes < 0.0).any():
+            raise InputError(f"the kernel needs u of zero or more; got {nodes.min():.6g}")
+        flat = np.atleast_1d(nodes).ravel()
+        return one_minus_L(flat, *self._constants()).reshape(nodes.shape)[()]
+
+    def coefficients(self, count: int) -> FloatArray:
+        """a_0, a_1, ... of (1.7) by (1.8), `count` of them, to near machine precision; array (count,).
+
+        Raises
+        ------
+        InputError
+            If `count` is not in 1..12; each asymptotic order needs a_m only up to m = 1.
+        """
+        if not 1 <= count <= _MOST_COEFFICIENTS:
+            raise InputError(f"count of coefficients must be in 1..{_MOST_COEFFICIENTS}; got {count!r}")
+        return coefficients(*self._constants(), count)
+
+    def _constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
         base = None if isinstance(self.substrate, Rigid) else self.substrate.plane_constants
-        return one_minus_L(np.asarray(u, dtype=np.float64), self.layer.plane_constants, base)
+        return self.layer.plane_constants, base

@@ -40,12 +40,18 @@ class PlaneConstants(NamedTuple):
     @property
     def p(self) -> Real:
         """Product of the two decay roots of the material (dimensionless)."""
-        return np.sqrt(self.q * self.q + self.c * self.g)
+        return (self.q * self.q + self.c * self.g) ** 0.5
+
+    @property
+    def p_minus_q(self) -> Real:
+        """p - q, zero or more, without the cancellation of the difference."""
+        size = abs(self.q)
+        return self.c * self.g / (self.p + size) + (size - self.q)
 
     @property
     def sigma(self) -> Real:
         """Sum of the two decay roots of the material (dimensionless)."""
-        return np.sqrt(self.S * self.g - 2.0 * self.q + 2.0 * self.p)
+        return (self.S * self.g + 2.0 * self.p_minus_q) ** 0.5
 
     @property
     def theta(self) -> Real:

@@ -28,6 +28,8 @@ _KINDS = {
     "nu_axial": "dimensionless",
     "thickness": "length",
     "radius": "length",
+    "r": "length",
+    "height": "length",
     "half_angle": "angle",
     "exponent": "dimensionless",
     "coefficient": "dimensionless",
@@ -43,8 +45,13 @@ _KINDS = {
 
 
 def kind_of(path: str) -> str:
-    """Physical kind of a parameter, e.g. ``"pressure"`` for ``"layer.E"``."""
-    return _KINDS[path.rpartition(".")[2]]
+    """Physical kind of a parameter, e.g. ``"pressure"`` for ``"layer.E"``.
+
+    The field's name says it, else its last word does (``tip_radius`` is a length); any other number is
+    dimensionless.
+    """
+    name = path.rpartition(".")[2]
+    return _KINDS.get(name) or _KINDS.get(name.rpartition("_")[2], "dimensionless")
 
 
 def parameter_values(scene: Scene) -> dict[str, float]:

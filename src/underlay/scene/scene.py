@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay._files import write_atomic
 from underlay.errors import InputError
 from underlay.mechanics.accuracy import Accuracy, contact_law
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
+from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
 from underlay.scene.parameters import parameter_values, replace_values
+from underlay.scene.scene_writer import scene_text
 
 __all__ = ["Scene"]
 
@@ -124,3 +130,20 @@ class Scene:
             If the scene has no such path; names the nearest one.
         """
         return replace_values(self, values)
+
+    def effects(self, max_depth: float, accuracy: Accuracy | None = None) -> pd.DataFrame:
+        """List each effect at tip depth `max_depth` (m): its size, whether it is simulated, its cost.
+
+        See `underlay.scene.effects.effects_table` for the columns.
+        """
+        return effects_table(self, max_depth, accuracy)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the scene as a scene file that `load_scene` reads back bit for bit.
+
+        Raises
+        ------
+        FileAccessError
+            If the file cannot be written; an older file stays whole.
+        """
+        return write_atomic(path, scene_text(self))

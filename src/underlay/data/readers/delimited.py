@@ -20,7 +20,8 @@ from underlay.data.readers._format import Format, Options
 from underlay.data.readers._source import Source
 from underlay.data.readers._table import find_columns, table_curve
 from underlay.data.readers._text import is_number, lines_of
-from underlay.errors import FileFormatError
+from underlay.errors import FileFormatError, UnitError
+from underlay.units import parse_quantity
 
 __all__ = ["FORMAT", "METADATA_MARK"]
 
@@ -28,6 +29,8 @@ __all__ = ["FORMAT", "METADATA_MARK"]
 METADATA_MARK = "underlay-metadata:"
 # How far down the row of names is looked for.
 _MAX_PREAMBLE = 80
+# Comments that carry a number.
+_KNOWN_NUMBERS = {"indenter_radius": "length", "spring_constant": "stiffness"}
 _COMMENT = ("#", "%", "//")
 _LABEL_WITH_UNIT = re.compile(r"[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 
@@ -82,10 +85,10 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     except csv.Error as error:
         raise FileFormatError(f"{source.name} is not a readable table: {error}") from error
     preamble = [line.strip() for line in lines[:names_at]]
-    known = _stored_metadata(comments)
     texts = [comment for comment in comments if not comment.startswith(METADATA_MARK)]
-    if known:
-        known = {"origin": known}
+    known: dict[str, Any] = _known_numbers(texts + preamble)
+    if origin := _stored_metadata(comments):
+        known["origin"] = origin
     return [
         table_curve(
             source, names, cells, options, may_use_comma=separator != ",", comments=texts + preamble, **known
@@ -113,6 +116,20 @@ def _find_names(
             "'depth (um),force (mN)'"
         )
     return candidate
+
+
+def _known_numbers(comments: Sequence[str]) -> dict[str, float]:
+    """Numbers that mean something to a fit, from comments such as ``indenter radius: 27.5 um``."""
+    known = {}
+    for comment in comments:
+        key, _, value = comment.partition(":")
+        name = key.strip().lower().replace(" ", "_")
+        if name in _KNOWN_NUMBERS:
+            try:
+                known[name] = parse_quantity(value, _KNOWN_NUMBERS[name])
+            except UnitError as error:
+                raise UnitError(f"comment {comment!r:.80}: {error}") from error
+    return known
 
 
 def _stored_metadata(comments: Sequence[str]) -> dict[str, Any]:

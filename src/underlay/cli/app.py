@@ -1,0 +1,40 @@
+"""The commands by name, and what happens when one of them fails."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from underlay.cli.console import say_error
+from underlay.cli.demo import demo
+from underlay.cli.fit import fit
+from underlay.cli.simulate import simulate
+from underlay.errors import UnderlayError
+
+__all__ = ["app", "main"]
+
+#: Exit codes: 0 done, 2 bad input (one clear line), 130 interrupted.
+_BAD_INPUT, _INTERRUPTED = 2, 130
+
+app = typer.Typer(
+    name="underlay",
+    help="The stiffness of a thin layer from an indentation curve, with the substrate in the model.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+for command in (demo, fit, simulate):
+    app.command()(command)
+
+
+def main() -> None:
+    """Run the command line; bad input ends with one line and exit code 2, never a traceback."""
+    try:
+        app()
+    except UnderlayError as error:
+        say_error(str(error))
+        sys.exit(_BAD_INPUT)
+    except KeyboardInterrupt:
+        say_error("interrupted; what was finished is kept")
+        sys.exit(_INTERRUPTED)

@@ -1,0 +1,67 @@
+"""What the commands say, and how tables look on a terminal."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pandas as pd
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from underlay.errors import UnderlayWarning
+
+__all__ = ["gathered_warnings", "say", "say_error", "say_table", "say_warnings"]
+
+
+def say(text: str) -> None:
+    """Print a line of text for people; words in it are never taken for markup."""
+    Console(highlight=False).print(text, markup=False, soft_wrap=True)
+
+
+def say_error(text: str) -> None:
+    """Print one line to standard error."""
+    line = " ".join(text.split())
+    Console(stderr=True, highlight=False).print(f"underlay: {line}", markup=False, soft_wrap=True)
+
+
+def say_table(frame: pd.DataFrame, title: str) -> None:
+    """Print a table; numbers to the right, words to the left."""
+    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
+    for name, column in frame.items():
+        numeric = pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
+        table.add_column(str(name), justify="right" if numeric else "left", overflow="fold")
+    for row in frame.itertuples(index=False):
+        table.add_row(*[_cell(value) for value in row])
+    Console(highlight=False).print(table)
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.4g}"
+    return str(value)
+
+
+@contextmanager
+def gathered_warnings() -> Iterator[list[str]]:
+    """Collect our own warnings while a command works, to print them after its result."""
+    texts: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UnderlayWarning)
+        yield texts
+    for entry in caught:
+        if issubclass(entry.category, UnderlayWarning):
+            texts.append(str(entry.message))
+        else:
+            warnings.warn_explicit(entry.message, entry.category, entry.filename, entry.lineno)
+
+
+def say_warnings(texts: list[str]) -> None:
+    """Print each warning once."""
+    for text in dict.fromkeys(texts):
+        say(f"note: {text}")

@@ -1,0 +1,52 @@
+"""`underlay fit`: a measured curve and a scene in, parameters with their uncertainty out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from underlay._files import require_writable_folder, write_atomic
+from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
+from underlay.cli.options import CurveFile, OutputFolder, SceneOption
+from underlay.inference.from_files import load_problem
+from underlay.inference.least_squares import Fit
+from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.report import plots
+from underlay.report.tables import correlated_pairs, fit_table, headline
+
+__all__ = ["fit", "show_fit", "write_fit"]
+
+
+def fit(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> None:
+    """Fit a curve with the substrate in the model.
+
+    Example: `underlay fit curve.csv --scene scene.toml --output results`
+    """
+    if output is not None:
+        require_writable_folder(output)
+    with gathered_warnings() as notes:
+        result = least_squares_fit(load_problem(curve, scene))
+    show_fit(result, curve.name)
+    say_warnings([*result.warnings, *notes])
+    if output is not None:
+        for path in write_fit(result, output, curve.stem):
+            say(f"wrote {path}")
+
+
+def show_fit(result: Fit, name: str) -> None:
+    """Print what a fit found: in words, then as a table, then what hangs together."""
+    say("")
+    say(headline(result))
+    say_table(fit_table(result), f"Fit of {name}")
+    pairs = correlated_pairs(result)
+    if len(pairs):
+        say_table(pairs, "Correlations above 0.9")
+    say(f"law: {result.law_reason}")
+
+
+def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
+    """Write the table, the full result and the picture of a fit; return the files."""
+    return [
+        write_atomic(folder / f"{stem}.fit.csv", fit_table(result).to_csv(index=False)),
+        result.to_json(folder / f"{stem}.fit.json"),
+        plots.save(plots.fit(result), folder / f"{stem}.fit.png"),
+    ]

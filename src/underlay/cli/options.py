@@ -1,0 +1,19 @@
+"""Arguments that several commands share, spelled once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["CurveFile", "OutputFolder", "SceneOption", "ScenePath", "Seed"]
+
+CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format of `underlay formats`.")]
+SceneOption = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): what was tested.")]
+ScenePath = Annotated[Path, typer.Argument(help="Scene file (TOML).")]
+OutputFolder = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", help="Folder for tables, JSON and pictures; made if absent."),
+]
+Seed = Annotated[int, typer.Option(help="Seed of the random numbers; the same seed makes the same file.")]

@@ -1,0 +1,66 @@
+"""Which numbers of a scene can change a curve: a parameter that cannot act cannot be fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import fields
+
+import numpy as np
+
+from underlay.data.noise import Noise
+from underlay.errors import ParameterError
+from underlay.mechanics.materials import Rigid
+from underlay.scene.parameters import unknown_parameter
+from underlay.scene.scene import Scene
+
+__all__ = ["NOISE_PATHS", "require_acting"]
+
+#: Paths of the numbers of a `Noise`.
+NOISE_PATHS = tuple(f"noise.{field.name}" for field in fields(Noise))
+
+
+def require_acting(path: str, scene: Scene, free: Collection[str], method: str) -> None:
+    """Refuse a path the scene does not have, or that cannot change the curve.
+
+    Parameters
+    ----------
+    path : str
+        The parameter.
+    scene : Scene
+        The test.
+    free : collection of str
+        Every free path, `path` included.
+    method : str
+        The law asked for: ``"halfspace"`` sees neither thickness nor substrate.
+
+    Raises
+    ------
+    ParameterError
+        With what to do instead.
+    """
+    known = scene.parameters
+    part = path.partition(".")[0]
+    if part == "substrate" and isinstance(scene.substrate, Rigid):
+        raise ParameterError(
+            f"{path} cannot act: the substrate is RIGID; declare a material as substrate to fit its constants"
+        )
+    if part == "substrate" and scene.substrate is None:
+        raise ParameterError(f"{path} cannot act: the scene has no substrate")
+    if path not in known and path not in NOISE_PATHS:
+        raise unknown_parameter(path, (*known, *NOISE_PATHS))
+    if part != "substrate" and path != "layer.thickness":
+        return
+    if not np.isfinite(scene.layer.thickness):
+        raise ParameterError(
+            f"{path} cannot act: the layer is a half-space (infinite thickness); give it a thickness and a "
+            "substrate, or leave the parameter out"
+        )
+    if method == "halfspace":
+        raise ParameterError(f"{path} cannot act in the half-space law; use another method or leave it out")
+    if path == "layer.thickness" and scene.substrate == scene.layer.material:
+        materials = [p for p in free if p.startswith(("layer.", "substrate.")) and p != path]
+        if not materials:
+            raise ParameterError(
+                "layer.thickness cannot act: layer and substrate are the same material, and no constant of "
+                "either is free"
+            )

@@ -1,0 +1,173 @@
+"""Scaled coordinates: what optimisers and samplers see instead of 1e-9 metres and 1e6 pascals.
+
+A quantity that is positive by nature (modulus, thickness, radius, compliance, noise) becomes q = ln(x / x0);
+any other (contact depth, baseline, slope, Poisson's ratio, angle) becomes q = (x - x0) / s. x0 is the value
+in the scene, so q = 0 is the start, and s is the range of the curve or the width of the prior: q does not
+depend on the units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.priors import Flat, LogUniform, Prior, Uniform
+from underlay.scene.parameters import kind_of
+
+__all__ = ["Coordinate", "Spans", "is_scale", "make_coordinate"]
+
+_SCALES = frozenset({"pressure", "compliance", "time"})
+_SCALE_FIELDS = frozenset({"thickness", "radius", "coefficient"})
+
+#: Open ends of what is physically possible, by field name.
+_PHYSICAL = {
+    "nu": (-1.0, 0.5),
+    "exponent": (1.0, np.inf),
+    "half_angle": (0.0, 0.5 * np.pi),
+}
+
+
+@dataclass(frozen=True)
+class Spans:
+    """Ranges of the curves a parameter acts on: depth (m), force (N)."""
+
+    depth: float
+    force: float
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One free parameter: its physical value x (SI) and its scaled coordinate q.
+
+    Parameters
+    ----------
+    name : str
+        The path, with the curve's number in brackets when it is one curve's own, e.g. ``"layer.E[0]"``.
+    path : str
+        The path.
+    prior : Prior
+        Density in x.
+    low, high : float
+        Bounds of x (SI): prior's support within what is physically possible.
+    reference : float
+        x0 (SI): q = 0 there.
+    scale : float or None
+        s (SI), or None for q = ln(x / x0).
+    """
+
+    name: str
+    path: str
+    prior: Prior
+    low: float
+    high: float
+    reference: float
+    scale: float | None
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """(low, high) of q; infinite where x is unbounded."""
+        if self.scale is None:
+            low = np.log(self.low / self.reference) if self.low > 0.0 else -np.inf
+            return float(low), float(np.log(self.high / self.reference))
+        return (self.low - self.reference) / self.scale, (self.high - self.reference) / self.scale
+
+    def physical(self, q: FloatArray) -> FloatArray:
+        """X (SI) at q, same shape."""
+        return self.reference * np.exp(q) if self.scale is None else self.reference + self.scale * q
+
+    def scaled(self, value: float) -> float:
+        """Q at x (SI)."""
+        if self.scale is None:
+            return float(np.log(value / self.reference))
+        return (value - self.reference) / self.scale
+
+    def slope(self, value: FloatArray) -> FloatArray:
+        """dx/dq (SI) at x, same shape."""
+        return np.asarray(value) if self.scale is None else np.full(np.shape(value), self.scale)
+
+    def log_prior(self, q: FloatArray) -> FloatArray:
+        """Log-density of q: that of x plus ln |dx/dq|; -inf outside the bounds."""
+        value = self.physical(np.asarray(q, dtype=np.float64))
+        jacobian = np.log(value) if self.scale is None else np.log(self.scale)
+        inside = (value >= self.low) & (value <= self.high)
+        return np.where(inside, self.prior.log_density(value) + jacobian, -np.inf)
+
+
+def is_scale(path: str) -> bool:
+    """Whether the quantity is positive by nature, so that its ratios are what matters."""
+    field = path.rpartition(".")[2]
+    return path.startswith("noise.") or kind_of(path) in _SCALES or field in _SCALE_FIELDS
+
+
+def make_coordinate(
+    name: str, path: str, start: float, given: Prior | tuple[float, float] | None, spans: Spans
+) -> Coordinate:
+    """Scale one free parameter.
+
+    Parameters
+    ----------
+    name, path : str
+        As in `Coordinate`.
+    start : float
+        Value in the scene (SI).
+    given : Prior, (low, high) or None
+        What the caller says of it. Finite bounds mean LogUniform for a positive quantity whose lower bound is
+        positive and Uniform otherwise; open ones or None mean `Flat`.
+    spans : Spans
+        Ranges of the curves it acts on.
+
+    Raises
+    ------
+    InputError
+        If the bounds are not in order, or the start is outside them.
+    """
+    # A compliance of exactly zero has no logarithm; it is then scaled by the curve's own compliance.
+    logarithmic = is_scale(path) and start > 0.0
+    prior = _prior(name, given, logarithmic=logarithmic)
+    field = path.rpartition(".")[2]
+    possible = _PHYSICAL.get(field, (0.0 if is_scale(path) else -np.inf, np.inf))
+    low, high = max(prior.support[0], possible[0]), min(prior.support[1], possible[1])
+    if not low <= start <= high:
+        raise InputError(
+            f"the start of {name} is {start:.6g}, outside its bounds [{low:.6g}, {high:.6g}] (SI): "
+            "change the value in the scene, or the bounds"
+        )
+    scale = None if logarithmic else _scale(path, prior, spans)
+    return Coordinate(name, path, prior, low, high, start, scale)
+
+
+def _prior(name: str, given: Prior | tuple[float, float] | None, *, logarithmic: bool) -> Prior:
+    if isinstance(given, Prior):
+        return given
+    if given is None:
+        return Flat(log=logarithmic)
+    try:
+        low, high = (float(end) for end in given)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: give a prior such as Normal(...), (low, high) or None; got {given!r}") from error
+    if not low < high:
+        raise InputError(f"{name}: the lower bound must be below the upper one; got {low!r} and {high!r}")
+    if not (np.isfinite(low) and np.isfinite(high)):
+        return Flat(low, high, log=logarithmic)
+    return LogUniform(low, high) if logarithmic and low > 0.0 else Uniform(low, high)
+
+
+def _scale(path: str, prior: Prior, spans: Spans) -> float:
+    """Natural size of a change of the parameter (SI)."""
+    by_curve = {
+        "contact_depth": spans.depth,
+        "baseline": spans.force,
+        "baseline_slope": spans.force / spans.depth,
+        "compliance": spans.depth / spans.force,
+    }
+    field = path.rpartition(".")[2]
+    if field in by_curve:
+        return by_curve[field]
+    if prior.informative:
+        low, high = prior.quantile(np.array([0.16, 0.84]))
+        return float(0.5 * (high - low))
+    # Poisson's ratios, angles, exponents: of order one, and a tenth of it is a change that shows.
+    return 0.1

@@ -1,0 +1,292 @@
+"""An inverse problem: scenes, curves, what is free, and how the noise behaves.
+
+Everything a fit or a sampler asks is a pure function of one vector of scaled coordinates (`coordinates.py`);
+`log_prior`, `log_likelihood` and `log_posterior` take any number of vectors at once, (..., k).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Self, TypeAlias
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
+from underlay.data.noise import Noise, log_normalisation, standard_deviation, whiten
+from underlay.errors import InputError
+from underlay.inference.coordinates import Coordinate
+from underlay.inference.forward import LawOptions, LawStore
+from underlay.inference.members import Member, compile_members
+from underlay.inference.priors import Prior
+from underlay.mechanics.accuracy import Accuracy
+from underlay.scene.scene import Scene
+
+__all__ = ["Given", "Problem"]
+
+#: What may be said of a free parameter: a prior, bounds, or nothing.
+Given: TypeAlias = Prior | tuple[float, float] | None
+
+
+class Problem:
+    """One scene and one curve, with some numbers of the scene free.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test; its numbers are the start of the free parameters and the values of the others.
+    curve : Curve
+        The points to explain, usually ``curve.loading()``. Points before contact belong to the model.
+    free : mapping of path to prior
+        Paths of the scene (``"layer.E"``, ``"instrument.contact_depth"``, ...) or of the noise
+        (``"noise.force"``, ...), each with a `Prior`, bounds ``(low, high)`` (SI) or None. Finite bounds mean
+        LogUniform for a quantity that is positive by nature and Uniform for another.
+    noise : Noise, optional
+        What disturbs the force. Without it, or with ``Noise(force=None)``, the noise is white (or AR(1)) of
+        unknown size: a fit estimates it, and the likelihood has it integrated out under 1/sigma.
+    accuracy, method, order, form
+        Which contact law; see `contact_law`.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The free parameters, in the order of a vector; the noise's too.
+
+    Raises
+    ------
+    ParameterError
+        If a path is not the scene's, cannot act in it, or none is free.
+    InputError
+        If a start is outside its bounds, the noise is zero, or there are not more points than parameters.
+    CurveError
+        If the curve cannot be fitted.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        curve: Curve,
+        free: Mapping[str, Given] | Iterable[str],
+        noise: Noise | None = None,
+        *,
+        accuracy: Accuracy | None = None,
+        method: str = "auto",
+        order: int = 4,
+        form: str = "auto",
+    ) -> None:
+        self._compile([(scene, curve)], free, (), noise, LawOptions(accuracy, method, order, form))
+
+    @classmethod
+    def joint(
+        cls,
+        tests: Sequence[tuple[Scene, Curve]],
+        free: Mapping[str, Given] | Iterable[str],
+        shared: Iterable[str] = (),
+        noise: Noise | Sequence[Noise | None] | None = None,
+        *,
+        accuracy: Accuracy | None = None,
+        method: str = "auto",
+        order: int = 4,
+        form: str = "auto",
+    ) -> Self:
+        """Several curves with shared and own parameters.
+
+        Parameters
+        ----------
+        tests : sequence of (Scene, Curve)
+            The curves, each with its scene.
+        free : mapping of path to prior
+            As for one curve. A path named in `shared` is one parameter for all curves and keeps its name; any
+            other is one parameter per curve, named ``"layer.E[0]"``, ``"layer.E[1]"``, ... A path with a number,
+            such as ``"indenter.radius[1]"``, frees it, or says another prior, for that curve only.
+        shared : iterable of str
+            Paths that all curves have in common.
+        noise : Noise, or one per curve
+            As for one curve.
+        accuracy, method, order, form
+            As for one curve.
+
+        Raises
+        ------
+        InputError
+            As for one curve; also if two curves are the same, or a shared start differs between scenes.
+        """
+        problem = cls.__new__(cls)
+        problem._compile(list(tests), free, tuple(shared), noise, LawOptions(accuracy, method, order, form))
+        return problem
+
+    def _compile(
+        self,
+        tests: Sequence[tuple[Scene, Curve]],
+        free: Mapping[str, Given] | Iterable[str],
+        shared: tuple[str, ...],
+        noise: Noise | Sequence[Noise | None] | None,
+        options: LawOptions,
+    ) -> None:
+        self.free: dict[str, Given] = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+        self.shared = shared
+        self.noise = noise
+        self.options = options
+        self.store = LawStore()
+        self.members, self.coordinates = compile_members(
+            tests, self.free, shared, noise, options, self.store
+        )
+
+    def revised(
+        self,
+        *,
+        free: Mapping[str, Given] | None = None,
+        noise: Noise | Sequence[Noise | None] | None = None,
+        accuracy: Accuracy | None = None,
+        method: str | None = None,
+        order: int | None = None,
+        form: str | None = None,
+        scenes: Sequence[Scene] | None = None,
+    ) -> Problem:
+        """Return the same problem with some things changed; what is None stays."""
+        options = self.options
+        return Problem.joint(
+            list(zip(scenes or self.base_scenes, self.curves, strict=True)),
+            self.free if free is None else free,
+            self.shared,
+            self.noise if noise is None else noise,
+            accuracy=options.accuracy if accuracy is None else accuracy,
+            method=options.method if method is None else method,
+            order=options.order if order is None else order,
+            form=options.form if form is None else form,
+        )
+
+    # --- what it is made of ---------------------------------------------------------------------------
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters, in the order of a vector."""
+        return tuple(coordinate.name for coordinate in self.coordinates)
+
+    @property
+    def priors(self) -> dict[str, Prior]:
+        """Prior of every free parameter, in SI; `Flat` where nothing was said."""
+        return {coordinate.name: coordinate.prior for coordinate in self.coordinates}
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """The curves."""
+        return tuple(member.curve for member in self.members)
+
+    @property
+    def base_scenes(self) -> tuple[Scene, ...]:
+        """The scenes as given, one per curve."""
+        return tuple(member.scene for member in self.members)
+
+    @property
+    def n_points(self) -> int:
+        """Number of points of all curves."""
+        return sum(len(member.force) for member in self.members)
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Lower and upper bounds in scaled coordinates, (k, 2); infinite where there are none."""
+        return np.array([coordinate.bounds for coordinate in self.coordinates])
+
+    @property
+    def start(self) -> FloatArray:
+        """Scaled coordinates of the scene's own numbers, (k,)."""
+        return np.zeros(len(self.coordinates))
+
+    # --- vectors and values -----------------------------------------------------------------------------
+
+    def values(self, vector: FloatArray) -> dict[str, float]:
+        """Parameters (SI) by name at a vector (k,)."""
+        physical = self.physical(self._one(vector))
+        return dict(zip(self.names, physical.tolist(), strict=True))
+
+    def vector(self, values: Mapping[str, float]) -> FloatArray:
+        """Scaled coordinates (k,) of parameters (SI) by name; those not named keep the scene's value.
+
+        Raises
+        ------
+        InputError
+            If a name is not free here.
+        """
+        unknown = sorted(set(values) - set(self.names))
+        if unknown:
+            raise InputError(f"{unknown[0]!r} is not free here; free are {', '.join(self.names)}")
+        given = [values.get(coordinate.name, coordinate.reference) for coordinate in self.coordinates]
+        return np.array([c.scaled(value) for c, value in zip(self.coordinates, given, strict=True)])
+
+    def physical(self, vectors: FloatArray) -> FloatArray:
+        """Parameters (SI), (..., k), at scaled vectors (..., k)."""
+        q = np.asarray(vectors, dtype=np.float64)
+        return np.stack([c.physical(q[..., i]) for i, c in enumerate(self.coordinates)], axis=-1)
+
+    def slopes(self, vector: FloatArray) -> FloatArray:
+        """dx/dq (SI), (k,), at a vector (k,)."""
+        physical = self.physical(self._one(vector))
+        return np.array([float(c.slope(x)) for c, x in zip(self.coordinates, physical, strict=True)])
+
+    def scenes(self, vector: FloatArray) -> tuple[Scene, ...]:
+        """One scene per curve with the numbers of a vector (k,)."""
+        physical = self.physical(self._one(vector))
+        return tuple(member.scene_at(physical) for member in self.members)
+
+    def noises(self, vector: FloatArray) -> tuple[Noise, ...]:
+        """One noise model per curve with the numbers of a vector (k,)."""
+        physical = self.physical(self._one(vector))
+        return tuple(member.noise_at(physical) for member in self.members)
+
+    # --- pure functions of a vector ---------------------------------------------------------------------
+
+    def residuals(self, vector: FloatArray) -> FloatArray:
+        """Whitened residuals (data - model) / sigma of all points, (n,), at a vector (k,).
+
+        Where the size of the noise is unknown, sigma is the range of the curve's force.
+
+        Raises
+        ------
+        InputError
+            If no law exists at these values.
+        """
+        physical = self.physical(self._one(vector))
+        return np.concatenate([member.whitened(physical) for member in self.members])
+
+    def log_prior(self, vectors: FloatArray) -> FloatArray:
+        """Log-density of scaled vectors (..., k) before the test, (...); -inf outside the bounds.
+
+        A density in q: that of the physical parameter times |dx/dq|.
+        """
+        q = np.asarray(vectors, dtype=np.float64)
+        total = np.zeros(q.shape[:-1])
+        for index, coordinate in enumerate(self.coordinates):
+            total = total + coordinate.log_prior(q[..., index])
+        return total
+
+    def log_likelihood(self, vectors: FloatArray) -> FloatArray:
+        """Logarithm of the probability density of the data at scaled vectors (..., k), (...).
+
+        -inf where no law exists (an impossible material, a depth out of the law's reach): a vector with a
+        finite prior and an infinite likelihood is a failed evaluation, and a sampler counts it.
+        """
+        q = np.asarray(vectors, dtype=np.float64)
+        physical = self.physical(q.reshape(-1, q.shape[-1]))
+        total = np.zeros(len(physical))
+        for member in self.members:
+            total = total + member.log_likelihood(physical)
+        return total.reshape(q.shape[:-1])
+
+    def log_posterior(self, vectors: FloatArray) -> FloatArray:
+        """log_prior + log_likelihood at scaled vectors (..., k), (...); no law where the prior is zero."""
+        q = np.asarray(vectors, dtype=np.float64)
+        flat = q.reshape(-1, q.shape[-1])
+        posterior = self.log_prior(flat)
+        possible = np.isfinite(posterior)
+        if possible.any():
+            posterior[possible] += self.log_likelihood(flat[possible])
+        return posterior.reshape(q.shape[:-1])
+
+    def _one(self, vector: FloatArray) -> FloatArray:
+        q = np.asarray(vector, dtype=np.float64)
+        if q.shape != (len(self.coordinates),):
+            raise InputError(
+                f"a vector here has {len(self.coordinates)} entries ({', '.join(self.names)}); got shape {q.shape}"
+            )
+        return q

@@ -1,0 +1,160 @@
+"""Similar contacts: one law serves every modulus, every thickness and every tip radius of the same ratios.
+
+For a power-law shape Phi = A r^lambda on a layer of thickness h the force is
+
+    P(w) = theta A h^(lambda+1) F(w / (A h^lambda); ratios),
+
+with F a function of the shape exponent, the Poisson's ratios and the ratios of the moduli alone: (5.2) and
+(5.3) divided by theta A h^(lambda+1) and A h^lambda. For any other shape all lengths scale together,
+P(w) = theta h^2 F(w / h; ratios, R / h).
+
+So a law built once at reference values serves others through two factors, P(w) = c P_ref(b w), and its
+logarithmic derivatives follow without a new law:
+
+    dP/d ln p = P d(ln c)/d(ln p) + w P'(w) d(ln b)/d(ln p) + sum_k dP/dk dk/d(ln p),
+
+where the k (ratios) need differences of laws, and only where a free parameter moves them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from underlay.mechanics.indenters import Indenter, PowerLawShape
+from underlay.scene.parameters import kind_of
+from underlay.scene.scene import Scene
+
+__all__ = ["Similarity", "compile_similarity"]
+
+_ANGLE_STEP = 1e-6  # relative; central difference of cot(half_angle): error 1e-12, rounding 1e-10
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """How the law of a scene follows from that of its reference.
+
+    Parameters
+    ----------
+    scene : Scene
+        The reference.
+    moduli : tuple of str
+        Paths of its moduli; the first, ``layer.E``, carries the force scale, the others are ratios to it.
+    direct : tuple of str
+        Paths taken as they are: Poisson's ratios, and lengths and shapes that no scaling removes.
+    lengths : tuple of str
+        Lengths of the indenter that count relative to the layer's thickness (shapes without a power law).
+    length : str or None
+        The length that sets the scale: the thickness, or the radius on a half-space.
+    shape : tuple of str
+        Paths of the indenter that act through the coefficient A of its power law only.
+    exponent : float or None
+        The shape exponent, where a power law is used.
+    values : mapping
+        Every number of the reference (SI).
+    """
+
+    scene: Scene
+    moduli: tuple[str, ...]
+    direct: tuple[str, ...]
+    lengths: tuple[str, ...]
+    length: str | None
+    shape: tuple[str, ...]
+    exponent: float | None
+    values: Mapping[str, float]
+
+    def reduced(self, values: Mapping[str, float]) -> tuple[float, ...]:
+        """Values of the ratio-like parameters, in the order of `ratio_paths`."""
+        E = values["layer.E"] / self.values["layer.E"]
+        s = self._length_ratio(values)
+        return (
+            *(values[path] / E for path in self.moduli[1:]),
+            *(values[path] / s for path in self.lengths),
+            *(values[path] for path in self.direct),
+        )
+
+    @property
+    def ratio_paths(self) -> tuple[str, ...]:
+        """Paths that a reference law is built with."""
+        return (*self.moduli[1:], *self.lengths, *self.direct)
+
+    def factors(self, values: Mapping[str, float]) -> tuple[float, float]:
+        """(b, c) of P(w) = c P_ref(b w)."""
+        E = values["layer.E"] / self.values["layer.E"]
+        s = self._length_ratio(values)
+        if self.exponent is None:
+            return 1.0 / s, E * s * s
+        A = self._coefficient_ratio(values)
+        return s**-self.exponent / A, E * A * s ** (self.exponent + 1.0)
+
+    def factor_slopes(self, path: str, values: Mapping[str, float]) -> tuple[float, float]:
+        """d(ln b)/d(ln p), d(ln c)/d(ln p) for the parameter p at `path`."""
+        if path == "layer.E":
+            return 0.0, 1.0
+        if path == self.length:
+            return (-1.0, 2.0) if self.exponent is None else (-self.exponent, self.exponent + 1.0)
+        if path in self.shape:
+            up, down = dict(values), dict(values)
+            up[path] *= 1.0 + _ANGLE_STEP
+            down[path] *= 1.0 - _ANGLE_STEP
+            A = np.log(self._coefficient_ratio(up) / self._coefficient_ratio(down)) / (2.0 * _ANGLE_STEP)
+            return -float(A), float(A)
+        return 0.0, 0.0
+
+    def ratio_slopes(self, path: str, values: Mapping[str, float]) -> dict[str, float]:
+        """d(ln k)/d(ln p) of the moduli and length ratios, dk/dp of the direct ones, where not zero."""
+        if path == "layer.E":
+            return dict.fromkeys(self.moduli[1:], -1.0)
+        if path in self.moduli or path in self.lengths or path in self.direct:
+            return {path: 1.0}
+        if path == self.length:
+            return dict.fromkeys(self.lengths, -1.0)
+        return {}
+
+    def _length_ratio(self, values: Mapping[str, float]) -> float:
+        return values[self.length] / self.values[self.length] if self.length else 1.0
+
+    def _coefficient_ratio(self, values: Mapping[str, float]) -> float:
+        if all(values[path] == self.values[path] for path in self.shape):
+            return 1.0
+        changed = {path.partition(".")[2]: values[path] for path in self.shape}
+        return _coefficient(replace(self.scene.indenter, **changed)) / _coefficient(self.scene.indenter)
+
+
+def compile_similarity(scene: Scene, free: Iterable[str]) -> Similarity:
+    """Find what scales out of the law of `scene` when the parameters at the paths `free` vary."""
+    values = scene.parameters
+    layered = scene.substrate is not None and np.isfinite(scene.layer.thickness)
+    materials = [path for path in values if path.startswith("layer.") or (layered and path.startswith("substrate."))]
+    moduli = tuple(path for path in materials if kind_of(path) == "pressure" and path != "layer.E")
+    ratios = tuple(path for path in materials if kind_of(path) == "dimensionless")
+    thickness = ("layer.thickness",) if layered else ()
+    shape = tuple(path for path in values if path.startswith("indenter."))
+    direct, lengths, length, exponent = ratios, (), None, None
+    through_coefficient: tuple[str, ...] = ()
+    if isinstance(scene.indenter, PowerLawShape) and "indenter.exponent" not in set(free):
+        through_coefficient = tuple(path for path in shape if path != "indenter.exponent")
+        exponent = scene.indenter.exponent
+        length = "layer.thickness" if layered else None
+    elif _is_made_of_lengths(scene.indenter):
+        length, lengths = ("layer.thickness", shape) if layered else (shape[0], shape[1:])
+    else:
+        direct = (*ratios, *shape, *thickness)
+    return Similarity(
+        scene, ("layer.E", *moduli), direct, lengths, length, through_coefficient, exponent, values
+    )
+
+
+def _is_made_of_lengths(indenter: Indenter) -> bool:
+    numbers = {field.name: getattr(indenter, field.name) for field in fields(indenter)}  # type: ignore[arg-type]  # every indenter is a dataclass
+    return bool(numbers) and all(
+        isinstance(value, float) and kind_of(f"indenter.{name}") == "length" for name, value in numbers.items()
+    )
+
+
+def _coefficient(indenter: Indenter) -> float:
+    if not isinstance(indenter, PowerLawShape):
+        raise TypeError(f"{indenter!r} has no power-law coefficient")
+    return indenter.coefficient

@@ -1,0 +1,100 @@
+"""One look for every picture: colour-blind safe, journal column width, units for people."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+
+from underlay._arrays import FloatArray
+from underlay._files import write_atomic
+from underlay.errors import InputError
+from underlay.units import human_unit
+
+__all__ = ["COLUMN", "DATA", "FIT", "GREY", "REFERENCE", "axes", "save", "style", "unit_for"]
+
+#: Width of one journal column, and of the full page (inches).
+COLUMN, PAGE = 3.5, 7.2
+#: Okabe and Ito's colours, distinguishable with every common colour vision.
+DATA, FIT, REFERENCE, ACCENT, PURPLE, SKY, YELLOW = (
+    "#5a5a5a",
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#56b4e9",
+    "#e69f00",
+)
+CYCLE = (FIT, REFERENCE, ACCENT, PURPLE, SKY, YELLOW, DATA)
+GREY = "#b0b0b0"
+
+_STYLE: dict[str, Any] = {
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "lines.linewidth": 1.4,
+    "figure.dpi": 110,
+    "savefig.dpi": 200,
+    "svg.fonttype": "none",
+    "pdf.fonttype": 42,
+    "axes.prop_cycle": mpl.cycler(color=list(CYCLE)),
+}
+_FORMATS = {"png", "svg", "pdf"}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw with the project's look, without touching the caller's settings."""
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def axes(ax: Axes | None, *, width: float = COLUMN, height: float = 2.7) -> Axes:
+    """Return `ax`, or new axes of `width` by `height` inches."""
+    if ax is not None:
+        return ax
+    return plt.subplots(figsize=(width, height), layout="constrained")[1]
+
+
+def unit_for(values: FloatArray, kind: str) -> tuple[str, float]:
+    """Return the unit people would use for the largest of `values` (SI), and its SI value."""
+    return human_unit(float(np.max(np.abs(values), initial=0.0)), kind)
+
+
+def save(ax: Axes, path: str | os.PathLike[str]) -> Path:
+    """Write the figure of `ax` to a PNG, SVG or PDF file, whole or not at all, and close it.
+
+    Raises
+    ------
+    InputError
+        If the ending of `path` is none of these.
+    FileAccessError
+        If the file cannot be written.
+    """
+    target = Path(path)
+    format_ = target.suffix.lstrip(".").lower()
+    if format_ not in _FORMATS:
+        raise InputError(f"a picture is written as .png, .svg or .pdf; got {target.name!r}")
+    figure = ax.get_figure(root=True)
+    if figure is None:
+        raise InputError("these axes belong to no figure")
+    buffer = io.BytesIO()
+    with style():
+        figure.savefig(buffer, format=format_)
+    plt.close(figure)
+    return write_atomic(target, buffer.getvalue())

@@ -1,0 +1,296 @@
+"""scene.toml <-> Scene: quantities as strings with units, and what is fitted in the same file.
+
+::
+
+    [indenter]
+    shape = "sphere"
+    radius = "0.5 mm"
+
+    [layer]
+    E = "0.4 MPa"
+    nu = 0.45
+    thickness = "1.5 mm"
+
+    [substrate]
+    rigid = true
+
+    [fit]
+    layer.E = { min = "1 kPa", max = "100 MPa" }
+    instrument.contact_depth = { min = "-20 um", max = "20 um" }
+
+Optional sections: ``[instrument]``, ``[solver]`` (method, rtol, order, form), ``[noise]``, ``[curve]`` (which
+part of which file, and column names) and ``[simulate]`` (depths of a made curve). A new indenter
+needs no change here.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
+from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
+from underlay.scene.instrument import Instrument
+from underlay.scene.parameters import kind_of, unknown_parameter
+from underlay.scene.scene import Scene
+from underlay.scene.scene_schema import (
+    CurveSection,
+    NoiseSection,
+    SimulateSection,
+    SolverSection,
+    ThicknessSection,
+    check,
+    free_parameter_schema,
+    schema_of,
+)
+
+__all__ = ["FreeParameter", "SceneFile", "SimulatedDepths", "load_scene", "read_scene_file"]
+
+_LARGEST_FILE = 1_000_000  # bytes; a scene is a page of text
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """What a scene file says of one fitted parameter; numbers in SI.
+
+    Parameters
+    ----------
+    path : str
+        E.g. ``"layer.E"``.
+    prior : str or None
+        ``"uniform"``, ``"loguniform"``, ``"normal"``, ``"lognormal"``, ``"halfnormal"``, or None when only
+        bounds are given.
+    low, high : float
+        Bounds; infinite where the file gives none.
+    numbers : mapping
+        What the prior needs besides: mean, sd, median, relative_sd.
+    """
+
+    path: str
+    prior: str | None
+    low: float
+    high: float
+    numbers: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class SimulatedDepths:
+    """Depth readings of a made curve: `points` from `start` to `max_depth` (m), over `duration` (s)."""
+
+    max_depth: float
+    start: float = 0.0
+    points: int = 200
+    duration: float = 1.0
+
+    @property
+    def depth(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        """The readings (m), shape (points,)."""
+        return np.linspace(self.start, self.max_depth, self.points)
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    """All that a scene file says.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test.
+    free : tuple of FreeParameter
+        What is fitted; empty if there is no ``[fit]``.
+    solver : mapping
+        Keywords for `Scene.force` and `Problem`: accuracy, method, order, form.
+    noise : mapping
+        Numbers of ``[noise]``, SI.
+    curve : mapping
+        Which part of which curve file: format, test, segment, columns.
+    simulate : SimulatedDepths or None
+        Depths of a made curve.
+    path : Path
+        Where it was read.
+    """
+
+    scene: Scene
+    free: tuple[FreeParameter, ...]
+    solver: Mapping[str, Any]
+    noise: Mapping[str, float]
+    curve: Mapping[str, Any]
+    simulate: SimulatedDepths | None
+    path: Path
+
+
+def load_scene(path: str | os.PathLike[str]) -> Scene:
+    """Read the scene of a scene file; see `read_scene_file` for the rest of it."""
+    return read_scene_file(path).scene
+
+
+def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
+    """Read and check a scene file.
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be read.
+    FileFormatError
+        If it is not TOML.
+    InputError
+        If a section, key, unit or value is not allowed; the message names file, section and key.
+    """
+    source = Path(path)
+    document = _read_toml(source)
+    try:
+        return _interpret(document, source)
+    except UnderlayError as error:
+        raise type(error)(f"{source.name}: {error}") from error
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        if not path.is_file():
+            raise FileAccessError(f"scene file {path} does not exist or is not a file")
+        if path.stat().st_size > _LARGEST_FILE:
+            raise FileFormatError(f"{path} is larger than a scene file can be (1 MB)")
+        return tomllib.loads(path.read_bytes().decode("utf-8"))
+    except OSError as error:
+        if isinstance(error, FileAccessError):
+            raise
+        raise FileAccessError(f"cannot read scene file {path}: {error.strerror}") from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise FileFormatError(f"{path} is not a TOML file: {error}") from error
+
+
+_SECTIONS = (
+    "title",
+    "indenter",
+    "layer",
+    "substrate",
+    "instrument",
+    "fit",
+    "solver",
+    "noise",
+    "curve",
+    "simulate",
+)
+
+
+def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
+    for name in document:
+        if name not in _SECTIONS:
+            raise InputError(f"unknown section [{name}]; allowed: {', '.join(_SECTIONS[1:])}")
+    for name in ("indenter", "layer"):
+        if name not in document:
+            raise InputError(f"section [{name}] is missing")
+    layer, thickness = _material("layer", dict(_table(document, "layer")))
+    scene = Scene(
+        indenter=_indenter(dict(_table(document, "indenter"))),
+        layer=Layer(layer, thickness),
+        substrate=_substrate(document),
+        instrument=_build(Instrument, "instrument", _table(document, "instrument")),
+    )
+    solver = check(SolverSection, "solver", _table(document, "solver"))
+    accuracy = {"accuracy": Accuracy(solver.pop("rtol"))} if "rtol" in solver else {}
+    return SceneFile(
+        scene=scene,
+        free=tuple(_free_parameters(_table(document, "fit"), scene)),
+        solver=accuracy | solver,
+        noise=check(NoiseSection, "noise", _table(document, "noise")),
+        curve=check(CurveSection, "curve", _table(document, "curve")),
+        simulate=_simulated_depths(document),
+        path=path,
+    )
+
+
+def _table(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    table = document.get(name, {})
+    if not isinstance(table, Mapping):
+        raise InputError(f"[{name}] must be a section, not {table!r}")
+    return table
+
+
+# --- parts of the scene -------------------------------------------------------------------------------
+
+
+def _indenter(table: dict[str, Any]) -> Indenter:
+    shapes = {shape.shape: shape for shape in Indenter.shapes()}
+    name = table.pop("shape", None)
+    if name not in shapes:
+        raise InputError(f"[indenter] shape: {name!r} is not known; allowed: {', '.join(sorted(shapes))}")
+    indenter: Indenter = _build(shapes[name], "indenter", table)
+    return indenter
+
+
+def _material(section: str, table: dict[str, Any]) -> tuple[Material, float]:
+    thickness = np.inf
+    if section == "layer" and "thickness" in table:
+        thickness = check(ThicknessSection, section, {"thickness": table.pop("thickness")})["thickness"]
+    kind = TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
+    return _build(kind, section, table), thickness
+
+
+def _substrate(document: Mapping[str, Any]) -> Substrate | None:
+    if "substrate" not in document:
+        return None
+    table = dict(_table(document, "substrate"))
+    rigid = table.pop("rigid", False)
+    if not isinstance(rigid, bool):
+        raise InputError(f"[substrate] rigid: must be true or false, not {rigid!r}")
+    if not rigid:
+        return _material("substrate", table)[0]
+    if table:
+        raise InputError(f"[substrate] is rigid and needs nothing else; remove {', '.join(table)}")
+    return RIGID
+
+
+def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
+    if "simulate" not in document:
+        return None
+    depths = SimulatedDepths(**check(SimulateSection, "simulate", _table(document, "simulate")))
+    if not depths.start < depths.max_depth:
+        raise InputError("[simulate] start must be below max_depth")
+    return depths
+
+
+def _build(kind: type[Any], section: str, table: Mapping[str, Any]) -> Any:
+    """Make a dataclass from a section; its fields say which keys there are."""
+    return kind(**check(schema_of(kind, section), section, table))
+
+
+# --- what is fitted -----------------------------------------------------------------------------------
+
+
+def _free_parameters(table: Mapping[str, Any], scene: Scene) -> list[FreeParameter]:
+    known = [*scene.parameters, "noise.force", "noise.relative", "noise.correlation_time", "noise.depth"]
+    free = []
+    for path, entry in _flatten(table):
+        if path not in known:
+            raise unknown_parameter(path, known)
+        numbers = check(free_parameter_schema(kind_of(path)), f"fit] [{path}", entry)
+        low, high = numbers.pop("min", -np.inf), numbers.pop("max", np.inf)
+        if not low < high:
+            raise InputError(f"[fit] {path}: min must be below max")
+        free.append(FreeParameter(path, numbers.pop("prior", None), low, high, numbers))
+    return free
+
+
+def _flatten(table: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
+    """Turn ``layer.E = {...}`` (a nested table) and ``"layer.E" = {...}`` into (path, entry) pairs."""
+    pairs: list[tuple[str, Mapping[str, Any]]] = []
+    for name, entry in table.items():
+        if not isinstance(entry, Mapping):
+            raise InputError(f"[fit] {name}: write {name} = {{ min = ..., max = ... }}")
+        if "." in name:
+            pairs.append((name, entry))
+            continue
+        for field, inner in entry.items():
+            if not isinstance(inner, Mapping):
+                raise InputError(f"[fit] {name}.{field}: write {name}.{field} = {{ min = ..., max = ... }}")
+            pairs.append((f"{name}.{field}", inner))
+    return pairs

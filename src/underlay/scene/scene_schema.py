@@ -1,0 +1,118 @@
+"""What each section of a scene file may hold: pydantic models, made from the dataclasses they describe."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
+
+from underlay.errors import InputError
+from underlay.scene.parameters import kind_of
+from underlay.units import parse_quantity
+
+__all__ = [
+    "CurveSection",
+    "NoiseSection",
+    "SimulateSection",
+    "SolverSection",
+    "ThicknessSection",
+    "check",
+    "free_parameter_schema",
+    "schema_of",
+]
+
+_PRIORS = Literal["uniform", "loguniform", "normal", "lognormal", "halfnormal"]
+
+
+def _quantity(kind: str) -> BeforeValidator:
+    """Validator that turns "1.5 mm" into 1.5e-3, and a list of such into a tuple, for this kind."""
+
+    def parse(value: Any) -> Any:
+        if isinstance(value, list):
+            return tuple(parse_quantity(entry, kind) for entry in value)
+        return parse_quantity(value, kind)
+
+    return BeforeValidator(parse)
+
+
+def schema_of(kind: type[Any], section: str) -> type[BaseModel]:
+    """Pydantic model of a section, from the dataclass it describes."""
+    definitions: dict[str, Any] = {}
+    for field in fields(kind):
+        default = ... if field.default is MISSING else field.default
+        definitions[field.name] = (Annotated[Any, _quantity(kind_of(f"{section}.{field.name}"))], default)
+    return create_model(kind.__name__, __config__=ConfigDict(extra="forbid"), **definitions)
+
+
+def free_parameter_schema(kind: str) -> type[BaseModel]:
+    """Pydantic model of one entry of ``[fit]``, for a parameter of this physical kind."""
+    definitions: dict[str, Any] = {
+        "prior": (_PRIORS, None),
+        "relative_sd": (Annotated[float, _quantity("dimensionless")], None),
+    }
+    for name in ("min", "max", "mean", "sd", "median"):
+        definitions[name] = (Annotated[float, _quantity(kind)], None)
+    return create_model("free parameter", __config__=ConfigDict(extra="forbid"), **definitions)
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class ThicknessSection(_Section):
+    """``thickness`` of the layer."""
+
+    thickness: Annotated[float, _quantity("length")]
+
+
+class SolverSection(_Section):
+    """``[solver]``: which law, how accurate."""
+
+    method: str = "auto"
+    rtol: Annotated[float, _quantity("dimensionless")] = 1e-6
+    order: int = Field(default=4, ge=0, le=4)
+    form: str = "auto"
+
+
+class NoiseSection(_Section):
+    """``[noise]``: what is known of the noise, or is to be made."""
+
+    force: Annotated[float, _quantity("force")] = 0.0
+    relative: Annotated[float, _quantity("dimensionless")] = 0.0
+    correlation_time: Annotated[float, _quantity("time")] = 0.0
+    depth: Annotated[float, _quantity("length")] = 0.0
+
+
+class CurveSection(_Section):
+    """``[curve]``: which part of which file."""
+
+    format: str = ""
+    test: int | str = 0
+    segment: Literal["all", "loading", "unloading", "hold", "equilibrium"] = "loading"
+    columns: dict[str, str] = {}
+
+
+class SimulateSection(_Section):
+    """``[simulate]``: depth readings of a made curve."""
+
+    max_depth: Annotated[float, _quantity("length")]
+    start: Annotated[float, _quantity("length")] = 0.0
+    points: int = Field(default=200, ge=2, le=10_000_000)
+    duration: Annotated[float, _quantity("time")] = 1.0
+
+
+def check(model: type[BaseModel], section: str, table: Mapping[str, Any]) -> dict[str, Any]:
+    """Validate a section; keep only the keys the file gives, so that defaults stay with their owners."""
+    try:
+        return model.model_validate(dict(table)).model_dump(exclude_unset=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        allowed = ", ".join(model.model_fields)
+        if first["type"] == "extra_forbidden":
+            raise InputError(f"[{section}] has no {key!r}; allowed: {allowed}") from error
+        if first["type"] == "missing":
+            raise InputError(f"[{section}] needs {key!r}") from error
+        raise InputError(f"[{section}] {key}: {first['msg'].removeprefix('Value error, ')}") from error

@@ -1,0 +1,129 @@
+"""The house of the project: imports go down only, and each third party lives in one place."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "src" / "underlay"
+
+#: Floors from the ground up; a module may import from its own floor and from below.
+FLOORS = ("base", "mechanics", "scene", "data", "inference", "report", "cli")
+GROUND = {"errors", "units", "_arrays", "_files"}
+
+#: Third parties and the only modules (relative to the package, by prefix) that may import them.
+HOMES = {
+    "lmfit": ("inference/least_squares", "inference/profiles"),
+    "emcee": ("inference/sampling",),
+    "dask": ("inference/batch",),
+    "distributed": ("inference/batch",),
+    "matplotlib": ("report/plots", "report/plots_"),
+    "pint": ("units",),
+    "pydantic": ("scene/scene_schema",),
+    "tomlkit": ("scene/scene_writer",),
+    "typer": ("cli",),
+    "rich": ("cli", "inference/progress"),
+}
+
+
+def modules():
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+def name_of(path):
+    return path.relative_to(PACKAGE).with_suffix("").as_posix()
+
+
+def floor_of(name):
+    head = name.split("/")[0]
+    if head == "__init__":
+        return len(FLOORS)
+    if head in GROUND:
+        return 0
+    return FLOORS.index("cli" if head.startswith("cli") else head)
+
+
+def imported(path):
+    """(module, is it under TYPE_CHECKING) for every import in a file, wherever it stands."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    typing_only = {
+        id(node)
+        for branch in ast.walk(tree)
+        if isinstance(branch, ast.If) and ast.unparse(branch.test) == "TYPE_CHECKING"
+        for statement in branch.body
+        for node in ast.walk(statement)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, id(node) in typing_only
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            yield node.module, id(node) in typing_only
+
+
+@pytest.mark.parametrize("path", modules(), ids=name_of)
+def test_imports_go_down_only(path):
+    here = floor_of(name_of(path))
+    for module, _ in imported(path):
+        if module == "underlay":
+            assert here >= FLOORS.index("cli"), f"{name_of(path)} imports the whole package"
+        elif module.startswith("underlay."):
+            there = floor_of(module.removeprefix("underlay.").replace(".", "/"))
+            assert there <= here, f"{name_of(path)} imports upward: {module}"
+
+
+@pytest.mark.parametrize("path", modules(), ids=name_of)
+def test_third_parties_live_in_one_place(path):
+    name = name_of(path)
+    for module, typing_only in imported(path):
+        homes = HOMES.get(module.split(".")[0])
+        if homes is not None and not typing_only:
+            assert name.startswith(homes), f"{name} imports {module}; its home is {homes}"
+
+
+def test_no_import_circles():
+    graph = {}
+    for path in modules():
+        name = "underlay." + name_of(path).replace("/", ".").removesuffix(".__init__")
+        graph[name] = {
+            module
+            for module, typing_only in imported(path)
+            if module.startswith("underlay.") and not typing_only
+        }
+    done, trail = set(), []
+
+    def visit(name):
+        if name in done:
+            return
+        assert name not in trail, " -> ".join([*trail[trail.index(name) :], name])
+        trail.append(name)
+        for module in graph.get(name, ()):
+            visit(module)
+        done.add(trail.pop())
+
+    for name in graph:
+        visit(name)
+
+
+def test_mechanics_needs_numpy_and_scipy_only():
+    code = (
+        "import sys, pkgutil, importlib, types\n"
+        f"package = types.ModuleType('underlay'); package.__path__ = [{str(PACKAGE)!r}]\n"
+        "sys.modules['underlay'] = package\n"
+        "import underlay.mechanics\n"
+        "for module in pkgutil.iter_modules(underlay.mechanics.__path__):\n"
+        "    importlib.import_module('underlay.mechanics.' + module.name)\n"
+        "heavy = {'lmfit', 'matplotlib', 'pandas', 'emcee', 'pint', 'pydantic', 'typer'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_no_hidden_failures_in_mechanics():
+    for path in (PACKAGE / "mechanics").rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        for word in ("errstate", "nan_to_num", "np.clip(", "except Exception", "except:"):
+            assert word not in text, f"{path.name} holds {word}"
