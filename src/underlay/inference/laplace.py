@@ -26,6 +26,8 @@ _STEP_LENGTHS = 2.0 ** -np.arange(12.0)
 # A thousandth of a log unit is 1/20 of a standard deviation; widths within 30 % are enough for a start.
 _NEGLIGIBLE = 0.001
 _SETTLED = 0.5
+# At the wall of the box there is always something to gain beyond it.
+_PATIENCE = 3
 _TRIAL_WIDTHS = 10.0 ** -np.arange(0.0, 9.0, 0.5)
 
 
@@ -38,9 +40,12 @@ class Laplace(NamedTuple):
 
 
 def find_mode(
-    log_density: Callable[[FloatArray], FloatArray], start: FloatArray, width: FloatArray
+    log_density: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+    width: FloatArray,
+    box: tuple[FloatArray, FloatArray],
 ) -> Laplace:
-    """Climb from `start` to the nearest top.
+    """Climb from `start` to the nearest top inside a box.
 
     Parameters
     ----------
@@ -50,16 +55,21 @@ def find_mode(
         (p,), where the density is not zero.
     width : FloatArray
         (p,): standard deviation of the prior of each coordinate, the widest the result may be.
+    box : pair of FloatArray
+        Lower and upper ends (p,), within the priors: a top at the very edge of a prior has no neighbours to
+        take differences with.
 
     Raises
     ------
     FitError
         If the density is zero or not a number at the start.
     """
-    mode, top = start, float(log_density(start[None])[0])
+    mode = np.clip(start, *box)
+    top = float(log_density(mode[None])[0])
     if not np.isfinite(top):
         raise FitError(f"the log-posterior is {top} at the start: move the start inside the priors")
     basis = np.diag(_coordinate_widths(log_density, mode, top, width))
+    idle = 0
     for _ in range(_MAX_STEPS):
         gradient, hessian, size = _derivatives(log_density, mode, top, basis)
         basis = basis * size
@@ -71,12 +81,14 @@ def find_mode(
         still_to_gain = 0.5 * float(np.sum(slope**2 / precision))
         step = basis @ (directions @ (slope / precision))
         basis = (basis @ directions) / np.sqrt(precision)
-        candidates = mode + _STEP_LENGTHS[:, None] * step
+        candidates = np.clip(mode + _STEP_LENGTHS[:, None] * step, *box)
         values = log_density(candidates)
-        best = int(np.nanargmax(values))
+        best = int(np.argmax(values))
+        idle = 0 if values[best] - top > _NEGLIGIBLE else idle + 1
         if values[best] > top:
             mode, top = candidates[best], float(values[best])
-        if still_to_gain < _NEGLIGIBLE and (np.abs(np.log(precision)) < _SETTLED).all():
+        settled = bool((np.abs(np.log(precision)) < _SETTLED).all())
+        if settled and (still_to_gain < _NEGLIGIBLE or idle == _PATIENCE):
             break
     return Laplace(mode, basis, top)
 

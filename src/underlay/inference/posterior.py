@@ -13,6 +13,7 @@ import pandas as pd
 
 from underlay._arrays import FloatArray
 from underlay.errors import FileAccessError, FileFormatError, InputError
+from underlay.inference.arviz_bridge import to_inference_data
 from underlay.inference.convergence import (
     effective_size,
     highest_density_interval,
