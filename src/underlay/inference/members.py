@@ -18,6 +18,7 @@ from underlay.inference.coordinates import Coordinate, Spans, make_coordinate
 from underlay.inference.forward import Forward, LawOptions, LawStore, Reading
 from underlay.inference.noise_start import noise_start
 from underlay.inference.priors import Prior
+from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -84,6 +85,12 @@ class Member:
     def reading(self, physical: FloatArray) -> Reading:
         """Model at a physical vector (k,); raises InputError where no law exists."""
         return self.forward.reading(self.values_at(physical))
+
+    def law(self, physical: FloatArray) -> ContactLaw:
+        """Contact law at a physical vector (k,), as a caller of the scene would get it."""
+        scene = self.scene_at(physical)
+        deepest = float(self.curve.depth.max()) - scene.instrument.contact_depth
+        return self.forward.options.build(scene, max(deepest, 0.0))
 
     def jacobian(self, physical: FloatArray) -> tuple[Reading, FloatArray]:
         """Model and d force / d vector (SI), (n, k); zero for entries this curve does not read."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise, log_normalisation, standard_deviation, whiten
+from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.coordinates import Coordinate
 from underlay.inference.forward import LawOptions, LawStore

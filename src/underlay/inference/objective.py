@@ -1,0 +1,132 @@
+"""Weighted residuals of a problem with their analytic Jacobian: what a minimiser asks.
+
+The weights are frozen: the noise is that of a current model, and a fit renews it from outside until nothing
+changes. (Weights that follow the parameters without the normalisation of the likelihood would pull the
+model towards large noise.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.data.noise import Noise, whiten
+from underlay.errors import InputError
+from underlay.inference.members import Member
+from underlay.inference.problem import Problem
+
+__all__ = ["Minimum", "Objective", "Weights", "weights_at"]
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where a minimiser stopped: scaled vector (k,), whether it met its tolerance, and what it says."""
+
+    vector: FloatArray
+    success: bool
+    message: str
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Noise of every curve, frozen: model and standard deviations (N), one array (n,) each."""
+
+    noises: tuple[Noise, ...]
+    sigmas: tuple[FloatArray, ...]
+
+
+def weights_at(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) -> Weights:
+    """Freeze the noise at the model of a scaled vector (k,)."""
+    physical = problem.physical(vector)
+    sigmas = tuple(
+        member.sigma(member.reading(physical), noise)
+        for member, noise in zip(problem.members, noises, strict=True)
+    )
+    return Weights(tuple(noises), sigmas)
+
+
+@dataclass
+class Objective:
+    """Residuals and Jacobian at full scaled vectors, for frozen weights; counts what it is asked.
+
+    Prior measurements (`Prior.penalty`) follow the points as further residuals, one per informative prior.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    weights : Weights
+        Frozen noise.
+    evaluations, failures : int
+        Models asked, and how many did not exist.
+    held : frozenset of int
+        Entries of a vector that a minimiser leaves alone.
+    """
+
+    problem: Problem
+    weights: Weights
+    evaluations: int = 0
+    failures: int = 0
+    held: frozenset[int] = frozenset()
+    _largest: float = field(default=1.0, repr=False)
+
+    @property
+    def active(self) -> list[int]:
+        """Entries of a vector that a minimiser varies: not the noise's, and not those held."""
+        noisy = {entry for member in self.problem.members for entry in member.noise_entries.values()}
+        return [i for i in range(len(self.problem.coordinates)) if i not in noisy and i not in self.held]
+
+    @property
+    def has_measured_priors(self) -> bool:
+        """Whether a prior pulls, so that the size of the noise moves the optimum."""
+        return bool(self._informative())
+
+    def residuals(self, vector: FloatArray) -> FloatArray:
+        """Whitened (model - data) / sigma of all points, then the priors' residuals.
+
+        Where no law exists the misfit is ten times the largest seen: a minimiser steps back.
+        """
+        self.evaluations += 1
+        physical = self.problem.physical(vector)
+        try:
+            parts = [
+                whiten(
+                    (member.reading(physical).force - member.force) / sigma,
+                    member.curve.time,
+                    noise.correlation_time,
+                )
+                for member, noise, sigma in self._members()
+            ]
+        except InputError:
+            self.failures += 1
+            return np.full(self.problem.n_points + len(self._informative()), 10.0 * self._largest)
+        residuals = np.concatenate([*parts, self._penalties(physical)[0]])
+        self._largest = max(self._largest, float(np.abs(residuals).max()))
+        return residuals
+
+    def jacobian(self, vector: FloatArray) -> FloatArray:
+        """d residuals / d vector, (n + priors, k)."""
+        physical, slopes = self.problem.physical(vector), self.problem.slopes(vector)
+        parts = []
+        for member, noise, sigma in self._members():
+            _, columns = member.jacobian(physical)
+            parts.append(whiten((columns * slopes).T / sigma, member.curve.time, noise.correlation_time).T)
+        return np.concatenate([*parts, self._penalties(physical)[1] * slopes])
+
+    def _members(self) -> Iterator[tuple[Member, Noise, FloatArray]]:
+        return zip(self.problem.members, self.weights.noises, self.weights.sigmas, strict=True)
+
+    def _informative(self) -> list[int]:
+        noisy = {entry for member in self.problem.members for entry in member.noise_entries.values()}
+        return [i for i, c in enumerate(self.problem.coordinates) if c.prior.informative and i not in noisy]
+
+    def _penalties(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals of the informative priors (p,) and their slopes in SI (p, k)."""
+        rows = self._informative()
+        values, slopes = np.zeros(len(rows)), np.zeros((len(rows), len(physical)))
+        for row, index in enumerate(rows):
+            values[row], slopes[row, index] = self.problem.coordinates[index].prior.penalty(physical[index])
+        return values, slopes
