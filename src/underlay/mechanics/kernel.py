@@ -11,7 +11,8 @@ Formula (Hankel space, u = wavenumber times thickness; J = diag(-1, 1); 1 = laye
 
 It is the L(u) of (1.6) and of the paper's appendix, for a layer bonded to its base, without the appendix's
 division by gamma_1 - gamma_2: real, equal and complex roots and nu = 0.5 are one formula. Identical materials
-give R = 0 and therefore L = 1 to the last bit. (Appendix, erratum: a_21 carries a minus, -(2 gamma_1/Z){...}.)
+give R = 0 and therefore L = 1 to the last bit. Erratum of the appendix: a_21 carries a minus,
+-(2 gamma_1/Z){...}; as printed, the terms in x_1 y_1 cancel and L is wrong.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import numpy as np
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError
 from underlay.mechanics.kernel_quadrature import u_rule
-from underlay.mechanics.materials import Material, PlaneConstants, Real, Rigid, Substrate
+from underlay.mechanics.materials import Material, PlaneConstants, Real, Rigid, Substrate, magnitude
 
 __all__ = ["SubstrateKernel", "coefficients", "one_minus_L", "u_rule"]
 
@@ -36,8 +37,8 @@ _EQUAL_ROOTS = 4.0 * np.finfo(float).eps
 # det Y at u = 0 below which a substrate counts as soft (E2/E1 about 0.55): step 3 loses the digits of det Y
 # where u is small. Relative error of L at the switch: 7e-16 by step 3, 1.1e-15 by step 4.
 _SOFT = 0.5
-# u max(sigma, 2 sqrt(p)) below which a soft substrate takes step 4. Relative error of L at the switch: 1.1e-15
-# by step 4 and 1.2e-15 by step 3; 4e-15 by step 3 where the layer shears easily (G' = 0.03 E).
+# u max(sigma, 2 sqrt(p)) below which a soft substrate takes step 4. Relative error of L at the switch:
+# 1.1e-15 by step 4, 1.2e-15 by step 3; 4e-15 by step 3 where the layer shears easily (G' = 0.03 E).
 _SMALL_U = 3.0
 # (2k+1)!, (2k+2)! of the series of step 4: at u sigma = 3 the first term left out is 2e-17 of the sum.
 _FACTORIALS = tuple((float(factorial(2 * k + 1)), float(factorial(2 * k + 2))) for k in range(1, 14))
@@ -134,7 +135,7 @@ def _passage(u: FloatArray, pair: _Interface) -> tuple[FloatArray, FloatArray]:
     p, half = pair.p, 0.5 * pair.sigma
     d2 = 0.25 * pair.sigma2 - p
     equal = _EQUAL_ROOTS * p
-    if np.all(abs(d2) <= equal):
+    if np.all(magnitude(d2) <= equal):
         ch = np.exp(-half * u)
         return ch, u * ch
     if np.all(d2 > 0.0):
@@ -142,7 +143,7 @@ def _passage(u: FloatArray, pair: _Interface) -> tuple[FloatArray, FloatArray]:
     if np.all(d2 < 0.0):
         return _complex_roots(u, half, (-d2) ** 0.5)
     # A batch with both kinds: each formula is evaluated for all, away from its own 0/0.
-    d = np.maximum(abs(d2), equal) ** 0.5
+    d = np.maximum(magnitude(d2), equal) ** 0.5
     real, turning = _real_roots(u, p, half, d), _complex_roots(u, half, d)
     return np.where(d2 > 0.0, real[0], turning[0]), np.where(d2 > 0.0, real[1], turning[1])
 
@@ -245,6 +246,11 @@ class SubstrateKernel:
     substrate : Isotropic, TransverselyIsotropic or RIGID
         Material of the half-space bonded under it.
 
+    Raises
+    ------
+    InputError
+        If one of them is not such a material.
+
     Examples
     --------
     >>> from underlay.mechanics.materials import RIGID, Isotropic
@@ -255,6 +261,14 @@ class SubstrateKernel:
 
     layer: Material
     substrate: Substrate
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.layer, Material):
+            raise InputError(f"the layer material is Isotropic or TransverselyIsotropic; got {self.layer!r}")
+        if not isinstance(self.substrate, Substrate):
+            raise InputError(
+                f"the substrate is Isotropic, TransverselyIsotropic or RIGID; got {self.substrate!r}"
+            )
 
     def one_minus_L(self, u: ArrayLike) -> FloatArray:
         """1 - L(u), shape of `u` (wavenumber times thickness, dimensionless, zero or more).
