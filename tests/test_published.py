@@ -213,7 +213,9 @@ def test_hayes_spline_adds_little_between_the_entries(nu):
 def test_long_branches_are_as_far_apart_as_stated():
     correction = CORRECTIONS["long2011", "sphere"]
     deepest = np.array([np.sqrt(2.0 * 0.6)])
-    thin, thick = (correction.factor(contact_of("sphere", size=R)).value(deepest)[0] for R in (2.0, 2.0 + 1e-9))
+    thin, thick = (
+        correction.factor(contact_of("sphere", size=R)).value(deepest)[0] for R in (2.0, 2.0 + 1e-9)
+    )
     assert_allclose(thin / thick - 1.0, -0.09, atol=0.005)
     low = signed_error("long2011", "sphere", [np.sqrt(0.5 * 0.5)], size=0.5)[0]
     assert_allclose(low, -0.33, atol=0.005)
