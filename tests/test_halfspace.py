@@ -31,7 +31,7 @@ def test_abel_transform_is_the_galin_sneddon_integral(indenter):
     a, step = 1e-3, 1e-4
 
     def slope(r):
-        return (indenter.height(r * (1 + step)) - indenter.height(r * (1 - step))) / (2 * step * r)
+        return (indenter.surface(r * (1 + step)) - indenter.surface(r * (1 - step))) / (2 * step * r)
 
     integral = a * quad(lambda t: slope(a * np.sin(t)), 0.0, np.pi / 2, epsrel=1e-11, epsabs=0)[0]
     assert indenter.abel(np.array(a)) == pytest.approx(integral, rel=2e-7)

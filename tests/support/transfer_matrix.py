@@ -9,6 +9,7 @@ closed form under test is used: the materials enter through their compliance mat
 
 from __future__ import annotations
 
+from math import isqrt
 from typing import Any
 
 import mpmath as mp
@@ -26,11 +27,16 @@ def compliance_matrix(material: Isotropic | TransverselyIsotropic) -> tuple[Any,
         E_axial, nu_axial, shear = E, nu, 2 * (1 + nu) / E
     else:
         E, nu = mp.mpf(material.E), mp.mpf(material.nu)
+<<<<<<< HEAD
+        E_axial, nu_axial = mp.mpf(material.E_axial), mp.mpf(material.nu_axial)
+        shear = 1 / mp.mpf(material.G_axial)
+=======
         E_axial, nu_axial, shear = (
             mp.mpf(material.E_axial),
             mp.mpf(material.nu_axial),
             1 / mp.mpf(material.G_axial),
         )
+>>>>>>> data
     cross = -nu_axial / E_axial
     return mp.matrix([[1 / E, -nu / E, cross], [-nu / E, 1 / E, cross], [cross, cross, 1 / E_axial]]), shear
 
@@ -55,12 +61,17 @@ def system_matrix(material: Isotropic | TransverselyIsotropic) -> Any:
     )
 
 
-def decaying_impedance(A: Any) -> Any:
-    """(T, N)/k = Z (U, W) of the half-space z > 0: the range of A^2 - sigma A + p, whatever the roots are."""
+def root_constants(A: Any) -> tuple[Any, Any]:
+    """p and sigma of the characteristic polynomial (x^2 + p)^2 - sigma^2 x^2 of A, from its invariants."""
     square = A * A
     p = mp.sqrt(mp.det(A))
-    sigma = mp.sqrt(sum(square[i, i] for i in range(4)) / 2 + 2 * p)
-    space = square - sigma * A + p * mp.eye(4)
+    return p, mp.sqrt(sum(square[i, i] for i in range(4)) / 2 + 2 * p)
+
+
+def decaying_impedance(A: Any) -> Any:
+    """(T, N)/k = Z (U, W) of the half-space z > 0: the range of A^2 - sigma A + p, whatever the roots are."""
+    p, sigma = root_constants(A)
+    space = A * A - sigma * A + p * mp.eye(4)
     # Two of its columns span the decaying solutions; take the pair that is farthest from parallel.
     pairs = [(i, j) for i in range(4) for j in range(i)]
     i, j = max(pairs, key=lambda c: abs(_minor(space, c[0], c[1])))
@@ -79,16 +90,12 @@ class TransferMatrixKernel:
     def __init__(self, layer: Isotropic | TransverselyIsotropic, substrate: Any) -> None:
         self.layer, self.substrate = layer, substrate
         with mp.workdps(DIGITS):
-            A = system_matrix(layer)
-            square = A * A
-            p = mp.sqrt(mp.det(A))
-            sigma = mp.sqrt(sum(square[i, i] for i in range(4)) / 2 + 2 * p)
-            #: exp(u A) grows no faster than exp(fastest u).
-            self.fastest = float(sigma)
+            self.sigma = float(root_constants(system_matrix(layer))[1])
 
     def L(self, u: float) -> Any:
         """L(u) as an mpf."""
-        with mp.workdps(int(DIGITS + 2 * self.fastest * u / mp.log(10)) + 20):
+        # The two growing solutions differ by at most exp(sigma u): what solving for the surface cancels.
+        with mp.workdps(int(DIGITS + self.sigma * u / mp.log(10)) + 20):
             A = system_matrix(self.layer)
             through = exponential(mp.mpf(u) * A)
             # Rows of the condition at the interface, on the state below the surface.
@@ -107,11 +114,11 @@ class TransferMatrixKernel:
 def exponential(A: Any) -> Any:
     """exp(A) by its Taylor series after scaling, squared back."""
     size = mp.mnorm(A, 1)
-    halvings = max(0, int(mp.ceil(mp.log(size, 2))) + 8) if size > 0 else 0
-    with mp.extradps(halvings + 5):
+    halvings = isqrt(mp.mp.prec) // 2 + max(0, int(mp.ceil(mp.log(size, 2))))
+    with mp.extradps(halvings // 3 + 10):
         scaled = A / 2**halvings
-        result = term = mp.eye(4)
-        k = 0
+        result = mp.eye(4) + scaled
+        term, k = scaled, 1
         while mp.mnorm(term, 1) > mp.eps:
             k += 1
             term = term * scaled / k

@@ -149,7 +149,7 @@ class Curve:
         """Label of every point, (n,): the file's own, else from the motion of the depth."""
         if self.segment is not None:
             return self.segment
-        return segments_from_motion(self.depth, self.time)
+        return segments_from_motion(self.depth, self.time, self.force)
 
     def loading(self) -> Curve:
         """Return the points where the indenter goes in."""

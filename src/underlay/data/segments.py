@@ -9,13 +9,15 @@ noise makes this blind to noise, and a polyline needs no uniform sampling.
 from __future__ import annotations
 
 import heapq
+import itertools
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 
-__all__ = ["HOLD", "LOADING", "UNLOADING", "segments_from_motion"]
+__all__ = ["HOLD", "LOADING", "UNLOADING", "label_pieces", "segments_from_motion"]
 
 LOADING = "loading"
 HOLD = "hold"
@@ -27,12 +29,22 @@ _REST_SPEED = 0.1
 # Tolerance of the polyline, as a fraction of the range of the motion and in noise standard deviations.
 _TOLERANCE = 0.01
 _NOISE = 4.0
+# A slow piece that goes back while the force falls by this fraction of its range is unloading.
+_FALL = 0.05
+# Reversals above this fraction of the range are never taken for vibration.
+_VIBRATION = 0.1
 # More corners than any protocol has; bounds the work on a file of pure noise.
 _MAX_PIECES = 400
 
 
-def segments_from_motion(motion: FloatArray, time: FloatArray | None = None) -> NDArray[np.str_]:
+def segments_from_motion(
+    motion: FloatArray, time: FloatArray | None = None, force: FloatArray | None = None
+) -> NDArray[np.str_]:
     """Label every point of a motion.
+
+    A stiff sample comes back so little that its unloading is as slow as a hold; what tells them apart is
+    that depth and force fall together, which no hold does: under constant load the depth creeps in, and at
+    constant depth it does not fall.
 
     Parameters
     ----------
@@ -40,6 +52,8 @@ def segments_from_motion(motion: FloatArray, time: FloatArray | None = None) -> 
         Depth, or better the position of the actuator, growing into the sample (m).
     time : ndarray (n,), optional
         Time (s), not decreasing; the sample number serves without it.
+    force : ndarray (n,), optional
+        Force, positive in compression (N).
 
     Returns
     -------
@@ -51,13 +65,48 @@ def segments_from_motion(motion: FloatArray, time: FloatArray | None = None) -> 
     clock = np.arange(n, dtype=np.float64) if time is None else time
     if n < 3 or not (np.isfinite(motion).all() and np.isfinite(clock).all()) or np.ptp(clock) <= 0.0:
         return labels
-    tolerance = max(_TOLERANCE * float(np.ptp(motion)), _NOISE * _noise(motion))
-    if np.ptp(motion) <= tolerance:
+    noise = _NOISE * _noise(motion)
+    tolerance = max(_TOLERANCE * float(np.ptp(motion)), noise)
+    if np.ptp(motion) <= 2.0 * noise:  # no more than noise swings to both sides
         labels[:] = HOLD
         return labels
     corners = _polyline(clock, motion, tolerance)
-    for first, last, label in _pieces(clock, motion, corners, tolerance):
+    wobble = _wobble(motion[corners])
+    if wobble > tolerance:
+        tolerance = wobble
+        corners = _polyline(clock, motion, tolerance)
+    retreat = None
+    if force is not None and np.isfinite(force).all():
+        fall = -np.diff(force[corners]) / max(float(np.ptp(force)), np.finfo(float).tiny)
+        retreat = (fall > _FALL) & (np.diff(motion[corners]) < -tolerance)
+    for first, last, label in _pieces(clock, motion, corners, tolerance, retreat):
         labels[first : last + 1] = label
+    return labels
+
+
+def label_pieces(
+    depth: FloatArray, starts: NDArray[np.intp], known: Mapping[int, str] | None = None
+) -> NDArray[np.str_]:
+    """Label pieces of a curve that a file marks, each as a whole.
+
+    Parameters
+    ----------
+    depth : ndarray (n,)
+        Depth, growing into the sample (m).
+    starts : ndarray (m + 1,) of int
+        First index of each piece, and n.
+    known : mapping of int to str, optional
+        Label of the piece that starts at an index, where the file says it.
+
+    Returns
+    -------
+    ndarray (n,) of str
+        Labels; a piece the file does not name is loading if it ends deeper than it starts, else unloading.
+    """
+    labels: NDArray[np.str_] = np.empty(len(depth), dtype="<U9")
+    for first, last in itertools.pairwise(starts):
+        deeper = depth[last - 1] >= depth[first]
+        labels[first:last] = (known or {}).get(int(first), LOADING if deeper else UNLOADING)
     return labels
 
 
@@ -65,6 +114,21 @@ def _noise(motion: FloatArray) -> float:
     """Standard deviation of white noise, from second differences: a smooth motion leaves none."""
     second = np.diff(motion, 2)
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
+
+
+def _wobble(heights: FloatArray) -> float:
+    """Height of the largest reversal that is vibration and not a step of the test.
+
+    Reversals of a test are a good part of its range, those of vibration are small and many; a gap by a
+    factor of three between the two kinds tells them apart. Zero if there is no such gap.
+    """
+    directions = np.sign(np.diff(heights))
+    turns = np.flatnonzero(directions[1:] != directions[:-1]) + 1
+    reversals = np.sort(np.abs(np.diff(heights[[0, *turns, len(heights) - 1]])))[::-1]
+    small = reversals[1:] < _VIBRATION * np.ptp(heights)
+    gap = reversals[:-1] >= 3.0 * reversals[1:]
+    first = np.flatnonzero(small & gap)
+    return float(reversals[first[0] + 1]) if first.size else 0.0
 
 
 def _polyline(clock: FloatArray, motion: FloatArray, tolerance: float) -> list[int]:
@@ -94,7 +158,11 @@ def _polyline(clock: FloatArray, motion: FloatArray, tolerance: float) -> list[i
 
 
 def _pieces(
-    clock: FloatArray, motion: FloatArray, corners: list[int], tolerance: float
+    clock: FloatArray,
+    motion: FloatArray,
+    corners: list[int],
+    tolerance: float,
+    retreat: NDArray[np.bool_] | None,
 ) -> list[tuple[int, int, str]]:
     """First index, last index and label of each piece between corners."""
     ends = np.array(corners)
@@ -105,6 +173,8 @@ def _pieces(
     speed = np.full(len(run), np.inf)
     speed[timed] = np.abs(rise[timed]) / run[timed]
     resting = speed < _REST_SPEED * _speed_of_travel(speed, np.abs(rise))
+    if retreat is not None:
+        resting &= ~retreat
     # A piece no higher than the tolerance between two resting ones is a wobble of the hold.
     low = np.abs(rise) <= tolerance
     calm = resting | low

@@ -52,7 +52,7 @@ class Indenter(ABC):
         return np.inf
 
     @abstractmethod
-    def height(self, radius: FloatArray) -> FloatArray:
+    def surface(self, radius: FloatArray) -> FloatArray:
         """Shape Phi(r) (m) at `radius` (m), any shape of array."""
 
     @abstractmethod
@@ -88,7 +88,7 @@ class FlatPunch(Indenter):
         """The punch's own radius (m)."""
         return self.radius
 
-    def height(self, radius: FloatArray) -> FloatArray:
+    def surface(self, radius: FloatArray) -> FloatArray:
         """Zero under the face, infinite outside."""
         return np.where(radius <= self.radius, 0.0, np.inf)
 
@@ -109,13 +109,12 @@ class FlatPunch(Indenter):
         return np.full_like(depth, self.radius)
 
 
-def abel_factor(exponent: float | FloatArray) -> float | FloatArray:
+def abel_factor(exponent: float | FloatArray) -> FloatArray:
     """F_2(lambda) of (5.5), written with the beta function so that lambda = 200 does not overflow.
 
     F_2 = lambda 2^(lambda-2) Gamma(lambda/2)^2 / Gamma(lambda) = (lambda/2) B(lambda/2, 1/2).
     """
-    factor: float | FloatArray = 0.5 * exponent * special.beta(0.5 * exponent, 0.5)
-    return factor
+    return np.asarray(0.5 * exponent * special.beta(0.5 * exponent, 0.5))
 
 
 class PowerLawShape(Indenter):
@@ -137,7 +136,7 @@ class PowerLawShape(Indenter):
         """A F_2(lambda): H(r) = A F_2 r^lambda."""
         return self.coefficient * float(abel_factor(self.exponent))
 
-    def height(self, radius: FloatArray) -> FloatArray:
+    def surface(self, radius: FloatArray) -> FloatArray:
         """Phi(r) = A r^lambda (5.1)."""
         return np.asarray(self.coefficient * radius**self.exponent)
 
@@ -274,7 +273,7 @@ class Sphere(Indenter):
         """0.9999 R: there the flank is 89.2 degrees steep and H(r) grows without bound towards R."""
         return _STEEPEST * self.radius
 
-    def height(self, radius: FloatArray) -> FloatArray:
+    def surface(self, radius: FloatArray) -> FloatArray:
         """Phi(r), as r^2 / (R + sqrt(R^2 - r^2)): no cancellation near the apex."""
         return np.asarray(radius**2 / (self.radius + np.sqrt(self.radius**2 - radius**2)))
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
 from underlay.errors import InputError
@@ -88,10 +89,13 @@ class NoiseSection(_Section):
 class CurveSection(_Section):
     """``[curve]``: which part of which file."""
 
-    format: str = ""
-    test: int | str = 0
-    segment: Literal["all", "loading", "unloading", "hold", "equilibrium"] = "loading"
-    columns: dict[str, str] = {}
+    format: str | None = None
+    test: int | None = Field(default=None, ge=1)
+    segment: Literal["all", "loading", "unloading", "hold"] = "loading"
+    columns: dict[str, str] | None = None
+    calibration: dict[str, str] | None = None
+    min_depth: Annotated[float, _quantity("length")] = -np.inf
+    max_depth: Annotated[float, _quantity("length")] = np.inf
 
 
 class SimulateSection(_Section):
@@ -115,4 +119,6 @@ def check(model: type[BaseModel], section: str, table: Mapping[str, Any]) -> dic
             raise InputError(f"[{section}] has no {key!r}; allowed: {allowed}") from error
         if first["type"] == "missing":
             raise InputError(f"[{section}] needs {key!r}") from error
-        raise InputError(f"[{section}] {key}: {first['msg'].removeprefix('Value error, ')}") from error
+        cause = first.get("ctx", {}).get("error")
+        kind = type(cause) if isinstance(cause, InputError) else InputError
+        raise kind(f"[{section}] {key}: {first['msg'].removeprefix('Value error, ')}") from error

@@ -1,0 +1,86 @@
+"""A curve file and a scene file -> a Problem."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from underlay.data.curve import Curve
+from underlay.data.noise import Noise
+from underlay.data.readers import read
+from underlay.errors import CurveError, InputError
+from underlay.inference.priors import prior_from_numbers
+from underlay.inference.problem import Problem
+from underlay.scene.scene_file import SceneFile, read_scene_file
+
+__all__ = ["load_problem", "problem_from", "read_for"]
+
+
+def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -> Problem:
+    """Build the problem that a curve file and a scene file state.
+
+    Parameters
+    ----------
+    curve : path
+        Measured curve, in any known format.
+    scene : path
+        Scene file; its ``[fit]`` section says what is free, ``[curve]`` which part of the curve is used.
+
+    Raises
+    ------
+    FileAccessError, FileFormatError, InputError, CurveError
+        If a file cannot be read, or its content cannot be used; the message says which and why.
+    """
+    file = read_scene_file(scene)
+    return problem_from(file, read_for(file, curve))
+
+
+def read_for(file: SceneFile, path: str | os.PathLike[str]) -> Curve:
+    """Read the part of a curve file that the scene file asks for."""
+    reader = ("format", "columns", "test", "calibration")
+    curve = read(path, **{key: file.curve[key] for key in reader if key in file.curve})
+    return chosen_part(curve, file.curve)
+
+
+def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
+    """Return the segment and depth range of `curve` that the ``[curve]`` section names."""
+    segment = choice.get("segment", "loading")
+    part = {
+        "all": lambda: curve,
+        "loading": curve.loading,
+        "unloading": curve.unloading,
+        "hold": curve.hold,
+    }[segment]()
+    low, high = choice.get("min_depth", -np.inf), choice.get("max_depth", np.inf)
+    inside = (part.depth >= low) & (part.depth <= high)
+    if not inside.any():
+        raise CurveError(
+            f"no point of the {segment} part of {curve.metadata.get('name', 'the curve')} is left between "
+            f"min_depth and max_depth; its depths run from {curve.depth.min():.6g} to "
+            f"{curve.depth.max():.6g} m"
+        )
+    return part if inside.all() else part.select(inside)
+
+
+def problem_from(file: SceneFile, curve: Curve) -> Problem:
+    """Build the problem that a scene file states for `curve`.
+
+    Raises
+    ------
+    InputError
+        If the scene file frees nothing.
+    """
+    if not file.free:
+        raise InputError(
+            f"{file.path.name} says nothing to fit: add a [fit] section such as layer.E = {{}} with "
+            'bounds like { min = "1 kPa", max = "10 MPa" }'
+        )
+    free = {
+        entry.path: prior_from_numbers(entry.prior, entry.low, entry.high, entry.numbers)
+        for entry in file.free
+    }
+    noise = Noise(**file.noise) if file.noise else None
+    return Problem(file.scene, curve, free, noise, **file.solver)

@@ -1,0 +1,151 @@
+"""Scene files: units, what is fitted, one clear message for each mistake, and the way back."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import underlay as ul
+from underlay.errors import FileAccessError, FileFormatError, InputError, ParameterError, UnitError
+from underlay.scene.scene_file import load_scene, read_scene_file
+
+GOOD = """
+[indenter]
+shape = "sphere"
+radius = "0.5 mm"
+
+[layer]
+E = "0.4 MPa"
+nu = 0.45
+thickness = "1.5 mm"
+
+[substrate]
+rigid = true
+
+[instrument]
+contact_depth = "2 um"
+
+[fit]
+layer.E = { min = "1 kPa", max = "100 MPa" }
+"layer.thickness" = { prior = "normal", mean = "1.5 mm", sd = "0.1 mm" }
+instrument.baseline = {}
+
+[solver]
+rtol = 1e-4
+
+[noise]
+force = "1 uN"
+
+[simulate]
+max_depth = "50 um"
+points = 11
+"""
+
+
+def write(tmp_path, text):
+    path = tmp_path / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_reads_units_and_what_is_fitted(tmp_path):
+    file = read_scene_file(write(tmp_path, GOOD))
+    assert file.scene == ul.Scene(
+        ul.Sphere(0.5e-3),
+        ul.Layer(ul.Isotropic(0.4e6, 0.45), 1.5e-3),
+        ul.RIGID,
+        ul.Instrument(contact_depth=2e-6),
+    )
+    modulus, thickness, baseline = file.free
+    assert (modulus.path, modulus.low, modulus.high, modulus.prior) == ("layer.E", 1e3, 1e8, None)
+    assert (thickness.prior, dict(thickness.numbers)) == ("normal", {"mean": 1.5e-3, "sd": 1e-4})
+    assert (baseline.path, baseline.low, baseline.high) == ("instrument.baseline", -np.inf, np.inf)
+    assert file.solver == {"accuracy": ul.Accuracy(1e-4)}
+    assert file.noise == {"force": 1e-6}
+    assert file.simulate.depth == pytest.approx(np.linspace(0, 5e-5, 11))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "message"),
+    [
+        ('radius = "0.5 mm"', 'radius = "0.5 parsnip"', UnitError, r"\[indenter\] radius.*unknown unit"),
+        ('radius = "0.5 mm"', "radius = 0.5", UnitError, r"\[indenter\] radius.*has no unit"),
+        ('E = "0.4 MPa"', 'E = "0.4 mm"', UnitError, r"\[layer\] E.*length.*pressure"),
+        ('E = "0.4 MPa"', 'E = "-0.4 MPa"', InputError, "must be positive"),
+        ("nu = 0.45", "nu = 0.6", InputError, r"in \(-1, 0.5\]"),
+        ("nu = 0.45", "", InputError, r"\[layer\] needs 'nu'"),
+        ("nu = 0.45", "nu = 0.45\ncolour = 'red'", InputError, r"\[layer\] has no 'colour'; allowed: E, nu"),
+        ('"1.5 mm"', '"-1.5 mm"', InputError, "thickness must be positive"),
+        ('shape = "sphere"', 'shape = "cube"', InputError, "'cube' is not known; allowed: cone"),
+        ("rigid = true", "rigid = 'very'", InputError, "true or false"),
+        ("rigid = true", "rigid = true\nE = '1 Pa'", InputError, "needs nothing else"),
+        ("[substrate]\nrigid = true", "", InputError, "needs a substrate"),
+        ("[layer]", "[lair]", InputError, r"unknown section \[lair\]; allowed: indenter"),
+        ("layer.E = {", "layer.D = {", ParameterError, "no parameter 'layer.D'"),
+        ("layer.E = {", "substrate.E = {", ParameterError, "no parameter 'substrate.E'"),
+        ('min = "1 kPa"', 'min = "1 GPa"', InputError, "min must be below max"),
+        ('prior = "normal"', 'prior = "flat"', InputError, "prior"),
+        (
+            "instrument.baseline = {}",
+            "instrument.baseline = 3",
+            InputError,
+            r"write instrument.baseline = \{",
+        ),
+        ("points = 11", "points = 1", InputError, r"\[simulate\] points"),
+        ('max_depth = "50 um"', 'max_depth = "-50 um"', InputError, "start must be below"),
+        ("rtol = 1e-4", "rtol = 4.0", InputError, "rtol must be between"),
+        ("[solver]", "[solver", FileFormatError, "not a TOML file"),
+    ],
+)
+def test_each_mistake_has_its_message(tmp_path, old, new, error, message):
+    assert old in GOOD
+    with pytest.raises(error, match=message):
+        read_scene_file(write(tmp_path, GOOD.replace(old, new, 1)))
+
+
+def test_files_that_are_not_scenes(tmp_path):
+    with pytest.raises(FileAccessError, match="does not exist"):
+        load_scene(tmp_path / "none.toml")
+    with pytest.raises(FileAccessError, match="not a file"):
+        load_scene(tmp_path)
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(FileFormatError, match="not a TOML file"):
+        load_scene(tmp_path / "binary.toml")
+    (tmp_path / "huge.toml").write_bytes(b"#" * 1_000_001)
+    with pytest.raises(FileFormatError, match="larger"):
+        load_scene(tmp_path / "huge.toml")
+    (tmp_path / "nested.toml").write_text("a = " + "[" * 5000, encoding="utf-8")
+    with pytest.raises(FileFormatError, match="not a TOML file"):
+        load_scene(tmp_path / "nested.toml")
+
+
+materials = st.builds(ul.Isotropic, st.floats(1e-3, 1e12), st.floats(-0.9, 0.5))
+scenes = st.builds(
+    ul.Scene,
+    st.one_of(
+        st.builds(ul.Sphere, st.floats(1e-9, 1.0)),
+        st.builds(ul.Cone, st.floats(0.01, 1.5)),
+        st.builds(ul.PowerLaw, st.floats(1.0, 9.0), st.floats(1e-3, 1e6)),
+        st.builds(ul.FlatPunch, st.floats(1e-9, 1.0)),
+    ),
+    st.builds(ul.Layer, materials, st.floats(1e-9, 1.0)),
+    st.one_of(
+        st.just(ul.RIGID),
+        materials,
+        st.just(ul.TransverselyIsotropic(E=1e6, E_axial=2e6, nu=0.3, nu_axial=0.2, G_axial=3e5)),
+    ),
+    st.builds(ul.Instrument, st.floats(-1e-3, 1e-3), st.floats(-1.0, 1.0), st.just(0.0), st.floats(0.0, 1.0)),
+)
+
+
+@given(scenes)
+def test_a_saved_scene_reads_back_to_the_last_bit(tmp_path_factory, scene):
+    path = scene.save(tmp_path_factory.mktemp("scene") / "scene.toml")
+    assert load_scene(path) == scene
+
+
+def test_saving_where_nothing_can_be_written(tmp_path):
+    scene = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.3)))
+    with pytest.raises(FileAccessError, match="cannot write"):
+        scene.save(tmp_path / "absent" / "scene.toml")
+    assert not list(tmp_path.iterdir())
