@@ -105,7 +105,9 @@ def exact_law(
         If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
     """
     inner = layer.material.plane_constants
-    outer = inner if substrate is None else None if isinstance(substrate, Rigid) else substrate.plane_constants
+    outer = (
+        inner if substrate is None else None if isinstance(substrate, Rigid) else substrate.plane_constants
+    )
     pair = (inner, outer)
     top = float(indenter.halfspace_radius(np.array([max_depth]))[0]) / layer.thickness
     decay, ratio = slowest_decay(inner), stiffness_ratio(*pair)
@@ -144,9 +146,7 @@ def exact_law(
     )
 
 
-def _out_of_range(
-    indenter: Indenter, thickness: float, depth: float, varpi: float, eps: float
-) -> RangeError:
+def _out_of_range(indenter: Indenter, thickness: float, depth: float, varpi: float, eps: float) -> RangeError:
     deepest = float(indenter.abel(np.array([varpi * thickness]))[0])
     end = (
         "the end of the indenter's shape; use a larger radius or less depth"

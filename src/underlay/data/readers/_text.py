@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
@@ -33,7 +34,7 @@ _AFTER_COMMA = re.compile(r"(.*\S)\s*,\s*([^\s,]+)\s*")
 # "Load / mN"
 _AFTER_SLASH = re.compile(r"(.*\S)\s+/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
-_MISSING = frozenset({"", "na", "n/a", "nan", "-", "--", "x", "#n/a"})
+_MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
 
 
 def decode(source: Source) -> str:
@@ -169,9 +170,16 @@ def _number(cell: str, *, comma: bool, where: str, line: int) -> float:
     text = cell.replace(",", ".") if comma else cell
     try:
         if "_" not in text:  # Python reads 1_000; no instrument writes it
-            return float(text)
-    except ValueError:
-        pass
+            value = float(text)
+            if math.isfinite(value):
+                return value
+            raise FileFormatError(
+                f"{where}, row {line} of the table: {cell!r:.40} is not a finite number; take the row out, or "
+                "leave the cell empty if the point is missing"
+            )
+    except ValueError as error:
+        if isinstance(error, FileFormatError):
+            raise
     if cell.strip().lower() in _MISSING:
         return float("nan")
     raise FileFormatError(f"{where}, row {line} of the table: {cell!r:.40} is not a number")
