@@ -168,18 +168,16 @@ def numbers(
 
 def _number(cell: str, *, comma: bool, where: str, line: int) -> float:
     text = cell.replace(",", ".") if comma else cell
+    place = f"{where}, row {line} of the table"
     try:
-        if "_" not in text:  # Python reads 1_000; no instrument writes it
-            value = float(text)
-            if math.isfinite(value):
-                return value
-            raise FileFormatError(
-                f"{where}, row {line} of the table: {cell!r:.40} is not a finite number; take the row out, or "
-                "leave the cell empty if the point is missing"
-            )
-    except ValueError as error:
-        if isinstance(error, FileFormatError):
-            raise
-    if cell.strip().lower() in _MISSING:
-        return float("nan")
-    raise FileFormatError(f"{where}, row {line} of the table: {cell!r:.40} is not a number")
+        value = math.nan if "_" in text else float(text)  # Python reads 1_000; no instrument writes it
+    except ValueError:
+        if cell.strip().lower() in _MISSING:
+            return math.nan
+        raise FileFormatError(f"{place}: {cell!r:.40} is not a number") from None
+    if not math.isfinite(value):
+        raise FileFormatError(
+            f"{place}: {cell!r:.40} is not a finite number; take the row out, or leave the cell empty if the "
+            "point is missing"
+        )
+    return value
