@@ -26,7 +26,7 @@ def fit(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> No
     with gathered_warnings() as notes:
         result = least_squares_fit(load_problem(curve, scene))
     show_fit(result, curve.name)
-    say_warnings([*result.warnings, *notes])
+    say_warnings([*map(str, result.warnings), *notes])
     if output is not None:
         for path in write_fit(result, output, curve.stem):
             say(f"wrote {path}")

@@ -119,12 +119,13 @@ def exact_law(
         curve, error = MasterCurve.constant(top, np.array([0.0, log_kappa, log_kappa])), 0.3 * rtol
         reason = f"exact contact problem, a/h = {top:.3g}, {resolution.radial} nodes"
     else:
-        eps = _first_guess(indenter, layer.thickness, max_depth, ratio)
+        limit = min(LARGEST_EPS, indenter.max_radius / layer.thickness)
+        eps = min(_first_guess(indenter, layer.thickness, max_depth, ratio), limit)
         series, resolution = _solve_series(indenter, layer.thickness, pair, eps, rtol)
-        while series.varpi(np.array([series.stretch.top]))[0] < top:
-            if eps >= LARGEST_EPS:
-                raise RangeError(f"depth {max_depth:.6g} m is beyond a/h = {LARGEST_EPS:g}")
-            eps *= 1.25
+        while (reached := series.varpi(np.array([series.stretch.top]))[0]) < top:
+            if eps >= limit:
+                raise _out_of_range(indenter, layer.thickness, max_depth, float(reached), eps)
+            eps = min(1.25 * eps, limit)
             series, resolution = _solve_series(indenter, layer.thickness, pair, eps, rtol)
         curve = MasterCurve.invert(series, top, 0.25 * rtol)
         radii, error = series.coefficients.shape[0], 0.3 * rtol + series.tail + curve.error_estimate
@@ -140,6 +141,22 @@ def exact_law(
         curve=curve,
         resolution=resolution,
         radii=radii,
+    )
+
+
+def _out_of_range(
+    indenter: Indenter, thickness: float, depth: float, varpi: float, eps: float
+) -> RangeError:
+    deepest = float(indenter.abel(np.array([varpi * thickness]))[0])
+    end = (
+        "the end of the indenter's shape; use a larger radius or less depth"
+        if eps < LARGEST_EPS
+        else f"a/h = {LARGEST_EPS:g}, the thinnest layer that is solved for; use less depth"
+    )
+    return RangeError(
+        f"depth {depth:.6g} m is beyond the largest that works here, {deepest:.6g} m, where the contact "
+        f"reaches {end}",
+        max_depth=deepest,
     )
 
 
