@@ -22,8 +22,9 @@ from math import factorial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
 from underlay.errors import InputError
 from underlay.mechanics.kernel_quadrature import u_rule
 from underlay.mechanics.materials import Material, PlaneConstants, Real, Rigid, Substrate, magnitude
@@ -40,8 +41,9 @@ _SOFT = 0.5
 # u max(sigma, 2 sqrt(p)) below which a soft substrate takes step 4. Relative error of L at the switch:
 # 1.1e-15 by step 4, 1.2e-15 by step 3; 4e-15 by step 3 where the layer shears easily (G' = 0.03 E).
 _SMALL_U = 3.0
-# (2k+1)!, (2k+2)! of the series of step 4: at u sigma = 3 the first term left out is 2e-17 of the sum.
-_FACTORIALS = tuple((float(factorial(2 * k + 1)), float(factorial(2 * k + 2))) for k in range(1, 14))
+# 1/(2k+1)!, 1/(2k+2)! of the series of step 4: at u sigma = 3 the first term left out is 2e-17 of the sum.
+_ODD = read_only(np.array([1.0 / factorial(2 * k + 1) for k in range(1, 14)]))
+_EVEN = read_only(np.array([1.0 / factorial(2 * k + 2) for k in range(1, 14)]))
 _MOST_COEFFICIENTS = 12
 
 
@@ -94,7 +96,7 @@ def one_minus_L(u: FloatArray, layer: PlaneConstants, substrate: PlaneConstants 
     numerator, denominator = 2.0 * (g22 - det_g), 1.0 + g22_g11 - det_g
     # The denominator is det Y: 4 C1_11 C1_22/det(C1 + J C2 J) at u = 0.
     soft = 4.0 * p * pair.sigma2 < _SOFT * pair.determinant
-    if not np.any(soft):
+    if _holds_for_none(soft):
         return numerator / denominator
     small = soft & (np.maximum(sigma, 2.0 * p**0.5) * u < _SMALL_U)
     # Where step 4 takes over, its value stands over 1: there the denominator may have rounded to zero.
@@ -135,17 +137,22 @@ def _passage(u: FloatArray, pair: _Interface) -> tuple[FloatArray, FloatArray]:
     p, half = pair.p, 0.5 * pair.sigma
     d2 = 0.25 * pair.sigma2 - p
     equal = _EQUAL_ROOTS * p
-    if np.all(magnitude(d2) <= equal):
+    if _holds_for_none(magnitude(d2) > equal):
         ch = np.exp(-half * u)
         return ch, u * ch
-    if np.all(d2 > 0.0):
+    if _holds_for_none(d2 <= 0.0):
         return _real_roots(u, p, half, d2**0.5)
-    if np.all(d2 < 0.0):
+    if _holds_for_none(d2 >= 0.0):
         return _complex_roots(u, half, (-d2) ** 0.5)
     # A batch with both kinds: each formula is evaluated for all, away from its own 0/0.
     d = np.maximum(magnitude(d2), equal) ** 0.5
     real, turning = _real_roots(u, p, half, d), _complex_roots(u, half, d)
     return np.where(d2 > 0.0, real[0], turning[0]), np.where(d2 > 0.0, real[1], turning[1])
+
+
+def _holds_for_none(condition: bool | NDArray[np.bool_]) -> bool:
+    """Whether a condition on one material, or on each of a batch, holds nowhere."""
+    return not (condition.any() if isinstance(condition, np.ndarray) else condition)
 
 
 def _real_roots(u: FloatArray, p: Real, half: Real, d: Real) -> tuple[FloatArray, FloatArray]:
@@ -192,23 +199,18 @@ def _remainder(u: FloatArray, p: Real, sigma2: Real, sigma: Real) -> FloatArray:
     """
     difference = sigma2 - 4.0 * p
     term = power = 4.0 * p
-    odd, even = [], []
-    for odd_factorial, even_factorial in _FACTORIALS:
-        odd.append(term * (sigma / odd_factorial))
-        even.append(term * (sigma2 / even_factorial))
+    terms = [term]
+    for _ in range(_ODD.size - 1):
         power = power * difference
         term = sigma2 * term + power
-    powers = np.empty((len(_FACTORIALS), u.size))
+        terms.append(term)
+    # (terms,), or (batch, terms) from entries (batch, 1).
+    q = np.concatenate(terms, axis=1) if isinstance(term, np.ndarray) else np.array(terms)
+    x = sigma * u
+    powers = np.empty((_ODD.size, u.size))
     powers[:] = u * u
     np.multiply.accumulate(powers, axis=0, out=powers)
-    return u * (_row(odd) @ powers) + u * u * (_row(even) @ powers)
-
-
-def _row(coefficients: list[Real]) -> FloatArray:
-    """Coefficients side by side: (terms,), or (batch, terms) from entries (batch, 1)."""
-    if isinstance(coefficients[0], np.ndarray):
-        return np.concatenate(coefficients, axis=1)
-    return np.array(coefficients)
+    return x * ((q * _ODD) @ powers + x * ((q * _EVEN) @ powers))
 
 
 def coefficients(
