@@ -116,7 +116,7 @@ def exact_law(
         curve, error = MasterCurve.constant(top, np.array([0.0, log_kappa, log_kappa])), 0.3 * rtol
         reason = f"exact contact problem, a/h = {top:.3g}, {resolution.radial} nodes"
     else:
-        curve, resolution, eps = _solve_curve(problem, top, rtol)
+        curve, resolution, eps = _solve_curve(problem, max_depth, top, rtol)
         error = 0.3 * rtol + curve.error_estimate
         reason = f"exact contact problem, a/h up to {eps:.3g}, {resolution.radial} nodes"
     return ExactLaw(
@@ -174,7 +174,9 @@ class _Problem:
         return halfspace / self.thickness, np.log(factors, out=factors)
 
 
-def _solve_curve(problem: _Problem, top: float, rtol: float) -> tuple[MasterCurve, Resolution, float]:
+def _solve_curve(
+    problem: _Problem, max_depth: float, top: float, rtol: float
+) -> tuple[MasterCurve, Resolution, float]:
     """Solve for varpi up to `top`; also returns the resolution and the largest eps."""
     guess = _RadiusGuess.of(problem)
     end = min(problem.indenter.max_radius / problem.thickness, LARGEST_EPS)
@@ -197,21 +199,19 @@ def _solve_curve(problem: _Problem, top: float, rtol: float) -> tuple[MasterCurv
         if series.varpi(np.array([eps]))[0] >= top:
             return series.inverted(top, 0.25 * rtol), resolution, eps
         if eps >= end:
-            raise _too_deep(problem, top, float(varpi.max()), eps)
+            raise _too_deep(problem, max_depth, float(series.varpi(np.array([eps]))[0]), eps)
         eps = min(1.25 * eps, end)
 
 
-def _too_deep(problem: _Problem, top: float, reached: float, eps: float) -> RangeError:
-    asked, deepest = (
-        float(problem.indenter.abel(np.array([varpi * problem.thickness]))[0]) for varpi in (top, reached)
-    )
+def _too_deep(problem: _Problem, max_depth: float, reached: float, eps: float) -> RangeError:
+    deepest = float(problem.indenter.abel(np.array([reached * problem.thickness]))[0])
     end = (
         "the end of the indenter's shape; use a larger radius or less depth"
         if eps < LARGEST_EPS
         else f"a/h = {LARGEST_EPS:g}, the thinnest layer that is solved for; use less depth"
     )
     return RangeError(
-        f"depth {asked:.6g} m is beyond the largest that works here, {deepest:.6g} m, where the contact "
+        f"depth {max_depth:.6g} m is beyond the largest that works here, {deepest:.6g} m, where the contact "
         f"reaches {end}",
         max_depth=deepest,
     )

@@ -23,7 +23,15 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 
-__all__ = ["MOST_TERMS", "Factor", "MasterCurve", "Stretch", "chebyshev_angles", "chebyshev_coefficients", "truncation_error"]
+__all__ = [
+    "MOST_TERMS",
+    "Factor",
+    "MasterCurve",
+    "Stretch",
+    "chebyshev_angles",
+    "chebyshev_coefficients",
+    "truncation_error",
+]
 
 # Coefficients per row of the evaluated polynomial: p(z) = sum_j z^(4j) (c_j0 + c_j1 z + c_j2 z^2 + c_j3 z^3).
 _BLOCK = 4
