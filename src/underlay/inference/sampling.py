@@ -168,9 +168,7 @@ class _Run:
         before: Progress | None,
     ) -> _Run:
         """Place the walkers, or take them up where a file left them."""
-        sampler = emcee.EnsembleSampler(
-            walkers, len(problem.names), density, moves=_moves(), vectorize=True
-        )
+        sampler = emcee.EnsembleSampler(walkers, len(problem.names), density, moves=_moves(), vectorize=True)
         if before is not None and len(before.chain):
             last = before.chain[-1]
             density.continue_from(before.evaluations, before.failures)
@@ -201,7 +199,10 @@ class _Run:
             return outcome if outcome is not None else _judge(self.coords, self.max_steps)
         try:
             for state in self._sampler.sample(
-                self._state, iterations=self.max_steps - self.steps, store=False, skip_initial_state_check=True
+                self._state,
+                iterations=self.max_steps - self.steps,
+                store=False,
+                skip_initial_state_check=True,
             ):
                 self._keep(state)
                 line.step(self.steps)
@@ -373,7 +374,9 @@ def _worth(outcome: _Outcome, walkers: int) -> float:
 
 def _steps_needed(outcome: _Outcome, max_steps: int) -> int:
     """Probable length: R-hat over single walkers comes below 1.01 at about a hundred times, plus burn-in."""
-    return int(min(max_steps, max(outcome.steps, (2.0 * _TIMES_NEEDED + _BURN_IN_TIMES) * outcome.times.max())))
+    return int(
+        min(max_steps, max(outcome.steps, (2.0 * _TIMES_NEEDED + _BURN_IN_TIMES) * outcome.times.max()))
+    )
 
 
 def _assemble(
@@ -429,9 +432,7 @@ def _assemble(
 
 def _prior_quantiles(problem: Problem) -> FloatArray:
     levels = prior_levels(_PRIOR_LEVELS)
-    return np.column_stack(
-        [c.prior.truncated(c.low, c.high).quantile(levels) for c in problem.coordinates]
-    )
+    return np.column_stack([c.prior.truncated(c.low, c.high).quantile(levels) for c in problem.coordinates])
 
 
 def _model_error(problem: Problem, best: FloatArray) -> float:
@@ -475,7 +476,9 @@ def _warn(posterior: Posterior) -> None:
             f"{details.reason}; intervals may be wrong: take more steps", UnderlayWarning, stacklevel=3
         )
     if details.failures > _TOLERATED_FAILURES * details.evaluations:
-        region = "; ".join(f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in details.failure_region.items())
+        region = "; ".join(
+            f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in details.failure_region.items()
+        )
         warnings.warn(
             f"{details.failures} of {details.evaluations} model evaluations failed and count as impossible, "
             f"which cuts the posterior there (SI): {region}; narrow the priors or use another contact law",
