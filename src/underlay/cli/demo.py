@@ -9,7 +9,7 @@ import typer
 
 from underlay._files import require_writable_folder
 from underlay.cli.console import gathered_warnings, say, say_warnings
-from underlay.cli.fit import show_fit, write_fit
+from underlay.cli.fit import reservations, show_fit, write_fit
 from underlay.cli.samples import sample
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import fit
@@ -38,7 +38,7 @@ def demo(
             result = fit(load_problem(sample(curve), sample(scene)))
         say(f"\n{title}")
         show_fit(result, curve)
-        say_warnings([*map(str, result.warnings), *notes])
+        say_warnings(reservations(result, notes))
         written += write_fit(result, folder, Path(curve).stem)
     say("\nThe results are in:")
     for path in written:

@@ -6,7 +6,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.inference.diagnostics import ResidualDiagnostics, diagnose
-from underlay.inference.fit_result import Fit, FitStatistics, FitWarning
+from underlay.inference.fit_result import Fit, FitStatistics
+from underlay.inference.fit_warnings import warnings_of
 from underlay.inference.objective import Minimum, Objective
 from underlay.inference.problem import Problem
 from underlay.inference.provenance import provenance
@@ -22,9 +23,6 @@ _ON_BOUND = 1e-4
 # A direction whose singular value is below this times the largest is lost in the rounding and in the
 # finite differences of the Jacobian.
 _SINGULAR = 1e-9
-# A standard error of a factor e^3 either way, or of three times the range of the curve, says nothing.
-_UNINFORMATIVE = 3.0
-_STRONG_CORRELATION = 0.99
 
 
 def assemble(objective: Objective, minimum: Minimum, *, method: str, robust: str, seconds: float) -> Fit:
@@ -59,7 +57,7 @@ def assemble(objective: Objective, minimum: Minimum, *, method: str, robust: str
         ),
         diagnostics=diagnostics,
         statistics=statistics,
-        warnings=_warnings(problem, minimum, reasons, bounds_hit, covariance, diagnostics, statistics),
+        warnings=warnings_of(problem, reasons, bounds_hit, covariance, diagnostics, statistics),
         provenance=provenance(problem.curves),
     )
 
@@ -172,75 +170,3 @@ def _statistics(
         law_error=law.error_estimate,
         noise_estimated=estimated > 0,
     )
-
-
-def _warnings(
-    problem: Problem,
-    minimum: Minimum,
-    reasons: dict[str, str],
-    bounds_hit: dict[str, str],
-    covariance: FloatArray,
-    diagnostics: tuple[ResidualDiagnostics, ...],
-    statistics: FitStatistics,
-) -> tuple[FitWarning, ...]:
-    warnings = []
-    if not minimum.success:
-        warnings.append(FitWarning("not-converged", f"the fit did not converge: {minimum.message}"))
-    for name, bound in bounds_hit.items():
-        warnings.append(FitWarning("bound", f"{name} ended on its {bound}: the data would have it beyond"))
-    for name, reason in reasons.items():
-        if name not in bounds_hit:
-            warnings.append(FitWarning("not-fixed", f"{name} has no error bar: {reason}"))
-    deviation = np.sqrt(np.diag(covariance))
-    for i, name in enumerate(problem.names):
-        if deviation[i] > _UNINFORMATIVE:
-            warnings.append(
-                FitWarning(
-                    "not-fixed",
-                    f"{name} is not fixed by these data: its standard error is "
-                    f"{deviation[i]:.3g} in {'logarithm' if problem.coordinates[i].scale is None else 'units of the range of the curve'}",
-                )
-            )
-        for j in range(i):
-            product = deviation[i] * deviation[j]
-            if product > 0.0 and abs(covariance[i, j]) > _STRONG_CORRELATION * product:
-                warnings.append(
-                    FitWarning(
-                        "correlated",
-                        f"{problem.names[j]} and {name} are known only together (correlation "
-                        f"{covariance[i, j] / product:+.4f}); see identifiability(problem)",
-                    )
-                )
-    for number, entry in enumerate(diagnostics):
-        if entry.correlated:
-            which = f"curve {number}: " if len(diagnostics) > 1 else ""
-            warnings.append(
-                FitWarning(
-                    "correlated-residuals",
-                    f"{which}the residuals hang together (lag-one correlation {entry.lag_one:.2f}, {entry.runs} runs "
-                    f"where {entry.expected_runs:.0f} are expected): {entry.points} points tell as much as "
-                    f"{entry.effective_points:.0f} independent ones, so the standard errors are too small by "
-                    f"a factor of about {entry.too_narrow_by:.1f}; use Noise(correlation_time=...), or the "
-                    "model is wrong",
-                )
-            )
-    warnings.extend(_law_warnings(problem, covariance, statistics))
-    return tuple(warnings)
-
-
-def _law_warnings(problem: Problem, covariance: FloatArray, statistics: FitStatistics) -> list[FitWarning]:
-    """The law's relative error of the force moves a modulus by about as much: compare it with its error."""
-    for name in problem.names:
-        if name.partition("[")[0] == "layer.E":
-            i = problem.names.index(name)
-            deviation = float(np.sqrt(covariance[i, i]))
-            if 0.0 < deviation < statistics.law_error:
-                return [
-                    FitWarning(
-                        "law-error",
-                        f"the {statistics.law_method} law's own error, about {statistics.law_error:.1e} of the force, is "
-                        f"larger than the standard error of {name} ({deviation:.1e}): use method='exact' or a "
-                        "smaller Accuracy(rtol=...)",
-                    )
-                ]
-    return []

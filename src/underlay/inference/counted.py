@@ -76,8 +76,8 @@ class CountedDensity:
             worst = int(np.argmax(np.abs(now - before)))
             raise InputError(
                 "the file holds the chain of another problem: the log-posterior of its last step is "
-                f"{before[worst]:.6g} there and {now[worst]:.6g} here; did the curve, a prior, the noise or the "
-                "contact law change?"
+                f"{before[worst]:.6g} there and {now[worst]:.6g} here; did the curve, a prior, the noise or "
+                "the contact law change?"
             )
 
     @property

@@ -1,4 +1,4 @@
-"""Do the residuals look like the noise that was assumed?
+"""Whether the residuals look like the noise that was assumed.
 
 Whitened residuals of a right model with the right noise are independent. Where they are not, each point
 tells less than it seems, and errors computed as if points were independent are too small by the square root

@@ -46,8 +46,8 @@ class FitStatistics:
     points, parameters : int
         Points fitted; free parameters, estimated noise not counted.
     chi_square, reduced_chi_square : float
-        Sum of squares of the whitened residuals, and that over points minus parameters. Where the size of the
-        noise was estimated the second is one by construction.
+        Sum of squares of the whitened residuals, and that over points minus parameters. Where the size of
+        the noise was estimated the second is one by construction.
     log_likelihood, aic, bic : float
         At the optimum, estimated sizes of noise counted as parameters.
     evaluations, failures, laws_built : int
@@ -100,8 +100,8 @@ class Fit:
     vector : FloatArray
         Optimum in scaled coordinates, (k,).
     values, stderr : mapping of name to float
-        Parameters and standard errors (SI). An error is infinite where the data do not fix the parameter or it
-        lies on a bound; `no_error_bars` says which.
+        Parameters and standard errors (SI). An error is infinite where the data do not fix the parameter
+        or it lies on a bound; `no_error_bars` says which.
     scaled_covariance : FloatArray
         Covariance in scaled coordinates, (k, k); rows of parameters without error bars are zero.
     covariance : FloatArray
@@ -193,26 +193,31 @@ class Fit:
             text = format_quantity(value, kind, error if math.isfinite(error) else None)
             reason = self.no_error_bars.get(name) or self.bounds_hit.get(name, "")
             lines.append(f"{name:<28}  {text}{f'  ({reason})' if reason else ''}")
-        correlations = self.correlations
-        names = list(correlations.columns)
-        strong = [
-            f"{first} and {second} {correlations.loc[first, second]:+.3f}"
-            for i, first in enumerate(names)
-            for second in names[i + 1 :]
-            if abs(correlations.loc[first, second]) > 0.9
-        ]
+        strong = self._strong_correlations()
         if strong:
             lines.append(f"correlations above 0.9: {'; '.join(strong)}")
         s = self.statistics
         noise = "estimated from the scatter" if s.noise_estimated else "given or fitted"
         lines += [
-            f"points {s.points}, chi-square {s.chi_square:.6g} (reduced {s.reduced_chi_square:.4g}, noise {noise}), "
-            f"AIC {s.aic:.6g}, BIC {s.bic:.6g}",
+            (
+                f"points {s.points}, chi-square {s.chi_square:.6g} (reduced {s.reduced_chi_square:.4g}, "
+                f"noise {noise}), AIC {s.aic:.6g}, BIC {s.bic:.6g}"
+            ),
             f"law {self.law_reason} (estimated relative error {s.law_error:.1e})",
             f"{s.method}: {s.stopped} {s.evaluations} evaluations, {s.seconds * 1e3:.1f} ms",
         ]
         lines += [f"warning: {warning.message}" for warning in self.warnings]
         return "\n".join(lines)
+
+    def _strong_correlations(self) -> list[str]:
+        frame = self.correlations
+        matrix, names = frame.to_numpy(), list(frame.columns)
+        return [
+            f"{names[j]} and {names[i]} {matrix[i, j]:+.3f}"
+            for i in range(len(names))
+            for j in range(i)
+            if abs(matrix[i, j]) > 0.9
+        ]
 
     def to_json(self, path: str | os.PathLike[str]) -> Path:
         """Write the result as JSON, whole or not at all; SI units, null where there is no finite number.

@@ -195,7 +195,7 @@ class Forward:
         """dP/dp at fixed tip depth: the two factors, then the ratios the parameter moves."""
         log_b, log_c = self.similarity.factor_slopes(path, values)
         derivative = (log_c * P + log_b * np.maximum(w, 0.0) * S) / values[path]
-        for ratio, slope in self.similarity.ratio_slopes(path, values).items():
+        for ratio, slope in self.similarity.ratio_slopes(path).items():
             if ratio not in ratio_columns:
                 ratio_columns[ratio] = self._ratio_derivative(ratio, values, deepest, w)
             in_log = ratio not in self.similarity.direct

@@ -93,7 +93,7 @@ def minimise(
         parameters.add(name, value=float(start[i]), min=float(bounds[i, 0]), max=float(bounds[i, 1]))
 
     def vector(current: Any) -> FloatArray:
-        full = np.array(start)
+        full: FloatArray = np.array(start)
         full[active] = [current[name].value for name in names]
         return full
 
@@ -119,4 +119,4 @@ def _inside(problem: Problem, vector: FloatArray) -> FloatArray:
     """Start a little inside the bounds: on one, the transformed gradient of a bounded search is zero."""
     low, high = problem.bounds.T
     room = np.where(np.isfinite(high - low), 0.01 * np.minimum(high - low, 1.0), 0.01)
-    return np.minimum(np.maximum(vector, low + room), high - room)
+    return np.asarray(np.minimum(np.maximum(vector, low + room), high - room))

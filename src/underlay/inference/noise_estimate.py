@@ -125,8 +125,12 @@ def _most_likely(
 ) -> FloatArray:
     """Vector with its noise entries at the maximum of the restricted likelihood."""
     low, high = problem.bounds[list(entries)].T
+
+    def loss(part: FloatArray) -> float:
+        return -restricted_log_likelihood(problem, _with(vector, entries, part), linear)
+
     found = optimize.minimize(
-        lambda part: -restricted_log_likelihood(problem, _with(vector, entries, part), linear),
+        loss,
         vector[list(entries)],
         method="Nelder-Mead",
         bounds=list(zip(low, high, strict=True)),

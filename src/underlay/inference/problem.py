@@ -15,9 +15,8 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.errors import InputError
-from underlay.inference.coordinates import Coordinate
+from underlay.inference.compilation import compile_members
 from underlay.inference.forward import LawOptions, LawStore
-from underlay.inference.members import Member, compile_members
 from underlay.inference.priors import Prior
 from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene
@@ -96,9 +95,9 @@ class Problem:
         tests : sequence of (Scene, Curve)
             The curves, each with its scene.
         free : mapping of path to prior
-            As for one curve. A path named in `shared` is one parameter for all curves and keeps its name; any
-            other is one parameter per curve, named ``"layer.E[0]"``, ``"layer.E[1]"``, ... A path with a number,
-            such as ``"indenter.radius[1]"``, frees it, or says another prior, for that curve only.
+            As for one curve. A path named in `shared` is one parameter for all curves and keeps its name;
+            any other is one parameter per curve, named ``"layer.E[0]"``, ``"layer.E[1]"``, ... A path with
+            a number, such as ``"indenter.radius[1]"``, frees it, or says another prior, for that curve only.
         shared : iterable of str
             Paths that all curves have in common.
         noise : Noise, or one per curve
@@ -112,7 +111,8 @@ class Problem:
             As for one curve; also if two curves are the same, or a shared start differs between scenes.
         """
         problem = cls.__new__(cls)
-        problem._compile(list(tests), free, tuple(shared), noise, LawOptions(accuracy, method, order, form))
+        # One class, two ways in: a second public constructor with the same checks.
+        problem._compile(list(tests), free, tuple(shared), noise, LawOptions(accuracy, method, order, form))  # noqa: SLF001  own class
         return problem
 
     def _compile(
@@ -285,6 +285,7 @@ class Problem:
         q = np.asarray(vector, dtype=np.float64)
         if q.shape != (len(self.coordinates),):
             raise InputError(
-                f"a vector here has {len(self.coordinates)} entries ({', '.join(self.names)}); got shape {q.shape}"
+                f"a vector here has {len(self.coordinates)} entries ({', '.join(self.names)}); "
+                f"got shape {q.shape}"
             )
         return q

@@ -176,7 +176,7 @@ def _project_out(rows: FloatArray, columns: FloatArray | None) -> FloatArray:
         return rows
     # Columns are brought to unit length first: metres beside ones would cost digits.
     q, _ = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))
-    return rows - (rows @ q) @ q.T
+    return np.asarray(rows - (rows @ q) @ q.T)
 
 
 def _average(curve: Curve) -> _Blocks:
