@@ -59,7 +59,7 @@ class SamplingDiagnostics:
     model_error : float
         Relative error of the force that the contact law itself admits at the best fit.
     versions : mapping of str to str
-        Of underlay, numpy and emcee.
+        Of underlay and the libraries under it.
     """
 
     converged: bool
