@@ -8,24 +8,27 @@ to 20.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.gauss import even_legendre, legendre_rule, power_weights
+from underlay.mechanics.exact_nodes import Pair, Resolution, curve_terms, series_terms
+from underlay.mechanics.gauss import EvenRule, even_legendre, legendre_rule
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, abel_factor
 from underlay.mechanics.master_curve import (
+    MOST_TERMS,
     Factor,
     MasterCurve,
-    RadiusSeries,
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
 )
 from underlay.mechanics.materials import Layer, PlaneConstants, Rigid, Substrate
-from underlay.mechanics.punch_solution import PunchSolution, Resolution, slowest_decay, stiffness_ratio
+from underlay.mechanics.punch_solution import PunchSolution
+from underlay.mechanics.radius_series import RadiusSeries
 
 __all__ = ["LARGEST_EPS", "ExactLaw", "exact_law"]
 
@@ -47,18 +50,15 @@ class ExactLaw(ContactLaw):
         Of the layer (m).
     curve : MasterCurve
         The dimensionless relation.
-    resolution : Resolution
-        Nodes of the solution behind the curve.
-    radii : int
-        Contact radii solved for.
+    resolution : Resolution or None
+        Nodes of the solution behind the curve; None where there is no layer effect.
     """
 
     indenter: Indenter
     theta: float
     thickness: float
     curve: MasterCurve
-    resolution: Resolution
-    radii: int
+    resolution: Resolution | None
 
     @property
     def _beyond(self) -> str:
@@ -104,95 +104,129 @@ def exact_law(
     RangeError
         If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
     """
-    inner = layer.material.plane_constants
-    outer = inner if substrate is None else None if isinstance(substrate, Rigid) else substrate.plane_constants
-    pair = (inner, outer)
+    problem = _Problem.of(indenter, layer, substrate)
     top = float(indenter.halfspace_radius(np.array([max_depth]))[0]) / layer.thickness
-    decay, ratio = slowest_decay(inner), stiffness_ratio(*pair)
-    if top == 0.0 or outer == inner:
-        resolution, radii = Resolution(0, 0, 1.0, 1.0), 0
-        curve, error = MasterCurve.constant(max(top, 1.0), np.zeros(3)), 0.0
-        reason = "exact contact problem, no layer effect: a half-space"
+    if top == 0.0 or problem.outer == problem.inner:
+        resolution, curve = None, MasterCurve.constant(max(top, 1.0), np.zeros(3))
+        error, reason = 0.0, "exact contact problem, no layer effect: a half-space"
     elif isinstance(indenter, FlatPunch):
-        resolution, radii = Resolution.choose(top, rtol, decay, ratio), 1
-        log_kappa = float(np.log(PunchSolution.solve(*pair, np.array([top]), resolution).kappa[0]))
+        resolution = Resolution.choose(problem.pair, top, rtol)
+        punch = PunchSolution.solve(problem.inner, problem.outer, np.array([top]), resolution)
+        log_kappa = float(np.log(punch.kappa[0]))
         curve, error = MasterCurve.constant(top, np.array([0.0, log_kappa, log_kappa])), 0.3 * rtol
         reason = f"exact contact problem, a/h = {top:.3g}, {resolution.radial} nodes"
     else:
-        eps = _first_guess(indenter, layer.thickness, max_depth, ratio)
-        series, resolution = _solve_series(indenter, layer.thickness, pair, eps, rtol)
-        while series.varpi(np.array([series.stretch.top]))[0] < top:
-            if eps >= LARGEST_EPS:
-                raise RangeError(f"depth {max_depth:.6g} m is beyond a/h = {LARGEST_EPS:g}")
-            eps *= 1.25
-            series, resolution = _solve_series(indenter, layer.thickness, pair, eps, rtol)
-        curve = MasterCurve.invert(series, top, 0.25 * rtol)
-        radii, error = series.coefficients.shape[0], 0.3 * rtol + series.tail + curve.error_estimate
-        reason = f"exact contact problem, a/h up to {eps:.3g}, {resolution.radial} nodes, {radii} radii"
+        curve, resolution, eps = _solve_curve(problem, top, rtol)
+        error = 0.3 * rtol + curve.error_estimate
+        reason = f"exact contact problem, a/h up to {eps:.3g}, {resolution.radial} nodes"
     return ExactLaw(
         method="exact",
         reason=reason,
         max_depth=max_depth,
         error_estimate=error,
         indenter=indenter,
-        theta=float(inner.theta),
+        theta=float(problem.inner.theta),
         thickness=layer.thickness,
         curve=curve,
         resolution=resolution,
-        radii=radii,
     )
 
 
-def _first_guess(indenter: Indenter, thickness: float, depth: float, ratio: float) -> float:
-    """Contact radius over thickness at `depth`, a little too large.
+@dataclass(frozen=True)
+class _Problem:
+    """A shape over a thickness, and what the solver needs of the materials."""
 
-    With w = s(eps) H(a), s falls no faster than for an incompressible layer on a rigid base: first order in
-    eps, s = 1/(1 + c eps) with c = (2 a_0/pi) lambda/(lambda+1), and never below the thin-layer limit
-    s = 2/((lambda+2) F_2). A softer substrate raises s above 1.
+    indenter: Indenter
+    thickness: float
+    inner: PlaneConstants
+    outer: PlaneConstants | None
+    pair: Pair
+
+    @classmethod
+    def of(cls, indenter: Indenter, layer: Layer, substrate: Substrate | None) -> Self:
+        inner = layer.material.plane_constants
+        outer = inner if substrate is None else None
+        if not isinstance(substrate, Rigid | None):
+            outer = substrate.plane_constants
+        return cls(indenter, layer.thickness, inner, outer, Pair.of(inner, outer))
+
+    @property
+    def exponent(self) -> float:
+        """Lambda of the shape, or of the paraboloid where the shape is not a power law."""
+        return self.indenter.exponent if isinstance(self.indenter, PowerLawShape) else 2.0
+
+    def solve(self, eps: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
+        """Varpi (radii,) and the logarithms of the three factors (radii, 3) at contact radii `eps`."""
+        punch = PunchSolution.solve(self.inner, self.outer, eps, resolution)
+        lengths = eps * self.thickness
+        shape = self.indenter.abel(lengths)
+        if isinstance(self.indenter, PowerLawShape):
+            weights = punch.rule.power_weights(self.indenter.exponent)
+        else:
+            weights = _shape_weights(self.indenter, punch.rule, lengths) / shape[:, None]
+        depth, force = punch.depth_and_force(weights)
+        depth *= shape
+        halfspace = self.indenter.halfspace_radius(depth)
+        factors = np.empty((eps.size, len(Factor)))
+        factors[:, Factor.RADIUS] = lengths / halfspace
+        factors[:, Factor.FORCE] = force * shape * lengths / _halfspace_force(self.indenter, depth, halfspace)
+        factors[:, Factor.STIFFNESS] = punch.kappa
+        return halfspace / self.thickness, np.log(factors, out=factors)
+
+
+def _solve_curve(problem: _Problem, top: float, rtol: float) -> tuple[MasterCurve, Resolution, float]:
+    """Solve for varpi up to `top`; also returns the resolution and the largest eps."""
+    guess = _RadiusGuess.of(problem)
+    end = problem.indenter.max_radius / problem.thickness
+    eps = min(guess.eps(top), end, LARGEST_EPS)
+    if problem.pair.ratio > _SOFT:
+        resolution = Resolution.choose(problem.pair, eps, rtol)
+        for terms in range(curve_terms(top, problem.exponent, rtol), MOST_TERMS + 1, 4):
+            targets = Stretch(top, 0.0).v(np.cos(chebyshev_angles(terms)))
+            curve = MasterCurve.through(*problem.solve(guess.eps(targets), resolution), top)
+            if curve.error_estimate <= 0.6 * rtol:
+                return curve, resolution, eps
+    while True:
+        stretch = Stretch(eps, problem.pair.softness)
+        resolution = Resolution.choose(problem.pair, eps, rtol)
+        angles = chebyshev_angles(series_terms(problem.pair, eps, rtol))
+        radii = stretch.v(np.cos(angles))
+        varpi, logarithms = problem.solve(radii, resolution)
+        logarithms[:, Factor.RADIUS] *= -1.0
+        series = RadiusSeries(stretch, chebyshev_coefficients(logarithms, angles))
+        if series.varpi(np.array([eps]))[0] >= top:
+            return series.inverted(top, 0.25 * rtol), resolution, eps
+        if eps >= min(end, LARGEST_EPS):
+            raise RangeError("too deep")
+        eps = min(1.25 * eps, end, LARGEST_EPS)
+
+
+_SOFT = 0.3
+
+
+@dataclass(frozen=True)
+class _RadiusGuess:
+    """Contact radius against varpi, a little too large: eps = varpi (1 + gain rate varpi/(1 + rate varpi)).
+
+    The gain is that of a thin incompressible layer on a rigid base, a = (F_2 (lambda+2)/2)^(1/lambda) a_half;
+    the rate is fitted. An incompressible layer on a rigid base is met within 3 %; nothing goes beyond it.
     """
-    exponent = indenter.exponent if isinstance(indenter, PowerLawShape) else 2.0
-    floor = 2.0 / ((exponent + 2.0) * abel_factor(exponent))
-    slope = max(0.0, 1.0 - 1.0 / ratio) * 1.127 * exponent / (exponent + 1.0)
-    radius = float(indenter.halfspace_radius(np.array([depth]))[0])
-    for _ in range(6):
-        share = max(floor, 1.0 / (1.0 + slope * radius / thickness))
-        radius = float(indenter.halfspace_radius(np.array([depth / share]))[0])
-    return min(1.02 * radius, indenter.max_radius) / thickness
+
+    gain: float
+    rate: float
+
+    @classmethod
+    def of(cls, problem: _Problem) -> Self:
+        exponent = problem.exponent
+        gain = (0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent) - 1.0
+        return cls(gain * max(0.0, 1.0 - 1.0 / problem.pair.ratio), 0.72 * (2.0 / exponent) ** 0.4)
+
+    def eps(self, varpi: Any) -> Any:
+        share = self.rate * varpi
+        return varpi * (1.0 + self.gain * share / (1.0 + share))
 
 
-def _solve_series(
-    indenter: Indenter,
-    thickness: float,
-    pair: tuple[PlaneConstants, PlaneConstants | None],
-    eps: float,
-    rtol: float,
-) -> tuple[RadiusSeries, Resolution]:
-    """Solve at Chebyshev points up to `eps` and expand the three logarithms."""
-    ratio = stiffness_ratio(*pair)
-    softness = 0.0 if ratio >= 1.0 else ratio ** (-2.0 / 3.0) - 1.0
-    stretch = Stretch(eps, softness)
-    digits = 0.5 - np.log10(rtol)
-    angles = chebyshev_angles(int(np.ceil(digits * (1.2 + 0.6 * stretch.length))))
-    radii = stretch.v(np.cos(angles))
-    resolution = Resolution.choose(eps, rtol, slowest_decay(pair[0]), ratio)
-    punch = PunchSolution.solve(*pair, radii, resolution)
-    lengths = radii * thickness
-    shape = indenter.abel(lengths)
-    if isinstance(indenter, PowerLawShape):
-        weights = power_weights(punch.x, punch.weights, indenter.exponent)
-    else:
-        weights = _shape_weights(indenter, punch, lengths) / shape[:, None]
-    depth, force = punch.depth_and_force(weights)
-    depth *= shape
-    halfspace = indenter.halfspace_radius(depth)
-    values = np.empty((radii.size, 3))
-    values[:, 0] = halfspace / lengths
-    values[:, 1] = force * shape * lengths / _halfspace_force(indenter, depth, halfspace)
-    values[:, 2] = punch.kappa
-    return RadiusSeries(stretch, chebyshev_coefficients(np.log(values), angles)), resolution
-
-
-def _shape_weights(indenter: Indenter, punch: PunchSolution, lengths: FloatArray) -> FloatArray:
+def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> FloatArray:
     """Weights (radii, nodes) of int_0^1 H(a x) p(x) dx for any shape, at contact radii `lengths` (m).
 
     A smooth step bunches the nodes at both ends, where H may be |x|^lambda or nearly singular.
@@ -201,8 +235,5 @@ def _shape_weights(indenter: Indenter, punch: PunchSolution, lengths: FloatArray
     s = 0.5 * (s + 1.0)
     fine = s**3 * (10.0 - s * (15.0 - 6.0 * s))
     weights = 0.5 * weights * 30.0 * (s * (1.0 - s)) ** 2
-    count = punch.x.size
-    project = even_legendre(fine, count) @ (
-        (4.0 * np.arange(count) + 1.0)[:, None] * (even_legendre(punch.x, count).T * punch.weights)
-    )
+    project = even_legendre(fine, rule.nodes.size) @ rule.projection
     return (indenter.abel(np.multiply.outer(lengths, fine)) * weights) @ project

@@ -1,37 +1,14 @@
-"""Quadrature on fixed intervals: Gauss-Legendre, its even half, and product rules for powers."""
+"""Gauss-Legendre rules: ready-made, for even integrands, and for a power times an even integrand."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 
-__all__ = ["even_legendre", "even_rule", "legendre_rule", "power_weights"]
-
-
-def _compute(count: int) -> tuple[FloatArray, FloatArray]:
-    nodes, weights = np.polynomial.legendre.leggauss(count)
-    return read_only(nodes), read_only(weights)
-
-
-# Finding the nodes takes longer than solving a contact problem with them, so the small rules, which are
-# the common ones, are constants of the module; larger ones belong to problems that take milliseconds.
-_RULES = {count: _compute(count) for count in (*range(2, 26, 2), *range(28, 52, 4))}
-
-
-def legendre_rule(count: int) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Legendre nodes and weights on (-1, 1)."""
-    return _RULES[count] if count in _RULES else _compute(count)
-
-
-def even_rule(count: int) -> tuple[FloatArray, FloatArray]:
-    """Nodes and weights on (0, 1) that integrate even polynomials of degree up to 4 `count` - 2 exactly.
-
-    They are the positive half of the Gauss-Legendre rule of 2 `count` nodes: an even integrand needs half the
-    nodes that the ordinary rule on (0, 1) would take.
-    """
-    nodes, weights = legendre_rule(2 * count)
-    return nodes[count:], weights[count:]
+__all__ = ["EvenRule", "even_legendre", "even_rule", "legendre_rule"]
 
 
 def even_legendre(nodes: FloatArray, count: int) -> FloatArray:
@@ -39,14 +16,59 @@ def even_legendre(nodes: FloatArray, count: int) -> FloatArray:
     return np.polynomial.legendre.legvander(nodes, 2 * count - 2)[:, ::2]
 
 
-def power_weights(nodes: FloatArray, weights: FloatArray, exponent: float) -> FloatArray:
-    """Weights v_i with sum v_i p(x_i) = int_0^1 x^exponent p(x) dx for even p, on nodes of `even_rule`.
+class EvenRule(NamedTuple):
+    """Positive half of a Gauss-Legendre rule: exact on (0, 1) for even polynomials of degree 4 n - 2.
 
-    Exact for even polynomials p of degree up to 2 n - 2, whatever the exponent: p is expanded in even
-    Legendre polynomials, whose moments are int_0^1 x^a P_2k dx = prod_j (a - 2j + 2) / prod_j (a + 2j + 1).
+    An even integrand needs half the nodes that the ordinary rule on (0, 1) would take.
+
+    Parameters
+    ----------
+    nodes, weights : ndarray (n,)
+        The rule.
+    projection : ndarray (n, n)
+        From values p(x_i) to the coefficients of p in P_0, P_2, ...: exact up to degree 2 n.
     """
-    count = nodes.size
-    k = np.arange(1, count)
-    factors = np.concatenate(([1.0], (exponent - 2.0 * k + 2.0) / (exponent + 2.0 * k + 1.0)))
-    moments = np.cumprod(factors) / (exponent + 1.0) * (4.0 * np.arange(count) + 1.0)
-    return weights * (even_legendre(nodes, count) @ moments)
+
+    nodes: FloatArray
+    weights: FloatArray
+    projection: FloatArray
+
+    def power_weights(self, exponent: float) -> FloatArray:
+        """Weights v_i with sum v_i p(x_i) = int_0^1 x^exponent p(x) dx.
+
+        Exact for even polynomials p of degree up to 2 n - 2, whatever the exponent, because
+        int_0^1 x^a P_2k dx = prod_(j<=k) (a - 2j + 2) / prod_(j<=k) (a + 2j + 1) / (a + 1).
+        """
+        even = 2.0 * np.arange(1, self.nodes.size)
+        moments = np.empty(self.nodes.size)
+        moments[0] = 1.0 / (exponent + 1.0)
+        moments[1:] = (exponent + 2.0 - even) / (exponent + 1.0 + even)
+        return np.multiply.accumulate(moments) @ self.projection
+
+
+def _legendre(count: int) -> tuple[FloatArray, FloatArray]:
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return read_only(nodes), read_only(weights)
+
+
+def _even(count: int) -> EvenRule:
+    nodes, weights = _legendre(2 * count)
+    nodes, weights = nodes[count:], weights[count:]
+    orders = 4.0 * np.arange(count) + 1.0
+    return EvenRule(nodes, weights, read_only((even_legendre(nodes, count) * orders).T * weights))
+
+
+# Finding the nodes takes longer than solving a contact problem with them, so the common rules are constants;
+# larger ones belong to problems that take milliseconds anyway.
+_LEGENDRE = {count: _legendre(count) for count in range(4, 68, 4)}
+_EVEN = {count: _even(count) for count in range(1, 17)}
+
+
+def legendre_rule(count: int) -> tuple[FloatArray, FloatArray]:
+    """Gauss-Legendre nodes and weights on (-1, 1)."""
+    return _LEGENDRE[count] if count in _LEGENDRE else _legendre(count)
+
+
+def even_rule(count: int) -> EvenRule:
+    """Return the rule of `count` nodes on (0, 1) for even integrands."""
+    return _EVEN[count] if count in _EVEN else _even(count)

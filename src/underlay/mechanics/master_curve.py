@@ -17,13 +17,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from math import asinh, ceil, log1p
+from math import asinh, cos, log1p, pi, sinh
 
 import numpy as np
 
-from underlay._arrays import FloatArray, read_only
+from underlay._arrays import FloatArray
 
-__all__ = ["Factor", "MasterCurve", "Stretch", "chebyshev_angles", "chebyshev_coefficients"]
+__all__ = ["MOST_TERMS", "Factor", "MasterCurve", "Stretch", "chebyshev_angles", "chebyshev_coefficients", "truncation_error"]
 
 # Coefficients per row of the evaluated polynomial: p(z) = sum_j z^(4j) (c_j0 + c_j1 z + c_j2 z^2 + c_j3 z^3).
 _BLOCK = 4
@@ -102,64 +102,22 @@ def _monomials(count: int) -> FloatArray:
 
 # Powers of z lose (1 + sqrt 2)^n / rho^n of relative accuracy against Chebyshev polynomials, rho > 1.8 the
 # rate at which a piece's coefficients fall: below 1e-12 for 24 terms, and far below with the usual rho > 3.
-_MOST_TERMS = 24
-_MONOMIALS = _monomials(_MOST_TERMS)
+MOST_TERMS = 24
+_MONOMIALS = _monomials(MOST_TERMS)
 
 
-@dataclass(frozen=True)
-class RadiusSeries:
-    """The relation with the contact radius as the variable: what the solver gives.
+def truncation_error(coefficients: FloatArray) -> float:
+    """Error of a Chebyshev interpolant, from how its coefficients (terms, columns) fall.
 
-    Parameters
-    ----------
-    stretch : Stretch
-        Of eps = a/h.
-    coefficients : ndarray (terms, 3)
-        Chebyshev coefficients in z(eps) of ln(varpi/eps), ln(P/P_half) and ln(kappa_inf).
+    The last four give the rate, pair against pair; the terms left out, and their aliases, are then within
+    three times the sum of a geometric series. A rate of 0.9 and more is taken as 0.9.
     """
-
-    stretch: Stretch
-    coefficients: FloatArray
-
-    @property
-    def tail(self) -> float:
-        """Size of the last coefficients: the truncation error, overestimated."""
-        return float(np.abs(self.coefficients[-2:]).sum(axis=0).max())
-
-    def values(self, eps: FloatArray) -> FloatArray:
-        """The three logarithms (n, 3) at `eps` (n,)."""
-        angle = np.arccos(np.clip(self.stretch.z(eps), -1.0, 1.0))
-        return np.cos(angle[:, None] * np.arange(self.coefficients.shape[0])) @ self.coefficients
-
-    def varpi(self, eps: FloatArray) -> FloatArray:
-        """Depth measure varpi at `eps`."""
-        return eps * np.exp(self.values(eps)[:, 0])
-
-    def radius(self, varpi: FloatArray) -> FloatArray:
-        """Eps at increasing `varpi`: Newton on ln varpi(eps), inside the bracket a table gives."""
-        orders = np.arange(self.coefficients.shape[0])
-        grid = self.stretch.v(np.linspace(-1.0, 1.0, 4 * orders.size)[1:])
-        table = self.varpi(grid)
-        index = np.searchsorted(table, varpi).clip(1, grid.size - 1)
-        low = np.where(varpi <= table[0], 0.0, grid[index - 1])
-        high = np.where(varpi <= table[0], grid[0], grid[index])
-        eps = np.interp(varpi, np.append(0.0, table), np.append(0.0, grid))
-        for _ in range(_NEWTON_STEPS):
-            angle = np.arccos(np.clip(self.stretch.z(eps), -1.0, 1.0))
-            phase = angle[:, None] * orders
-            series = self.coefficients[:, 0]
-            slope = (np.sin(phase) @ (orders * series)) / np.sin(angle)
-            error = np.cos(phase) @ series + np.log(eps / varpi)
-            step = error * eps / (1.0 + eps * slope * self.stretch.dz(eps))
-            proposal = eps - step
-            eps = np.where((proposal >= low) & (proposal <= high), proposal, 0.5 * (low + high))
-            low = np.where(error < 0.0, np.maximum(low, eps), low) if False else low
-            if np.abs(step).max() <= 1e-13 * eps.max():
-                break
-        return eps
-
-
-_NEWTON_STEPS = 40
+    if coefficients.shape[0] < 4:
+        return float(np.abs(coefficients[-1]).max())
+    first, second, third, fourth = np.abs(coefficients[-4:]).max(axis=1).tolist()
+    last, before = third + fourth, first + second
+    rate = min(last / before, 0.9) if before > 0.0 else 0.0
+    return 3.0 * last * rate / (1.0 - rate)
 
 
 @dataclass(frozen=True)
@@ -191,37 +149,33 @@ class MasterCurve:
         return cls(Stretch(top, 0.0), np.array([-1.0, 1.0]), table, 0.0)
 
     @classmethod
-    def invert(cls, series: RadiusSeries, top: float, rtol: float) -> MasterCurve:
-        """Turn the relation round: from contact radius to varpi in [0, `top`]."""
-        stretch = Stretch(top, series.stretch.softness)
-        digits = -np.log10(rtol)
-        terms = _BLOCK * ceil((1.0 + digits * (1.2 + 0.75 * stretch.length)) / _BLOCK)
-        pieces = ceil(terms / _MOST_TERMS)
-        terms = min(terms, _MOST_TERMS)
-        todo = [(-1.0 + 2.0 * k / pieces, -1.0 + 2.0 * (k + 1) / pieces) for k in range(pieces)]
-        done: list[tuple[float, float, FloatArray, float]] = []
-        angles = chebyshev_angles(terms)
-        points = np.cos(angles)
-        while todo:
-            low, high = todo.pop()
-            varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * points)
-            eps = series.radius(varpi)
-            values = series.values(eps)
-            values[:, 0] = np.log(eps / varpi)
-            found = chebyshev_coefficients(values, angles)
-            tail = float(np.abs(found[-2:]).sum(axis=0).max())
-            if tail > rtol and high - low > _NARROWEST:
-                middle = 0.5 * (low + high)
-                todo += [(low, middle), (middle, high)]
-                continue
-            done.append((low, high, (_MONOMIALS[:terms, :terms].T @ found).T, tail))
-        done.sort(key=lambda piece: piece[0])
-        return cls(
-            stretch=stretch,
-            edges=read_only(np.array([piece[0] for piece in done] + [1.0])),
-            coefficients=read_only(np.stack([piece[2] for piece in done]).reshape(len(done), 3, -1, _BLOCK)),
-            error_estimate=max(piece[3] for piece in done),
-        )
+    def through(cls, varpi: FloatArray, logarithms: FloatArray, top: float) -> MasterCurve:
+        """Return the polynomial through given points, for varpi in [0, `top`].
+
+        Parameters
+        ----------
+        varpi : ndarray (n,)
+            Increasing, and in z close to Chebyshev points: others make the interpolation unstable, which the
+            error estimate then shows.
+        logarithms : ndarray (n, 3)
+            Of the factors.
+        """
+        # The last Chebyshev point stands at z = cos(pi/2n): points that go beyond it lengthen the interval.
+        reach = asinh(varpi[-1]) * 2.0 / (1.0 + cos(0.5 * pi / varpi.size))
+        stretch = Stretch(max(top, sinh(reach)), 0.0)
+        angles = np.arccos(stretch.z(varpi))
+        basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
+        return cls.of_pieces(stretch, [-1.0, 1.0], [np.linalg.solve(basis, logarithms)])
+
+    @classmethod
+    def of_pieces(cls, stretch: Stretch, edges: list[float], pieces: list[FloatArray]) -> MasterCurve:
+        """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece."""
+        terms = pieces[0].shape[0]
+        table = np.zeros((len(pieces), len(Factor), -(-terms // _BLOCK) * _BLOCK))
+        table[:, :, :terms] = np.stack(pieces).transpose(0, 2, 1) @ _MONOMIALS[:terms, :terms]
+        table.flags.writeable = False
+        table = table.reshape(len(pieces), len(Factor), -1, _BLOCK)
+        return cls(stretch, np.array(edges), table, max(map(truncation_error, pieces)))
 
     def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
         """One of the factors at `varpi` (n,)."""
@@ -236,10 +190,6 @@ class MasterCurve:
             local = (z[here] - 0.5 * (low + high)) * (2.0 / (high - low))
             result[here] = np.exp(_polynomial(self.coefficients[index, which], local))
         return result
-
-
-# A piece this narrow in z that still has not converged sits on a kink: there the estimate says so.
-_NARROWEST = 2.0**-12
 
 
 def _polynomial(table: FloatArray, z: FloatArray) -> FloatArray:

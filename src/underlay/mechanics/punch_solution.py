@@ -18,84 +18,17 @@ geometrically; it factorises over the wavenumbers u, so that a matrix product bu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, log, log1p
 from typing import Self
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.gauss import even_rule, legendre_rule
+from underlay.mechanics.exact_nodes import Resolution
+from underlay.mechanics.gauss import EvenRule, even_rule
 from underlay.mechanics.kernel import one_minus_L
 from underlay.mechanics.materials import PlaneConstants
 
-__all__ = ["PunchSolution", "Resolution", "slowest_decay", "stiffness_ratio"]
-
-
-def slowest_decay(layer: PlaneConstants) -> float:
-    """Smallest decay rate of the layer's displacements with depth: 1 when isotropic."""
-    half = 0.5 * layer.sigma
-    square = half * half - layer.p
-    return float(np.min(np.where(square > 0.0, layer.p / (half + np.sqrt(np.abs(square))), half)))
-
-
-def stiffness_ratio(layer: PlaneConstants, substrate: PlaneConstants | None) -> float:
-    """theta of the substrate over theta of the layer; inf when rigid; the smallest of a batch."""
-    return np.inf if substrate is None else float(np.min(substrate.theta / layer.theta))
-
-
-@dataclass(frozen=True)
-class Resolution:
-    """How many nodes a solution takes.
-
-    Parameters
-    ----------
-    radial : int
-        Nodes in x = r/a.
-    wavenumbers : int
-        Nodes in u, spaced exponentially: u = first (exp(s) - 1).
-    first, reach : float
-        Scale of the smallest u and the largest u (dimensionless).
-    """
-
-    radial: int
-    wavenumbers: int
-    first: float
-    reach: float
-
-    @classmethod
-    def choose(cls, eps: float, rtol: float, decay: float, ratio: float) -> Self:
-        """Nodes for contact radii up to `eps` = a/h at relative error `rtol`.
-
-        The counts are fits, with a margin, to those measured for rigid, stiffer and softer substrates (ratio
-        of theta 1e-3 to 1e3) and a/h up to 20; `decay` is `slowest_decay`, which scales all lengths.
-        """
-        digits = -np.log10(rtol) + 0.5
-        wide = eps / decay
-        radial = ceil(0.55 * wide**1.38 + (0.4 + 0.28 * wide) * digits)
-        first = min(1.0, ratio ** (1.0 / 3.0), max(ratio, 1e-300) ** (-1.0 / 3.0) if ratio < np.inf else 1.0)
-        count = digits * (1.8 + 0.85 * wide - 0.8 * log(first))
-        return cls(
-            radial=max(2, radial),
-            wavenumbers=4 * ceil(count / 4.0),
-            first=first / decay,
-            reach=(1.15 * digits + 2.0) / decay,
-        )
-
-    def refined(self) -> Resolution:
-        """Return a resolution about half as fine again in every direction."""
-        return Resolution(
-            self.radial + max(2, self.radial // 3),
-            self.wavenumbers + 4 * max(1, self.wavenumbers // 12),
-            self.first,
-            1.2 * self.reach,
-        )
-
-    def wavenumber_rule(self) -> tuple[FloatArray, FloatArray]:
-        """Nodes u and weights."""
-        nodes, weights = legendre_rule(self.wavenumbers)
-        span = log1p(self.reach / self.first)
-        grown = self.first * np.exp((0.5 * span) * (nodes + 1.0))
-        return grown - self.first, (0.5 * span) * weights * grown
+__all__ = ["PunchSolution"]
 
 
 @dataclass(frozen=True)
@@ -106,8 +39,8 @@ class PunchSolution:
     ----------
     eps : ndarray (radii,)
         Contact radii over the layer's thickness.
-    x, weights : ndarray (nodes,)
-        Nodes r/a and weights of `even_rule`.
+    rule : EvenRule
+        Nodes r/a and weights.
     g, rho : ndarray (..., radii, nodes)
         Solution for a unit right-hand side, and the resolvent's row at the edge.
     kappa : ndarray (..., radii)
@@ -115,8 +48,7 @@ class PunchSolution:
     """
 
     eps: FloatArray
-    x: FloatArray
-    weights: FloatArray
+    rule: EvenRule
     g: FloatArray
     rho: FloatArray
     kappa: FloatArray
@@ -126,18 +58,19 @@ class PunchSolution:
         cls, layer: PlaneConstants, substrate: PlaneConstants | None, eps: FloatArray, resolution: Resolution
     ) -> Self:
         """Solve for all `eps` in one batch."""
-        u, weights_u = resolution.wavenumber_rule()
-        x, weights = even_rule(resolution.radial)
-        count = x.size
-        waves = np.cos((eps[:, None] * np.append(x, 1.0))[:, :, None] * u)
-        strength = (2.0 / np.pi) * weights_u * one_minus_L(u, layer, substrate)
-        kernel = (waves * (eps[:, None, None] * strength)) @ waves.transpose(0, 2, 1)
-        matrix = np.eye(count) - kernel[:, :count, :count] * weights
+        rule = even_rule(resolution.radial)
+        u, weights = resolution.wavenumber_rule()
+        count = resolution.radial
+        waves = np.cos(np.multiply.outer(np.multiply.outer(eps, np.append(rule.nodes, 1.0)), u))
+        strength = (2.0 / np.pi) * weights * one_minus_L(u, layer, substrate)
+        kernel = (waves * np.multiply.outer(eps, strength)[:, None, :]) @ waves.transpose(0, 2, 1)
+        matrix = kernel[:, :count, :count] * -rule.weights
+        matrix.reshape(eps.size, count * count)[:, :: count + 1] += 1.0
         sides = np.ones((eps.size, count, 2))
         sides[:, :, 1] = kernel[:, :count, count]
         solved = np.linalg.solve(matrix, sides)
         g = solved[:, :, 0]
-        return cls(eps=eps, x=x, weights=weights, g=g, rho=solved[:, :, 1], kappa=g @ weights)
+        return cls(eps=eps, rule=rule, g=g, rho=solved[:, :, 1], kappa=g @ rule.weights)
 
     def depth_and_force(self, shape_weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """w/H(a) and P/(4 theta a H(a)) for a shape, each (..., radii).
@@ -147,7 +80,7 @@ class PunchSolution:
         shape_weights : ndarray (nodes,) or (radii, nodes)
             Weights v with sum v_i p(x_i) = int_0^1 H(a x)/H(a) p(x) dx for smooth even p.
         """
-        edge = 1.0 + self.rho @ self.weights
+        edge = 1.0 + self.rho @ self.rule.weights
         if shape_weights.ndim == 1:
             rho_shape, g_shape = self.rho @ shape_weights, self.g @ shape_weights
         else:
