@@ -176,23 +176,49 @@ def test_doss_fails_for_a_softer_base_past_its_range():
     assert signed_error("doss2019", "sphere", [1.3], ratio=0.01)[0] < -0.3
 
 
-def test_hayes_table_against_the_exact_factor():
-    ratios = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0])
-    table = factor_of(CORRECTIONS["hayes1972", "flat punch"], contact_of("flat punch"), ratios)
-    exact = flat_punch(BONDED, ratios)
-    assert table.tolist() == [1.281, 1.683, 2.211, 2.855, 3.609, 4.469, 5.441, 6.528, 7.735, 9.069]
-    assert np.round(exact, 3).tolist() == [
-        1.281,
-        1.684,
-        2.213,
-        2.860,
-        3.619,
-        4.487,
-        5.468,
-        6.568,
-        7.793,
-        9.149,
-    ]
+HAYES_RADII = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("nu", "table", "exact"),
+    [
+        (
+            0.3,
+            [1.207, 1.472, 1.784, 2.124, 2.480, 2.845, 3.214, 3.586, 3.960, 4.336],
+            [1.207, 1.473, 1.785, 2.126, 2.484, 2.850, 3.222, 3.597, 3.974, 4.353],
+        ),
+        (
+            0.5,
+            [1.281, 1.683, 2.211, 2.855, 3.609, 4.469, 5.441, 6.528, 7.735, 9.069],
+            [1.281, 1.684, 2.213, 2.860, 3.619, 4.487, 5.468, 6.568, 7.793, 9.149],
+        ),
+    ],
+)
+def test_hayes_table_against_the_exact_factor(nu, table, exact):
+    contact = contact_of("flat punch", nu=nu)
+    assert factor_of(CORRECTIONS["hayes1972", "flat punch"], contact, HAYES_RADII).tolist() == table
+    kappa = flat_punch(bonded_kernel(contact.layer, RIGID), HAYES_RADII)
+    assert np.round(kappa, 3).tolist() == exact
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_hayes_spline_adds_little_between_the_entries(nu):
+    fine = np.linspace(0.02, 2.0, 100)
+    error = 100.0 * signed_error("hayes1972", "flat punch", fine, nu=nu)
+    entries = np.append(0.0, 100.0 * signed_error("hayes1972", "flat punch", HAYES_RADII, nu=nu))
+    drift = np.interp(fine, np.append(0.0, HAYES_RADII), entries)
+    assert np.abs(error - drift).max() < 0.03
+
+
+def test_long_branches_are_as_far_apart_as_stated():
+    correction = CORRECTIONS["long2011", "sphere"]
+    deepest = np.array([np.sqrt(2.0 * 0.6)])
+    thin, thick = (
+        correction.factor(contact_of("sphere", size=R)).value(deepest)[0] for R in (2.0, 2.0 + 1e-9)
+    )
+    assert_allclose(thin / thick - 1.0, -0.09, atol=0.005)
+    low = signed_error("long2011", "sphere", [np.sqrt(0.5 * 0.5)], size=0.5)[0]
+    assert_allclose(low, -0.33, atol=0.005)
 
 
 def test_hermanowicz_switch_is_as_small_as_stated():
@@ -416,7 +442,7 @@ def test_a_formula_for_nu_one_half_says_so_when_given_another():
 
 def test_hayes_refuses_what_its_table_does_not_hold():
     layer = Layer(Isotropic(1e6, 0.4), 2e-3)
-    with pytest.raises(InputError, match=r"nu = 0\.5 alone; the layer's nu is 0\.4"):
+    with pytest.raises(InputError, match=r"nu = 0\.3 and 0\.5 alone; the layer's nu is 0\.4"):
         published_law("hayes1972", FlatPunch(1e-3), layer, RIGID, 1e-5)
     with pytest.raises(InputError, match="table of hayes1972 ends at a/h = 2"):
         law_of("hayes1972", FlatPunch(5e-3), thickness=2e-3)

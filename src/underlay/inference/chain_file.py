@@ -76,7 +76,9 @@ class ChainFile:
 
     @classmethod
     @contextmanager
-    def create(cls, path: str | os.PathLike[str], names: tuple[str, ...], shape: tuple[int, int]) -> Iterator[ChainFile]:
+    def create(
+        cls, path: str | os.PathLike[str], names: tuple[str, ...], shape: tuple[int, int]
+    ) -> Iterator[ChainFile]:
         """Lay out a new file for `shape` = (steps, walkers) and open it.
 
         Raises
@@ -119,7 +121,11 @@ class ChainFile:
                 yield cls(file), progress
 
     def append(
-        self, coords: FloatArray, log_posterior: FloatArray, random_state: RandomState, counts: tuple[int, int]
+        self,
+        coords: FloatArray,
+        log_posterior: FloatArray,
+        random_state: RandomState,
+        counts: tuple[int, int],
     ) -> None:
         """Write one step: coordinates (walkers, parameters), log-posterior (walkers,), counters so far."""
         self._chain[self.steps] = np.column_stack([coords, log_posterior])
@@ -213,7 +219,10 @@ def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walke
 
 
 def _put_new(
-    path: str | os.PathLike[str], names: tuple[str, ...], shape: tuple[int, int], progress: Progress | None = None
+    path: str | os.PathLike[str],
+    names: tuple[str, ...],
+    shape: tuple[int, int],
+    progress: Progress | None = None,
 ) -> None:
     """Lay out a file beside `path`, fill in what there is so far, and put it in its place in one move."""
     beside = Path(f"{os.fspath(path)}.new")
@@ -222,6 +231,8 @@ def _put_new(
         if progress is not None:
             steps = len(progress.chain)
             file["chain"][:steps] = progress.chain
-            file["state"][steps % 2] = _packed(progress.random_state, (progress.evaluations, progress.failures))
+            file["state"][steps % 2] = _packed(
+                progress.random_state, (progress.evaluations, progress.failures)
+            )
             file["steps"][0] = steps
     beside.replace(path)

@@ -65,6 +65,4 @@ class CountedDensity:
         if not (self._low <= self._high).all():
             return {}
         low, high = self._problem.physical(self._low), self._problem.physical(self._high)
-        return {
-            name: (float(a), float(b)) for name, a, b in zip(self._problem.names, low, high, strict=True)
-        }
+        return {name: (float(a), float(b)) for name, a, b in zip(self._problem.names, low, high, strict=True)}

@@ -69,7 +69,9 @@ def _moduli(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArray
     if not any(f"{part}.{name}" in member.entries for name in names):
         return {}
     constants = {
-        name: flat[:, member.entries[path]] if (path := f"{part}.{name}") in member.entries else member.base[path]
+        name: flat[:, member.entries[path]]
+        if (path := f"{part}.{name}") in member.entries
+        else member.base[path]
         for name in names
     }
     build = isotropic_constants if isinstance(material, Isotropic) else transversely_isotropic_constants

@@ -284,7 +284,9 @@ class Posterior:
         details = about["diagnostics"]
         details["autocorrelation_time"] = tuple(details["autocorrelation_time"])
         details["rhat"] = tuple(details["rhat"])
-        details["failure_region"] = {key: (low, high) for key, (low, high) in details["failure_region"].items()}
+        details["failure_region"] = {
+            key: (low, high) for key, (low, high) in details["failure_region"].items()
+        }
         return cls(
             names=tuple(about["names"]),
             chain=arrays["chain"],
@@ -293,7 +295,9 @@ class Posterior:
             prior_quantiles=arrays["prior_quantiles"],
             derived={name: arrays[f"derived/{name}"] for name in about["derived"]},
             predictive=tuple(
-                Predictive(**{key: arrays[f"predictive/{i}/{key}"] for key in ("depth", "force", "model", "reading")})
+                Predictive(
+                    **{key: arrays[f"predictive/{i}/{key}"] for key in ("depth", "force", "model", "reading")}
+                )
                 for i in range(about["curves"])
             ),
             diagnostics=SamplingDiagnostics(**details),

@@ -13,7 +13,9 @@ from underlay.inference.problem import Problem
 __all__ = ["predictive_bands", "sigma_of_draws"]
 
 
-def predictive_bands(problem: Problem, physical: FloatArray, rng: np.random.Generator) -> tuple[Predictive, ...]:
+def predictive_bands(
+    problem: Problem, physical: FloatArray, rng: np.random.Generator
+) -> tuple[Predictive, ...]:
     """One band per curve from draws (draws, parameters), SI; draws without a law are left out."""
     return tuple(_band(member, physical, rng) for member in problem.members)
 

@@ -10,8 +10,9 @@ which gives the paper's a_0 and a_1 terms of (8.4) and, from int int p p |x - y|
 first term the paper leaves out, d_5 eps^5. The next is -(a_1 terms)^2 eps^6.
 
 The estimate is the distance of a form to the fourth-order compliance form plus these two terms of the latter.
-Against brute-force solutions (rigid to 1000 times softer substrates, exponents 1 to 5, a/h 0.1 to 1, orders 0
-to 4) it is never below the error and rarely above ten times it (tests/test_asymptotic.py).
+Against brute-force solutions of 13 pairs of materials (rigid to 1000 times softer, and equal moduli with other
+Poisson's ratios), four shapes, a/h = 0.05 to 1, all forms and orders, it was 0.63 to 120 times the error, 1.1
+times in the median and below 5 times in 19 cases of 20 (tests/test_asymptotic.py).
 """
 
 from __future__ import annotations

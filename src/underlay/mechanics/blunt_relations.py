@@ -3,8 +3,8 @@
 Every argument broadcasts: parameter sets as (batch, 1) against depths or forces (n,) give (batch, n), which
 is what a fit or a map of many curves calls. `AsymptoticLaw` checks ranges and errors; these do not.
 
-theta (Pa) is the layer's elastic constant, A (m^(1-lambda)) and lambda the shape Phi = A r^lambda (5.1), h (m)
-the thickness, a_0 and a_1 the kernel's moments (1.8), `order` 0 to 4 the terms kept.
+theta (Pa) is the layer's elastic constant, A (m^(1-lambda)) and lambda the shape Phi = A r^lambda (5.1),
+h (m) the thickness, a_0 and a_1 the kernel's moments (1.8), `order` 0 to 4 the terms kept.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def scaled_force(force: FloatArray, case: BluntLayer) -> FloatArray:
 
 
 def explicit_force(depth: FloatArray, case: BluntLayer, order: int = 4) -> FloatArray:
-    """Force (N) at depth (m): (5.9), as (8.1) with varpi, P = 4 theta lambda/(lambda+1) w varpi h f."""
+    """Force (N) at depth (m): (5.9) in the form (8.1), 4 theta lambda/(lambda+1) w varpi h f_lambda."""
     varpi = scaled_depth(depth, case)
     factor = blunt.truncated(blunt.force_coefficients(*case.shape_and_moments), varpi, order)
     lam = case.exponent

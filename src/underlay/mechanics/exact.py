@@ -177,9 +177,9 @@ class _Problem:
 def _solve_curve(problem: _Problem, top: float, rtol: float) -> tuple[MasterCurve, Resolution, float]:
     """Solve for varpi up to `top`; also returns the resolution and the largest eps."""
     guess = _RadiusGuess.of(problem)
-    end = problem.indenter.max_radius / problem.thickness
-    eps = min(guess.eps(top), end, LARGEST_EPS)
-    if problem.pair.ratio > _SOFT:
+    end = min(problem.indenter.max_radius / problem.thickness, LARGEST_EPS)
+    eps = min(guess.eps(top), end)
+    if problem.pair.ratio > _SOFT and eps < end:
         resolution = Resolution.choose(problem.pair, eps, rtol)
         for terms in range(curve_terms(top, problem.exponent, rtol), MOST_TERMS + 1, 4):
             targets = Stretch(top, 0.0).v(np.cos(chebyshev_angles(terms)))
@@ -196,9 +196,25 @@ def _solve_curve(problem: _Problem, top: float, rtol: float) -> tuple[MasterCurv
         series = RadiusSeries(stretch, chebyshev_coefficients(logarithms, angles))
         if series.varpi(np.array([eps]))[0] >= top:
             return series.inverted(top, 0.25 * rtol), resolution, eps
-        if eps >= min(end, LARGEST_EPS):
-            raise RangeError("too deep")
-        eps = min(1.25 * eps, end, LARGEST_EPS)
+        if eps >= end:
+            raise _too_deep(problem, top, float(varpi.max()), eps)
+        eps = min(1.25 * eps, end)
+
+
+def _too_deep(problem: _Problem, top: float, reached: float, eps: float) -> RangeError:
+    asked, deepest = (
+        float(problem.indenter.abel(np.array([varpi * problem.thickness]))[0]) for varpi in (top, reached)
+    )
+    end = (
+        "the end of the indenter's shape; use a larger radius or less depth"
+        if eps < LARGEST_EPS
+        else f"a/h = {LARGEST_EPS:g}, the thinnest layer that is solved for; use less depth"
+    )
+    return RangeError(
+        f"depth {asked:.6g} m is beyond the largest that works here, {deepest:.6g} m, where the contact "
+        f"reaches {end}",
+        max_depth=deepest,
+    )
 
 
 _SOFT = 0.3

@@ -171,7 +171,7 @@ def _curve(source: Source, number: int, data: Any, found: Any) -> Curve:
     notes = []
     if stiffness is None:
         notes.append(
-            "depth still holds the bending of the cantilever: give calibration={'spring_constant': '... N/m'}, "
+            "depth still holds the bending of the cantilever: give calibration={'spring_constant': ...}, "
             "or set the instrument's compliance to its inverse"
         )
         depth, rule = -height, f"minus {channel}"

@@ -122,8 +122,7 @@ def published_law(
     error = correction.measured_error.up_to(contact, deepest) + _sphere_excess(indenter, contact, deepest)
     law = PublishedLaw(
         method=name,
-        reason=f"asked for by name: {correction.source}, for a {correction.indenter} on a base that is "
-        f"{correction.substrate}",
+        reason=f"asked for by name: {correction.source} ({correction.indenter}; base {correction.substrate})",
         max_depth=deepest,
         error_estimate=error,
         correction=correction,

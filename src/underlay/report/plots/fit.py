@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from mpl_toolkits.axes_grid1 import make_axes_locatable
 
 from underlay.mechanics.materials import Layer
 from underlay.report.plots.style import DATA, FIT, REFERENCE, axes, style, unit_for
@@ -45,7 +44,8 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     step = max(1, len(measured.depth) // _MOST_POINTS)
     with style():
         upper = axes(ax, height=3.4)
-        lower = make_axes_locatable(upper).append_axes("bottom", size="32%", pad=0.08, sharex=upper)
+        # A strip below the axes, in their own coordinates: layouts of the figure count it in.
+        lower = upper.inset_axes((0.0, -0.42, 1.0, 0.36), sharex=upper)
         upper.plot(
             measured.depth[::step] / mm,
             measured.force[::step] / mN,

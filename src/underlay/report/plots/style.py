@@ -12,6 +12,7 @@ from typing import Any
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
+from cycler import cycler
 from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
@@ -52,7 +53,7 @@ _STYLE: dict[str, Any] = {
     "savefig.dpi": 200,
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
-    "axes.prop_cycle": mpl.cycler(color=list(CYCLE)),
+    "axes.prop_cycle": cycler(color=list(CYCLE)),
 }
 _FORMATS = {"png", "svg", "pdf"}
 
