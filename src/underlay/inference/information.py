@@ -1,96 +1,97 @@
-"""Did the data tell anything about a parameter? Its posterior against its prior."""
+"""Fisher information of a test in scaled coordinates: what the points say, before or after they are measured.
+
+For Gaussian noise F = J' V^-1 J, with J the derivatives of the force. The information that the noise's own
+size carries when it follows the force is of second order in that size and is left out, so the bounds are
+a little too wide rather than too narrow.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from underlay._arrays import FloatArray
-from underlay.inference.convergence import effective_size, highest_density_interval
+from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay.data.curve import Curve
+from underlay.data.noise import Noise
+from underlay.data.synthetic import simulate
+from underlay.errors import InputError
+from underlay.inference.objective import Objective, weights_at
+from underlay.inference.problem import Given, Problem
+from underlay.mechanics.accuracy import Accuracy
+from underlay.scene.scene import Scene
 
-__all__ = [
-    "INFORMED",
-    "INFORMED_COLUMNS",
-    "NOT_INFORMED",
-    "WEAKLY_INFORMED",
-    "Information",
-    "compare_with_prior",
-    "prior_levels",
-]
+__all__ = ["expected_problem", "information", "marginal", "prior_information"]
 
-INFORMED = "informed"
-WEAKLY_INFORMED = "weakly informed"
-NOT_INFORMED = "not informed by these data"
-
-# Largest difference of the distribution functions. A normal posterior narrower than its normal prior by a
-# fifth is 0.05 away from it, one half as wide 0.16: below the first the data added next to nothing, below the
-# second the prior still holds most of the answer.
-_NOTHING = 0.05
-_LITTLE = 0.16
-# 95 % point of the Kolmogorov distribution: what the noise of the draws alone makes of identical ones.
-_KOLMOGOROV_95 = 1.358
+# Relative to the largest: eigenvalues of an information matrix below this are rounding and the error of
+# the finite differences in it.
+_LOST = 1e-13
 
 
-class Information(NamedTuple):
-    """Prior and posterior of one parameter side by side (SI)."""
-
-    prior_median: float
-    prior_low: float
-    prior_high: float
-    posterior_median: float
-    posterior_low: float
-    posterior_high: float
-    narrowing: float
-    distance: float
-    informed: str
-
-
-INFORMED_COLUMNS = list(Information._fields)
-
-
-def prior_levels(count: int) -> FloatArray:
-    """Middles of `count` equal shares of probability, (count,)."""
-    return (np.arange(count) + 0.5) / count
-
-
-def compare_with_prior(draws: FloatArray, prior_quantiles: FloatArray) -> Information:
-    """Compare the draws of one parameter with its prior.
+def expected_problem(
+    scene: Scene,
+    depth: ArrayLike,
+    free: Mapping[str, Given] | Iterable[str],
+    noise: Noise,
+    *,
+    duration: float = 1.0,
+    accuracy: Accuracy | None = None,
+    method: str = "auto",
+) -> Problem:
+    """Return the problem a test would be, before it is done.
 
     Parameters
     ----------
-    draws : FloatArray
-        (draws, walkers).
-    prior_quantiles : FloatArray
-        (levels,): quantiles of the prior at `prior_levels`.
+    scene : Scene
+        The test, with the values it is expected to find.
+    depth : array_like (n,)
+        Depth readings (m).
+    free, accuracy, method
+        As in `Problem`.
+    noise : Noise
+        The noise it will have; its size must be given.
+    duration : float
+        Time the test takes (s), for correlated noise.
 
-    Returns
-    -------
-    Information
-        ``narrowing`` is 1 minus the ratio of the 68 % widths; ``distance`` the Kolmogorov distance of the two
-        distributions, 0 for equal ones and 1 for disjoint ones. Below 0.05 (and within what the noise of the
-        draws explains) the verdict is "not informed by these data", below 0.16 "weakly informed".
+    Raises
+    ------
+    InputError
+        If the size of the noise is unknown, or as `Problem`.
     """
-    levels = prior_levels(len(prior_quantiles))
-    ordered = np.sort(draws, axis=None)
-    below = np.interp(ordered, prior_quantiles, levels, left=0.0, right=1.0)
-    ranks = np.arange(ordered.size + 1) / ordered.size
-    distance = float(max(np.max(ranks[1:] - below), np.max(below - ranks[:-1])))
-    noise = _KOLMOGOROV_95 / np.sqrt(effective_size(draws))
-    if distance < max(_NOTHING, noise):
-        verdict = NOT_INFORMED
-    else:
-        verdict = WEAKLY_INFORMED if distance < _LITTLE else INFORMED
-    prior68 = np.subtract(*highest_density_interval(prior_quantiles, 0.68)[::-1])
-    posterior68 = np.subtract(*highest_density_interval(ordered, 0.68)[::-1])
-    prior95 = highest_density_interval(prior_quantiles, 0.95)
-    posterior95 = highest_density_interval(ordered, 0.95)
-    return Information(
-        float(np.median(prior_quantiles)),
-        *prior95,
-        float(np.median(ordered)),
-        *posterior95,
-        narrowing=float(1.0 - posterior68 / prior68),
-        distance=distance,
-        informed=verdict,
-    )
+    if noise.force is None:
+        raise InputError("before a test the noise must be given: Noise(force=...) in newtons")
+    readings = as_finite(depth, "depth")
+    time = np.linspace(0.0, duration, len(readings))
+    curve: Curve = simulate(scene, readings, time=time, accuracy=accuracy, method=method)
+    return Problem(scene, curve, free, noise, accuracy=accuracy, method=method)
+
+
+def information(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) -> FloatArray:
+    """Fisher information (k, k) of the points alone at a scaled vector (k,); zero rows for the noise's."""
+    objective = Objective(problem, weights_at(problem, vector, noises))
+    rows = objective.jacobian(vector)[: problem.n_points]
+    return rows.T @ rows
+
+
+def prior_information(problem: Problem, vector: FloatArray) -> FloatArray:
+    """Information (k, k) of the priors that are measurements, in scaled coordinates."""
+    physical, slopes = problem.physical(vector), problem.slopes(vector)
+    diagonal = [
+        (coordinate.prior.penalty(float(x))[1] * slope) ** 2
+        for coordinate, x, slope in zip(problem.coordinates, physical, slopes, strict=True)
+    ]
+    return np.diag(np.array(diagonal))
+
+
+def marginal(matrix: FloatArray, kept: Sequence[int], others: Sequence[int]) -> FloatArray:
+    """Information (m, m) about `kept` when `others` are unknown too: the Schur complement."""
+    kept, others = list(kept), list(others)
+    own = matrix[np.ix_(kept, kept)]
+    if not others:
+        return own
+    cross = matrix[np.ix_(kept, others)]
+    inner = matrix[np.ix_(others, others)]
+    scale = np.sqrt(np.where(np.diag(inner) > 0.0, np.diag(inner), 1.0))
+    inverse = np.linalg.pinv(inner / np.outer(scale, scale), rcond=_LOST, hermitian=True)
+    scaled = cross / scale
+    return np.asarray(own - scaled @ inverse @ scaled.T)

@@ -20,6 +20,9 @@ from underlay.inference.problem import Problem
 
 __all__ = ["Minimum", "Objective", "Weights", "weights_at"]
 
+# Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
+_FAR = 40.0
+
 
 @dataclass(frozen=True)
 class Minimum:
@@ -90,6 +93,8 @@ class Objective:
         Where no law exists the misfit is ten times the largest seen: a minimiser steps back.
         """
         self.evaluations += 1
+        if np.abs(vector).max(initial=0.0) > _FAR:
+            return self._refused()
         physical = self.problem.physical(vector)
         try:
             parts = [
@@ -101,11 +106,16 @@ class Objective:
                 for member, noise, sigma in self._members()
             ]
         except InputError:
-            self.failures += 1
-            return np.full(self.problem.n_points + len(self._informative()), 10.0 * self._largest)
+            return self._refused()
         residuals = np.concatenate([*parts, self._penalties(physical)[0]])
+        if not np.isfinite(residuals).all():
+            return self._refused()
         self._largest = max(self._largest, float(np.abs(residuals).max()))
         return residuals
+
+    def _refused(self) -> FloatArray:
+        self.failures += 1
+        return np.full(self.problem.n_points + len(self._informative()), 10.0 * self._largest)
 
     def jacobian(self, vector: FloatArray) -> FloatArray:
         """d residuals / d vector, (n + priors, k)."""
