@@ -141,10 +141,14 @@ class Curve:
             truth=self.truth,
         )
 
-    def with_metadata(self, **values: Any) -> Curve:
+    def with_metadata(self, /, **values: Any) -> Curve:
         """Return the curve with some metadata added or replaced."""
         metadata = Metadata(self.metadata).updated(**values)
         return Curve(self.depth, self.force, self.time, self.segment, metadata, self.truth)
+
+    def with_truth(self, truth: Mapping[str, Any]) -> Curve:
+        """Return the curve with the numbers it was made from."""
+        return Curve(self.depth, self.force, self.time, self.segment, self.metadata, truth)
 
     def segments(self) -> NDArray[np.str_]:
         """Label of every point, (n,): the file's own, else from the motion of the depth."""

@@ -149,8 +149,8 @@ def _refuse_failed_search(curve: Curve, contact: Contact) -> None:
     peak = float(np.max(curve.force) - (contact.baseline + contact.baseline_slope * contact.depth))
     if peak < _BEYOND_SEARCH * asked:
         raise CurveError(
-            f"no contact: the search for it stopped at {_grams(reached)} where {_grams(asked)} was asked, and "
-            f"the peak force {_grams(peak)} is no more than the swings of the load cell in air"
+            f"no contact: the search for it stopped at {_grams(reached)} where {_grams(asked)} was asked, "
+            f"and the peak force {_grams(peak)} is no more than the swings of the load cell in air"
         )
 
 
