@@ -13,7 +13,9 @@ from underlay.mechanics.accuracy import Accuracy, contact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.profile import Profile
 from underlay.mechanics.published import published_corrections
+from underlay.mechanics.stiffness_relation import modulus_from_stiffness
 from underlay.report import plots
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
@@ -36,6 +38,7 @@ __all__ = [
     "Paraboloid",
     "PowerLaw",
     "Problem",
+    "Profile",
     "Scene",
     "Sphere",
     "SubstrateKernel",
@@ -47,6 +50,7 @@ __all__ = [
     "fit",
     "load_problem",
     "load_scene",
+    "modulus_from_stiffness",
     "plots",
     "published_corrections",
     "read",

@@ -77,7 +77,7 @@ class AsymptoticLaw(ContactLaw):
         return f'there {form} has no root or stops increasing; use method="exact"'
 
     def _force(self, depth: FloatArray) -> FloatArray:
-        return self.series.force(self.series.parameter(depth))[0]
+        return self.series.load(depth, self.series.parameter(depth))
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
         if not (depth <= self.max_radius_depth).all():

@@ -141,7 +141,9 @@ class ContactLaw(ABC):
             low = np.where(error < 0.0, np.maximum(low, x), low)
             step = error * force / (self._stiffness(w) * w)
             proposal = x - step
-            outside = (proposal > high) | (proposal < low)
+            # At the end of an asymptotic law the stiffness is infinite and Newton's step zero: halve instead.
+            stuck = (np.abs(step) < 1e-12) & (np.abs(error) > 1e-9)
+            outside = (proposal > high) | (proposal < low) | stuck
             proposal = np.where(outside, 0.5 * (low + high), proposal)
             if (np.abs(proposal - x) <= 4.0 * np.finfo(float).eps * (1.0 + np.abs(x))).all():
                 return np.exp(proposal)
