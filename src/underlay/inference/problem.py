@@ -143,10 +143,11 @@ class Problem:
     ) -> Problem:
         """Return the same problem with some things changed; what is None stays."""
         options = self.options
+        wanted = self.free if free is None else free
         return Problem.joint(
             list(zip(scenes or self.base_scenes, self.curves, strict=True)),
-            self.free if free is None else free,
-            self.shared,
+            wanted,
+            [path for path in self.shared if path in wanted],
             self.noise if noise is None else noise,
             accuracy=options.accuracy if accuracy is None else accuracy,
             method=options.method if method is None else method,
