@@ -66,10 +66,10 @@ class ExactLaw(ContactLaw):
 
     def _force(self, depth: FloatArray) -> FloatArray:
         radius = self.indenter.halfspace_radius(depth)
-        factor = self.curve.factor(Factor.FORCE, radius / self.thickness)
-        factor *= _halfspace_force(self.indenter, depth, radius)
-        factor *= 4.0 * self.theta
-        return factor
+        force = self.curve.factor(Factor.FORCE, radius / self.thickness)
+        force *= _halfspace_force(self.indenter, depth, radius)
+        force *= 4.0 * self.theta
+        return force
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
         radius = self.indenter.halfspace_radius(depth)
@@ -158,19 +158,23 @@ class _Problem:
     def solve(self, eps: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
         """Varpi (radii,) and the logarithms of the three factors (radii, 3) at contact radii `eps`."""
         punch = PunchSolution.solve(self.inner, self.outer, eps, resolution)
+        factors = np.empty((eps.size, len(Factor)))
+        factors[:, Factor.STIFFNESS] = punch.kappa
+        if isinstance(self.indenter, PowerLawShape):
+            exponent = self.indenter.exponent
+            depth, force = punch.depth_and_force(punch.rule.power_weights(exponent))
+            swell = depth ** (1.0 / exponent)
+            factors[:, Factor.RADIUS] = 1.0 / swell
+            factors[:, Factor.FORCE] = (1.0 + 1.0 / exponent) * force / (depth * swell)
+            return eps * swell, np.log(factors, out=factors)
         lengths = eps * self.thickness
         shape = self.indenter.abel(lengths)
-        if isinstance(self.indenter, PowerLawShape):
-            weights = punch.rule.power_weights(self.indenter.exponent)
-        else:
-            weights = _shape_weights(self.indenter, punch.rule, lengths) / shape[:, None]
+        weights = _shape_weights(self.indenter, punch.rule, lengths) / shape[:, None]
         depth, force = punch.depth_and_force(weights)
         depth *= shape
         halfspace = self.indenter.halfspace_radius(depth)
-        factors = np.empty((eps.size, len(Factor)))
         factors[:, Factor.RADIUS] = lengths / halfspace
         factors[:, Factor.FORCE] = force * shape * lengths / _halfspace_force(self.indenter, depth, halfspace)
-        factors[:, Factor.STIFFNESS] = punch.kappa
         return halfspace / self.thickness, np.log(factors, out=factors)
 
 
@@ -181,7 +185,7 @@ def _solve_curve(problem: _Problem, top: float, rtol: float) -> tuple[MasterCurv
     eps = min(guess.eps(top), end)
     if problem.pair.ratio > _SOFT and eps < end:
         resolution = Resolution.choose(problem.pair, eps, rtol)
-        for terms in range(curve_terms(top, problem.exponent, rtol), MOST_TERMS + 1, 4):
+        for terms in range(curve_terms(problem.pair, top, problem.exponent, rtol), MOST_TERMS + 1, 4):
             targets = Stretch(top, 0.0).v(np.cos(chebyshev_angles(terms)))
             curve = MasterCurve.through(*problem.solve(guess.eps(targets), resolution), top)
             if curve.error_estimate <= 0.6 * rtol:
@@ -235,6 +239,7 @@ class _RadiusGuess:
     def of(cls, problem: _Problem) -> Self:
         exponent = problem.exponent
         gain = (0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent) - 1.0
+        gain *= 0.66 + 0.34 * problem.pair.firmness
         return cls(gain * max(0.0, 1.0 - 1.0 / problem.pair.ratio), 0.72 * (2.0 / exponent) ** 0.4)
 
     def eps(self, varpi: Any) -> Any:

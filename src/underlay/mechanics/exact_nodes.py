@@ -14,9 +14,13 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.gauss import legendre_rule
-from underlay.mechanics.materials import PlaneConstants
+from underlay.mechanics.materials import PlaneConstants, Real
 
 __all__ = ["Pair", "Resolution", "curve_terms", "series_terms"]
+
+
+def _lowest(value: Real) -> float:
+    return float(value.min()) if isinstance(value, np.ndarray) else value
 
 
 @dataclass(frozen=True)
@@ -33,24 +37,32 @@ class Pair:
         theta of the substrate over theta of the layer, the smallest of a batch; inf when rigid.
     stretch : float
         Wavenumber below which a softer substrate lets the layer stretch with it.
+    firmness : float
+        How incompressible the layer is: 1 at nu = 0.5, 0 at nu = 0.3 and below.
     """
 
     decay: float
     fastest: float
     ratio: float
     stretch: float
+    firmness: float
 
     @classmethod
     def of(cls, layer: PlaneConstants, substrate: PlaneConstants | None) -> Self:
         """Read off the constants, floats or (batch, 1)."""
         half, p = 0.5 * layer.sigma, layer.p
-        spread = np.maximum(half * half - p, 0.0) ** 0.5
-        decay = float(np.min(np.minimum(half, p / (half + spread))))
-        fastest = float(np.max(half + spread))
+        square = half * half - p
+        spread = (square * (square > 0.0)) ** 0.5
+        slow = p / (half + spread)
+        decay = _lowest(slow * (slow < half) + half * (slow >= half))
+        fastest = -_lowest(-half - spread)
+        # (p - q)/p is 0 for an incompressible material and 4/7 for nu = 0.3.
+        firmness = max(0.0, 1.0 - 1.75 * _lowest(1.0 - layer.q / p))
         if substrate is None:
-            return cls(decay, fastest, inf, inf)
-        ratio = float(np.min(substrate.theta / layer.theta))
-        return cls(decay, fastest, ratio, float(np.min(substrate.g / (layer.g * substrate.sigma))))
+            return cls(decay, fastest, inf, inf, firmness)
+        ratio = _lowest(substrate.theta / layer.theta)
+        stretch = _lowest(substrate.g / (layer.g * substrate.sigma))
+        return cls(decay, fastest, ratio, stretch, firmness)
 
     @property
     def softness(self) -> float:
@@ -109,10 +121,14 @@ def series_terms(pair: Pair, eps: float, rtol: float) -> int:
     return ceil((0.5 - log10(rtol)) * (1.2 + 0.65 * (asinh(eps) + log1p(pair.softness * eps))))
 
 
-def curve_terms(varpi: float, exponent: float, rtol: float) -> int:
+def curve_terms(pair: Pair, varpi: float, exponent: float, rtol: float) -> int:
     """Contact radii for one polynomial in varpi up to `varpi`, on a substrate that is not much softer."""
-    length = asinh(varpi) * 1.12 * (1.0 + 0.25 / exponent)
+    length = asinh(varpi) * (1.0 + 0.12 * pair.firmness) * (1.0 + 0.25 / exponent)
     return 4 * ceil(0.25 * (1.0 - log10(rtol)) * (0.8 + length) - 0.02)
+
+
+# Each step moves the scale by less: after six the node count stands still.
+_GRADING_STEPS = 6
 
 
 def _graded(pair: Pair, wide: float, digits: float, reach: float) -> tuple[float, float]:
@@ -130,9 +146,11 @@ def _graded(pair: Pair, wide: float, digits: float, reach: float) -> tuple[float
         small = digits + 2.0 / 3.0 * log10(pair.ratio)
         if small > 0.0:
             poles.append((pair.stretch * pair.decay, small))
-    count = digits * base
-    for _ in range(6):
+    count = digits * (base + (0.34 + 0.13 * wide) * max(0.0, -log(first)))
+    for _ in range(_GRADING_STEPS):
         finest = min(x * (1.74 * count / wanted) ** 2 for x, wanted in poles) / log1p(reach / first)
-        first = min(first, finest)
+        if finest >= first:
+            break
+        first = finest
         count = digits * (base + (0.34 + 0.13 * wide) * max(0.0, -log(first)))
     return first, count

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 from math import asinh, cos, log1p, pi, sinh
 
 import numpy as np
@@ -25,8 +26,10 @@ from underlay._arrays import FloatArray
 
 __all__ = ["MOST_TERMS", "Factor", "MasterCurve", "Stretch", "chebyshev_angles", "chebyshev_coefficients", "truncation_error"]
 
-# Coefficients per row of the evaluated polynomial: p(z) = sum_j z^(4j) (c_j0 + c_j1 z + c_j2 z^2 + c_j3 z^3).
+# Coefficients per row of the evaluated polynomial: sum_j z^(4j) (c_j0 + c_j1 z + c_j2 z^2 + c_j3 z^3).
 _BLOCK = 4
+# Depths evaluated at a time: the powers of so many fit the processor's cache.
+_CHUNK = 2048
 
 
 class Factor(IntEnum):
@@ -128,25 +131,26 @@ class MasterCurve:
     ----------
     stretch : Stretch
         Of varpi, up to the largest.
-    edges : ndarray (pieces + 1,)
+    edges : tuple of pieces + 1 floats
         Ends of the pieces in z, from -1 to 1.
     coefficients : ndarray (pieces, 3, rows, 4)
-        Of each factor's logarithm, in powers of the piece's own variable in [-1, 1].
+        Of each factor's logarithm, in powers of the piece's own variable in [-1, 1]: entry (j, i) of the last
+        two axes goes with power 4 j + i.
     error_estimate : float
         Largest truncation error of the logarithms.
     """
 
     stretch: Stretch
-    edges: FloatArray
+    edges: tuple[float, ...]
     coefficients: FloatArray
     error_estimate: float
 
     @classmethod
     def constant(cls, top: float, logarithms: FloatArray) -> MasterCurve:
         """Return the curve of factors that do not depend on varpi."""
-        table = np.zeros((1, 3, 1, _BLOCK))
+        table = np.zeros((1, len(Factor), 1, _BLOCK))
         table[0, :, 0, 0] = logarithms
-        return cls(Stretch(top, 0.0), np.array([-1.0, 1.0]), table, 0.0)
+        return cls(Stretch(top, 0.0), (-1.0, 1.0), table, 0.0)
 
     @classmethod
     def through(cls, varpi: FloatArray, logarithms: FloatArray, top: float) -> MasterCurve:
@@ -171,25 +175,33 @@ class MasterCurve:
     def of_pieces(cls, stretch: Stretch, edges: list[float], pieces: list[FloatArray]) -> MasterCurve:
         """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece."""
         terms = pieces[0].shape[0]
-        table = np.zeros((len(pieces), len(Factor), -(-terms // _BLOCK) * _BLOCK))
-        table[:, :, :terms] = np.stack(pieces).transpose(0, 2, 1) @ _MONOMIALS[:terms, :terms]
+        rows = -(-terms // _BLOCK)
+        table = np.array([piece.T for piece in pieces]) @ _MONOMIALS[:terms, : rows * _BLOCK]
         table.flags.writeable = False
-        table = table.reshape(len(pieces), len(Factor), -1, _BLOCK)
-        return cls(stretch, np.array(edges), table, max(map(truncation_error, pieces)))
+        table = table.reshape(len(pieces), len(Factor), rows, _BLOCK)
+        return cls(stretch, tuple(edges), table, max(map(truncation_error, pieces)))
 
     def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
         """One of the factors at `varpi` (n,)."""
-        z = self.stretch.z(varpi)
-        if self.edges.size == 2:
-            return np.exp(_polynomial(self.coefficients[0, which], z))
-        piece = np.searchsorted(self.edges[1:-1], z)
-        result = np.empty_like(z)
-        for index in range(self.edges.size - 1):
-            here = piece == index
-            low, high = self.edges[index], self.edges[index + 1]
-            local = (z[here] - 0.5 * (low + high)) * (2.0 / (high - low))
-            result[here] = np.exp(_polynomial(self.coefficients[index, which], local))
+        if varpi.size <= _CHUNK:
+            return self._factor(which, varpi)
+        result = np.empty_like(varpi)
+        for start in range(0, varpi.size, _CHUNK):
+            result[start : start + _CHUNK] = self._factor(which, varpi[start : start + _CHUNK])
         return result
+
+    def _factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
+        z = self.stretch.z(varpi)
+        if len(self.edges) == 2:
+            logarithm = _polynomial(self.coefficients[0, which], z)
+        else:
+            logarithm = np.empty_like(z)
+            piece = np.searchsorted(self.edges[1:-1], z)
+            for index, (low, high) in enumerate(pairwise(self.edges)):
+                here = piece == index
+                local = (z[here] - 0.5 * (low + high)) * (2.0 / (high - low))
+                logarithm[here] = _polynomial(self.coefficients[index, which], local)
+        return np.exp(logarithm, out=logarithm)
 
 
 def _polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
@@ -200,9 +212,10 @@ def _polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
     np.multiply(z, z, out=powers[2])
     np.multiply(powers[2], z, out=powers[3])
     rows = table @ powers
-    high = powers[2] * powers[2]
     total = rows[-1]
-    for row in rows[-2::-1]:
-        total *= high
-        total += row
+    if len(rows) > 1:
+        fourth = powers[2] * powers[2]
+        for row in rows[-2::-1]:
+            total *= fourth
+            total += row
     return total
