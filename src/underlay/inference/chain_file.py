@@ -199,8 +199,8 @@ def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walke
         )
     if file["chain"].shape[1] != walkers:
         raise InputError(
-            f"{where} holds {file['chain'].shape[1]} walkers and {walkers} are asked for; a chain goes on with "
-            "as many as it began with"
+            f"{where} holds {file['chain'].shape[1]} walkers and {walkers} are asked for; a chain goes on "
+            "with as many as it began with"
         )
     steps = int(file["steps"][0])
     state = file["state"][steps % 2]

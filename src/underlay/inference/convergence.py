@@ -1,4 +1,4 @@
-"""Has a chain converged, and how many independent draws is it worth?
+"""Whether a chain has converged, and how many independent draws it is worth.
 
 Rank-normalised split R-hat, effective sample size and Monte Carlo error of the median, all after Vehtari,
 Gelman, Simpson, Carpenter and Buerkner (2021), doi:10.1214/20-BA1221. Ranks make them valid for heavy tails
@@ -8,6 +8,8 @@ A chain is an array (steps, walkers) of one quantity; each walker counts as a ch
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from scipy import fft, special, stats
@@ -69,7 +71,7 @@ def rank_normalised_rhat(chain: FloatArray) -> float:
 
 
 def effective_size(chain: FloatArray) -> float:
-    """Bulk effective sample size of one quantity, (steps, walkers): draws that independent ones would need."""
+    """Bulk effective sample size of one quantity, (steps, walkers): the independent draws it is worth."""
     return _effective_size(_rank_normalised(_split(chain)))
 
 
@@ -139,9 +141,9 @@ def _effective_size(chain: FloatArray) -> float:
     negative = np.flatnonzero(pairs < 0.0)
     positive = pairs[: negative[0]] if negative.size else pairs
     time = -1.0 + 2.0 * float(np.minimum.accumulate(positive).sum())
-    draws = steps * count
+    draws = float(steps * count)
     # Antithetic chains may be worth more than their length; the source bounds the gain by log10 of it.
-    return draws / max(time, 1.0 / np.log10(draws))
+    return draws / max(time, 1.0 / math.log10(draws))
 
 
 def _autocovariance(chain: FloatArray) -> FloatArray:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import UnderlayError
+from underlay.errors import InputError, UnderlayError
 from underlay.inference.problem import Problem
 
 __all__ = ["CountedDensity"]
+
+# Recomputing the same density on the same machine repeats to rounding; another problem differs in the
+# first digits.
+_SAME_DENSITY = 1e-6
 
 
 class CountedDensity:
@@ -58,6 +62,23 @@ class CountedDensity:
         """Add what an earlier run counted."""
         self.evaluations += evaluations
         self.failures += failures
+
+    def require_same(self, vectors: FloatArray, before: FloatArray) -> None:
+        """Refuse a chain whose log-posterior `before` (m,) at `vectors` (m, p) is not that of this problem.
+
+        Raises
+        ------
+        InputError
+            If a value differs.
+        """
+        now = self.peek(vectors)
+        if not np.allclose(now, before, rtol=_SAME_DENSITY, atol=_SAME_DENSITY):
+            worst = int(np.argmax(np.abs(now - before)))
+            raise InputError(
+                "the file holds the chain of another problem: the log-posterior of its last step is "
+                f"{before[worst]:.6g} there and {now[worst]:.6g} here; did the curve, a prior, the noise or "
+                "the contact law change?"
+            )
 
     @property
     def failure_region(self) -> dict[str, tuple[float, float]]:

@@ -148,7 +148,7 @@ def _coordinate_widths(
 def _derivatives(
     log_density: Callable[[FloatArray], FloatArray], mode: FloatArray, top: float, basis: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Gradient (p,) and Hessian (p, p) in steps of the basis' columns, and by how much these were shortened."""
+    """Gradient (p,), Hessian (p, p) in steps of the basis' columns, and by how much these were shortened."""
     parameters = mode.size
     pairs = list(combinations(range(parameters), 2))
     unit = np.eye(parameters)

@@ -20,7 +20,7 @@ from underlay.inference.convergence import (
     median_error,
     rank_normalised_rhat,
 )
-from underlay.inference.information import INFORMED_COLUMNS, Information, compare_with_prior
+from underlay.inference.informed import INFORMED_COLUMNS, Information, compare_with_prior
 
 __all__ = ["PREDICTIVE_LEVELS", "Posterior", "Predictive", "SamplingDiagnostics"]
 
@@ -59,7 +59,7 @@ class SamplingDiagnostics:
     model_error : float
         Relative error of the force that the contact law itself admits at the best fit.
     versions : mapping of str to str
-        Of underlay, numpy and emcee.
+        Of underlay and the libraries under it.
     """
 
     converged: bool

@@ -1,4 +1,4 @@
-"""Posterior predictive bands: where the model, and a new reading, lie once the data are taken into account."""
+"""Posterior predictive bands: where the model, and a new reading, lie once the data are known."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def predictive_bands(
 def sigma_of_draws(
     member: Member, physical: FloatArray, contact: FloatArray, stiffness: FloatArray
 ) -> FloatArray:
-    """Standard deviation (N), (draws, n), at draws (draws, parameters); 1 where the size is integrated out."""
+    """Standard deviation (N), (draws, n), at draws (draws, parameters); 1 where it is integrated out."""
     numbers = {name: physical[:, entry] for name, entry in member.noise_entries.items()}
     white = numbers.get("force", member.noise.force)
     return standard_deviation(
@@ -64,4 +64,4 @@ def _scale_draws(
     correlation_time = member.noise.correlation_time if entry is None else physical[:, entry]
     whitened = whiten((member.force - force) / sigma, member.curve.time, correlation_time)
     square = np.einsum("dn,dn->d", whitened, whitened)
-    return np.sqrt(square / rng.chisquare(whitened.shape[-1], size=len(square)))
+    return np.asarray(np.sqrt(square / rng.chisquare(whitened.shape[-1], size=len(square))))

@@ -32,8 +32,8 @@ from underlay.mechanics.materials import Material, PlaneConstants, Real, Rigid, 
 __all__ = ["SubstrateKernel", "coefficients", "one_minus_L", "u_rule"]
 
 # |d^2|/p below which the two roots count as equal: ch and sh are then exp(-u sigma/2) times 1 and u. The
-# rounding of isotropic constants leaves up to 2.0 eps. Error of L at the switch: 4e-16 with equal roots,
-# 3e-16 with real or complex ones (rigid base; twice to three times that, relative, on a soft one).
+# rounding of isotropic constants leaves up to 2.0 eps. Error of L at the switch, on a rigid base: 6e-16 with
+# equal roots, 4e-16 without; relative, on a base 1e-4 as stiff: 1.4e-15 with, 2.0e-15 without.
 _EQUAL_ROOTS = 4.0 * np.finfo(float).eps
 # det Y at u = 0 below which a substrate counts as soft (E2/E1 about 0.55): step 3 loses the digits of det Y
 # where u is small. Relative error of L at the switch: 7e-16 by step 3, 1.1e-15 by step 4.

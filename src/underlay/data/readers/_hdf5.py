@@ -8,21 +8,20 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
+from underlay.data.export import HDF5_MARK
 from underlay.data.readers._source import MAX_BYTES, Source
 from underlay.errors import FileFormatError, MissingExtraError, UnderlayError
 
-__all__ = ["HDF5_MAGIC", "OWN_MARK", "is_own", "open_checked"]
+__all__ = ["HDF5_MAGIC", "is_own", "open_checked"]
 
 #: First bytes of an HDF5 file.
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
-#: Attribute of the root of a file that underlay wrote.
-OWN_MARK = "underlay-curves"
 _MAX_OBJECTS = 500_000
 
 
 def is_own(source: Source) -> bool:
     """Whether underlay wrote this HDF5 file."""
-    return source.data.startswith(HDF5_MAGIC) and OWN_MARK.encode() in source.data
+    return source.data.startswith(HDF5_MAGIC) and HDF5_MARK.encode() in source.data
 
 
 @contextmanager
