@@ -164,6 +164,13 @@ class Forward:
         contact, stiffness = law.force(w), law.stiffness(w)
         return Reading(contact, stiffness, instrument.reading(self.depth, contact))
 
+    def force(self, values: Mapping[str, float]) -> FloatArray:
+        """Force of the instrument (N), (n,), alone; raises as `law` does."""
+        instrument = _instrument(values)
+        law = self.law(values, self._deepest(instrument))
+        w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]  # as in `reading`
+        return instrument.reading(self.depth, law.force(w))
+
     def jacobian(self, values: Mapping[str, float], paths: Sequence[str]) -> tuple[Reading, FloatArray]:
         """Reading, and the derivative of its force in each parameter (SI) at `paths`, shape (n, k).
 
