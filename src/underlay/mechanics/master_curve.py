@@ -146,15 +146,12 @@ class MasterCurve:
         two axes goes with power 4 j + i.
     error_estimate : float
         Largest truncation error of the logarithms.
-    jumps : tuple of floats
-        Varpi at which the contact radius jumps; nearly always none.
     """
 
     stretch: Stretch
     edges: tuple[float, ...]
     coefficients: FloatArray
     error_estimate: float
-    jumps: tuple[float, ...] = ()
 
     @classmethod
     def constant(cls, top: float, logarithms: FloatArray) -> MasterCurve:
@@ -183,20 +180,14 @@ class MasterCurve:
         return cls.of_pieces(stretch, [-1.0, 1.0], [np.linalg.solve(basis, logarithms)])
 
     @classmethod
-    def of_pieces(
-        cls,
-        stretch: Stretch,
-        edges: list[float],
-        pieces: list[FloatArray],
-        jumps: tuple[float, ...] = (),
-    ) -> MasterCurve:
+    def of_pieces(cls, stretch: Stretch, edges: list[float], pieces: list[FloatArray]) -> MasterCurve:
         """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece."""
         terms = pieces[0].shape[0]
         rows = -(-terms // _BLOCK)
         table = np.array([piece.T for piece in pieces]) @ _MONOMIALS[:terms, : rows * _BLOCK]
         table.flags.writeable = False
         table = table.reshape(len(pieces), len(Factor), rows, _BLOCK)
-        return cls(stretch, tuple(edges), table, max(map(truncation_error, pieces)), jumps)
+        return cls(stretch, tuple(edges), table, max(map(truncation_error, pieces)))
 
     def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
         """One of the factors at `varpi` (n,)."""
