@@ -17,6 +17,7 @@ from underlay.mechanics.profile import Profile
 from underlay.mechanics.published import published_corrections
 from underlay.mechanics.stiffness_relation import modulus_from_stiffness
 from underlay.report import plots
+from underlay.report.render import report
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import load_scene
@@ -55,6 +56,7 @@ __all__ = [
     "published_corrections",
     "read",
     "read_all",
+    "report",
     "simulate",
     "synthesize",
 ]
