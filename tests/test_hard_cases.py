@@ -8,9 +8,9 @@ from __future__ import annotations
 import mpmath as mp
 import numpy as np
 import pytest
+
 from support.hard_case_table import HardCaseTable, Row
 from support.transfer_matrix import TransferMatrixKernel
-
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.materials import RIGID, Isotropic, TransverselyIsotropic
 

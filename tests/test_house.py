@@ -38,7 +38,7 @@ def name_of(path):
 
 def floor_of(name):
     head = name.split("/")[0]
-    if head == "__init__":
+    if head in {"__init__", "__main__"}:
         return len(FLOORS)
     if head in GROUND:
         return 0

@@ -1,28 +1,62 @@
 """underlay: the stiffness of a thin layer from an indentation curve, with the substrate in the model."""
 
+from underlay.data.curve import Curve
+from underlay.data.noise import Noise
+from underlay.data.readers import read, read_all
+from underlay.data.synthetic import simulate, synthesize
 from underlay.errors import UnderlayError, UnderlayWarning
+from underlay.inference.from_files import load_problem
+from underlay.inference.least_squares import fit
+from underlay.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
+from underlay.inference.problem import Problem
 from underlay.mechanics.accuracy import Accuracy, contact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.profile import Profile
+from underlay.mechanics.published import published_corrections
+from underlay.mechanics.stiffness_relation import modulus_from_stiffness
+from underlay.report import plots
+from underlay.report.render import report
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
+from underlay.scene.scene_file import load_scene
 
 __all__ = [
     "RIGID",
     "Accuracy",
     "Cone",
+    "Curve",
     "FlatPunch",
+    "HalfNormal",
     "Instrument",
     "Isotropic",
     "Layer",
+    "LogNormal",
+    "LogUniform",
+    "Noise",
+    "Normal",
     "Paraboloid",
     "PowerLaw",
+    "Problem",
+    "Profile",
     "Scene",
     "Sphere",
     "SubstrateKernel",
     "TransverselyIsotropic",
     "UnderlayError",
     "UnderlayWarning",
+    "Uniform",
     "contact_law",
+    "fit",
+    "load_problem",
+    "load_scene",
+    "modulus_from_stiffness",
+    "plots",
+    "published_corrections",
+    "read",
+    "read_all",
+    "report",
+    "simulate",
+    "synthesize",
 ]

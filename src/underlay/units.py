@@ -54,6 +54,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "frequency": Kind("Hz", ("Hz", "kHz", "MHz"), "10 Hz"),
         "voltage": Kind("V", ("mV", "V"), "2 V"),
         "sensitivity": Kind("m/V", ("nm/V", "um/V", "m/V"), "60 nm/V"),
+        "current sensitivity": Kind("m/A", ("nm/nA", "um/nA"), "60 nm/nA"),
         "dimensionless": Kind("", ("",), "0.45"),
     }
 )

@@ -1,7 +1,7 @@
 """The paper's appendix as printed, with the sign of a_21 corrected, and its isotropic form; in mpmath.
 
-Only a cross-check: it divides by gamma_1 - gamma_2 (equal roots are 0/0) and by stiffnesses that nu = 0.5 makes
-infinite, which high precision survives where double precision does not.
+Only a cross-check: it divides by gamma_1 - gamma_2 (equal roots are 0/0) and by stiffnesses that nu = 0.5
+makes infinite, which high precision survives where double precision does not.
 """
 
 from __future__ import annotations
@@ -72,7 +72,9 @@ def kernel_L(u: Any, one: AppendixConstants, two: AppendixConstants, *, sign_of_
     a11 = 1 + 2 * one.gamma_1 / Z * (
         (-(H**2) * squared + g * H * (2 * straight + mixed * one.gamma_2)) / step_2 - g**2
     )
-    off_diagonal = g**2 * one.m - g * H * (g1_2 - two.m * g2_2) * (one.m + 1) + H**2 * (g1_2 - two.m**2 * g2_2)
+    off_diagonal = (
+        g**2 * one.m - g * H * (g1_2 - two.m * g2_2) * (one.m + 1) + H**2 * (g1_2 - two.m**2 * g2_2)
+    )
     a12 = 2 * one.gamma_2 / Z * off_diagonal
     a21 = sign_of_a21 * 2 * one.gamma_1 / Z * off_diagonal
     a22 = 1 + 2 * one.gamma_2 / Z * (
@@ -87,7 +89,7 @@ def kernel_L(u: Any, one: AppendixConstants, two: AppendixConstants, *, sign_of_
 
 
 def isotropic_L(u: Any, E_ratio: Any, nu_1: Any, nu_2: Any) -> Any:
-    """L = 1 - 2 exp(-2u) (d1 + d2 exp(-2u))/(1 + d3 exp(-2u) + d2 exp(-4u)); `E_ratio` = E1/E2, 0 if rigid."""
+    """L = 1 - 2 exp(-2u) (d1 + d2 exp(-2u))/(1 + d3 exp(-2u) + d2 exp(-4u)); `E_ratio` E1/E2, 0: rigid."""
     u, nu_1, nu_2 = mp.mpf(u), mp.mpf(nu_1), mp.mpf(nu_2)
     kappa_1, kappa_2 = 3 - 4 * nu_1, 3 - 4 * nu_2
     m = mp.mpf(E_ratio) * (1 + nu_2) / (1 + nu_1)

@@ -8,6 +8,7 @@ K(s, t) = int_0^inf [1 - L(u)] cos(s u) cos(t u) du, f(1) = 0, P = 4 theta a int
 from dataclasses import dataclass
 
 import numpy as np
+
 from underlay.mechanics.kernel import SubstrateKernel
 
 

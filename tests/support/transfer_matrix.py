@@ -1,10 +1,10 @@
 """The kernel L(u) by a 4 x 4 transfer matrix in high precision, from the equilibrium equations alone.
 
-With u_r = U(z) J1(k r), u_z = W(z) J0(k r), sigma_rz = T J1, sigma_zz = N J0, equilibrium and Hooke's law of a
-transversely isotropic material give y' = k A y for y = (U, W, T/k, N/k), A constant. The layer is exp(k h A);
-the half-space below keeps the two decaying solutions (or U = W = 0 when it is rigid). L is the ratio of the
-surface displacement W under a unit load to that of a half-space of the layer's material. Nothing of the
-closed form under test is used: the materials enter through their compliance matrices.
+With u_r = U(z) J1(k r), u_z = W(z) J0(k r), sigma_rz = T J1, sigma_zz = N J0, equilibrium and Hooke's law of
+a transversely isotropic material give y' = k A y for y = (U, W, T/k, N/k), A constant. The layer is
+exp(k h A); the half-space below keeps the two decaying solutions (or U = W = 0 when it is rigid). L is the
+ratio of the surface displacement W under a unit load to that of a half-space of the layer's material. Nothing
+of the closed form under test is used: the materials enter through their compliance matrices.
 """
 
 from __future__ import annotations
@@ -27,16 +27,8 @@ def compliance_matrix(material: Isotropic | TransverselyIsotropic) -> tuple[Any,
         E_axial, nu_axial, shear = E, nu, 2 * (1 + nu) / E
     else:
         E, nu = mp.mpf(material.E), mp.mpf(material.nu)
-<<<<<<< HEAD
         E_axial, nu_axial = mp.mpf(material.E_axial), mp.mpf(material.nu_axial)
         shear = 1 / mp.mpf(material.G_axial)
-=======
-        E_axial, nu_axial, shear = (
-            mp.mpf(material.E_axial),
-            mp.mpf(material.nu_axial),
-            1 / mp.mpf(material.G_axial),
-        )
->>>>>>> data
     cross = -nu_axial / E_axial
     return mp.matrix([[1 / E, -nu / E, cross], [-nu / E, 1 / E, cross], [cross, cross, 1 / E_axial]]), shear
 
@@ -45,7 +37,7 @@ def system_matrix(material: Isotropic | TransverselyIsotropic) -> Any:
     """A of y' = k A y: the compliance is inverted in the plane only, so nu = 0.5 is no special case."""
     compliance, shear = compliance_matrix(material)
     in_plane = compliance[:2, :2] ** -1
-    # in-plane stresses = in_plane (in-plane strains - compliance[:2, 2] N); the J0 part of rr + its divergence.
+    # in-plane stresses = in_plane (in-plane strains - compliance[:2, 2] N)
     poisson = in_plane * compliance[:2, 2]
     coupling = -poisson[0]
     axial = compliance[2, 2] - (compliance[2, :2] * poisson)[0]

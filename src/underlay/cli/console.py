@@ -17,6 +17,9 @@ from underlay.errors import UnderlayWarning
 __all__ = ["gathered_warnings", "say", "say_error", "say_table", "say_warnings"]
 
 
+_FILE_WIDTH = 160
+
+
 def say(text: str) -> None:
     """Print a line of text for people; words in it are never taken for markup."""
     Console(highlight=False).print(text, markup=False, soft_wrap=True)
@@ -33,10 +36,13 @@ def say_table(frame: pd.DataFrame, title: str) -> None:
     table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
     for name, column in frame.items():
         numeric = pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
-        table.add_column(str(name), justify="right" if numeric else "left", overflow="fold")
+        table.add_column(str(name), justify="right" if numeric else "left", no_wrap=name != frame.columns[-1])
     for row in frame.itertuples(index=False):
         table.add_row(*[_cell(value) for value in row])
-    Console(highlight=False).print(table)
+    # Without a terminal (a file, a pipe) there is no width to keep to: nothing is cut off.
+    console = Console(highlight=False)
+    console.width = console.width if console.is_terminal else _FILE_WIDTH
+    console.print(table)
 
 
 def _cell(value: object) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from underlay._files import require_writable_folder, write_atomic
@@ -11,9 +12,10 @@ from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.report import plots
-from underlay.report.tables import correlated_pairs, fit_table, headline
+from underlay.report.tables import correlated_pairs, fit_table
+from underlay.report.words import headline
 
-__all__ = ["fit", "show_fit", "write_fit"]
+__all__ = ["fit", "reservations", "show_fit", "write_fit"]
 
 
 def fit(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> None:
@@ -26,10 +28,16 @@ def fit(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> No
     with gathered_warnings() as notes:
         result = least_squares_fit(load_problem(curve, scene))
     show_fit(result, curve.name)
-    say_warnings([*result.warnings, *notes])
+    say_warnings(reservations(result, notes))
     if output is not None:
         for path in write_fit(result, output, curve.stem):
             say(f"wrote {path}")
+
+
+def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
+    """Return what the reader, the fit and the laws have to say, in that order."""
+    reader = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
+    return [*reader, *map(str, result.warnings), *notes]
 
 
 def show_fit(result: Fit, name: str) -> None:

@@ -11,7 +11,7 @@ import typer
 from underlay._files import write_atomic
 from underlay.cli.console import say
 from underlay.cli.options import ScenePath, Seed
-from underlay.data.export import curve_csv
+from underlay.data.curve_csv import curve_csv
 from underlay.data.noise import Noise
 from underlay.data.synthetic import simulate as noiseless
 from underlay.data.synthetic import synthesize
@@ -37,16 +37,13 @@ def simulate(
         raise InputError(
             f"{scene.name} has no [simulate] section; add one, e.g. max_depth = '100 um' and points = 200"
         )
-    depth = file.simulate.depth
+    depth, clock = file.simulate.depth, file.simulate.time
     if file.noise:
-        curve = synthesize(file.scene, depth, noise=Noise(**file.noise), rng=seed, **file.solver)
+        curve = synthesize(file.scene, depth, Noise(**file.noise), seed, time=clock, **file.solver)
     else:
-        curve = noiseless(file.scene, depth, **file.solver)
-    truth = {
-        "truth": dict(curve.truth or {}),
-        "command": f"underlay simulate {scene.name} --output {output.name} --seed {seed}",
-        "seed": seed,
-    }
-    say(f"wrote {write_atomic(output, curve_csv(curve))}")
+        curve = noiseless(file.scene, depth, time=clock, **file.solver)
+    command = f"underlay simulate {scene.name} --output {output.name} --seed {seed}"
+    truth = {"command": command, "seed": seed, "truth": dict(curve.truth or {})}
+    say(f"wrote {write_atomic(output, curve_csv(curve, [f'made by: {command}']))}")
     text = json.dumps(truth, indent=2) + "\n"
     say(f"wrote {write_atomic(output.with_suffix('.truth.json'), text)}")

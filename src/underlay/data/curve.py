@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray
+from underlay.data.equilibrium import equilibrium_points
 from underlay.data.metadata import Metadata
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
 from underlay.errors import CurveError
@@ -140,10 +141,14 @@ class Curve:
             truth=self.truth,
         )
 
-    def with_metadata(self, **values: Any) -> Curve:
+    def with_metadata(self, /, **values: Any) -> Curve:
         """Return the curve with some metadata added or replaced."""
         metadata = Metadata(self.metadata).updated(**values)
         return Curve(self.depth, self.force, self.time, self.segment, metadata, self.truth)
+
+    def with_truth(self, truth: Mapping[str, Any]) -> Curve:
+        """Return the curve with the numbers it was made from."""
+        return Curve(self.depth, self.force, self.time, self.segment, self.metadata, truth)
 
     def segments(self) -> NDArray[np.str_]:
         """Label of every point, (n,): the file's own, else from the motion of the depth."""
@@ -162,6 +167,37 @@ class Curve:
     def unloading(self) -> Curve:
         """Return the points where the indenter comes back."""
         return self._part(UNLOADING)
+
+    def equilibrium(self, share: float = 0.1) -> Curve:
+        """Return the equilibrium points of a stepwise relaxation test as a curve of their own.
+
+        Each point is the mean over the last part of a hold; see `equilibrium_points`. The metadata hold
+        ``force_standard_error`` (N), ``drift`` (N over that part) and ``stationary``, one value per point,
+        and a note where a hold was still relaxing.
+
+        Parameters
+        ----------
+        share : float
+            Last part of each hold that is averaged.
+
+        Raises
+        ------
+        CurveError
+            If the curve holds nowhere after going in.
+        """
+        points = equilibrium_points(self.depth, self.force, self.time, self.segments(), share=share)
+        restless = [number for number, still in enumerate(points.stationary, start=1) if not still]
+        metadata = Metadata(self.metadata).updated(
+            equilibrium_share=share,
+            force_standard_error=points.force_standard_error,
+            drift=points.drift,
+            stationary=points.stationary,
+            notes=(
+                *self.metadata.get("notes", ()),
+                *(f"hold {number} was still relaxing at its end" for number in restless),
+            ),
+        )
+        return Curve(points.depth, points.force, points.time, None, metadata, self.truth)
 
     def _part(self, label: str) -> Curve:
         labels = self.segments()

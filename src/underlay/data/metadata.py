@@ -53,7 +53,7 @@ class Metadata(Mapping[str, Any]):
     def __repr__(self) -> str:
         return f"Metadata({self.to_dict()!r})"
 
-    def updated(self, **values: Any) -> Metadata:
+    def updated(self, /, **values: Any) -> Metadata:
         """Return a copy with some entries added or replaced."""
         return Metadata({**self._values, **values})
 

@@ -31,6 +31,8 @@ _TOLERANCE = 0.01
 _NOISE = 4.0
 # A slow piece that goes back while the force falls by this fraction of its range is unloading.
 _FALL = 0.05
+# Reversals above this fraction of the range are never taken for vibration.
+_VIBRATION = 0.1
 # More corners than any protocol has; bounds the work on a file of pure noise.
 _MAX_PIECES = 400
 
@@ -63,11 +65,16 @@ def segments_from_motion(
     clock = np.arange(n, dtype=np.float64) if time is None else time
     if n < 3 or not (np.isfinite(motion).all() and np.isfinite(clock).all()) or np.ptp(clock) <= 0.0:
         return labels
-    tolerance = max(_TOLERANCE * float(np.ptp(motion)), _NOISE * _noise(motion))
-    if np.ptp(motion) <= tolerance:
+    noise = _NOISE * _noise(motion)
+    tolerance = max(_TOLERANCE * float(np.ptp(motion)), noise)
+    if np.ptp(motion) <= 2.0 * noise:  # no more than noise swings to both sides
         labels[:] = HOLD
         return labels
     corners = _polyline(clock, motion, tolerance)
+    wobble = _wobble(motion[corners])
+    if wobble > tolerance:
+        tolerance = wobble
+        corners = _polyline(clock, motion, tolerance)
     retreat = None
     if force is not None and np.isfinite(force).all():
         fall = -np.diff(force[corners]) / max(float(np.ptp(force)), np.finfo(float).tiny)
@@ -107,6 +114,21 @@ def _noise(motion: FloatArray) -> float:
     """Standard deviation of white noise, from second differences: a smooth motion leaves none."""
     second = np.diff(motion, 2)
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
+
+
+def _wobble(heights: FloatArray) -> float:
+    """Height of the largest reversal that is vibration and not a step of the test.
+
+    Reversals of a test are a good part of its range, those of vibration are small and many; a gap by a
+    factor of three between the two kinds tells them apart. Zero if there is no such gap.
+    """
+    directions = np.sign(np.diff(heights))
+    turns = np.flatnonzero(directions[1:] != directions[:-1]) + 1
+    reversals = np.sort(np.abs(np.diff(heights[[0, *turns, len(heights) - 1]])))[::-1]
+    small = reversals[1:] < _VIBRATION * np.ptp(heights)
+    gap = reversals[:-1] >= 3.0 * reversals[1:]
+    first = np.flatnonzero(small & gap)
+    return float(reversals[first[0] + 1]) if first.size else 0.0
 
 
 def _polyline(clock: FloatArray, motion: FloatArray, tolerance: float) -> list[int]:

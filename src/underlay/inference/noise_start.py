@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -14,13 +14,13 @@ __all__ = ["noise_start", "scatter"]
 
 # A smooth curve has small second differences; those of white noise have variance 6 sigma^2. The median
 # absolute value of a normal variable is 0.6745 sigma.
-_SECOND_DIFFERENCE = np.sqrt(6.0) * 0.6744897501960817
+_SECOND_DIFFERENCE = 6.0**0.5 * 0.6744897501960817
 
 
 def scatter(curve: Curve) -> float:
     """Standard deviation (N) of the force about a smooth curve, robust; never zero."""
-    order = np.argsort(curve.depth, kind="stable") if curve.time is None else slice(None)
-    second = np.diff(curve.force[order], 2)
+    force = curve.force[np.argsort(curve.depth, kind="stable")] if curve.time is None else curve.force
+    second = np.diff(force, 2)
     floor = 1e-9 * float(np.ptp(curve.force))
     return max(float(np.median(np.abs(second))) / _SECOND_DIFFERENCE, floor)
 
@@ -32,7 +32,7 @@ def noise_start(
     given = getattr(noise, field)
     if given:
         return float(given)
-    guesses = {
+    guesses: dict[str, Callable[[], float]] = {
         "force": lambda: float(np.median([scatter(curve) for curve in curves])),
         "relative": lambda: 0.01,
         "depth": lambda: 1e-3 * max(float(np.ptp(curve.depth)) for curve in curves),

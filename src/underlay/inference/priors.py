@@ -164,7 +164,7 @@ class LogUniform(Prior):
     def probability_below(self, value: FloatArray) -> FloatArray:
         """ln(x / low) / ln(high / low)."""
         x = np.clip(value, self.low, self.high)
-        return np.log(x / self.low) / np.log(self.high / self.low)
+        return np.asarray(np.log(x / self.low) / np.log(self.high / self.low))
 
     def quantile(self, probability: FloatArray) -> FloatArray:
         """Geometric between `low` and `high`."""
@@ -396,10 +396,12 @@ class Flat(Prior):
 
     def probability_below(self, value: FloatArray) -> FloatArray:
         """Not defined: raises InputError."""
+        del value
         raise InputError(f"{self!r} is improper: it has no probabilities; give the parameter a proper prior")
 
     def quantile(self, probability: FloatArray) -> FloatArray:
         """Not defined: raises InputError."""
+        del probability
         raise InputError(f"{self!r} is improper: it cannot be drawn from; give the parameter a proper prior")
 
 

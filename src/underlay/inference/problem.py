@@ -13,11 +13,11 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise, log_normalisation, standard_deviation, whiten
+from underlay.data.noise import Noise
 from underlay.errors import InputError
-from underlay.inference.coordinates import Coordinate
+from underlay.inference.compilation import compile_members
+from underlay.inference.coordinates import ScaledSpace
 from underlay.inference.forward import LawOptions, LawStore
-from underlay.inference.members import Member, compile_members
 from underlay.inference.priors import Prior
 from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene
@@ -96,9 +96,9 @@ class Problem:
         tests : sequence of (Scene, Curve)
             The curves, each with its scene.
         free : mapping of path to prior
-            As for one curve. A path named in `shared` is one parameter for all curves and keeps its name; any
-            other is one parameter per curve, named ``"layer.E[0]"``, ``"layer.E[1]"``, ... A path with a number,
-            such as ``"indenter.radius[1]"``, frees it, or says another prior, for that curve only.
+            As for one curve. A path named in `shared` is one parameter for all curves and keeps its name;
+            any other is one parameter per curve, named ``"layer.E[0]"``, ``"layer.E[1]"``, ... A path with
+            a number, such as ``"indenter.radius[1]"``, frees it, or says another prior, for that curve only.
         shared : iterable of str
             Paths that all curves have in common.
         noise : Noise, or one per curve
@@ -112,7 +112,8 @@ class Problem:
             As for one curve; also if two curves are the same, or a shared start differs between scenes.
         """
         problem = cls.__new__(cls)
-        problem._compile(list(tests), free, tuple(shared), noise, LawOptions(accuracy, method, order, form))
+        # One class, two ways in: a second public constructor with the same checks.
+        problem._compile(list(tests), free, tuple(shared), noise, LawOptions(accuracy, method, order, form))  # noqa: SLF001  own class
         return problem
 
     def _compile(
@@ -129,6 +130,9 @@ class Problem:
         self.options = options
         self.store = LawStore()
         self.members, self.coordinates = compile_members(tests, self.free, shared, noise, options, self.store)
+        self.space = ScaledSpace.of(self.coordinates)
+        #: Entries of a vector that are numbers of the noise.
+        self.noise_entries = frozenset(i for member in self.members for i in member.noise_entries.values())
 
     def revised(
         self,
@@ -143,10 +147,11 @@ class Problem:
     ) -> Problem:
         """Return the same problem with some things changed; what is None stays."""
         options = self.options
+        wanted = self.free if free is None else free
         return Problem.joint(
             list(zip(scenes or self.base_scenes, self.curves, strict=True)),
-            self.free if free is None else free,
-            self.shared,
+            wanted,
+            [path for path in self.shared if path in wanted],
             self.noise if noise is None else noise,
             accuracy=options.accuracy if accuracy is None else accuracy,
             method=options.method if method is None else method,
@@ -214,13 +219,11 @@ class Problem:
 
     def physical(self, vectors: FloatArray) -> FloatArray:
         """Parameters (SI), (..., k), at scaled vectors (..., k)."""
-        q = np.asarray(vectors, dtype=np.float64)
-        return np.stack([c.physical(q[..., i]) for i, c in enumerate(self.coordinates)], axis=-1)
+        return self.space.physical(np.asarray(vectors, dtype=np.float64))
 
     def slopes(self, vector: FloatArray) -> FloatArray:
         """dx/dq (SI), (k,), at a vector (k,)."""
-        physical = self.physical(self._one(vector))
-        return np.array([float(c.slope(x)) for c, x in zip(self.coordinates, physical, strict=True)])
+        return self.space.slopes(self.physical(self._one(vector)))
 
     def scenes(self, vector: FloatArray) -> tuple[Scene, ...]:
         """One scene per curve with the numbers of a vector (k,)."""
@@ -285,6 +288,7 @@ class Problem:
         q = np.asarray(vector, dtype=np.float64)
         if q.shape != (len(self.coordinates),):
             raise InputError(
-                f"a vector here has {len(self.coordinates)} entries ({', '.join(self.names)}); got shape {q.shape}"
+                f"a vector here has {len(self.coordinates)} entries ({', '.join(self.names)}); "
+                f"got shape {q.shape}"
             )
         return q

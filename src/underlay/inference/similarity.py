@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -103,7 +104,7 @@ class Similarity:
             return -float(A), float(A)
         return 0.0, 0.0
 
-    def ratio_slopes(self, path: str, values: Mapping[str, float]) -> dict[str, float]:
+    def ratio_slopes(self, path: str) -> dict[str, float]:
         """d(ln k)/d(ln p) of the moduli and length ratios, dk/dp of the direct ones, where not zero."""
         if path == "layer.E":
             return dict.fromkeys(self.moduli[1:], -1.0)
@@ -120,11 +121,15 @@ class Similarity:
         if all(values[path] == self.values[path] for path in self.shape):
             return 1.0
         changed = {path.partition(".")[2]: values[path] for path in self.shape}
-        return _coefficient(replace(self.scene.indenter, **changed)) / _coefficient(self.scene.indenter)
+        indenter: Any = self.scene.indenter  # a frozen dataclass, which its abstract base does not say
+        return _coefficient(replace(indenter, **changed)) / _coefficient(indenter)
 
 
-def compile_similarity(scene: Scene, free: Iterable[str]) -> Similarity:
-    """Find what scales out of the law of `scene` when the parameters at the paths `free` vary."""
+def compile_similarity(scene: Scene, free: Iterable[str], *, power_law: bool = True) -> Similarity:
+    """Find what scales out of the law of `scene` when the parameters at the paths `free` vary.
+
+    Without `power_law` only dimensions are used: a published correction need not keep the stronger law.
+    """
     values = scene.parameters
     layered = scene.substrate is not None and np.isfinite(scene.layer.thickness)
     materials = [
@@ -134,9 +139,12 @@ def compile_similarity(scene: Scene, free: Iterable[str]) -> Similarity:
     ratios = tuple(path for path in materials if kind_of(path) == "dimensionless")
     thickness = ("layer.thickness",) if layered else ()
     shape = tuple(path for path in values if path.startswith("indenter."))
-    direct, lengths, length, exponent = ratios, (), None, None
+    direct: tuple[str, ...] = ratios
+    lengths: tuple[str, ...] = ()
     through_coefficient: tuple[str, ...] = ()
-    if isinstance(scene.indenter, PowerLawShape) and "indenter.exponent" not in set(free):
+    length: str | None = None
+    exponent: float | None = None
+    if power_law and isinstance(scene.indenter, PowerLawShape) and "indenter.exponent" not in set(free):
         through_coefficient = tuple(path for path in shape if path != "indenter.exponent")
         exponent = scene.indenter.exponent
         length = "layer.thickness" if layered else None

@@ -34,12 +34,20 @@ from underlay.errors import InputError, RangeError
 from underlay.mechanics import blunt
 from underlay.mechanics.asymptotic_error import Moments, force_error, punch_error
 from underlay.mechanics.asymptotic_series import ContactSeries, PunchSeries, ShapeSeries, power_law_series
-from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.materials import Layer, Substrate
 
-__all__ = ["FORMS", "AsymptoticLaw", "asymptotic_law"]
+__all__ = [
+    "FORMS",
+    "AsymptoticLaw",
+    "asymptotic_law",
+    "choose_form",
+    "contact_series",
+    "kernel_moments",
+    "punch_factor",
+]
 
 FORMS = ("auto", "explicit", "parametric", "compliance")
 
@@ -63,6 +71,8 @@ class AsymptoticLaw(ContactLaw):
         Largest depth (m) at which `contact_radius` may be asked: beyond, its series decreases.
     series : ContactSeries
         The curve (w, P, a)(s).
+    series_end : float
+        Largest s (m) that is looked at: depth and force increase up to there.
     """
 
     order: int
@@ -70,14 +80,17 @@ class AsymptoticLaw(ContactLaw):
     error_depth: float
     max_radius_depth: float
     series: ContactSeries
+    series_end: float
 
     @property
     def _beyond(self) -> str:
+        if self.max_depth == self.error_depth:
+            return CHOSEN_FOR_DEPTH
         form = f"the {self.form} form of order {self.order}"
         return f'there {form} has no root or stops increasing; use method="exact"'
 
     def _force(self, depth: FloatArray) -> FloatArray:
-        return self.series.force(self.series.parameter(depth))[0]
+        return self.series.load(depth, self.series.parameter(depth, self.series_end))
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
         if not (depth <= self.max_radius_depth).all():
@@ -86,10 +99,10 @@ class AsymptoticLaw(ContactLaw):
                 f'{self.order} decreases beyond {self.max_radius_depth:.6g} m; use method="exact"',
                 max_depth=self.max_radius_depth,
             )
-        return self.series.radius(self.series.parameter(depth))
+        return self.series.radius(self.series.parameter(depth, self.series_end))
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
-        s = self.series.parameter(depth)
+        s = self.series.parameter(depth, self.series_end)
         return self.series.force(s)[1] / self.series.depth(s)[1]
 
 
@@ -139,15 +152,13 @@ def asymptotic_law(
     >>> law.form, f"{law.force(2e-5):.4e}"
     ('explicit', '6.0016e-05')
     """
-    if form not in FORMS:
-        raise InputError(f"unknown form {form!r}; known: {', '.join(FORMS)}")
-    if order not in range(5):
-        raise InputError(f"order must be 0, 1, 2, 3 or 4; got {order!r}")
+    _check(order, form)
     deepest = positive(max_depth, "max_depth", "m")
     moments = kernel_moments(layer, substrate)
-    chosen, reason = _choose(indenter, form, moments[0])
-    series = _series(indenter, layer, moments, order, chosen)
-    last = _depth_at(series, series.end)
+    chosen, reason = choose_form(indenter, form, moments[0])
+    series = contact_series(indenter, layer, moments, order, chosen)
+    end = series.end
+    last = _depth_at(series, end)
     if deepest > last:
         raise RangeError(
             f"max_depth {deepest:.6g} m is beyond {last:.6g} m, the largest depth that the {chosen} form of "
@@ -162,29 +173,28 @@ def asymptotic_law(
         order=order,
         form=chosen,
         error_depth=deepest,
-        max_radius_depth=_depth_at(series, min(series.end, series.radius_end)),
+        max_radius_depth=_depth_at(series, min(end, series.radius_end)),
         series=series,
+        series_end=end,
     )
+
+
+def _check(order: int, form: str) -> None:
+    if form not in FORMS:
+        raise InputError(f"unknown form {form!r}; known: {', '.join(FORMS)}")
+    if order not in range(5):
+        raise InputError(f"order must be 0, 1, 2, 3 or 4; got {order!r}")
 
 
 def kernel_moments(layer: Layer, substrate: Substrate | None) -> Moments:
     """Return (a_0, a_1, a_2) of (1.8): zero, and no kernel computed, where the layer is a half-space."""
     if substrate is None or substrate == layer.material or not np.isfinite(layer.thickness):
         return 0.0, 0.0, 0.0
-    a_0, a_1, a_2 = _coefficients(layer, substrate)
+    a_0, a_1, a_2 = SubstrateKernel(layer.material, substrate).coefficients(3)
     return float(a_0), float(a_1), float(a_2)
 
 
-def _coefficients(layer: Layer, substrate: Substrate) -> FloatArray:
-    edges = np.concatenate([[0.0], 2.0 ** np.arange(-40.0, 1.0), np.arange(2.0, 49.0)])
-    x, w = np.polynomial.legendre.leggauss(16)
-    half = 0.5 * np.diff(edges)[:, None]
-    u, weight = (edges[:-1, None] + half * (x + 1.0)).ravel(), (half * w).ravel()
-    values = weight * SubstrateKernel(layer.material, substrate).one_minus_L(u)
-    return np.array([values.sum(), -(values @ u**2) / 4.0, values @ u**4 / 64.0])
-
-
-def _choose(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
+def choose_form(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
     """Return the form to use and why."""
     closed = isinstance(indenter, PowerLawShape | FlatPunch)
     if form == "explicit" and not closed:
@@ -194,6 +204,8 @@ def _choose(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
         )
     if form != "auto":
         return form, f"the {form} form was asked for"
+    if a_0 == 0.0:
+        return "explicit" if closed else "parametric", "no layer effect: a half-space"
     if a_0 < 0.0:
         return "compliance", (
             f"the substrate softens the contact (a_0 = {a_0:.4g} < 0): the compliance form is closest"
@@ -208,12 +220,18 @@ def _choose(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
     )
 
 
-def _series(indenter: Indenter, layer: Layer, moments: Moments, order: int, form: str) -> ContactSeries:
+def contact_series(
+    indenter: Indenter, layer: Layer, moments: Moments, order: int, form: str
+) -> ContactSeries:
     """Build the curve of the chosen form and order."""
     a_0, a_1, _ = moments
+    if a_0 == 0.0 and a_1 == 0.0:
+        # A half-space: the corrections are zeros, and order 0 solves nothing.
+        order = 0
     theta, h = layer.material.theta, layer.thickness
     if isinstance(indenter, FlatPunch):
-        return PunchSeries(indenter, theta, _punch_factor(indenter.radius / h, a_0, a_1, order, form))
+        kappa = punch_factor(indenter.radius / h, a_0, a_1, order=order, form=form)
+        return PunchSeries(indenter, theta, kappa)
     if isinstance(indenter, PowerLawShape):
         return power_law_series(indenter, theta, h, (a_0, a_1), order=order, form=form)
     b, c = (float(term) for term in blunt.kernel_terms(a_0, a_1))
@@ -223,8 +241,19 @@ def _series(indenter: Indenter, layer: Layer, moments: Moments, order: int, form
     return ShapeSeries(indenter, theta, h, b, c, cross, by_force)
 
 
-def _punch_factor(eps: float, a_0: float, a_1: float, order: int, form: str) -> float:
-    """kappa_inf at one order and form; raises where the form gives no positive stiffness."""
+def punch_factor(eps: float, a_0: float, a_1: float, *, order: int = 4, form: str = "auto") -> float:
+    """kappa_inf (9.5) at eps = a/h in one order and form.
+
+    Raises
+    ------
+    RangeError
+        If the form gives no positive stiffness there.
+    InputError
+        If `order` or `form` is unknown.
+    """
+    _check(order, form)
+    if form == "auto":
+        form = "compliance" if a_0 < 0.0 else "explicit"
     kappa = float(blunt.kappa_infinity(eps, a_0, a_1, order=order, form=form))
     if not 0.0 < kappa < np.inf:
         raise RangeError(
@@ -246,5 +275,5 @@ def _error(series: ContactSeries, indenter: Indenter, layer: Layer, moments: Mom
         return 0.0
     if isinstance(series, PunchSeries):
         return punch_error(series.kappa, series.shape.radius / layer.thickness, moments)
-    compliance = _series(indenter, layer, moments, 4, "compliance")
+    compliance = contact_series(indenter, layer, moments, 4, "compliance")
     return force_error(series, compliance, layer.thickness, moments, depth)

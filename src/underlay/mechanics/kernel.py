@@ -11,7 +11,8 @@ Formula (Hankel space, u = wavenumber times thickness; J = diag(-1, 1); 1 = laye
 
 It is the L(u) of (1.6) and of the paper's appendix, for a layer bonded to its base, without the appendix's
 division by gamma_1 - gamma_2: real, equal and complex roots and nu = 0.5 are one formula. Identical materials
-give R = 0 and therefore L = 1 to the last bit. (Appendix, erratum: a_21 carries a minus, -(2 gamma_1/Z){...}.)
+give R = 0 and therefore L = 1 to the last bit. Erratum of the appendix: a_21 carries a minus,
+-(2 gamma_1/Z){...}; as printed, the terms in x_1 y_1 cancel and L is wrong.
 """
 
 from __future__ import annotations
@@ -21,26 +22,28 @@ from math import factorial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
 from underlay.errors import InputError
 from underlay.mechanics.kernel_quadrature import u_rule
-from underlay.mechanics.materials import Material, PlaneConstants, Real, Rigid, Substrate
+from underlay.mechanics.materials import Material, PlaneConstants, Real, Rigid, Substrate, magnitude
 
 __all__ = ["SubstrateKernel", "coefficients", "one_minus_L", "u_rule"]
 
 # |d^2|/p below which the two roots count as equal: ch and sh are then exp(-u sigma/2) times 1 and u. The
-# rounding of isotropic constants leaves up to 2.0 eps. Error of L at the switch: 4e-16 with equal roots,
-# 3e-16 with real or complex ones (rigid base; twice to three times that, relative, on a soft one).
+# rounding of isotropic constants leaves up to 2.0 eps. Error of L at the switch, on a rigid base: 6e-16 with
+# equal roots, 4e-16 without; relative, on a base 1e-4 as stiff: 1.4e-15 with, 2.0e-15 without.
 _EQUAL_ROOTS = 4.0 * np.finfo(float).eps
 # det Y at u = 0 below which a substrate counts as soft (E2/E1 about 0.55): step 3 loses the digits of det Y
 # where u is small. Relative error of L at the switch: 7e-16 by step 3, 1.1e-15 by step 4.
 _SOFT = 0.5
-# u max(sigma, 2 sqrt(p)) below which a soft substrate takes step 4. Relative error of L at the switch: 1.1e-15
-# by step 4 and 1.2e-15 by step 3; 4e-15 by step 3 where the layer shears easily (G' = 0.03 E).
+# u max(sigma, 2 sqrt(p)) below which a soft substrate takes step 4. Relative error of L at the switch:
+# 1.1e-15 by step 4, 1.2e-15 by step 3; 4e-15 by step 3 where the layer shears easily (G' = 0.03 E).
 _SMALL_U = 3.0
-# (2k+1)!, (2k+2)! of the series of step 4: at u sigma = 3 the first term left out is 2e-17 of the sum.
-_FACTORIALS = tuple((float(factorial(2 * k + 1)), float(factorial(2 * k + 2))) for k in range(1, 14))
+# 1/(2k+1)!, 1/(2k+2)! of the series of step 4: at u sigma = 3 the first term left out is 2e-17 of the sum.
+_ODD = read_only(np.array([1.0 / factorial(2 * k + 1) for k in range(1, 14)]))
+_EVEN = read_only(np.array([1.0 / factorial(2 * k + 2) for k in range(1, 14)]))
 _MOST_COEFFICIENTS = 12
 
 
@@ -93,7 +96,7 @@ def one_minus_L(u: FloatArray, layer: PlaneConstants, substrate: PlaneConstants 
     numerator, denominator = 2.0 * (g22 - det_g), 1.0 + g22_g11 - det_g
     # The denominator is det Y: 4 C1_11 C1_22/det(C1 + J C2 J) at u = 0.
     soft = 4.0 * p * pair.sigma2 < _SOFT * pair.determinant
-    if not np.any(soft):
+    if _holds_for_none(soft):
         return numerator / denominator
     small = soft & (np.maximum(sigma, 2.0 * p**0.5) * u < _SMALL_U)
     # Where step 4 takes over, its value stands over 1: there the denominator may have rounded to zero.
@@ -134,17 +137,22 @@ def _passage(u: FloatArray, pair: _Interface) -> tuple[FloatArray, FloatArray]:
     p, half = pair.p, 0.5 * pair.sigma
     d2 = 0.25 * pair.sigma2 - p
     equal = _EQUAL_ROOTS * p
-    if np.all(abs(d2) <= equal):
+    if _holds_for_none(magnitude(d2) > equal):
         ch = np.exp(-half * u)
         return ch, u * ch
-    if np.all(d2 > 0.0):
+    if _holds_for_none(d2 <= 0.0):
         return _real_roots(u, p, half, d2**0.5)
-    if np.all(d2 < 0.0):
+    if _holds_for_none(d2 >= 0.0):
         return _complex_roots(u, half, (-d2) ** 0.5)
     # A batch with both kinds: each formula is evaluated for all, away from its own 0/0.
-    d = np.maximum(abs(d2), equal) ** 0.5
+    d = np.maximum(magnitude(d2), equal) ** 0.5
     real, turning = _real_roots(u, p, half, d), _complex_roots(u, half, d)
     return np.where(d2 > 0.0, real[0], turning[0]), np.where(d2 > 0.0, real[1], turning[1])
+
+
+def _holds_for_none(condition: bool | NDArray[np.bool_]) -> bool:
+    """Whether a condition on one material, or on each of a batch, holds nowhere."""
+    return not (condition.any() if isinstance(condition, np.ndarray) else condition)
 
 
 def _real_roots(u: FloatArray, p: Real, half: Real, d: Real) -> tuple[FloatArray, FloatArray]:
@@ -191,23 +199,18 @@ def _remainder(u: FloatArray, p: Real, sigma2: Real, sigma: Real) -> FloatArray:
     """
     difference = sigma2 - 4.0 * p
     term = power = 4.0 * p
-    odd, even = [], []
-    for odd_factorial, even_factorial in _FACTORIALS:
-        odd.append(term * (sigma / odd_factorial))
-        even.append(term * (sigma2 / even_factorial))
+    terms = [term]
+    for _ in range(_ODD.size - 1):
         power = power * difference
         term = sigma2 * term + power
-    powers = np.empty((len(_FACTORIALS), u.size))
+        terms.append(term)
+    # (terms,), or (batch, terms) from entries (batch, 1).
+    q = np.concatenate(terms, axis=1) if isinstance(term, np.ndarray) else np.array(terms)
+    x = sigma * u
+    powers = np.empty((_ODD.size, u.size))
     powers[:] = u * u
     np.multiply.accumulate(powers, axis=0, out=powers)
-    return u * (_row(odd) @ powers) + u * u * (_row(even) @ powers)
-
-
-def _row(coefficients: list[Real]) -> FloatArray:
-    """Coefficients side by side: (terms,), or (batch, terms) from entries (batch, 1)."""
-    if isinstance(coefficients[0], np.ndarray):
-        return np.concatenate(coefficients, axis=1)
-    return np.array(coefficients)
+    return x * ((q * _ODD) @ powers + x * ((q * _EVEN) @ powers))
 
 
 def coefficients(
@@ -245,6 +248,11 @@ class SubstrateKernel:
     substrate : Isotropic, TransverselyIsotropic or RIGID
         Material of the half-space bonded under it.
 
+    Raises
+    ------
+    InputError
+        If one of them is not such a material.
+
     Examples
     --------
     >>> from underlay.mechanics.materials import RIGID, Isotropic
@@ -255,6 +263,14 @@ class SubstrateKernel:
 
     layer: Material
     substrate: Substrate
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.layer, Material):
+            raise InputError(f"the layer material is Isotropic or TransverselyIsotropic; got {self.layer!r}")
+        if not isinstance(self.substrate, Substrate):
+            raise InputError(
+                f"the substrate is Isotropic, TransverselyIsotropic or RIGID; got {self.substrate!r}"
+            )
 
     def one_minus_L(self, u: ArrayLike) -> FloatArray:
         """1 - L(u), shape of `u` (wavenumber times thickness, dimensionless, zero or more).

@@ -13,6 +13,7 @@ From them p = sqrt(q^2 + c g), sigma = sqrt(S g - 2q + 2p), and theta = g/(p sig
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import NamedTuple, Self, TypeAlias
 
@@ -24,6 +25,14 @@ from underlay.errors import InputError, MaterialError
 __all__ = ["RIGID", "Isotropic", "Layer", "Material", "Rigid", "Substrate", "TransverselyIsotropic"]
 
 Real: TypeAlias = "float | FloatArray"
+
+# A material declared incompressible may miss zero by the rounding of its own constants.
+_ROUNDING = 8.0 * sys.float_info.epsilon
+
+
+def magnitude(value: Real) -> Real:
+    """|value|; keeps a float a float, which the scalar paths of the kernel live on."""
+    return np.abs(value) if isinstance(value, np.ndarray) else abs(value)
 
 
 class PlaneConstants(NamedTuple):
@@ -45,7 +54,7 @@ class PlaneConstants(NamedTuple):
     @property
     def p_minus_q(self) -> Real:
         """p - q, zero or more, without the cancellation of the difference."""
-        size = abs(self.q)
+        size = magnitude(self.q)
         return self.c * self.g / (self.p + size) + (size - self.q)
 
     @property
@@ -80,6 +89,13 @@ def transversely_isotropic_constants(
         g=E / ((1.0 - nu) * (1.0 + nu)),
         S=1.0 / G_axial,
     )
+
+
+def _require_positive_definite(inequalities: dict[str, bool], given: str) -> None:
+    failed = [text for text, holds in inequalities.items() if not holds]
+    if failed:
+        verb = "fails" if len(failed) == 1 else "fail"
+        raise MaterialError(f"not positive definite: {' and '.join(failed)} {verb} for {given}")
 
 
 @dataclass(frozen=True)
@@ -143,7 +159,7 @@ class TransverselyIsotropic:
     Raises
     ------
     MaterialError
-        If the stiffness is not positive definite; the message names the inequality that fails. The
+        If the stiffness is not positive definite; the message names each inequality that fails. The
         incompressible limit 1 - nu - 2 (E/E') nu'^2 = 0 is allowed.
     """
 
@@ -162,16 +178,15 @@ class TransverselyIsotropic:
             object.__setattr__(self, name, positive(getattr(self, name), text, "Pa"))
         for name in ("nu", "nu_axial"):
             object.__setattr__(self, name, finite(getattr(self, name), name, "dimensionless"))
-        if not (-1.0 < self.nu < 1.0):
-            raise MaterialError(f"not positive definite: -1 < nu < 1 fails; got nu = {self.nu!r}")
         room = 1.0 - self.nu - 2.0 * (self.E / self.E_axial) * self.nu_axial**2
-        # A material declared incompressible may miss zero by the rounding of its own constants.
-        if room < -8.0 * np.finfo(float).eps:
-            raise MaterialError(
-                "not positive definite: 1 - nu - 2 (E/E_axial) nu_axial^2 >= 0 fails; "
-                f"it is {room:.6g} for nu = {self.nu!r}, nu_axial = {self.nu_axial!r}, "
-                f"E/E_axial = {self.E / self.E_axial:.6g}"
-            )
+        _require_positive_definite(
+            {
+                "-1 < nu < 1": -1.0 < self.nu < 1.0,
+                "1 - nu - 2 (E/E_axial) nu_axial^2 >= 0": room >= -_ROUNDING,
+            },
+            f"nu = {self.nu!r}, nu_axial = {self.nu_axial!r}, E/E_axial = {self.E / self.E_axial:.6g} "
+            f"(1 - nu - 2 (E/E_axial) nu_axial^2 is {room:.6g})",
+        )
 
     @classmethod
     def from_stiffness(cls, *, A11: float, A12: float, A13: float, A33: float, A44: float) -> Self:
@@ -180,23 +195,23 @@ class TransverselyIsotropic:
         Raises
         ------
         MaterialError
-            If the stiffness is not positive definite, naming the inequality.
+            If the stiffness is not positive definite, naming each inequality that fails.
+        InputError
+            If a stiffness is not a finite number.
         """
-        for name, value in (("A11", A11), ("A12", A12), ("A13", A13), ("A33", A33), ("A44", A44)):
-            finite(value, name, "Pa")
-        for inequality, excess in (
-            ("A44 > 0", A44),
-            ("A33 > 0", A33),
-            ("A11 > |A12|", A11 - abs(A12)),
-            ("(A11 + A12) A33 > 2 A13^2", (A11 + A12) * A33 - 2.0 * A13 * A13),
-        ):
-            if not excess > 0.0:
-                raise MaterialError(
-                    f"not positive definite: {inequality} fails for A11 = {A11:.6g}, A12 = {A12:.6g}, "
-                    f"A13 = {A13:.6g}, A33 = {A33:.6g}, A44 = {A44:.6g}"
-                )
-        plane = A11 * A33 - A13 * A13
+        given = {"A11": A11, "A12": A12, "A13": A13, "A33": A33, "A44": A44}
+        A11, A12, A13, A33, A44 = (finite(value, name, "Pa") for name, value in given.items())
         volume = (A11 + A12) * A33 - 2.0 * A13 * A13
+        _require_positive_definite(
+            {
+                "A44 > 0": A44 > 0.0,
+                "A33 > 0": A33 > 0.0,
+                "A11 > |A12|": abs(A12) < A11,
+                "(A11 + A12) A33 > 2 A13^2": volume > 0.0,
+            },
+            f"A11 = {A11:.6g}, A12 = {A12:.6g}, A13 = {A13:.6g}, A33 = {A33:.6g}, A44 = {A44:.6g}",
+        )
+        plane = A11 * A33 - A13 * A13
         return cls(
             E=(A11 - A12) * volume / plane,
             E_axial=volume / (A11 + A12),
@@ -204,6 +219,36 @@ class TransverselyIsotropic:
             nu_axial=A13 / (A11 + A12),
             G_axial=A44,
         )
+
+    def stiffness(self) -> dict[str, float]:
+        """A11, A12, A13, A33, A44 (Pa) of the paper's appendix: the arguments of `from_stiffness`.
+
+        Raises
+        ------
+        MaterialError
+            If the material is incompressible: its stiffnesses are infinite.
+
+        Examples
+        --------
+        >>> zinc = {"A11": 161e9, "A12": 34.2e9, "A13": 50.1e9, "A33": 61e9, "A44": 38.3e9}
+        >>> round(TransverselyIsotropic.from_stiffness(**zinc).stiffness()["A33"] / 1e9, 9)
+        61.0
+        """
+        n = self.E / self.E_axial
+        room = 1.0 - self.nu - 2.0 * n * self.nu_axial**2
+        if not room > 0.0:
+            raise MaterialError(
+                "an incompressible material (1 - nu - 2 (E/E_axial) nu_axial^2 = 0) has infinite "
+                "stiffnesses; keep its engineering constants"
+            )
+        bulk = self.E / ((1.0 + self.nu) * room)
+        return {
+            "A11": bulk * (1.0 - n * self.nu_axial**2),
+            "A12": bulk * (self.nu + n * self.nu_axial**2),
+            "A13": self.E * self.nu_axial / room,
+            "A33": self.E_axial * (1.0 - self.nu) / room,
+            "A44": self.G_axial,
+        }
 
     @property
     def plane_constants(self) -> PlaneConstants:

@@ -95,6 +95,11 @@ class SimulatedDepths:
         """The readings (m), shape (points,)."""
         return np.linspace(self.start, self.max_depth, self.points)
 
+    @property
+    def time(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        """The times of the readings (s), shape (points,)."""
+        return np.linspace(0.0, self.duration, self.points)
+
 
 @dataclass(frozen=True)
 class SceneFile:

@@ -7,10 +7,22 @@ from collections.abc import Mapping
 from importlib import metadata
 
 from underlay.data.curve import Curve
-from underlay.data.readers import bioindenter, delimited, fischer, hysitron, mach1, optics11
+from underlay.data.readers import (
+    afm,
+    bioindenter,
+    delimited,
+    excel,
+    exported,
+    fischer,
+    hysitron,
+    mach1,
+    nanosuite,
+    optics11,
+    testxpert,
+)
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._source import Source, load, unpack
-from underlay.errors import CurveError, FileFormatError, InputError
+from underlay.errors import CurveError, FileFormatError, InputError, UnitError
 from underlay.units import parse_quantity
 
 __all__ = ["FORMATS", "Format", "read", "read_all"]
@@ -23,10 +35,17 @@ FORMATS: tuple[Format, ...] = (
     bioindenter.FORMAT,
     hysitron.FORMAT,
     fischer.FORMAT,
+    nanosuite.FORMAT,
+    testxpert.FORMAT,
+    exported.JSON_FORMAT,
+    exported.HDF5_FORMAT,
+    afm.FORMAT,
+    excel.FORMAT,
     delimited.FORMAT,
 )
 
-_CALIBRATION = {"spring_constant": "stiffness", "sensitivity": "sensitivity"}
+# What may be given, and the kinds of quantity it may be: detectors give a voltage or a current.
+_CALIBRATION = {"spring_constant": ("stiffness",), "sensitivity": ("sensitivity", "current sensitivity")}
 _LISTED = 12
 
 
@@ -52,7 +71,7 @@ def read(
     test : int, optional
         Which test of a file that holds several, counted from 1.
     calibration : mapping, optional
-        What a file may lack: ``{"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"}``.
+        What an AFM file may lack: ``{"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"}``.
 
     Returns
     -------
@@ -128,12 +147,25 @@ def _format_named(name: str) -> Format:
 
 
 def _calibration(given: Mapping[str, str | float] | None) -> dict[str, float]:
+    """SI numbers by kind of quantity: "stiffness", "sensitivity", "current sensitivity"."""
     numbers = {}
     for name, value in (given or {}).items():
         if name not in _CALIBRATION:
             raise InputError(f"no calibration {name!r}; there are {', '.join(_CALIBRATION)}")
-        numbers[name] = parse_quantity(value, _CALIBRATION[name])
+        kinds = _CALIBRATION[name]
+        kind = next((kind for kind in kinds if _is_of_kind(value, kind)), kinds[0])
+        numbers[kind] = parse_quantity(value, kind)
+        if numbers[kind] <= 0.0:
+            raise InputError(f"calibration {name!r} must be positive; got {value!r}")
     return numbers
+
+
+def _is_of_kind(value: str | float, kind: str) -> bool:
+    try:
+        parse_quantity(value, kind)
+    except UnitError:
+        return False
+    return True
 
 
 def _stamp(curve: Curve, source: Source, reader: Format) -> Curve:

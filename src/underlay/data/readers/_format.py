@@ -27,7 +27,8 @@ class Options:
     columns : mapping, optional
         For tables: which column is ``depth``, ``force``, ``time`` or ``segment``.
     calibration : mapping
-        SI numbers that a file may lack: ``spring_constant`` (N/m), ``sensitivity`` (m/V).
+        SI numbers that a file may lack, by kind: ``stiffness`` of the cantilever (N/m), ``sensitivity`` (m/V)
+        or ``current sensitivity`` (m/A) of its detector.
     """
 
     columns: Mapping[str, str] | None = None
@@ -52,6 +53,8 @@ class Format:
         The optional extra that the format needs; empty if none.
     takes_columns : bool
         Whether a column mapping means something.
+    takes_calibration : bool
+        Whether a calibration means something.
     """
 
     name: str
@@ -60,6 +63,7 @@ class Format:
     read_all: Callable[[Source, Options], list[Curve]]
     extra: str = ""
     takes_columns: bool = False
+    takes_calibration: bool = False
 
 
 def make_curve(

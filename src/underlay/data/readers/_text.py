@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
@@ -33,7 +34,7 @@ _AFTER_COMMA = re.compile(r"(.*\S)\s*,\s*([^\s,]+)\s*")
 # "Load / mN"
 _AFTER_SLASH = re.compile(r"(.*\S)\s+/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
-_MISSING = frozenset({"", "na", "n/a", "nan", "-", "--", "x", "#n/a"})
+_MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
 
 
 def decode(source: Source) -> str:
@@ -167,11 +168,16 @@ def numbers(
 
 def _number(cell: str, *, comma: bool, where: str, line: int) -> float:
     text = cell.replace(",", ".") if comma else cell
+    place = f"{where}, row {line} of the table"
     try:
-        if "_" not in text:  # Python reads 1_000; no instrument writes it
-            return float(text)
+        value = math.nan if "_" in text else float(text)  # Python reads 1_000; no instrument writes it
     except ValueError:
-        pass
-    if cell.strip().lower() in _MISSING:
-        return float("nan")
-    raise FileFormatError(f"{where}, row {line} of the table: {cell!r:.40} is not a number")
+        if cell.strip().lower() in _MISSING:
+            return math.nan
+        raise FileFormatError(f"{place}: {cell!r:.40} is not a number") from None
+    if not math.isfinite(value):
+        raise FileFormatError(
+            f"{place}: {cell!r:.40} is not a finite number; take the row out, or leave the cell empty if the "
+            "point is missing"
+        )
+    return value

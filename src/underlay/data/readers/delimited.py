@@ -16,17 +16,17 @@ from collections.abc import Sequence
 from typing import Any
 
 from underlay.data.curve import Curve
+from underlay.data.export import METADATA_MARK
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._source import Source
 from underlay.data.readers._table import find_columns, table_curve
 from underlay.data.readers._text import is_number, lines_of
+from underlay.data.readers.exported import restored
 from underlay.errors import FileFormatError, UnitError
 from underlay.units import parse_quantity
 
-__all__ = ["FORMAT", "METADATA_MARK"]
+__all__ = ["FORMAT"]
 
-#: A comment line that starts with this carries the metadata of an exported curve as JSON.
-METADATA_MARK = "underlay-metadata:"
 # How far down the row of names is looked for.
 _MAX_PREAMBLE = 80
 # Comments that carry a number.
@@ -86,14 +86,17 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
         raise FileFormatError(f"{source.name} is not a readable table: {error}") from error
     preamble = [line.strip() for line in lines[:names_at]]
     texts = [comment for comment in comments if not comment.startswith(METADATA_MARK)]
-    known: dict[str, Any] = _known_numbers(texts + preamble)
-    if origin := _stored_metadata(comments):
-        known["origin"] = origin
-    return [
-        table_curve(
-            source, names, cells, options, may_use_comma=separator != ",", comments=texts + preamble, **known
-        )
-    ]
+    about = texts + preamble
+    curve = table_curve(
+        source,
+        names,
+        cells,
+        options,
+        may_use_comma=separator != ",",
+        comments=about,
+        **_known_numbers(about),
+    )
+    return [restored(curve, _stored(comments))]
 
 
 def _find_names(
@@ -132,15 +135,15 @@ def _known_numbers(comments: Sequence[str]) -> dict[str, float]:
     return known
 
 
-def _stored_metadata(comments: Sequence[str]) -> dict[str, Any]:
+def _stored(comments: Sequence[str]) -> Any:
+    """What an exported curve says about itself, or None."""
     for comment in comments:
         if comment.startswith(METADATA_MARK):
             try:
-                stored = json.loads(comment.removeprefix(METADATA_MARK))
-            except (ValueError, RecursionError):
-                return {}
-            return stored if isinstance(stored, dict) else {}
-    return {}
+                return json.loads(comment.removeprefix(METADATA_MARK))
+            except (ValueError, RecursionError):  # a comment that is not ours after all
+                return None
+    return None
 
 
 FORMAT = Format(

@@ -120,7 +120,7 @@ def _curve(source: Source, number: int, block: _Block, search: _Block | None) ->
     force = -columns[cell] if turned else columns[cell]
     finite = np.isfinite(position).all() and np.isfinite(time).all()
     height = float(position[0])
-    known: dict[str, Any] = {"contact_height": height, "notes": _search_notes(where, search)}
+    known: dict[str, Any] = {"contact_height": height, **_search_result(where, search)}
     sides = [columns.get(f"Position ({name})") for name in "xy"]
     known["position"] = (*(0.0 if side is None else float(side[0]) for side in sides), height)
     return make_curve(
@@ -175,26 +175,28 @@ def _reads_compression_negative(block: _Block, unit: str) -> bool:
     return kind.startswith("multi") or unit == "N"
 
 
-def _search_notes(where: str, search: _Block | None) -> list[str]:
-    """Say so if the search for contact before a test never saw the force it was looking for."""
+def _search_result(where: str, search: _Block | None) -> dict[str, Any]:
+    """What the search for contact before a test asked for and reached (N), said aloud if it failed."""
     if search is None or not search.rows:
-        return []
+        return {}
     asked, unit = _criterion(search)
     if not unit:
-        return []
-    criterion = parse_quantity(f"{asked} {unit}", "force")
+        return {}
     columns, units = _columns(where, search)
-    force = columns.get(_axes(search)[1])
+    cell = _axes(search)[1]
+    force = columns.get(cell)
     if force is None or not np.isfinite(force).any():
-        return []
-    peak = float(np.nanmax(-force if _reads_compression_negative(search, units[_axes(search)[1]]) else force))
+        return {}
+    peak = float(np.nanmax(-force if _reads_compression_negative(search, units[cell]) else force))
+    criterion = parse_quantity(f"{asked} {unit}", "force")
+    known: dict[str, Any] = {"search_criterion": criterion, "search_reached": peak}
     # A tenth below still counts: the cell is read in steps of about 0.001 gf.
-    if peak >= 0.9 * criterion:
-        return []
-    reached = peak / parse_quantity(f"1 {unit}", "force")
-    return [
-        f"the search for contact ended without it: {reached:.4f} {unit} where {asked} {unit} was asked for"
-    ]
+    if peak < 0.9 * criterion:
+        reached = peak / parse_quantity(f"1 {unit}", "force")
+        known["notes"] = [
+            f"the search for contact ended without it: {reached:.4f} {unit} where {asked} {unit} was asked"
+        ]
+    return known
 
 
 def _criterion(search: _Block) -> tuple[str, str]:

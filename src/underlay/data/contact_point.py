@@ -1,0 +1,282 @@
+"""Where the indenter first touches: three estimators, each with an uncertainty.
+
+* ``foot``: the baseline turns into the foot of a contact law with free stiffness.
+* ``change-point``: the baseline turns into a parabola with free coefficients; no contact law.
+* ``threshold``: the depth of the last passage through 3 standard deviations of the noise, carried back by
+  the rise that follows to where it starts.
+
+The first two scan the contact depth and solve for the linear coefficients, so nothing has to be started or
+to converge; the uncertainty is the curvature of the sum of squares, widened for correlated residuals.
+Forces below the baseline right before the rise (adhesion) are left out of these fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
+from underlay.data.foot import SIGNIFICANT, Foot, foot_of
+from underlay.errors import CurveError, InputError
+from underlay.scene.scene import Scene
+from underlay.units import format_quantity
+
+__all__ = ["METHODS", "Contact", "ContactEstimate", "find_contact"]
+
+#: Names of the estimators, the one used by default first.
+METHODS = ("foot", "change-point", "threshold")
+
+# Work is bounded by thinning the foot; its neighbours are correlated anyway.
+_MAX_POINTS = 2000
+# Contact depths tried at each of three levels, each level between the neighbours of the best one before.
+_SCAN = 61
+_LEVELS = 3
+# A curve that starts in contact has it in front of its first point, by up to this share of the foot.
+_BEFORE = 1.0
+# Correlation of neighbouring residuals above which they count as this much correlated: at 0.98 a standard
+# error is already widened tenfold.
+_MOST_CORRELATED = 0.98
+
+_Shape = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class ContactEstimate:
+    """One estimate of the contact depth.
+
+    Parameters
+    ----------
+    method : str
+        One of `METHODS`.
+    depth, uncertainty : float
+        Depth reading at contact and its standard error (m).
+    """
+
+    method: str
+    depth: float
+    uncertainty: float
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The contact depth of a curve.
+
+    Parameters
+    ----------
+    depth, uncertainty : float
+        By the estimator `method` (m). The uncertainty holds the spread of all estimators.
+    method : str
+        One of `METHODS`.
+    estimates : tuple of ContactEstimate
+        All estimators that gave one.
+    baseline, baseline_slope : float
+        Force in front of contact, ``baseline + baseline_slope * depth`` (N, N/m).
+    noise : float
+        Standard deviation of the force about the baseline (N).
+    notes : tuple of str
+        Reservations, such as adhesion before contact.
+    """
+
+    depth: float
+    uncertainty: float
+    method: str
+    estimates: tuple[ContactEstimate, ...]
+    baseline: float
+    baseline_slope: float
+    noise: float
+    notes: tuple[str, ...] = ()
+
+
+def find_contact(
+    curve: Curve, method: str = "auto", *, scene: Scene | None = None, exponent: float = 1.5
+) -> Contact:
+    """Estimate the depth reading at which the indenter touches.
+
+    Parameters
+    ----------
+    curve : Curve
+        With its approach, if it has one.
+    method : str
+        One of `METHODS`; "auto" takes the first that gives an estimate.
+    scene : Scene, optional
+        Its contact law shapes the foot. Without it the foot is a power law.
+    exponent : float
+        Exponent of that power law: 1.5 for a ball, 2 for a cone, 1 for a flat punch.
+
+    Returns
+    -------
+    Contact
+        The estimate with its uncertainty, and those of all estimators.
+
+    Raises
+    ------
+    CurveError
+        If the curve cannot be fitted, or its force never rises out of the noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.linspace(-2e-6, 2e-6, 401)
+    >>> noise = 1e-15 * np.random.default_rng(1).standard_normal(401)
+    >>> contact = find_contact(Curve(x, 1e-3 * np.clip(x - 5e-7, 0.0, None) ** 1.5 + noise))
+    >>> abs(contact.depth - 5e-7) < 1e-9
+    True
+    """
+    if method != "auto" and method not in METHODS:
+        raise InputError(f"no contact method {method!r}; there are auto, {', '.join(METHODS)}")
+    if not (np.isfinite(exponent) and 0.5 <= exponent <= 5.0):
+        raise InputError(f"the exponent of the foot must be between 0.5 and 5; got {exponent!r}")
+    foot = foot_of(curve)
+    law = _power_law(exponent) if scene is None else _law_of(scene, foot)
+    found = (
+        _scan("foot", foot, law),
+        # Without a stretch in front of contact there is no change to find.
+        _scan("change-point", foot, _parabola) if foot.has_baseline else None,
+        _threshold(foot, exponent),
+    )
+    estimates = tuple(estimate for estimate in found if estimate is not None)
+    chosen = [estimate for estimate in estimates if method in {"auto", estimate.method}]
+    if not chosen:
+        raise CurveError(f"no contact found by {method}: the force does not rise as from a contact")
+    spread = float(np.std([estimate.depth for estimate in estimates]))
+    return Contact(
+        depth=chosen[0].depth,
+        uncertainty=float(np.hypot(chosen[0].uncertainty, spread)),
+        method=chosen[0].method,
+        estimates=estimates,
+        baseline=foot.baseline,
+        baseline_slope=foot.baseline_slope,
+        noise=foot.noise,
+        notes=_notes(foot),
+    )
+
+
+def _power_law(exponent: float) -> _Shape:
+    def shape(pressed: FloatArray) -> FloatArray:
+        return pressed[:, np.newaxis] ** exponent
+
+    return shape
+
+
+def _law_of(scene: Scene, foot: Foot) -> _Shape:
+    deepest = (1.0 + _BEFORE) * float(np.ptp(foot.depth))
+    law = scene.contact_law(deepest)
+
+    def shape(pressed: FloatArray) -> FloatArray:
+        return np.asarray(law.force(pressed))[:, np.newaxis]
+
+    return shape
+
+
+def _parabola(pressed: FloatArray) -> FloatArray:
+    return np.stack((pressed, pressed**2), axis=1)
+
+
+def _scan(method: str, foot: Foot, shape: _Shape) -> ContactEstimate | None:
+    """Contact depth with the least sum of squares; None if no contact depth gives a rise."""
+    x, force = _fitted_points(foot)
+    low = x[0] - (0.0 if foot.has_baseline else _BEFORE * np.ptp(x))
+    high = x[-2]
+    best, squares = 0.0, np.inf
+    for _ in range(_LEVELS):
+        tried = np.linspace(low, high, _SCAN)
+        sums = np.array([_sum_of_squares(x, force, contact, shape, foot) for contact in tried])
+        at = int(np.argmin(sums))
+        if not np.isfinite(sums[at]):
+            return None
+        best, squares = float(tried[at]), float(sums[at])
+        low, high = tried[max(at - 1, 0)], tried[min(at + 1, _SCAN - 1)]
+    # Curvature over a step that changes the sum visibly: the last level's step is too fine for it.
+    step = max((high - low), 0.01 * float(np.ptp(x)))
+    sides = [_sum_of_squares(x, force, best + sign * step, shape, foot) for sign in (-1.0, 1.0)]
+    residual = _residual(x, force, best, shape, foot)
+    degrees = max(len(x) - 4, 1)
+    variance = squares / degrees * _widening(residual)
+    rises = [side - squares for side in sides if np.isfinite(side) and side > squares]
+    if not rises:
+        return None
+    curvature = 2.0 * float(np.mean(rises)) / step**2
+    return ContactEstimate(method, best, float(np.sqrt(2.0 * variance / curvature)))
+
+
+def _fitted_points(foot: Foot) -> tuple[FloatArray, FloatArray]:
+    """Points of the foot without those pulled below the baseline, thinned."""
+    kept = (
+        foot.force >= -SIGNIFICANT * foot.noise if foot.noise > 0.0 else np.ones(len(foot.force), dtype=bool)
+    )
+    x, force = foot.depth[kept], foot.force[kept]
+    stride = -(-len(x) // _MAX_POINTS)
+    return x[::-stride][::-1], force[::-stride][::-1]
+
+
+def _columns(x: FloatArray, contact: float, shape: _Shape, foot: Foot) -> FloatArray:
+    columns = shape(np.maximum(x - contact, 0.0))
+    scale = np.abs(columns).max(axis=0)
+    columns = columns / np.where(scale > 0.0, scale, 1.0)
+    # A baseline that was measured is adjusted with the rest; one that was assumed is kept.
+    return np.concatenate((np.ones((len(x), 1)), columns), axis=1) if foot.has_baseline else columns
+
+
+def _solve(
+    x: FloatArray, force: FloatArray, contact: float, shape: _Shape, foot: Foot
+) -> tuple[FloatArray, float]:
+    """Residual of the best linear coefficients, and the rise they give at the last point."""
+    columns = _columns(x, contact, shape, foot)
+    coefficients = np.linalg.lstsq(columns, force, rcond=None)[0]
+    start = 1 if foot.has_baseline else 0
+    return force - columns @ coefficients, float(columns[-1, start:] @ coefficients[start:])
+
+
+def _sum_of_squares(x: FloatArray, force: FloatArray, contact: float, shape: _Shape, foot: Foot) -> float:
+    residual, rise = _solve(x, force, contact, shape, foot)
+    return float(residual @ residual) if rise > 0.0 else np.inf
+
+
+def _residual(x: FloatArray, force: FloatArray, contact: float, shape: _Shape, foot: Foot) -> FloatArray:
+    return _solve(x, force, contact, shape, foot)[0]
+
+
+def _widening(residual: FloatArray) -> float:
+    """Factor on the variance for residuals correlated as a first-order process."""
+    power = float(residual @ residual)
+    if power <= 0.0 or len(residual) < 3:
+        return 1.0
+    correlation = float(residual[1:] @ residual[:-1]) / power
+    # Anticorrelated residuals would narrow the interval; that is not claimed.
+    held = min(max(correlation, 0.0), _MOST_CORRELATED)
+    return (1.0 + held) / (1.0 - held)
+
+
+def _threshold(foot: Foot, exponent: float) -> ContactEstimate | None:
+    """Depth of the passage through the threshold, less the depth a power law needs to reach it."""
+    level = SIGNIFICANT * foot.noise
+    x, force = foot.depth, foot.force
+    if foot.rise >= len(x):
+        return None
+    first = float(x[foot.rise])
+    if level <= 0.0:  # no noise: the passage is contact, to a sample
+        before = float(x[max(foot.rise - 1, 0)])
+        return ContactEstimate("threshold", before, max(first - before, np.spacing(abs(first))))
+    higher = np.flatnonzero(force[foot.rise :] >= 4.0 * level)
+    if not higher.size:
+        return ContactEstimate("threshold", first, float(x[-1]) - first)
+    gap = max(float(x[foot.rise + higher[0]]) - first, 0.0)
+    pressed = gap / (4.0 ** (1.0 / exponent) - 1.0)
+    # Noise moves the passage by sigma over the slope of the rise there, pressed / (3 exponent), at both
+    # levels; the exponent itself (1 to 2) moves the way back by a third of the gap either way.
+    scatter = np.hypot(pressed / (SIGNIFICANT * exponent) * 2.0, gap / 3.0)
+    spacing = first - float(x[max(foot.rise - 1, 0)])
+    return ContactEstimate("threshold", first - pressed, float(np.hypot(scatter, spacing)))
+
+
+def _notes(foot: Foot) -> tuple[str, ...]:
+    notes = []
+    if foot.dip > 2.0 * SIGNIFICANT * foot.noise and foot.dip > 0.01 * foot.peak:
+        dip = format_quantity(foot.dip, "force")
+        notes.append(f"the force dips by {dip} before contact: adhesion or a bent baseline")
+    if not foot.has_baseline:
+        notes.append("the curve has no stretch in front of contact: its baseline is assumed, not measured")
+    return tuple(notes)

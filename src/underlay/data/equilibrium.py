@@ -1,0 +1,140 @@
+"""Equilibrium points of stepwise stress-relaxation tests.
+
+Cartilage and gels are fitted at equilibrium (or instantaneously), not in between. A point is the mean over
+the last part of each hold, with its standard error and a check that the force had come to rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.data.segments import HOLD, LOADING
+from underlay.errors import CurveError, InputError
+
+__all__ = ["EquilibriumPoints", "equilibrium_points"]
+
+_LEAST_POINTS = 4
+# A hold is at rest if the force drifts, over the part that is averaged, by less than this share of itself,
+# or by no more than its noise explains (3 standard errors).
+_DRIFT = 0.01
+_SIGNIFICANT = 3.0
+_MOST_CORRELATED = 0.98
+
+
+@dataclass(frozen=True)
+class EquilibriumPoints:
+    """One point per hold.
+
+    Parameters
+    ----------
+    depth, force, time : ndarray (m,)
+        Means over the last part of each hold (m, N, s); time is None if the curve has none.
+    force_standard_error : ndarray (m,)
+        Of the mean force (N), widened for correlated readings.
+    drift : ndarray (m,)
+        Change of the force over the averaged part (N).
+    stationary : tuple of bool
+        Whether the force had come to rest.
+    """
+
+    depth: FloatArray
+    force: FloatArray
+    time: FloatArray | None
+    force_standard_error: FloatArray
+    drift: FloatArray
+    stationary: tuple[bool, ...]
+
+
+def equilibrium_points(
+    depth: FloatArray,
+    force: FloatArray,
+    time: FloatArray | None,
+    segment: NDArray[np.str_],
+    *,
+    share: float = 0.1,
+) -> EquilibriumPoints:
+    """Average the end of each hold.
+
+    Parameters
+    ----------
+    depth, force, time : ndarray (n,)
+        The curve (m, N, s).
+    segment : ndarray (n,) of str
+        Labels of its points.
+    share : float
+        Last part of each hold that is averaged, in time (in points without a time).
+
+    Raises
+    ------
+    InputError
+        If `share` is not in (0, 1].
+    CurveError
+        If there is no hold after loading, or one is too short to average.
+    """
+    if not 0.0 < share <= 1.0:
+        raise InputError(f"share must be in (0, 1]; got {share!r}")
+    holds = _holds_after_loading(segment)
+    if not holds:
+        raise CurveError(
+            "no hold after loading: equilibrium points need a relaxation test; fit curve.loading() instead"
+        )
+    rows = []
+    for number, (first, last) in enumerate(holds, start=1):
+        clock = np.arange(first, last, dtype=np.float64) if time is None else time[first:last]
+        end = clock >= clock[-1] - share * (clock[-1] - clock[0])
+        if np.count_nonzero(end) < _LEAST_POINTS:
+            raise CurveError(
+                f"hold {number} has {np.count_nonzero(end)} points in its last {share:.0%}; at least "
+                f"{_LEAST_POINTS} are needed: average a larger share"
+            )
+        rows.append(_average(clock[end], depth[first:last][end], force[first:last][end]))
+    table = np.array([row[:5] for row in rows])
+    return EquilibriumPoints(
+        depth=table[:, 1],
+        force=table[:, 2],
+        time=None if time is None else table[:, 0],
+        force_standard_error=table[:, 3],
+        drift=table[:, 4],
+        stationary=tuple(bool(row[5]) for row in rows),
+    )
+
+
+def _holds_after_loading(segment: NDArray[np.str_]) -> list[tuple[int, int]]:
+    """First index and end of each hold that follows a loading."""
+    edges = np.flatnonzero(segment[1:] != segment[:-1]) + 1
+    bounds = [0, *edges.tolist(), len(segment)]
+    return [
+        (bounds[i], bounds[i + 1])
+        for i in range(1, len(bounds) - 1)
+        if segment[bounds[i]] == HOLD and segment[bounds[i] - 1] == LOADING
+    ]
+
+
+def _average(
+    clock: FloatArray, depth: FloatArray, force: FloatArray
+) -> tuple[float, float, float, float, float, bool]:
+    centred = clock - clock.mean()
+    spread = float(centred @ centred)
+    slope = float(centred @ force) / spread if spread > 0.0 else 0.0
+    mean = float(force.mean())
+    residual = force - mean - slope * centred
+    power = float(residual @ residual)
+    correlation = float(residual[1:] @ residual[:-1]) / power if power > 0.0 else 0.0
+    # Anticorrelated readings would narrow the error; that is not claimed.
+    held = min(max(correlation, 0.0), _MOST_CORRELATED)
+    variance = power / (len(force) - 2) * (1.0 + held) / (1.0 - held)
+    drift = slope * float(clock[-1] - clock[0])
+    drift_error = np.sqrt(variance / spread) * float(clock[-1] - clock[0]) if spread > 0.0 else 0.0
+    still = abs(drift) <= max(_DRIFT * abs(mean), _SIGNIFICANT * drift_error)
+    return (
+        float(clock.mean()),
+        float(depth.mean()),
+        mean,
+        float(np.sqrt(variance / len(force))),
+        drift,
+        bool(still),
+    )

@@ -1,0 +1,170 @@
+"""Curves to files: CSV, JSON and HDF5, each written whole or not at all, and each read back by `read`.
+
+Numbers are written with all their digits, in SI, with the unit in the header. Metadata and truth travel
+along, so what is read back knows where it came from.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from underlay._files import write_atomic
+from underlay.data.curve import Curve
+from underlay.data.metadata import Metadata
+from underlay.errors import InputError, MissingExtraError
+
+__all__ = ["HDF5_MARK", "METADATA_MARK", "write_curves", "write_json"]
+
+#: A comment line of a CSV that starts with this carries metadata and truth as JSON.
+METADATA_MARK = "underlay-metadata:"
+#: What the JSON and HDF5 files of curves say they are.
+HDF5_MARK = "underlay-curves"
+#: Columns of an exported curve and their units.
+UNITS = {"depth": "m", "force": "N", "time": "s"}
+
+
+def write_curves(curves: Curve | Sequence[Curve], path: str | os.PathLike[str]) -> Path:
+    """Write curves to a file, atomically.
+
+    Parameters
+    ----------
+    curves : Curve or sequence of Curve
+        A CSV takes one, JSON and HDF5 take any number.
+    path : str or path
+        Ends in .csv, .json, .h5 or .hdf5.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If the ending is another, or several curves are to go into one CSV.
+    FileAccessError
+        If the file cannot be written; an old one of that name is then untouched.
+    MissingExtraError
+        If HDF5 is wanted and h5py is not installed.
+    """
+    chosen = [curves] if isinstance(curves, Curve) else list(curves)
+    file = Path(path)
+    try:
+        encode = _ENCODERS[file.suffix.lower()]
+    except KeyError:
+        raise InputError(
+            f"cannot tell the format from {file.name!r}; end it in {', '.join(_ENCODERS)}"
+        ) from None
+    if not chosen:
+        raise InputError("there is no curve to write")
+    return write_atomic(file, encode(chosen))
+
+
+def write_json(content: Mapping[str, Any], path: str | os.PathLike[str]) -> Path:
+    """Write a record of plain values, such as results with their units and provenance, atomically.
+
+    NaN and infinity have no place in JSON and become null.
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be written; an old one of that name is then untouched.
+    """
+    return write_atomic(path, _json_bytes(Metadata(content).to_dict(), indent=2))
+
+
+def _json_bytes(content: Any, indent: int | None = None) -> bytes:
+    text = json.dumps(_without_nan(content), allow_nan=False, indent=indent, ensure_ascii=False)
+    return (text + "\n").encode()
+
+
+def _without_nan(content: Any) -> Any:
+    if isinstance(content, float):
+        return content if math.isfinite(content) else None
+    if isinstance(content, dict):
+        return {key: _without_nan(value) for key, value in content.items()}
+    if isinstance(content, list):
+        return [_without_nan(value) for value in content]
+    return content
+
+
+def _about(curve: Curve) -> dict[str, Any]:
+    return {
+        "metadata": Metadata(curve.metadata).to_dict(),
+        "truth": None if curve.truth is None else Metadata(curve.truth).to_dict(),
+    }
+
+
+def _columns(curve: Curve) -> dict[str, Any]:
+    columns: dict[str, Any] = {"depth": curve.depth, "force": curve.force}
+    if curve.time is not None:
+        columns["time"] = curve.time
+    return columns
+
+
+def _csv(curves: Sequence[Curve]) -> bytes:
+    if len(curves) > 1:
+        raise InputError(f"a CSV holds one curve, not {len(curves)}; use .json or .h5, or one file each")
+    curve = curves[0]
+    columns = _columns(curve)
+    labels = [f"{name} ({UNITS[name]})" for name in columns]
+    texts = [[repr(float(value)) for value in column] for column in columns.values()]
+    if curve.segment is not None:
+        labels.append("segment")
+        texts.append([str(value) for value in curve.segment])
+    lines = [
+        f"# {METADATA_MARK} {_json_bytes(_about(curve)).decode().strip()}",
+        ",".join(labels),
+        *(",".join(row) for row in zip(*texts, strict=True)),
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _json(curves: Sequence[Curve]) -> bytes:
+    entries = [
+        {
+            **_about(curve),
+            "units": {name: UNITS[name] for name in _columns(curve)},
+            **{name: column.tolist() for name, column in _columns(curve).items()},
+            "segment": None if curve.segment is None else curve.segment.tolist(),
+        }
+        for curve in curves
+    ]
+    return _json_bytes({"format": HDF5_MARK, "version": 1, "curves": entries})
+
+
+def _hdf5(curves: Sequence[Curve]) -> bytes:
+    try:
+        h5py: Any = import_module("h5py")
+    except ImportError as error:
+        raise MissingExtraError('writing HDF5 needs the package h5py: pip install "underlay[afm]"') from error
+    stream = io.BytesIO()
+    with h5py.File(stream, "w") as file:
+        file.attrs["format"] = np.bytes_(HDF5_MARK)
+        file.attrs["version"] = 1
+        for number, curve in enumerate(curves):
+            group = file.create_group(str(number))
+            for name, column in _columns(curve).items():
+                group.create_dataset(name, data=column).attrs["unit"] = np.bytes_(UNITS[name])
+            if curve.segment is not None:
+                group.create_dataset("segment", data=np.char.encode(curve.segment, "ascii"))
+            # A dataset and not an attribute: attributes end at 64 kB.
+            group.create_dataset("about", data=np.bytes_(_json_bytes(_about(curve)).strip()))
+    return stream.getvalue()
+
+
+_ENCODERS: Mapping[str, Callable[[Sequence[Curve]], bytes]] = {
+    ".csv": _csv,
+    ".json": _json,
+    ".h5": _hdf5,
+    ".hdf5": _hdf5,
+}

@@ -1,0 +1,267 @@
+"""Atomic force microscopes: JPK, NT-MDT, AFM Workshop, Asylum Igor and HDF5, through the package afmformats.
+
+The content is recognised here and handed to afmformats in memory, because that package goes by the
+extension of the file. It returns the height of the scanner, falling towards the sample, and the force. The
+tip is at height + force / spring constant, so depth = -(height + force / spring constant); its zero is
+arbitrary and contact is found later. A file without a spring constant gives depth = -height, which still
+holds the bending of the cantilever: a note says so.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
+from underlay.data.readers._format import Format, Options, make_curve
+from underlay.data.readers._hdf5 import HDF5_MAGIC, is_own, open_checked
+from underlay.data.readers._source import Source
+from underlay.data.readers._text import decode
+from underlay.data.readers.jpk import JpkCurve, check_claims, read_jpk
+from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
+from underlay.errors import FileFormatError, InputError, MissingExtraError, UnderlayError
+
+__all__ = ["FORMAT"]
+
+_WORKSHOP = "Force-Distance Curve"
+_JPK = b"header.properties"
+# Igor binary waves begin with their version, in either byte order; the note names the spring constant.
+_IGOR_VERSIONS = frozenset({b"\x05\x00", b"\x00\x05", b"\x02\x00", b"\x00\x02"})
+_IGOR_NOTE = b"SpringConstant"
+# NT-MDT: no header, three columns with decimal commas.
+_NTMDT_ROW = re.compile(r"-?\d+,\d+\t-?\d+,\d+\t-?\d+,\d+")
+# By kind of file: what afmformats calls a calibration, and the kind of quantity we ask for. NT-MDT records
+# the detector as a current.
+_CALIBRATION = {"spring constant": "stiffness", "sensitivity": "sensitivity"}
+_CURRENT_CALIBRATION = {"spring constant": "stiffness", "sensitivity": "current sensitivity"}
+_KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
+
+
+class _NamedStream(io.BytesIO):
+    """Bytes in memory that also answer to a path, which one loader wants for its records only."""
+
+    def __init__(self, data: bytes, name: str) -> None:
+        super().__init__(data)
+        self._name = name
+
+    def __fspath__(self) -> str:
+        return self._name
+
+
+def _sniff(source: Source) -> bool:
+    return bool(_kind(source))
+
+
+def _kind(source: Source) -> str:
+    data = source.data
+    if source.is_zip:
+        return "jpk" if _JPK in data else ""
+    if data.startswith(HDF5_MAGIC):
+        return "" if is_own(source) else "hdf5"
+    if data[:2] in _IGOR_VERSIONS and _IGOR_NOTE in data:
+        return "igor"
+    head = source.head(2000)
+    if head.startswith(_WORKSHOP) and "File Format" in head:
+        return "workshop"
+    lines = [line for line in head.split("\n") if line][:4]
+    return "ntmdt" if len(lines) == 4 and all(map(_NTMDT_ROW.fullmatch, lines[:3])) else ""
+
+
+def _read_all(source: Source, options: Options) -> list[Curve]:
+    kind = _kind(source)
+    if not kind:
+        raise FileFormatError(f"{source.name} is none of JPK, NT-MDT, AFM Workshop, Igor or HDF5")
+    override = _override(source, kind, options.calibration)
+    if kind == "jpk":
+        return _read_jpk(source, override, options)
+    return _guarded(source, kind, override)
+
+
+def _read_jpk(source: Source, override: Mapping[str, float], options: Options) -> list[Curve]:
+    """Through afmformats, else by our own reader, with the reason noted."""
+    check_claims(source)
+    try:
+        return _guarded(source, "jpk", override)
+    except (FileFormatError, MissingExtraError) as error:
+        refusal = str(error)
+    return [
+        _own_curve(source, number, curve, refusal)
+        for number, curve in enumerate(read_jpk(source, options.calibration), start=1)
+    ]
+
+
+def _guarded(source: Source, kind: str, override: Mapping[str, float]) -> list[Curve]:
+    """Call a loader of afmformats and turn its errors into ours."""
+    formats = _afmformats()
+    try:
+        return _LOADERS[kind](formats, source, override)
+    except (UnderlayError, KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # the errors of afmformats derive from BaseException
+        if hasattr(error, "meta_keys"):
+            raise InputError(f"{source.name} does not hold its calibration; {_example(kind)}") from error
+        raise FileFormatError(
+            f"{source.name} is damaged or of an unknown kind: {type(error).__name__}: {error!s:.120}"
+        ) from error
+
+
+def _override(source: Source, kind: str, given: Mapping[str, float]) -> dict[str, float]:
+    wanted = _CURRENT_CALIBRATION if kind == "ntmdt" else _CALIBRATION
+    unused = set(given) - set(wanted.values())
+    if unused:
+        raise InputError(f"{source.name} takes no {unused.pop()}; {_example(kind)}")
+    return {name: given[quantity] for name, quantity in wanted.items() if quantity in given}
+
+
+def _example(kind: str) -> str:
+    unit = "nm/nA" if kind == "ntmdt" else "nm/V"
+    return f"give calibration={{'spring_constant': '0.04 N/m', 'sensitivity': '60 {unit}'}} with your numbers"
+
+
+def _afmformats() -> Any:
+    try:
+        return import_module("afmformats.formats")
+    except ImportError as error:
+        raise MissingExtraError(
+            'reading AFM files needs the package afmformats: pip install "underlay[afm]"'
+        ) from error
+
+
+def _load_jpk(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
+    stream = _NamedStream(source.data, str(source.path))
+    cache = formats.fmt_jpk.jpk_reader.ArchiveCache.open_archives
+    try:
+        return _curves(source, formats.fmt_jpk.load_jpk(stream, meta_override=dict(override)))
+    finally:
+        opened = cache.pop(stream, None)  # the package keeps the last archives open for ever
+        if opened is not None:
+            opened.close()
+
+
+def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
+    if override:
+        raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
+    with open_checked(source) as file:
+        return _curves(source, formats.fmt_hdf5.load_hdf5(file))
+
+
+def _load_igor(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
+    if override:
+        raise InputError(f"{source.name} holds its own calibration; it cannot be given")
+    return _curves(source, formats.fmt_igor.load_igor(_NamedStream(source.data, str(source.path))))
+
+
+def _load_workshop(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
+    text = io.StringIO(decode(source))
+    return _curves(source, formats.fmt_workshop.ws_single.load_csv(text, meta_override=dict(override)))
+
+
+def _load_ntmdt(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
+    text = io.StringIO(decode(source))
+    return _curves(source, formats.fmt_ntmdt_txt.load_txt(text, meta_override=dict(override)))
+
+
+_LOADERS = {
+    "jpk": _load_jpk,
+    "hdf5": _load_hdf5,
+    "igor": _load_igor,
+    "workshop": _load_workshop,
+    "ntmdt": _load_ntmdt,
+}
+
+
+def _curves(source: Source, loaded: list[dict[str, Any]]) -> list[Curve]:
+    return [
+        _curve(source, number, entry["data"], entry["metadata"])
+        for number, entry in enumerate(loaded, start=1)
+    ]
+
+
+def _curve(source: Source, number: int, data: Any, found: Any) -> Curve:
+    names = set(data)
+    channel = "height (measured)" if "height (measured)" in names else "height (piezo)"
+    height = _column(data, channel)
+    force = _column(data, "force")
+    time = _column(data, "time") if "time" in names else None
+    stiffness = found.get("spring constant")
+    notes = []
+    if stiffness is None:
+        notes.append(
+            "depth still holds the bending of the cantilever: give calibration={'spring_constant': ...}, "
+            "or set the instrument's compliance to its inverse"
+        )
+        depth, rule = -height, f"minus {channel}"
+    else:
+        depth, rule = -(height + force / stiffness), f"minus ({channel} + force / spring constant)"
+    known = {name: found[key] for key, name in _KNOWN.items() if key in found}
+    if "position x" in found and "position y" in found:
+        known["position"] = (float(found["position x"]), float(found["position y"]))
+    return make_curve(
+        source,
+        depth,
+        force,
+        time,
+        _segments(data, height, time),
+        name=_name(source, number),
+        header={key: str(found[key]) for key in found if key not in {"path", "z range"}},
+        units={"height": "m", "force": "N", "time": "s"},
+        sign_rules={
+            "depth": rule,
+            "force": "positive in compression, as afmformats gives it",
+            "segment": "from the file's segments where it has several, else from the motion of the height",
+        },
+        notes=notes,
+        **known,
+    )
+
+
+def _own_curve(source: Source, number: int, curve: JpkCurve, refusal: str) -> Curve:
+    return make_curve(
+        source,
+        -(curve.height + curve.force / curve.stiffness),
+        curve.force,
+        curve.time,
+        np.array(curve.segment, dtype="<U9"),
+        name=_name(source, number),
+        units={"height": "m", "force": "N", "time": "s"},
+        sign_rules={
+            "depth": "minus (height + force / spring constant)",
+            "force": "positive in compression, as the file's calibration gives it",
+            "segment": "from the file's segments",
+        },
+        spring_constant=curve.stiffness,
+        notes=[f"read by underlay's own reader, because: {refusal}"],
+    )
+
+
+def _name(source: Source, number: int) -> str:
+    return source.path.stem if number == 1 else f"{source.path.stem}, curve {number}"
+
+
+def _column(data: Any, name: str) -> FloatArray:
+    return np.array(data[name], dtype=np.float64)
+
+
+def _segments(data: Any, height: FloatArray, time: FloatArray | None) -> Any:
+    """First segment in, last one out, pauses between."""
+    numbers = np.asarray(data["segment"]) if "segment" in set(data) else np.zeros(len(height))
+    last = numbers.max(initial=0)
+    if last == 0:
+        return segments_from_motion(-height, time) if np.isfinite(height).all() else None
+    return np.where(numbers == 0, LOADING, np.where(numbers == last, UNLOADING, HOLD))
+
+
+FORMAT = Format(
+    name="afm",
+    description="AFM files: JPK, NT-MDT, AFM Workshop, Asylum Igor, HDF5 of afmformats",
+    sniff=_sniff,
+    read_all=_read_all,
+    extra="afm",
+    takes_calibration=True,
+)

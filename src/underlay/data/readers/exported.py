@@ -1,0 +1,159 @@
+"""Curves that underlay wrote to JSON and HDF5 files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
+from underlay.data.export import HDF5_MARK
+from underlay.data.readers._format import Format, Options, make_curve
+from underlay.data.readers._hdf5 import is_own, open_checked
+from underlay.data.readers._source import Source
+from underlay.data.readers._text import decode
+from underlay.errors import FileFormatError
+
+__all__ = ["HDF5_FORMAT", "JSON_FORMAT", "restored"]
+
+# What says where a file came from; that of the original is kept under "origin" and not mixed with the copy's.
+_PROVENANCE = ("path", "member", "sha256", "format", "reader", "test")
+_SIGNS = {"depth": "as exported", "force": "as exported"}
+# What the reading says anew.
+_ANEW = ("units", "points_left_out", "comments")
+# What other parts rely on being a number.
+_NUMBERS = (
+    "indenter_radius",
+    "spring_constant",
+    "software_contact_depth",
+    "instrument_reduced_modulus",
+    "search_criterion",
+    "search_reached",
+    "contact_height",
+    "initial_gap",
+)
+
+
+def restored(curve: Curve, about: Any) -> Curve:
+    """Add to a curve what its file says about the curve it was exported from.
+
+    A file is not trusted: what is not of its kind is left out.
+    """
+    if not isinstance(about, dict):
+        return curve
+    stored = about.get("metadata")
+    metadata = dict(stored) if isinstance(stored, dict) else {}
+    origin = {key: metadata.pop(key) for key in _PROVENANCE if key in metadata}
+    for key in _ANEW:
+        metadata.pop(key, None)
+    for key in _NUMBERS:
+        value = metadata.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            metadata.pop(key, None)
+    if not isinstance(metadata.get("name"), str):
+        metadata.pop("name", None)
+    notes = metadata.pop("notes", [])
+    told = [note for note in notes if isinstance(note, str)] if isinstance(notes, list) else []
+    truth = about.get("truth")
+    return Curve(
+        curve.depth,
+        curve.force,
+        curve.time,
+        curve.segment,
+        {
+            **curve.metadata,
+            **metadata,
+            **({"origin": origin} if origin else {}),
+            "notes": (*told, *curve.metadata["notes"]),
+        },
+        truth if isinstance(truth, dict) else None,
+    )
+
+
+def _sniff_json(source: Source) -> bool:
+    head = source.head(400).lstrip()
+    return head.startswith("{") and f'"{HDF5_MARK}"' in head
+
+
+def _read_json(source: Source, options: Options) -> list[Curve]:
+    del options
+    try:
+        content = json.loads(decode(source))
+    except (ValueError, RecursionError) as error:
+        raise FileFormatError(f"{source.name} is damaged JSON: {error!s:.120}") from error
+    entries = content.get("curves") if isinstance(content, dict) else None
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise FileFormatError(f"{source.name} holds no list of curves")
+    return [
+        _curve(source, {name: entry.get(name) for name in ("depth", "force", "time", "segment")}, entry)
+        for entry in entries
+    ]
+
+
+def _read_hdf5(source: Source, options: Options) -> list[Curve]:
+    del options
+    curves = []
+    with open_checked(source) as file:
+        names = sorted((name for name in file if name.isdigit()), key=int)
+        for name in names:
+            group = file[name]
+            columns: dict[str, Any] = {key: group[key][()] for key in group if key != "about"}
+            segment = columns.get("segment")
+            if segment is not None:
+                columns["segment"] = np.char.decode(np.asarray(segment, dtype=np.bytes_), "ascii").tolist()
+            about = group["about"][()] if "about" in group else b"{}"
+            curves.append(_curve(source, columns, json.loads(bytes(about))))
+    return curves
+
+
+def _curve(source: Source, columns: Mapping[str, Any], about: Any) -> Curve:
+    depth = _numbers(source, columns.get("depth"), "depth")
+    time = columns.get("time")
+    curve = make_curve(
+        source,
+        depth,
+        _numbers(source, columns.get("force"), "force", len(depth)),
+        None if time is None else _numbers(source, time, "time", len(depth)),
+        _labels(source, columns.get("segment"), len(depth)),
+        units={"depth": "m", "force": "N", "time": "s"},
+        sign_rules=_SIGNS,
+    )
+    return restored(curve, about)
+
+
+def _numbers(source: Source, values: Any, name: str, length: int | None = None) -> FloatArray:
+    try:
+        array = np.array(values, dtype=np.float64)  # null becomes NaN
+    except (TypeError, ValueError, OverflowError) as error:
+        raise FileFormatError(f"{source.name}: {name} does not hold numbers") from error
+    if array.ndim != 1 or (length is not None and len(array) != length):
+        raise FileFormatError(f"{source.name}: {name} is not one column as long as the depth")
+    return array
+
+
+def _labels(source: Source, values: Any, length: int) -> NDArray[np.str_] | None:
+    if values is None:
+        return None
+    if not isinstance(values, list) or len(values) != length or not all(isinstance(v, str) for v in values):
+        raise FileFormatError(f"{source.name}: segment is not a list of names as long as the depth")
+    return np.array(values, dtype=np.str_)
+
+
+JSON_FORMAT = Format(
+    name="json",
+    description="curves written by underlay as JSON",
+    sniff=_sniff_json,
+    read_all=_read_json,
+)
+
+HDF5_FORMAT = Format(
+    name="hdf5",
+    description="curves written by underlay as HDF5",
+    sniff=is_own,
+    read_all=_read_hdf5,
+    extra="afm",
+)

@@ -1,0 +1,238 @@
+"""A chain on disk that survives being killed at any moment: an HDF5 file filled in place.
+
+The file is laid out once, at its full size (sparse until used), with contiguous datasets. From then on every
+step is a plain overwrite of reserved bytes: nothing of the file's own bookkeeping changes, so a process that
+dies between two of them leaves a valid file. A step counts only once its counter is written, after its data;
+the generator's state alternates between two slots, so that the one belonging to the counter is always whole.
+
+Layout: ``chain`` (steps, walkers, parameters + 1), the scaled coordinates and the log-posterior; ``state``
+(2, 629), the Mersenne Twister's words and the counters; ``steps`` (1,).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import FileAccessError, InputError, MissingExtraError
+
+try:
+    import h5py
+except ImportError:  # an optional extra; opening a file says so
+    h5py = None
+
+__all__ = ["ChainFile", "Progress", "RandomState"]
+
+#: numpy's legacy generator state, as emcee keeps it: name, 624 words, position, has_gauss, cached gauss.
+RandomState: TypeAlias = tuple[str, Any, int, int, float]
+
+_FORMAT = "underlay chain 1"
+_WORDS = 624
+_STATE_SIZE = _WORDS + 5
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a chain file held when it was opened.
+
+    Parameters
+    ----------
+    chain : FloatArray
+        (steps, walkers, parameters + 1): scaled coordinates and log-posterior.
+    random_state : RandomState
+        State of the generator after the last step.
+    evaluations, failures : int
+        Model evaluations so far, and those that failed.
+    """
+
+    chain: FloatArray
+    random_state: RandomState
+    evaluations: int
+    failures: int
+
+
+class ChainFile:
+    """An open chain file; make one with `create` or `resume`.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Open for reading and writing.
+    """
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+        self._chain, self._state, self._steps = file["chain"], file["state"], file["steps"]
+        self.steps = int(self._steps[0])
+
+    @classmethod
+    @contextmanager
+    def create(
+        cls, path: str | os.PathLike[str], names: tuple[str, ...], shape: tuple[int, int]
+    ) -> Iterator[ChainFile]:
+        """Lay out a new file for `shape` = (steps, walkers) and open it.
+
+        Raises
+        ------
+        InputError
+            If the file exists: a chain is never overwritten.
+        FileAccessError
+            If it cannot be written.
+        MissingExtraError
+            If h5py is not installed.
+        """
+        if Path(path).exists():
+            raise InputError(f"{os.fspath(path)} exists: pass resume=True to continue it, or another name")
+        _put_new(path, names, shape)
+        with _opened(path, "r+") as file:
+            yield cls(file)
+
+    @classmethod
+    @contextmanager
+    def resume(
+        cls, path: str | os.PathLike[str], names: tuple[str, ...], shape: tuple[int, int]
+    ) -> Iterator[tuple[ChainFile, Progress]]:
+        """Open a file to continue it up to `shape` = (steps, walkers).
+
+        Raises
+        ------
+        InputError
+            If it is no chain file, or one of other parameters or another number of walkers.
+        FileAccessError
+            If it cannot be opened, or another run has it open.
+        """
+        with _opened(path, "r+") as file:
+            progress = _read(file, path, names, shape[1])
+            enough = len(file["chain"]) >= shape[0]
+            if enough:
+                yield cls(file), progress
+        if not enough:
+            _put_new(path, names, shape, progress)
+            with _opened(path, "r+") as file:
+                yield cls(file), progress
+
+    def append(
+        self,
+        coords: FloatArray,
+        log_posterior: FloatArray,
+        random_state: RandomState,
+        counts: tuple[int, int],
+    ) -> None:
+        """Write one step: coordinates (walkers, parameters), log-posterior (walkers,), counters so far."""
+        self._chain[self.steps] = np.column_stack([coords, log_posterior])
+        self._state[(self.steps + 1) % 2] = _packed(random_state, counts)
+        self._file.flush()
+        self.steps += 1
+        self._steps[0] = self.steps
+        self._file.flush()
+
+
+def _packed(random_state: RandomState, counts: tuple[int, int]) -> FloatArray:
+    # 32-bit words and counters below 2^53 are exact in float64.
+    return np.concatenate([np.asarray(random_state[1], dtype=np.float64), random_state[2:], counts])
+
+
+def _hdf5() -> ModuleType:
+    if h5py is None:
+        raise MissingExtraError(
+            "keeping a chain in a file needs h5py: install underlay[uq], or sample without a backend"
+        )
+    module: ModuleType = h5py
+    return module
+
+
+@contextmanager
+def _opened(path: str | os.PathLike[str], mode: str) -> Iterator[Any]:
+    library = _hdf5()
+    try:
+        file = library.File(os.fspath(path), mode)
+    except BlockingIOError as error:
+        raise FileAccessError(f"{os.fspath(path)} is in use by another run") from error
+    except OSError as error:
+        if mode == "r+" and Path(path).is_file() and not library.is_hdf5(os.fspath(path)):
+            raise InputError(f"{os.fspath(path)} is not a chain file: {error}") from error
+        raise FileAccessError(f"cannot open {os.fspath(path)}: {error}") from error
+    with file:
+        yield file
+
+
+def _lay_out(file: Any, names: tuple[str, ...], shape: tuple[int, int]) -> None:
+    steps, walkers = shape
+    _reserve(file, "chain", (steps, walkers, len(names) + 1))
+    _reserve(file, "state", (2, _STATE_SIZE))
+    _reserve(file, "steps", (1,))
+    file["steps"][0] = 0
+    file.attrs["format"] = _FORMAT
+    file.attrs["parameters"] = json.dumps(names)
+    file.flush()
+
+
+def _reserve(file: Any, name: str, shape: tuple[int, ...]) -> None:
+    """Make a contiguous dataset whose place in the file is fixed now and not filled."""
+    library = _hdf5()
+    plist = library.h5p.create(library.h5p.DATASET_CREATE)
+    plist.set_layout(library.h5d.CONTIGUOUS)
+    plist.set_alloc_time(library.h5d.ALLOC_TIME_EARLY)
+    plist.set_fill_time(library.h5d.FILL_TIME_NEVER)
+    space = library.h5s.create_simple(shape)
+    library.h5d.create(file.id, name.encode(), library.h5t.IEEE_F64LE, space, dcpl=plist)
+
+
+def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walkers: int) -> Progress:
+    where = os.fspath(path)
+    if file.attrs.get("format") != _FORMAT:
+        raise InputError(f"{where} is not a chain file of this version (format {file.attrs.get('format')!r})")
+    stored = tuple(json.loads(file.attrs["parameters"]))
+    if stored != names:
+        raise InputError(
+            f"{where} holds the chain of another problem: its parameters are {', '.join(stored)}; "
+            f"this problem has {', '.join(names)}"
+        )
+    if file["chain"].shape[1] != walkers:
+        raise InputError(
+            f"{where} holds {file['chain'].shape[1]} walkers and {walkers} are asked for; a chain goes on "
+            "with as many as it began with"
+        )
+    steps = int(file["steps"][0])
+    state = file["state"][steps % 2]
+    return Progress(
+        chain=file["chain"][:steps],
+        random_state=(
+            "MT19937",
+            state[:_WORDS].astype(np.uint32),
+            int(state[_WORDS]),
+            int(state[_WORDS + 1]),
+            float(state[_WORDS + 2]),
+        ),
+        evaluations=int(state[_WORDS + 3]) if steps else 0,
+        failures=int(state[_WORDS + 4]) if steps else 0,
+    )
+
+
+def _put_new(
+    path: str | os.PathLike[str],
+    names: tuple[str, ...],
+    shape: tuple[int, int],
+    progress: Progress | None = None,
+) -> None:
+    """Lay out a file beside `path`, fill in what there is so far, and put it in its place in one move."""
+    beside = Path(f"{os.fspath(path)}.new")
+    with _opened(beside, "w") as file:
+        _lay_out(file, names, shape)
+        if progress is not None:
+            steps = len(progress.chain)
+            file["chain"][:steps] = progress.chain
+            file["state"][steps % 2] = _packed(
+                progress.random_state, (progress.evaluations, progress.failures)
+            )
+            file["steps"][0] = steps
+    beside.replace(path)

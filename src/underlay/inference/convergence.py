@@ -1,0 +1,154 @@
+"""Whether a chain has converged, and how many independent draws it is worth.
+
+Rank-normalised split R-hat, effective sample size and Monte Carlo error of the median, all after Vehtari,
+Gelman, Simpson, Carpenter and Buerkner (2021), doi:10.1214/20-BA1221. Ranks make them valid for heavy tails
+and blind to any increasing change of the parameter: a modulus and its logarithm give the same numbers.
+
+A chain is an array (steps, walkers) of one quantity; each walker counts as a chain.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import fft, special, stats
+
+from underlay._arrays import FloatArray
+
+__all__ = [
+    "autocorrelation_time",
+    "effective_size",
+    "highest_density_interval",
+    "median_error",
+    "rank_normalised_rhat",
+]
+
+#: Fewest steps for which halves of a chain have a variance and an autocorrelation.
+MIN_STEPS = 8
+
+
+#: The autocorrelation is summed over this many of its own times (Sokal's window).
+_WINDOW = 5.0
+
+
+def autocorrelation_time(chain: FloatArray) -> float:
+    """Integrated autocorrelation time (steps) of one quantity, (steps, walkers).
+
+    The autocorrelation is averaged over the walkers and summed up to five times its own time: Sokal's
+    window, as Goodman and Weare (2010), doi:10.2140/camcos.2010.5.65, use it for ensembles. Estimates from
+    chains shorter than some 50 times are too small. A chain that does not move gives inf.
+    """
+    covariance = _autocovariance(chain)
+    moving = covariance[0] > 0.0
+    if not moving.any():
+        return float("inf")
+    rho = (covariance[:, moving] / covariance[0, moving]).mean(axis=1)
+    times = 2.0 * np.cumsum(rho) - 1.0
+    outside = np.flatnonzero(np.arange(len(times)) >= _WINDOW * times)
+    return float(times[outside[0]] if outside.size else times[-1])
+
+
+def rank_normalised_rhat(chain: FloatArray) -> float:
+    """Potential scale reduction of one quantity: 1 when all walkers, and both halves of each, agree.
+
+    The larger of that of the rank-normalised draws (location) and that of their folded distances from the
+    median (spread).
+
+    Parameters
+    ----------
+    chain : FloatArray
+        (steps, walkers), at least `MIN_STEPS` steps.
+
+    Returns
+    -------
+    float
+        At least about 1; nan where the chain does not move.
+    """
+    halves = _split(chain)
+    folded = np.abs(halves - np.median(halves))
+    return max(_rhat(_rank_normalised(halves)), _rhat(_rank_normalised(folded)))
+
+
+def effective_size(chain: FloatArray) -> float:
+    """Bulk effective sample size of one quantity, (steps, walkers): the independent draws it is worth."""
+    return _effective_size(_rank_normalised(_split(chain)))
+
+
+def median_error(chain: FloatArray) -> float:
+    """Monte Carlo standard error of the median of one quantity, (steps, walkers), in its unit.
+
+    The share of draws below the median has the effective size of that indicator; its one-sigma beta
+    quantiles are turned back into draws (section 4.3 of the source).
+    """
+    halves = _split(chain)
+    size = _effective_size((halves <= np.median(halves)).astype(np.float64))
+    low, high = stats.beta(0.5 * size + 1.0, 0.5 * size + 1.0).ppf(special.ndtr([-1.0, 1.0]))
+    draws = np.sort(halves, axis=None)
+    below = int(np.floor(low * draws.size))
+    above = min(int(np.ceil(high * draws.size)), draws.size - 1)
+    return float(0.5 * (draws[above] - draws[below]))
+
+
+def highest_density_interval(draws: FloatArray, probability: float) -> tuple[float, float]:
+    """Shortest interval that holds a share `probability` of `draws` (n,)."""
+    ordered = np.sort(draws, axis=None)
+    inside = int(np.ceil(probability * ordered.size))
+    width = ordered[inside - 1 :] - ordered[: ordered.size - inside + 1]
+    start = int(np.argmin(width))
+    return float(ordered[start]), float(ordered[start + inside - 1])
+
+
+def _split(chain: FloatArray) -> FloatArray:
+    """Halves of every walker as chains of their own; the middle step of an odd number is dropped."""
+    half = chain.shape[0] // 2
+    return np.concatenate([chain[:half], chain[chain.shape[0] - half :]], axis=1)
+
+
+def _rank_normalised(chain: FloatArray) -> FloatArray:
+    ranks = stats.rankdata(chain, axis=None).reshape(chain.shape)
+    return np.asarray(special.ndtri((ranks - 0.375) / (chain.size + 0.25)))
+
+
+def _rhat(chain: FloatArray) -> float:
+    within, total = _variances(chain)
+    if within == 0.0:
+        return float("nan") if total == 0.0 else float("inf")
+    return float(np.sqrt(total / within))
+
+
+def _variances(chain: FloatArray) -> tuple[float, float]:
+    """Mean variance within the chains, and the estimate of the whole from within and between."""
+    steps = chain.shape[0]
+    within = float(chain.var(axis=0, ddof=1).mean())
+    between = float(chain.mean(axis=0).var(ddof=1))
+    return within, within * (steps - 1) / steps + between
+
+
+def _effective_size(chain: FloatArray) -> float:
+    """Effective size from the combined autocorrelation of several chains, cut by Geyer's rules.
+
+    Geyer (1992), doi:10.1214/ss/1177011137: sums of neighbouring autocorrelations of a reversible chain are
+    positive and decrease; the sum ends where the estimate stops doing so.
+    """
+    steps, count = chain.shape
+    within, total = _variances(chain)
+    if total == 0.0:
+        return float("nan")
+    rho = 1.0 - (within - _autocovariance(chain).mean(axis=1) * steps / (steps - 1)) / total
+    rho[0] = 1.0
+    pairs = rho[: 2 * (steps // 2)].reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs < 0.0)
+    positive = pairs[: negative[0]] if negative.size else pairs
+    time = -1.0 + 2.0 * float(np.minimum.accumulate(positive).sum())
+    draws = float(steps * count)
+    # Antithetic chains may be worth more than their length; the source bounds the gain by log10 of it.
+    return draws / max(time, 1.0 / math.log10(draws))
+
+
+def _autocovariance(chain: FloatArray) -> FloatArray:
+    """Autocovariance at every lag, (lags, chains), divided by the number of steps."""
+    steps = chain.shape[0]
+    size = fft.next_fast_len(2 * steps, real=True)
+    spectrum = fft.rfft(chain - chain.mean(axis=0), n=size, axis=0)
+    return np.asarray(fft.irfft(np.abs(spectrum) ** 2, n=size, axis=0)[:steps] / steps)

@@ -1,0 +1,234 @@
+"""What a test can and cannot tell, before or after it is done, in numbers and in words.
+
+Moduli, lengths and other positive quantities enter by their logarithm, so an eigenvector of their
+information is a product of powers: a direction with a large eigenvalue is a combination such as
+E h^-0.8 that the data fix, one with a small eigenvalue a combination they leave open. The quantities of the
+instrument and the ratios that are not scales are unknown too, but each is spoken of by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from underlay._arrays import ArrayLike, FloatArray, read_only
+from underlay.data.noise import Noise
+from underlay.errors import InputError
+from underlay.inference.fit_result import Fit
+from underlay.inference.information import expected_problem, information, marginal, prior_information
+from underlay.inference.least_squares import fit
+from underlay.inference.problem import Given, Problem
+from underlay.scene.parameters import kind_of
+from underlay.scene.scene import Scene
+from underlay.units import format_quantity
+
+__all__ = ["Combination", "Identifiability", "identifiability"]
+
+#: Relative standard deviations up to which a quantity is fixed, and beyond which it is not.
+FIXED, OPEN = 0.1, 1.0
+_SMALL_POWER = 0.05  # powers below this are left out of the words
+_LOST = 1e-13
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A product of powers that the data fix, or leave open.
+
+    Parameters
+    ----------
+    powers : mapping of name to float
+        Exponents; the largest is one.
+    relative_sd : float
+        Standard deviation of the logarithm of the product: infinite where nothing fixes it.
+    """
+
+    powers: Mapping[str, float]
+    relative_sd: float
+
+    @property
+    def verdict(self) -> str:
+        """``"fixed"`` (to 10 %), ``"weakly fixed"`` or ``"not fixed"`` (to less than a factor e)."""
+        if self.relative_sd <= FIXED:
+            return "fixed"
+        return "weakly fixed" if self.relative_sd <= OPEN else "not fixed"
+
+    @property
+    def formula(self) -> str:
+        """The product, e.g. ``"layer.E * layer.thickness^-0.8"``."""
+        parts = []
+        for name, power in sorted(self.powers.items(), key=lambda item: -abs(item[1])):
+            if abs(power) >= _SMALL_POWER:
+                parts.append(name if abs(power - 1.0) < 5e-3 else f"{name}^{power:.2g}")
+        return " * ".join(parts)
+
+    def __str__(self) -> str:
+        if self.verdict == "not fixed":
+            return f"not fixed: {self.formula}"
+        return f"{self.verdict} to {100.0 * self.relative_sd:.2g} %: {self.formula}"
+
+
+@dataclass(frozen=True, eq=False)
+class Identifiability:
+    """What a test says about each free parameter and about their combinations.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Free parameters (those of the noise left out).
+    values : mapping
+        Where it was asked (SI).
+    fisher : FloatArray
+        Information of the data alone in scaled coordinates, (k, k).
+    covariance : FloatArray
+        Scaled covariance with the priors, (k, k); infinite variances where nothing fixes a parameter.
+    stderr, stderr_data_only : mapping
+        Expected standard errors (SI) with and without the priors.
+    relative : mapping
+        Standard error over value for positive quantities; over the range of the curve for the others.
+    combinations : tuple of Combination
+        From best to worst fixed, data alone.
+    """
+
+    names: tuple[str, ...]
+    values: Mapping[str, float]
+    fisher: FloatArray
+    covariance: FloatArray
+    stderr: Mapping[str, float]
+    stderr_data_only: Mapping[str, float]
+    relative: Mapping[str, float]
+    combinations: tuple[Combination, ...]
+
+    @property
+    def correlations(self) -> pd.DataFrame:
+        """Correlation matrix; NaN for parameters that nothing fixes."""
+        deviation = np.sqrt(np.diag(self.covariance))
+        finite = np.where(np.isfinite(deviation), deviation, 1.0)
+        matrix = self.covariance / np.outer(finite, finite)
+        open_ones = ~np.isfinite(deviation)
+        matrix[open_ones, :] = np.nan
+        matrix[:, open_ones] = np.nan
+        return pd.DataFrame(matrix, index=list(self.names), columns=list(self.names))
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row per parameter: value, standard errors with and without priors (SI), relative error."""
+        return pd.DataFrame(
+            {
+                "value": [self.values[name] for name in self.names],
+                "stderr": [self.stderr[name] for name in self.names],
+                "stderr, data only": [self.stderr_data_only[name] for name in self.names],
+                "relative": [self.relative[name] for name in self.names],
+            },
+            index=pd.Index(self.names, name="parameter"),
+        )
+
+    def report(self) -> str:
+        """What is fixed and what is not, in words."""
+        lines = [str(combination) for combination in self.combinations]
+        for name in self.names:
+            kind = kind_of(name.partition("[")[0])
+            error, bare = self.stderr[name], self.stderr_data_only[name]
+            if not np.isfinite(error):
+                lines.append(f"{name}: not fixed by these data")
+                continue
+            text = f"{name}: {format_quantity(self.values[name], kind)} +- {format_quantity(error, kind)}"
+            if bare > 3.0 * error:
+                text += " (from its prior; the data alone would not fix it so well)"
+            lines.append(text)
+        return "\n".join(lines)
+
+
+def identifiability(
+    test: Problem | Fit | Scene,
+    *,
+    depth: ArrayLike | None = None,
+    free: Mapping[str, Given] | Iterable[str] | None = None,
+    noise: Noise | None = None,
+) -> Identifiability:
+    """Say what a test can tell.
+
+    Parameters
+    ----------
+    test : Problem, Fit or Scene
+        A problem is fitted first and judged at its optimum; a scene is judged before any measurement and
+        needs `depth`, `free` and `noise`.
+    depth : array_like (n,), optional
+        Depth readings the test will have (m).
+    free, noise
+        As in `Problem`, for a scene.
+
+    Raises
+    ------
+    InputError
+        If a scene comes without depth, free or noise; or as `Problem`.
+
+    Examples
+    --------
+    >>> from underlay import Isotropic, Layer, Paraboloid, RIGID, Scene
+    >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5), 1e-3), RIGID)
+    >>> told = identifiability(scene, depth=np.linspace(0.0, 1e-4, 100), free=["layer.E"],
+    ...                        noise=Noise(force=1e-3))
+    >>> told.combinations[0].verdict
+    'fixed'
+    """
+    if isinstance(test, Scene):
+        if depth is None or free is None or noise is None:
+            raise InputError(
+                "before a test, depth, free and noise are needed: what it will be, and read how well"
+            )
+        problem = expected_problem(test, depth, free, noise)
+        return judge(problem, problem.start, problem.noises(problem.start))
+    fitted = test if isinstance(test, Fit) else fit(test)
+    return judge(fitted.problem, fitted.vector, fitted.noises)
+
+
+def judge(problem: Problem, vector: FloatArray, noises: tuple[Noise, ...]) -> Identifiability:
+    """Identifiability of a problem at a scaled vector (k,) with the noise of every curve."""
+    kept = [i for i, c in enumerate(problem.coordinates) if not c.path.startswith("noise.")]
+    coordinates = [problem.coordinates[i] for i in kept]
+    fisher = information(problem, vector, noises)[np.ix_(kept, kept)]
+    priors = prior_information(problem, vector)[np.ix_(kept, kept)]
+    covariance, bare = _covariance(fisher + priors), _covariance(fisher)
+    slopes = np.abs(problem.slopes(vector)[kept])
+    names = tuple(coordinate.name for coordinate in coordinates)
+    deviation, deviation_bare = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(bare))
+    values = problem.values(vector)
+    scales = [i for i, coordinate in enumerate(coordinates) if coordinate.scale is None]
+    others = [i for i in range(len(kept)) if i not in scales]
+    return Identifiability(
+        names=names,
+        values={name: values[name] for name in names},
+        fisher=read_only(fisher),
+        covariance=read_only(covariance),
+        stderr=dict(zip(names, (deviation * slopes).tolist(), strict=True)),
+        stderr_data_only=dict(zip(names, (deviation_bare * slopes).tolist(), strict=True)),
+        relative=dict(zip(names, deviation.tolist(), strict=True)),
+        combinations=_combinations(marginal(fisher, scales, others), [names[i] for i in scales]),
+    )
+
+
+def _combinations(matrix: FloatArray, names: list[str]) -> tuple[Combination, ...]:
+    if not names:
+        return ()
+    values, vectors = np.linalg.eigh(matrix)
+    found = []
+    for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
+        lead = vector[np.argmax(np.abs(vector))]
+        sd = 1.0 / np.sqrt(value) / abs(lead) if value > _LOST * values[-1] else np.inf
+        found.append(Combination(dict(zip(names, (vector / lead).tolist(), strict=True)), float(sd)))
+    return tuple(found)
+
+
+def _covariance(matrix: FloatArray) -> FloatArray:
+    """Inverse of an information matrix, with infinite variance for what takes part in a lost direction."""
+    scale = np.sqrt(np.where(np.diag(matrix) > 0.0, np.diag(matrix), 1.0))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    lost = values <= _LOST * values[-1]
+    inverse = (vectors[:, ~lost] / values[~lost]) @ vectors[:, ~lost].T
+    covariance = np.asarray(inverse / np.outer(scale, scale))
+    part = np.square(vectors[:, lost]).sum(axis=1)
+    for i in np.flatnonzero(part > 1e-4):
+        covariance[i, i] = np.inf
+    return covariance

@@ -1,0 +1,97 @@
+"""Fisher information of a test in scaled coordinates: what the points say, before or after they are measured.
+
+For Gaussian noise F = J' V^-1 J, with J the derivatives of the force. The information that the noise's own
+size carries when it follows the force is of second order in that size and is left out, so the bounds are
+a little too wide rather than too narrow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay.data.curve import Curve
+from underlay.data.noise import Noise
+from underlay.data.synthetic import simulate
+from underlay.errors import InputError
+from underlay.inference.objective import Objective, weights_at
+from underlay.inference.problem import Given, Problem
+from underlay.mechanics.accuracy import Accuracy
+from underlay.scene.scene import Scene
+
+__all__ = ["expected_problem", "information", "marginal", "prior_information"]
+
+# Relative to the largest: eigenvalues of an information matrix below this are rounding and the error of
+# the finite differences in it.
+_LOST = 1e-13
+
+
+def expected_problem(
+    scene: Scene,
+    depth: ArrayLike,
+    free: Mapping[str, Given] | Iterable[str],
+    noise: Noise,
+    *,
+    duration: float = 1.0,
+    accuracy: Accuracy | None = None,
+    method: str = "auto",
+) -> Problem:
+    """Return the problem a test would be, before it is done.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test, with the values it is expected to find.
+    depth : array_like (n,)
+        Depth readings (m).
+    free, accuracy, method
+        As in `Problem`.
+    noise : Noise
+        The noise it will have; its size must be given.
+    duration : float
+        Time the test takes (s), for correlated noise.
+
+    Raises
+    ------
+    InputError
+        If the size of the noise is unknown, or as `Problem`.
+    """
+    if noise.force is None:
+        raise InputError("before a test the noise must be given: Noise(force=...) in newtons")
+    readings = as_finite(depth, "depth")
+    time = np.linspace(0.0, duration, len(readings))
+    curve: Curve = simulate(scene, readings, time=time, accuracy=accuracy, method=method)
+    return Problem(scene, curve, free, noise, accuracy=accuracy, method=method)
+
+
+def information(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) -> FloatArray:
+    """Fisher information (k, k) of the points alone at a scaled vector (k,); zero rows for the noise's."""
+    objective = Objective(problem, weights_at(problem, vector, noises))
+    rows = objective.jacobian(vector)[: problem.n_points]
+    return rows.T @ rows
+
+
+def prior_information(problem: Problem, vector: FloatArray) -> FloatArray:
+    """Information (k, k) of the priors that are measurements, in scaled coordinates."""
+    physical, slopes = problem.physical(vector), problem.slopes(vector)
+    diagonal = [
+        (coordinate.prior.penalty(float(x))[1] * slope) ** 2
+        for coordinate, x, slope in zip(problem.coordinates, physical, slopes, strict=True)
+    ]
+    return np.diag(np.array(diagonal))
+
+
+def marginal(matrix: FloatArray, kept: Sequence[int], others: Sequence[int]) -> FloatArray:
+    """Information (m, m) about `kept` when `others` are unknown too: the Schur complement."""
+    kept, others = list(kept), list(others)
+    own = matrix[np.ix_(kept, kept)]
+    if not others:
+        return own
+    cross = matrix[np.ix_(kept, others)]
+    inner = matrix[np.ix_(others, others)]
+    scale = np.sqrt(np.where(np.diag(inner) > 0.0, np.diag(inner), 1.0))
+    inverse = np.linalg.pinv(inner / np.outer(scale, scale), rcond=_LOST, hermitian=True)
+    scaled = cross / scale
+    return np.asarray(own - scaled @ inverse @ scaled.T)

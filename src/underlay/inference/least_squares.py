@@ -1,0 +1,122 @@
+"""Least squares through lmfit, started from the data and answered with what the fit does not know.
+
+Standard errors are those of the delta method: the inverse of J'J in scaled coordinates, times (dx/dq)^2.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import lmfit
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import FitError, InputError
+from underlay.inference.assembly import assemble
+from underlay.inference.fit_result import Fit, FitStatistics, FitWarning
+from underlay.inference.noise_estimate import first_noises, renew
+from underlay.inference.objective import Minimum, Objective, weights_at
+from underlay.inference.problem import Problem
+from underlay.inference.start import scan_starts
+
+__all__ = ["Fit", "FitStatistics", "FitWarning", "fit", "minimise"]
+
+METHODS = ("leastsq", "least_squares")
+LOSSES = ("soft_l1", "huber", "cauchy", "arctan")
+
+# lmfit's own tolerances (1.5e-8) let a fit stop where two unit systems differ in the sixth digit.
+_TOLERANCE = 1e-10
+_MAX_ROUNDS = 12
+
+
+def fit(problem: Problem, method: str = "leastsq", robust: str | None = None, *, start: str = "scan") -> Fit:
+    """Fit the free parameters of a problem to its curves.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    method : {"leastsq", "least_squares"}
+        lmfit's minimiser: Levenberg-Marquardt (MINPACK) or trust region.
+    robust : {"soft_l1", "huber", "cauchy", "arctan"}, optional
+        Loss that makes outliers count less; uses ``"least_squares"``.
+    start : {"scan", "given"}
+        From the data alone (see `start.py`), or from the scene's own values.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputError
+        If a word is not one of these.
+    FitError
+        If no start has a contact law.
+    """
+    began = time.perf_counter()
+    _check(method, robust, start)
+    solver = "least_squares" if robust else method
+    starts = [problem.start] if start == "given" else scan_starts(problem, 1) or [problem.start]
+    vector = _inside(problem, starts[0])
+    try:
+        noises = first_noises(problem, vector)
+        objective = Objective(problem, weights_at(problem, vector, noises))
+    except InputError as error:
+        raise FitError(f"no contact law at the start of the fit: {error}") from error
+    minimum = minimise(objective, vector, method=solver, robust=robust)
+    for _ in range(_MAX_ROUNDS):
+        renewal = renew(objective, minimum.vector, robust=robust is not None)
+        objective.weights = renewal.weights
+        minimum = replace(minimum, vector=renewal.vector)
+        if renewal.settled:
+            break
+        minimum = minimise(objective, minimum.vector, method=solver, robust=robust)
+    return assemble(
+        objective, minimum, method=solver, robust=robust or "none", seconds=time.perf_counter() - began
+    )
+
+
+def minimise(
+    objective: Objective, start: FloatArray, *, method: str = "leastsq", robust: str | None = None
+) -> Minimum:
+    """Minimise the weighted sum of squares over the active entries, from a scaled start (k,)."""
+    active = objective.active
+    if not active:
+        return Minimum(start, success=True, message="nothing to vary.")
+    names = [f"q{i}" for i in active]
+    bounds = objective.problem.bounds
+    parameters = lmfit.Parameters()
+    for name, i in zip(names, active, strict=True):
+        parameters.add(name, value=float(start[i]), min=float(bounds[i, 0]), max=float(bounds[i, 1]))
+
+    def vector(current: Any) -> FloatArray:
+        full: FloatArray = np.array(start)
+        full[active] = [current[name].value for name in names]
+        return full
+
+    options: dict[str, Any] = {"ftol": _TOLERANCE, "xtol": _TOLERANCE, "gtol": 0.0}
+    if method == "least_squares":
+        options = {"ftol": _TOLERANCE, "xtol": _TOLERANCE, "gtol": None, "loss": robust or "linear"}
+    minimiser = lmfit.Minimizer(lambda current: objective.residuals(vector(current)), parameters)
+    result = minimiser.minimize(
+        method=method, Dfun=lambda current: objective.jacobian(vector(current))[:, active], **options
+    )
+    return Minimum(vector(result.params), bool(result.success), str(result.message))
+
+
+def _check(method: str, robust: str | None, start: str) -> None:
+    for word, value, allowed in (("method", method, METHODS), ("start", start, ("scan", "given"))):
+        if value not in allowed:
+            raise InputError(f"unknown {word} {value!r}; known: {', '.join(allowed)}")
+    if robust is not None and robust not in LOSSES:
+        raise InputError(f"unknown robust loss {robust!r}; known: {', '.join(LOSSES)}, or None")
+
+
+def _inside(problem: Problem, vector: FloatArray) -> FloatArray:
+    """Start a little inside the bounds: on one, the transformed gradient of a bounded search is zero."""
+    low, high = problem.bounds.T
+    room = np.where(np.isfinite(high - low), 0.01 * np.minimum(high - low, 1.0), 0.01)
+    return np.asarray(np.minimum(np.maximum(vector, low + room), high - room))

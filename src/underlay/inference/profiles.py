@@ -1,0 +1,321 @@
+"""Profile likelihood: how far a parameter can go before the data object, all others following it.
+
+For each value of the parameter the others are fitted again; with frozen noise the rise of the weighted sum
+of squares is t = S(q) - S_min, and an interval is where t stays below the quantile of chi-square with one
+degree of freedom, or of F(1, n - k) where the size of the noise was estimated. Unlike a standard error this
+can end at one side and never at the other, and it says so.
+
+The profile is walked from the optimum in steps of about half a standard deviation of z = sqrt(t), in which
+it is nearly straight, and read between the steps by monotone interpolation. lmfit's `conf_interval` looks
+for two crossings and fails where one does not exist.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import interpolate, stats
+
+from underlay._arrays import FloatArray, read_only
+from underlay.errors import InputError
+from underlay.inference.fit_result import Fit
+from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.least_squares import minimise
+from underlay.inference.objective import Minimum, Objective, Weights, weights_at
+from underlay.inference.problem import Problem
+from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity
+
+__all__ = ["Interval", "Profile", "profile"]
+
+_STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
+_HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
+_GROWTH = 3.0  # a flattening profile is walked in steps at most this much longer each time
+_FARTHEST = 12.0  # scaled coordinate: a factor 1.6e5, or twelve times the range of the curve
+_MOST_STEPS = 60
+# A fit found to be this much worse (in t) than a point of its own profile was not the optimum.
+_BETTER = 1e-3
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Confidence interval of one parameter (SI); infinite where the data set no end.
+
+    Parameters
+    ----------
+    name : str
+        The parameter.
+    level : float
+        Confidence, e.g. 0.95.
+    low, high : float
+        Ends (SI): -inf or inf where the data set none. Where a bound given by the caller or the reach of the
+        law ends it, that value.
+    low_reason, high_reason : str
+        ``"data"``, ``"bound"`` (the caller's), ``"law"`` (no contact law beyond), or ``"none"``.
+    """
+
+    name: str
+    level: float
+    low: float
+    high: float
+    low_reason: str
+    high_reason: str
+
+    def __str__(self) -> str:
+        kind = kind_of(self.name.partition("[")[0])
+        low, high = format_quantity(self.low, kind), format_quantity(self.high, kind)
+        at = f"({100.0 * self.level:g} %)"
+        has_low, has_high = self.low_reason == "data", self.high_reason == "data"
+        if has_low and has_high:
+            return f"{self.name} between {low} and {high} {at}"
+        if has_low:
+            return f"{self.name} > {low} {at}; no upper bound from these data{self._limit(self.high_reason, high)}"
+        if has_high:
+            return f"{self.name} < {high} {at}; no lower bound from these data{self._limit(self.low_reason, low)}"
+        return f"{self.name} is not bounded by these data {at}"
+
+    @staticmethod
+    def _limit(reason: str, value: str) -> str:
+        words = {"bound": f", only its own limit {value}", "law": f", as far as the law reaches ({value})"}
+        return words.get(reason, "")
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Profile likelihood of one parameter.
+
+    Parameters
+    ----------
+    name : str
+        The parameter.
+    fit : Fit
+        The optimum it starts from; a better one than was handed in, if the walk found one.
+    values : FloatArray
+        Values of the parameter (SI), (m,), increasing.
+    rise : FloatArray
+        t at each, (m,): zero at the optimum.
+    vectors : FloatArray
+        Scaled vectors with the other parameters fitted, (m, k).
+    ends : tuple of str
+        Why the walk ended below and above: ``"data"``, ``"bound"``, ``"law"`` or ``"none"``.
+    degrees : float
+        Degrees of freedom of the noise's size; infinite where the noise was known.
+    """
+
+    name: str
+    fit: Fit
+    values: FloatArray
+    rise: FloatArray
+    vectors: FloatArray
+    ends: tuple[str, str]
+    degrees: float
+
+    def threshold(self, level: float) -> float:
+        """t that bounds an interval of this confidence.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 0.999.
+        """
+        if not 0.0 < level <= 0.999:
+            raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
+        if np.isfinite(self.degrees):
+            return float(stats.f.ppf(level, 1, self.degrees))
+        return float(stats.chi2.ppf(level, 1))
+
+    def interval(self, level: float = 0.95) -> Interval:
+        """Values the data do not reject at this level; see `Interval` for ends that are not there."""
+        z = float(np.sqrt(self.threshold(level)))
+        index = self.fit.names.index(self.name)
+        coordinate = self.fit.problem.coordinates[index]
+        q, signed = self.vectors[:, index], np.sqrt(self.rise)
+        best = int(np.argmin(self.rise))
+        ends = []
+        for part, reason, limit in (
+            (slice(best, None, -1), self.ends[0], coordinate.low),
+            (slice(best, None), self.ends[1], coordinate.high),
+        ):
+            crossing = _crossing(q[part], signed[part], z)
+            if crossing is not None:
+                ends.append((float(coordinate.physical(np.asarray(crossing))), "data"))
+            elif reason == "bound":
+                ends.append((limit, "bound"))
+            elif reason == "law":
+                ends.append((float(coordinate.physical(q[part][-1])), "law"))
+            else:
+                ends.append((-np.inf if part.step == -1 else np.inf, "none"))
+        (low, low_reason), (high, high_reason) = ends
+        return Interval(self.name, level, low, high, low_reason, high_reason)
+
+
+def profile(problem: Problem | Fit, name: str) -> Profile:
+    """Profile likelihood of one parameter.
+
+    Parameters
+    ----------
+    problem : Problem or Fit
+        What is asked; a problem is fitted first.
+    name : str
+        The parameter, as in `Problem.names`; not one of the noise's.
+
+    Raises
+    ------
+    InputError
+        If the parameter is not free, or is the noise's.
+    """
+    fit = least_squares_fit(problem) if isinstance(problem, Problem) else problem
+    if name not in fit.names:
+        raise InputError(f"{name!r} is not free here; free are {', '.join(fit.names)}")
+    if name.startswith("noise."):
+        raise InputError(
+            f"{name!r}: profiles freeze the noise; take its standard error, or sample the posterior"
+        )
+    index = fit.names.index(name)
+    walks = [_Walk.start(fit, index).go(direction) for direction in (-1.0, 1.0)]
+    better = min(walks, key=lambda walk: walk.lowest)
+    if better.lowest < -_BETTER:
+        # The walk passed through a lower minimum: begin again from there.
+        vector = better.vectors[int(np.argmin(better.rises))]
+        again = _refit(fit, vector)
+        if again.statistics.chi_square < fit.statistics.chi_square:
+            return profile(again, name)
+    below, above = walks
+    vectors = np.array([*below.vectors[:0:-1], *above.vectors])
+    rise = np.maximum(np.array([*below.rises[:0:-1], *above.rises]), 0.0)
+    coordinate = fit.problem.coordinates[index]
+    estimated = fit.statistics.noise_estimated or any(m.noise_entries for m in fit.problem.members)
+    return Profile(
+        name=name,
+        fit=fit,
+        values=read_only(coordinate.physical(vectors[:, index])),
+        rise=read_only(rise),
+        vectors=read_only(vectors),
+        ends=(below.reason, above.reason),
+        degrees=float(fit.statistics.points - fit.statistics.parameters) if estimated else np.inf,
+    )
+
+
+def _refit(fit: Fit, vector: FloatArray) -> Fit:
+    problem = fit.problem
+    moved = problem.revised(scenes=problem.scenes(vector))
+    return least_squares_fit(moved, start="given")
+
+
+def _crossing(q: FloatArray, z: FloatArray, level: float) -> float | None:
+    """Outermost place where z passes `level`, walking outwards; None if it never does for good."""
+    inside = np.flatnonzero(z <= level)
+    last = int(inside[-1])
+    if last == len(z) - 1:
+        return None
+    # z is made increasing before it is inverted: beyond a second minimum only the last rise counts.
+    rising = np.maximum.accumulate(z[: last + 2])
+    kept = np.concatenate([[True], np.diff(rising) > 0.0])
+    kept[last + 1] = True
+    if kept.sum() < 3:
+        return float(np.interp(level, rising[kept], q[: last + 2][kept]))
+    return float(interpolate.PchipInterpolator(rising[kept], q[: last + 2][kept])(level))
+
+
+@dataclass(frozen=True, eq=False)
+class _Walk:
+    """Steps of a profile from the optimum to one side."""
+
+    fit: Fit
+    index: int
+    objective: Objective
+    base: float
+    vectors: list[FloatArray]
+    rises: list[float]
+    reason: str = "none"
+
+    @classmethod
+    def start(cls, fit: Fit, index: int) -> _Walk:
+        """Stand at the optimum with the noise of the fit frozen."""
+        weights: Weights = weights_at(fit.problem, fit.vector, fit.noises)
+        objective = Objective(fit.problem, weights, held=frozenset({index}))
+        base = float(np.square(objective.residuals(fit.vector)).sum())
+        return cls(fit, index, objective, base, [np.array(fit.vector)], [0.0])
+
+    @property
+    def lowest(self) -> float:
+        """Smallest t met: below zero if the fit was not the optimum."""
+        return min(self.rises)
+
+    def go(self, direction: float) -> _Walk:
+        """Walk until the rise ends every interval, or the parameter or the law does."""
+        bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
+        here = float(self.fit.vector[self.index])
+        room = abs(bound - here)
+        step = self._first_step()
+        for _ in range(_MOST_STEPS):
+            travelled = abs(float(self.vectors[-1][self.index]) - here)
+            step = min(step, room - travelled)
+            if step <= 1e-12 * (1.0 + travelled):
+                return replace(self, reason="bound")
+            if travelled >= _FARTHEST:
+                return replace(self, reason="none")
+            failures = self.objective.failures
+            found = self._fit_at(here + direction * (travelled + step))
+            if found is None or self._is_wall(failures, found):
+                if step < 1e-3 * self._first_step():
+                    return replace(self, reason="law")
+                step *= 0.25
+                continue
+            self.vectors.append(found.vector)
+            self.rises.append(float(np.square(self.objective.residuals(found.vector)).sum()) - self.base)
+            if self.rises[-1] > _HIGHEST**2:
+                return replace(self, reason="data")
+            step = self._next_step(step)
+        return replace(self, reason="none")
+
+    def _is_wall(self, failures: int, found: Minimum) -> bool:
+        """Whether no law exists at the place the minimiser stopped."""
+        if self.objective.failures == failures:
+            return False
+        before = self.objective.failures
+        self.objective.residuals(found.vector)
+        return self.objective.failures > before
+
+    def _first_step(self) -> float:
+        deviation = float(np.sqrt(self.fit.scaled_covariance[self.index, self.index]))
+        return _STEP * deviation if 0.0 < deviation < 1.0 else 0.1
+
+    def _next_step(self, step: float) -> float:
+        """Step for half a unit more of z, from the slope of the last one."""
+        z = np.sqrt(np.maximum(self.rises[-2:], 0.0))
+        slope = (z[1] - z[0]) / step
+        return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
+
+    def _fit_at(self, q: float) -> Minimum | None:
+        """Others fitted with the parameter at q, starting where the last two steps point."""
+        start = np.array(self.vectors[-1])
+        if len(self.vectors) > 1:
+            moved = self.vectors[-1] - self.vectors[-2]
+            start = start + moved * (q - start[self.index]) / moved[self.index]
+        else:
+            start = start + self._tangent() * (q - start[self.index])
+        low, high = self.fit.problem.bounds.T
+        start = np.clip(start, low, high)
+        start[self.index] = q
+        for candidate in (start, _with(self.vectors[-1], self.index, q)):
+            failures = self.objective.failures
+            self.objective.residuals(candidate)
+            if self.objective.failures == failures:
+                return minimise(self.objective, candidate)
+        return None
+
+    def _tangent(self) -> FloatArray:
+        """d others / d parameter along the profile at the optimum, from the covariance."""
+        column = np.array(self.fit.scaled_covariance[self.index])
+        own = column[self.index]
+        tangent: FloatArray = column / own if own > 0.0 else np.zeros_like(column)
+        tangent[self.index] = 1.0
+        return tangent
+
+
+def _with(vector: FloatArray, index: int, q: float) -> FloatArray:
+    changed = np.array(vector)
+    changed[index] = q
+    return changed

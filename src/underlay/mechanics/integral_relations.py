@@ -1,0 +1,162 @@
+"""The exact integral relations between pressure, depth and force: sections 1 to 4 of the paper.
+
+They turn a known contact pressure, or a guess of it, into the depth (2.13), the force (3.4) and the polar
+moment (4.8) that the contact condition asks for, for any convex indenter; the asymptotic model follows by
+expanding their kernels in sigma = rho/h and alpha = a/h.
+
+Integrals over u are sums: `weight` holds the quadrature weights times 1 - L(u) at the nodes `u`. Integrals
+over the contact are sums too: `load` holds p(rho) rho times the quadrature weights at the nodes `rho`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import factorial
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from underlay._arrays import FloatArray
+from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.kernel import one_minus_L, u_rule
+from underlay.mechanics.materials import Layer, Rigid, Substrate
+
+__all__ = [
+    "S_0",
+    "S_2",
+    "S_4",
+    "PressedLayer",
+    "S_0_coefficient",
+    "S_2_tilde",
+    "S_2_tilde_coefficient",
+    "contact_pressure",
+    "depth_from_pressure",
+    "force_from_pressure",
+    "polar_moment",
+    "polar_moment_from_pressure",
+]
+
+
+class PressedLayer(NamedTuple):
+    """The layer as the integrals see it: theta (Pa), thickness h (m), nodes u and weights times 1 - L(u)."""
+
+    theta: float
+    thickness: float
+    u: FloatArray
+    weight: FloatArray
+
+    @classmethod
+    def of(
+        cls, layer: Layer, substrate: Substrate, largest_radius: float, rtol: float = 1e-13
+    ) -> PressedLayer:
+        """Take the rule that holds for contact radii up to `largest_radius` (m) to `rtol`."""
+        base = None if isinstance(substrate, Rigid) else substrate.plane_constants
+        constants = layer.material.plane_constants
+        u, weight = u_rule(constants, base, largest_radius / layer.thickness, rtol)
+        return cls(layer.material.theta, layer.thickness, u, weight * one_minus_L(u, constants, base))
+
+
+def S_0(sigma: FloatArray, tau: float, u: FloatArray, weight: FloatArray) -> FloatArray:
+    """S_0(sigma, tau) of (2.12) = int [1-L] J_0(sigma u) cos(tau u) du, shape of `sigma` (n,)."""
+    return np.asarray(special.j0(np.outer(sigma, u)) @ (weight * np.cos(tau * u)))
+
+
+def S_2(sigma: FloatArray, alpha: float, u: FloatArray, weight: FloatArray) -> FloatArray:
+    """S_2(sigma, alpha) of (3.3) = int [1-L] J_0(sigma u) sin(alpha u)/u du."""
+    return np.asarray(special.j0(np.outer(sigma, u)) @ (weight * alpha * _sinc(alpha * u)))
+
+
+def S_2_tilde(sigma: FloatArray, alpha: float, u: FloatArray, weight: FloatArray) -> FloatArray:
+    """S~_2(sigma, alpha) of (3.5): sin(alpha u)/u - alpha cos(alpha u) in place of sin(alpha u)/u."""
+    return np.asarray(
+        special.j0(np.outer(sigma, u)) @ (weight * alpha * (_sinc(alpha * u) - np.cos(alpha * u)))
+    )
+
+
+def S_4(sigma: FloatArray, alpha: float, u: FloatArray, weight: FloatArray) -> FloatArray:
+    """S_4(sigma, alpha) of (4.9), whose brace is int_0^1 x^2 cos(alpha u x) dx = j_0(z) - 2 j_1(z)/z."""
+    z = alpha * u
+    brace = _sinc(z) - 2.0 * special.spherical_jn(1, z) / z
+    return np.asarray(special.j0(np.outer(sigma, u)) @ (weight * brace))
+
+
+def S_0_coefficient(i: int, j: int, a_m: float) -> float:
+    """b_ij^(0) of (4.1) from a_m, m = i + j: the factor of sigma^(2i) alpha^(2j) in S_0."""
+    scale = float(2 ** (2 * j) * factorial(i + j) ** 2)
+    return scale / (factorial(i) ** 2 * factorial(2 * j)) * a_m
+
+
+def S_2_tilde_coefficient(i: int, j: int, a_m: float) -> float:
+    """b~_ij^(2) of (4.2) from a_m, m = i + j: the factor of sigma^(2i) alpha^(2j+1) in S~_2."""
+    scale = float(2 ** (2 * j + 1) * j * factorial(i + j) ** 2)
+    return -scale / (factorial(i) ** 2 * factorial(2 * j + 1)) * a_m
+
+
+def contact_pressure(
+    slope_over_s: Callable[[FloatArray], FloatArray], contact_radius: float, r: FloatArray, nodes: int = 64
+) -> FloatArray:
+    """Contact pressure p(r) (Pa) of (2.8) from the auxiliary function V of (2.11).
+
+    Parameters
+    ----------
+    slope_over_s : callable
+        s (m), any shape, to V'(s)/s; V is even, so that this is smooth at zero.
+    contact_radius : float
+        a (m).
+    r : ndarray, shape (n,)
+        Radii (m) in [0, a].
+    nodes : int, default 64
+        Gauss-Legendre nodes in t, s^2 = r^2 + t^2, which removes the root from the integral.
+    """
+    x, w = np.polynomial.legendre.leggauss(nodes)
+    reach = np.sqrt((contact_radius - r) * (contact_radius + r))[:, None]
+    t = 0.5 * reach * (x + 1.0)
+    return np.asarray(
+        -(slope_over_s(np.sqrt(r[:, None] ** 2 + t**2)) * (0.5 * reach * w)).sum(axis=1) / np.pi
+    )
+
+
+def depth_from_pressure(
+    indenter: Indenter, contact_radius: float, pressed: PressedLayer, rho: FloatArray, load: FloatArray
+) -> float:
+    """Depth w (m) at which the pressure vanishes at the edge: (2.13)."""
+    theta, h, u, weight = pressed
+    kernel = S_0(rho / h, contact_radius / h, u, weight)
+    return float(indenter.abel(np.array(contact_radius)) - kernel @ load / (theta * h))
+
+
+def force_from_pressure(
+    indenter: Indenter, contact_radius: float, pressed: PressedLayer, rho: FloatArray, load: FloatArray
+) -> float:
+    """Contact force P (N) without the depth: (3.4)."""
+    theta, h, u, weight = pressed
+    a = np.array(contact_radius)
+    halfspace = a * indenter.abel(a) - indenter.abel_moments(a)[0]
+    kernel = S_2_tilde(rho / h, contact_radius / h, u, weight)
+    return float(4.0 * theta * halfspace + 4.0 * (kernel @ load))
+
+
+def polar_moment(V: FloatArray, s: FloatArray, weights: FloatArray) -> float:
+    """P_2 = 4 int_0^a V(s) s^2 ds (N m^2) of (4.8), from V at nodes `s` (m) with their weights."""
+    return float(4.0 * (weights @ (V * s**2)))
+
+
+def polar_moment_from_pressure(
+    indenter: Indenter,
+    contact_radius: float,
+    depth: float,
+    pressed: PressedLayer,
+    rho: FloatArray,
+    load: FloatArray,
+) -> float:
+    """P_2 (N m^2) from depth and pressure: the unnumbered form after (4.8), with S_4 of (4.9)."""
+    theta, h, u, weight = pressed
+    a = contact_radius
+    shape = a**3 / 3.0 * depth - float(indenter.abel_moments(np.array(a))[1])
+    return float(8.0 * theta * shape + 8.0 * a**3 / h * (S_4(rho / h, a / h, u, weight) @ load))
+
+
+def _sinc(z: FloatArray) -> FloatArray:
+    """sin(z)/z, 1 at zero."""
+    return np.asarray(np.sinc(z / np.pi))

@@ -1,0 +1,19 @@
+"""The corrections people use today, so that their numbers can be reproduced and their cost in accuracy seen.
+
+One correction, one file: formula, assumptions, range, source, measured error. To add one: a file with a
+`PublishedCorrection`, and its line in `registry`.
+"""
+
+from underlay.mechanics.published.correction import PublishedCorrection
+from underlay.mechanics.published.law import PublishedLaw, published_law
+from underlay.mechanics.published.limits import OutOfRange
+from underlay.mechanics.published.registry import published_corrections, published_names
+
+__all__ = [
+    "OutOfRange",
+    "PublishedCorrection",
+    "PublishedLaw",
+    "published_corrections",
+    "published_law",
+    "published_names",
+]

@@ -1,0 +1,207 @@
+"""The contact law of a published correction: the half-space force times its factor."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from underlay._arrays import FloatArray, positive
+from underlay.errors import InputError, RangeError, UnderlayWarning
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.halfspace import HalfspaceLaw, largest_halfspace_depth
+from underlay.mechanics.indenters import Indenter, Sphere
+from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate
+from underlay.mechanics.published.correction import ELASTIC, PublishedCorrection
+from underlay.mechanics.published.factor import Factor
+from underlay.mechanics.published.layer_contact import LayerContact, tip_of
+from underlay.mechanics.published.limits import OutOfRange
+from underlay.mechanics.published.registry import find_correction
+
+__all__ = ["PublishedLaw", "published_law"]
+
+# Where a formula is watched for a force that stops growing. The factors are smooth in the contact size.
+_WATCHED_DEPTHS = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class PublishedLaw(ContactLaw):
+    """P(d) of a published correction, with dP/dd by exact differentiation of the printed formula.
+
+    The contact radius is that of a half-space at the same depth: the sources correct the force alone.
+
+    Parameters
+    ----------
+    correction : PublishedCorrection
+        The formula, its source and its ranges.
+    contact : LayerContact
+        The test it is applied to.
+    factor : Factor
+        P over the half-space force, for this test.
+    warnings : tuple of OutOfRange
+        Quantities of this test outside the correction's ranges; empty when it is used as meant.
+    """
+
+    correction: PublishedCorrection
+    contact: LayerContact
+    factor: Factor
+    warnings: tuple[OutOfRange, ...]
+
+    @property
+    def _beyond(self) -> str:
+        return "the law was asked for up to there; ask for it again with a larger max_depth"
+
+    def _force(self, depth: FloatArray) -> FloatArray:
+        return self.contact.halfspace.force(depth) * self.factor.value(self.contact.variable(depth))
+
+    def _contact_radius(self, depth: FloatArray) -> FloatArray:
+        return self.contact.halfspace.contact_radius(depth)
+
+    def _stiffness(self, depth: FloatArray) -> FloatArray:
+        """d(P_halfspace f(u))/dd, with u ~ d^q."""
+        halfspace, u = self.contact.halfspace, self.contact.variable(depth)
+        growth = self.contact.exponent * u / depth
+        return halfspace.stiffness(depth) * self.factor.value(u) + halfspace.force(
+            depth
+        ) * growth * self.factor.slope(u)
+
+
+def published_law(
+    name: str, indenter: Indenter, layer: Layer, substrate: Substrate, max_depth: float
+) -> PublishedLaw:
+    """Build the contact law of a published correction.
+
+    Parameters
+    ----------
+    name : str
+        One of the names of `published_corrections`, e.g. ``"garcia2018"``.
+    indenter : Paraboloid, Sphere, Cone or FlatPunch
+        A true sphere is taken as the paraboloid of its radius, as the sources do; what that costs is
+        added to the error estimate.
+    layer : Layer
+        Isotropic, of finite thickness.
+    substrate : Isotropic or RIGID
+        As the correction needs.
+    max_depth : float
+        Largest depth (m) of the test; the ranges and the error estimate are judged there.
+
+    Returns
+    -------
+    PublishedLaw
+        Its `error_estimate` is measured against the exact contact problem with a bonded layer (inf where
+        it was not measured).
+
+    Raises
+    ------
+    InputError
+        If the name is unknown, or the indenter, layer or substrate are not those the correction is for.
+    RangeError
+        If the formula's force stops growing before `max_depth`.
+
+    Warns
+    -----
+    UnderlayWarning
+        Once, if the test leaves a range of the correction. The law answers all the same.
+
+    Examples
+    --------
+    >>> from underlay.mechanics.indenters import Paraboloid
+    >>> from underlay.mechanics.materials import RIGID
+    >>> gel = Layer(Isotropic(E=3e3, nu=0.5), thickness=10e-6)
+    >>> law = published_law("garcia2018", Paraboloid(5e-6), gel, RIGID, max_depth=1e-6)
+    >>> round(float(law.force(1e-6) / law.contact.halfspace.force(1e-6)), 3)
+    1.347
+    """
+    correction = find_correction(name, indenter)
+    contact = _layer_contact(correction, indenter, layer, substrate)
+    deepest = positive(max_depth, "max_depth", "m")
+    out_of_range = tuple(
+        broken for limit in correction.limits if (broken := limit.broken_by(contact, deepest)) is not None
+    )
+    error = correction.measured_error.up_to(contact, deepest) + _sphere_excess(indenter, contact, deepest)
+    law = PublishedLaw(
+        method=name,
+        reason=f"asked for by name: {correction.source} ({correction.indenter}; base {correction.substrate})",
+        max_depth=deepest,
+        error_estimate=error,
+        correction=correction,
+        contact=contact,
+        factor=correction.factor(contact),
+        warnings=out_of_range,
+    )
+    _require_growth(law)
+    if out_of_range:
+        warnings.warn(
+            f"{name} is used outside its range ({correction.range_basis}): "
+            + "; ".join(str(broken) for broken in out_of_range),
+            UnderlayWarning,
+            stacklevel=2,
+        )
+    return law
+
+
+def _layer_contact(
+    correction: PublishedCorrection, indenter: Indenter, layer: Layer, substrate: Substrate
+) -> LayerContact:
+    name = correction.name
+    if not isinstance(layer.material, Isotropic):
+        raise InputError(
+            f"{name} needs an isotropic layer; got {layer.material!r}. method='exact' takes a "
+            "transversely isotropic one"
+        )
+    if not np.isfinite(layer.thickness):
+        raise InputError(
+            f"{name} needs a layer of finite thickness; got inf. method='halfspace' is the law without a base"
+        )
+    if correction.substrate == ELASTIC:
+        if not isinstance(substrate, Isotropic):
+            raise InputError(
+                f"{name} needs an isotropic elastic substrate; got {substrate!r}. For a rigid base take, "
+                "e.g., 'garcia2018'; method='exact' takes every base"
+            )
+    elif not isinstance(substrate, Rigid):
+        raise InputError(
+            f"{name} needs a rigid substrate (RIGID); got {substrate!r}. For an elastic base take, e.g., "
+            "'clifford2009' or 'hay2011'; method='exact' takes every base"
+        )
+    return LayerContact(
+        indenter=tip_of(indenter), thickness=layer.thickness, layer=layer.material, substrate=substrate
+    )
+
+
+def _sphere_excess(indenter: Indenter, contact: LayerContact, depth: float) -> float:
+    """Relative force error of taking a true sphere for a paraboloid, on a half-space at `depth` (m)."""
+    if not isinstance(indenter, Sphere):
+        return 0.0
+    if depth > largest_halfspace_depth(indenter):
+        return np.inf
+    true_sphere = HalfspaceLaw(
+        method="halfspace",
+        reason="true sphere",
+        max_depth=depth,
+        error_estimate=0.0,
+        indenter=indenter,
+        theta=contact.layer.theta,
+    )
+    return abs(float(contact.halfspace.force(depth) / true_sphere.force(depth)) - 1.0)
+
+
+def _require_growth(law: PublishedLaw) -> None:
+    depth = law.max_depth * (np.arange(1, _WATCHED_DEPTHS + 1) / _WATCHED_DEPTHS) ** 2
+    growing = law.stiffness(depth) > 0.0
+    if growing.all():
+        return
+    first = int(np.argmin(growing))
+    if first == 0:
+        raise RangeError(
+            f"{law.method} gives no growing force at all here ({law.correction.variable} is "
+            f"{law.contact.size_at(law.max_depth):.4g} at the largest depth); take method='exact'",
+            max_depth=0.0,
+        )
+    last_good = float(depth[first - 1])
+    raise RangeError(
+        f"the force of {law.method} stops growing before a depth of {depth[first]:.6g} m, which no contact "
+        f"does; ask for it up to {last_good:.6g} m at most, or take method='exact'",
+        max_depth=last_good,
+    )

@@ -1,0 +1,176 @@
+"""The commands as a user meets them: results, files, and one clear line for every mistake."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from underlay.cli.app import app, main
+
+SAMPLES = Path(__file__).resolve().parents[1] / "data_samples"
+CURVE, SCENE = SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml"
+
+
+@pytest.fixture
+def run(capsys, monkeypatch):
+    """Call the entry point as the shell would: (exit code, stdout, stderr)."""
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["underlay", *map(str, words)])
+        code = 0
+        try:
+            main()
+        except SystemExit as stop:
+            code = stop.code or 0
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
+
+
+def test_fit_prints_and_writes(run, tmp_path):
+    code, out, _ = run("fit", CURVE, "--scene", SCENE, "--output", tmp_path / "new" / "folder")
+    assert code == 0
+    assert "Layer modulus 0.6" in out
+    table = pd.read_csv(tmp_path / "new" / "folder" / "cartilage_on_bone.fit.csv")
+    assert list(table["parameter"]) == [
+        "layer.E",
+        "layer.thickness",
+        "instrument.contact_depth",
+        "instrument.baseline",
+    ]
+    written = json.loads((tmp_path / "new" / "folder" / "cartilage_on_bone.fit.json").read_text())
+    assert written["values"]["layer.E"] == pytest.approx(0.62e6, rel=0.05)
+    assert (tmp_path / "new" / "folder" / "cartilage_on_bone.fit.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_demo_says_where_its_files_are(run, tmp_path):
+    code, out, _ = run("demo", "--output", tmp_path)
+    assert code == 0
+    for name in ("chiaro_cell_indentation.fit.png", "cartilage_on_bone.fit.csv"):
+        assert str(tmp_path / name) in out
+        assert (tmp_path / name).stat().st_size > 0
+
+
+def test_simulate_then_fit(run, tmp_path):
+    curve = tmp_path / "made.csv"
+    code, _, _ = run("simulate", SAMPLES / "gel_on_glass.truth.toml", "--output", curve, "--seed", 5)
+    assert code == 0
+    assert json.loads(curve.with_suffix(".truth.json").read_text())["truth"]["layer.E"] == 1800.0
+    code, out, _ = run("fit", curve, "--scene", SAMPLES / "gel_on_glass.toml")
+    assert code == 0
+    assert "1.8" in out
+
+
+@pytest.mark.parametrize("words", [["--help"], ["fit", "--help"], ["demo", "--help"], ["simulate", "--help"]])
+def test_help(words):
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0
+    assert "Usage" in result.stdout
+
+
+def table(rows, header="depth (um),force (mN)"):
+    return "\n".join([header, *rows]) + "\n"
+
+
+RAMP = [f"{d:.3f},{max(d, 0.0) ** 1.5:.6f}" for d in np.linspace(-5, 20, 60)]
+
+#: content of the curve file -> what the one line must say
+BAD_CURVES = {
+    "empty": (b"", "empty"),
+    "words": (b"once upon a time\nthere was a gel\n", "not recognised|not a|no "),
+    "no force": (table(RAMP, "depth (um),colour").encode(), "force"),
+    "unknown unit": (table(RAMP, "depth (um),force (parsnip)").encode(), "parsnip"),
+    "length for a force": (table(RAMP, "depth (um),force (mm)").encode(), "force"),
+    "no unit": (table(RAMP, "depth,force").encode(), "unit"),
+    "not a number": (table([*RAMP[:30], "7.0,nan", *RAMP[30:]]).encode(), "nan|NaN"),
+    "infinite": (table([*RAMP[:30], "7.0,inf", *RAMP[30:]]).encode(), "inf"),
+    "seven points": (table(RAMP[-7:]).encode(), "at least 8"),
+    "never deeper": (
+        table([f"{5 - i * 0.01:.3f},1.0" for i in range(60)]).encode(),
+        "never increases|loading",
+    ),
+    "no force at all": (table([f"{i},0" for i in range(60)]).encode(), "zero"),
+    "binary": (bytes(range(256)) * 40, "not|no "),
+}
+
+
+@pytest.mark.parametrize("case", BAD_CURVES, ids=str)
+def test_bad_curves_end_with_one_line_and_two(run, tmp_path, case):
+    content, words = BAD_CURVES[case]
+    curve, out = tmp_path / "curve.csv", tmp_path / "out"
+    curve.write_bytes(content)
+    code, _, err = run("fit", curve, "--scene", SCENE, "--output", out)
+    assert code == 2
+    assert err.startswith("underlay: ")
+    assert err.count("\n") == 1
+    assert re.search(words, err), err
+    assert not out.exists() or not list(out.iterdir())
+
+
+def test_files_that_are_not_there(run, tmp_path):
+    for words in (
+        ("fit", tmp_path / "none.csv", "--scene", SCENE),
+        ("fit", CURVE, "--scene", tmp_path / "none.toml"),
+        ("fit", tmp_path, "--scene", SCENE),
+        ("fit", CURVE, "--scene", SCENE, "--output", CURVE),
+        ("simulate", SCENE),
+    ):
+        code, _, err = run(*words)
+        assert code == 2
+        assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("nu = 0.46", "nu = 0.7", "nu must be in"),
+        ('"2 MPa"', '"-2 MPa"', "must be positive"),
+        ('radius = "1 mm"', 'radius = "0 mm"', "must be positive"),
+        ('"2 mm"', '"-2 mm"', "thickness must be positive"),
+        ('radius = "1 mm"', 'radius = "20 um"', "larger radius"),
+        ("[solver]", '[solver]\nmethod = "asymptotic"', "exact"),
+        ("layer.thickness = {", "substrate.E = {", "no parameter 'substrate.E'"),
+    ],
+)
+def test_bad_scenes_end_with_one_line(run, tmp_path, old, new, message):
+    text = SCENE.read_text(encoding="utf-8")
+    assert old in text
+    text = text.replace(old, new)
+    if "asymptotic" in new:
+        # A layer this thin is beyond the root of the series.
+        text = text.replace('thickness = "2 mm"', 'thickness = "0.1 mm"').replace(
+            'layer.thickness = { min = "0.3 mm", max = "10 mm" }', ""
+        )
+    scene = tmp_path / "scene.toml"
+    scene.write_text(text, encoding="utf-8")
+    code, _, err = run("fit", CURVE, "--scene", scene)
+    assert code == 2, err
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_a_missing_option_is_not_a_traceback(run):
+    code, _, err = run("fit", CURVE)
+    assert code == 2
+    assert "Traceback" not in err
+
+
+def test_the_module_runs_too(tmp_path):
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-m", "underlay", "fit", str(tmp_path / "none.csv"), "--scene", str(SCENE)],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
