@@ -55,6 +55,9 @@ _MOST_SERIES_TERMS = 400
 # rounding.
 _LARGEST_GAIN = 30.0
 _FINEST = 1e-12
+# Radii, and accuracy, of a first look at where a shape other than a power law stops.
+_LOOKS = 40
+_LOOK = 1e-4
 # Gauss nodes of int H p dx for a shape that is not a power law: the sphere's H is analytic, a measured tip's
 # has corners in its derivatives.
 _SMOOTH_NODES, _MEASURED_NODES = 40, 240
@@ -158,6 +161,8 @@ def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
 def _by_branches(problem: ContactProblem, top: float, eps: float, rtol: float, gain: float) -> SolvedCurve:
     """Expand in the radius first, then invert: works for any varpi(eps), folds included."""
     fine = max(rtol / gain, _FINEST)
+    if problem.indenter is not problem.measure:
+        eps = _tightened(problem, top, eps)
     series, resolution = _series(problem, eps, fine)
     while eps < problem.end and (last := float(series.varpi(np.array([eps]))[0])) < top:
         eps = min(1.02 * eps * top / last, problem.end)
@@ -216,6 +221,19 @@ class RadiusGuess:
         """a/h at `varpi`."""
         share = self.rate * varpi
         return varpi * (1.0 + self.gain * share / (1.0 + share))
+
+
+def _tightened(problem: ContactProblem, top: float, eps: float) -> float:
+    """Smallest eps known to reach `top`: near the end of a shape every step closer to it costs terms."""
+    radii = np.append(problem.guess(top * np.linspace(0.5, 1.0, _LOOKS))[:-1], eps)
+    varpi, _ = problem.solve(radii, Resolution.choose(problem.pair, eps, _LOOK))
+    reaching = np.flatnonzero(varpi >= top)
+    if reaching.size == 0 or reaching[0] == 0:
+        return eps
+    first = reaching[0]
+    between = float(np.interp(top, varpi[first - 1 : first + 1], radii[first - 1 : first + 1]))
+    # varpi(eps) steepens towards the end: the chord lies above it, and its eps falls a little short.
+    return 0.5 * (between + float(radii[first]))
 
 
 def _placement(
