@@ -95,7 +95,8 @@ class Resolution:
         digits = 0.5 - log10(rtol)
         wide = eps / pair.decay
         radial = ceil(0.55 * wide**1.38 + (0.4 + 0.28 * wide) * digits)
-        reach = 1.15 * digits + 2.0
+        # The condition of wide contacts on a rigid base grows as wide^3: the tail must be that much smaller.
+        reach = 1.15 * digits + 2.0 + 0.5 * log1p(0.1 * wide)
         first, count = _graded(pair, wide, digits, reach)
         return cls(
             radial=max(2, radial),

@@ -27,11 +27,14 @@ class EvenRule(NamedTuple):
         The rule.
     projection : ndarray (n, n)
         From values p(x_i) to the coefficients of p in P_0, P_2, ...: exact up to degree 2 n.
+    with_edge : ndarray (n + 1,)
+        The nodes and 1.
     """
 
     nodes: FloatArray
     weights: FloatArray
     projection: FloatArray
+    with_edge: FloatArray
 
     def power_weights(self, exponent: float) -> FloatArray:
         """Weights v_i with sum v_i p(x_i) = int_0^1 x^exponent p(x) dx.
@@ -55,7 +58,8 @@ def _even(count: int) -> EvenRule:
     nodes, weights = _legendre(2 * count)
     nodes, weights = nodes[count:], weights[count:]
     orders = 4.0 * np.arange(count) + 1.0
-    return EvenRule(nodes, weights, read_only((even_legendre(nodes, count) * orders).T * weights))
+    projection = read_only((even_legendre(nodes, count) * orders).T * weights)
+    return EvenRule(nodes, weights, projection, read_only(np.append(nodes, 1.0)))
 
 
 # Finding the nodes takes longer than solving a contact problem with them, so the common rules are constants;

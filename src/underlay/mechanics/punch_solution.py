@@ -61,7 +61,7 @@ class PunchSolution:
         rule = even_rule(resolution.radial)
         u, weights = resolution.wavenumber_rule()
         count = resolution.radial
-        waves = np.cos(np.multiply.outer(np.multiply.outer(eps, np.append(rule.nodes, 1.0)), u))
+        waves = np.cos(np.multiply.outer(np.multiply.outer(eps, rule.with_edge), u))
         strength = (2.0 / np.pi) * weights * one_minus_L(u, layer, substrate)
         kernel = (waves * np.multiply.outer(eps, strength)[:, None, :]) @ waves.transpose(0, 2, 1)
         matrix = kernel[:, :count, :count] * -rule.weights
