@@ -126,7 +126,8 @@ def curve_terms(pair: Pair, varpi: float, exponent: float, rtol: float) -> int:
     """Contact radii for one polynomial in varpi up to `varpi`."""
     digits = 1.0 - log10(rtol)
     if pair.softness == 0.0:
-        length = asinh(varpi) * (1.0 + 0.12 * pair.firmness) * (1.0 + 0.25 / exponent)
+        elastic = 0.12 if pair.ratio < 100.0 else 0.0
+        length = asinh(varpi) * (1.0 + 0.12 * pair.firmness + elastic) * (1.0 + 0.25 / exponent)
     else:
         length = 0.42 * (asinh(varpi) + log1p(pair.softness * varpi)) * (1.0 + 0.25 / exponent)
     return 4 * ceil(0.25 * digits * (0.8 + length) - 0.02)

@@ -68,7 +68,7 @@ class PunchSolution:
         matrix.reshape(eps.size, count * count)[:, :: count + 1] += 1.0
         sides = np.ones((eps.size, count, 2))
         sides[:, :, 1] = kernel[:, :count, count]
-        solved = np.linalg.solve(matrix, sides)
+        solved: FloatArray = np.asarray(np.linalg.solve(matrix, sides), dtype=np.float64)
         g = solved[:, :, 0]
         return cls(eps=eps, rule=rule, g=g, rho=solved[:, :, 1], kappa=g @ rule.weights)
 
