@@ -53,7 +53,8 @@ def invert_increasing(
         rate = slope * radius / value
         # A flat spot (rate near zero, at a turning point) must not throw the step out of all bounds.
         step = error / np.maximum(rate, 1e-3)
-        proposal = x - np.clip(step, -1.0, 1.0)
+        # No step beyond a factor e: the bracket may still be open.
+        proposal = x - np.sign(step) * np.minimum(np.abs(step), 1.0)
         middle = 0.5 * (low + high)
         outside = (proposal >= high) | (proposal <= low)
         proposal = np.where(outside & np.isfinite(middle), middle, np.minimum(proposal, high))
