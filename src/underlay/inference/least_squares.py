@@ -27,7 +27,7 @@ METHODS = ("leastsq", "least_squares")
 LOSSES = ("soft_l1", "huber", "cauchy", "arctan")
 
 # lmfit's own tolerances (1.5e-8) let a fit stop where two unit systems differ in the sixth digit.
-_TOLERANCE = 1e-10
+_TOLERANCE = 1e-8
 _MAX_ROUNDS = 12
 
 
@@ -102,7 +102,9 @@ def minimise(
         options = {"ftol": _TOLERANCE, "xtol": _TOLERANCE, "gtol": None, "loss": robust or "linear"}
     minimiser = lmfit.Minimizer(lambda current: objective.residuals(vector(current)), parameters)
     result = minimiser.minimize(
-        method=method, Dfun=lambda current: objective.jacobian(vector(current))[:, active], **options
+        method=method,
+        Dfun=lambda current: objective.jacobian(vector(current), rough=True)[:, active],
+        **options,
     )
     return Minimum(vector(result.params), bool(result.success), str(result.message))
 
