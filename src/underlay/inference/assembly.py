@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.inference.diagnostics import diagnose
 from underlay.inference.fit_result import Fit, FitStatistics
 from underlay.inference.fit_warnings import warnings_of
+from underlay.inference.noise_estimate import noise_covariance
 from underlay.inference.objective import Minimum, Objective
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
@@ -31,6 +34,13 @@ def assemble(objective: Objective, minimum: Minimum, *, method: str, robust: str
     residuals, jacobian = objective.residuals(vector), objective.jacobian(vector)
     bounds_hit = _bounds_hit(problem, vector, objective.active)
     covariance, reasons = scaled_covariance(objective, jacobian, bounds_hit)
+    covariance *= robust_inflation(residuals, robust)
+    if problem.noise_entries:
+        entries = sorted(problem.noise_entries)
+        own = noise_covariance(problem, vector)
+        covariance[np.ix_(entries, entries)] = own if np.isfinite(own).all() else 0.0
+        if not np.isfinite(own).all():
+            reasons |= {problem.names[i]: "these data do not fix the noise: give it a prior" for i in entries}
     slopes = problem.space.slopes(physical)
     deviation = np.sqrt(np.diag(covariance)) * np.abs(slopes)
     stderr = {
@@ -93,6 +103,33 @@ def scaled_covariance(
             )
         kept = [i for i in kept if i not in gone]
     return covariance, reasons
+
+
+def robust_inflation(residuals: FloatArray, loss: str) -> float:
+    """Factor on the covariance of an M-estimator, E[psi^2] / E[psi']^2 over its residuals.
+
+    Huber (1981), Robust Statistics, eq. 7.6.8 (doi:10.1002/0471725250), with psi(r) = r rho'(r^2) of scipy's
+    losses; one for least squares.
+    """
+    if loss == "none":
+        return 1.0
+    z = residuals * residuals
+    weight, slope = _LOSSES[loss](z)
+    return float(np.mean(z * weight * weight) / np.mean(slope) ** 2)
+
+
+def _huber(z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    inside = z <= 1.0
+    return np.where(inside, 1.0, 1.0 / np.sqrt(np.where(inside, 1.0, z))), np.where(inside, 1.0, 0.0)
+
+
+#: rho'(z) and d(r rho'(r^2))/dr of every loss, z = r^2.
+_LOSSES: dict[str, Callable[[FloatArray], tuple[FloatArray, FloatArray]]] = {
+    "soft_l1": lambda z: ((1.0 + z) ** -0.5, (1.0 + z) ** -1.5),
+    "huber": _huber,
+    "cauchy": lambda z: (1.0 / (1.0 + z), (1.0 - z) / (1.0 + z) ** 2),
+    "arctan": lambda z: (1.0 / (1.0 + z * z), (1.0 - 3.0 * z * z) / (1.0 + z * z) ** 2),
+}
 
 
 def _bounds_hit(problem: Problem, vector: FloatArray, active: list[int]) -> dict[str, str]:

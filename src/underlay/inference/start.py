@@ -43,7 +43,7 @@ _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
 @dataclass(frozen=True)
 class _Blocks:
-    """A curve as means of neighbouring points: depth (m), force (N), each (m,)."""
+    """A curve as medians of neighbouring points: depth (m), force (N), each (m,)."""
 
     depth: FloatArray
     force: FloatArray
@@ -145,7 +145,7 @@ class _Trial:
     def _amplitudes(
         self, rows: Sequence[Mapping[str, float]], target: FloatArray, shapes: FloatArray
     ) -> FloatArray:
-        """Factor (r, c) on the layer's modulus that fits best, within its bounds; one where it is not free."""
+        """Factor (r, c) on the layer's modulus that fits best, within its bounds; one if it is fixed."""
         if not self.scales:
             return np.ones(shapes.shape[:2])
         power = np.einsum("rcm,rcm->rc", shapes, shapes)
@@ -227,11 +227,12 @@ def _project_out(rows: FloatArray, columns: FloatArray | None) -> FloatArray:
 
 
 def _average(curve: Curve) -> _Blocks:
+    # Medians: an outlier in every block must not decide where a robust fit starts.
     order = np.argsort(curve.depth, kind="stable")
     groups = np.array_split(order, min(_BLOCKS, len(order)))
     return _Blocks(
-        np.array([curve.depth[group].mean() for group in groups]),
-        np.array([curve.force[group].mean() for group in groups]),
+        np.array([np.median(curve.depth[group]) for group in groups]),
+        np.array([np.median(curve.force[group]) for group in groups]),
     )
 
 
