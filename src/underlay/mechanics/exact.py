@@ -184,43 +184,72 @@ def _solve_curve(
     """Solve for varpi up to `top`; also returns the resolution and the largest eps."""
     guess = _RadiusGuess.of(problem)
     end = min(problem.indenter.max_radius / problem.thickness, LARGEST_EPS)
-    eps = min(guess.eps(top), end)
-    if problem.pair.ratio > _SOFT and eps < end:
-        resolution = Resolution.choose(problem.pair, eps, rtol)
-        for terms in range(curve_terms(problem.pair, top, problem.exponent, rtol), MOST_TERMS + 1, 4):
+    eps = guess.eps(top)
+    if eps > end:
+        eps = end
+        _check_reach(problem, max_depth, top, end, rtol)
+    if problem.pair.ratio > _SOFT:
+        terms = curve_terms(problem.pair, top, problem.exponent, rtol)
+        while terms <= MOST_TERMS:
+            resolution = Resolution.choose(problem.pair, eps, rtol)
             targets = Stretch(top, 0.0).v(np.cos(chebyshev_angles(terms)))
-            curve = MasterCurve.through(*problem.solve(guess.eps(targets), resolution), top)
+            varpi, logarithms = problem.solve(guess.eps(targets) * (eps / guess.eps(top)), resolution)
+            if varpi[-1] < _SHORT * targets[-1] and eps < end:
+                eps = min(1.1 * eps * targets[-1] / varpi[-1], end)
+                continue
+            curve = MasterCurve.through(varpi, logarithms, top)
             if curve.error_estimate <= 0.6 * rtol:
                 return curve, resolution, eps
+            terms += 4
+    elif eps > _FAR:
+        coarse = _solve_series(problem, eps, _COARSE)[0]
+        branches = coarse.branches()
+        if len(branches) == 1 and branches[0].varpi[-1] > top:
+            eps = min(eps, 1.05 * float(coarse.radius(np.array([top]), branches[0])[0]))
     while True:
-        stretch = Stretch(eps, problem.pair.softness)
-        resolution = Resolution.choose(problem.pair, eps, rtol)
-        angles = chebyshev_angles(series_terms(problem.pair, eps, rtol))
-        radii = stretch.v(np.cos(angles))
-        varpi, logarithms = problem.solve(radii, resolution)
-        logarithms[:, Factor.RADIUS] *= -1.0
-        series = RadiusSeries(stretch, chebyshev_coefficients(logarithms, angles))
-        if series.varpi(np.array([eps]))[0] >= top:
+        series, resolution = _solve_series(problem, eps, rtol)
+        if eps == end or series.varpi(np.array([eps]))[0] >= top:
             return series.inverted(top, 0.25 * rtol), resolution, eps
-        if eps >= end:
-            raise _too_deep(problem, max_depth, float(series.varpi(np.array([eps]))[0]), eps)
         eps = min(1.25 * eps, end)
 
 
-def _too_deep(problem: _Problem, max_depth: float, reached: float, eps: float) -> RangeError:
-    deepest = float(problem.indenter.abel(np.array([reached * problem.thickness]))[0])
-    end = (
-        "the end of the indenter's shape; use a larger radius or less depth"
-        if eps < LARGEST_EPS
-        else f"a/h = {LARGEST_EPS:g}, the thinnest layer that is solved for; use less depth"
-    )
-    return RangeError(
-        f"depth {max_depth:.6g} m is beyond the largest that works here, {deepest:.6g} m, where the contact "
-        f"reaches {end}",
-        max_depth=deepest,
-    )
+def _solve_series(problem: _Problem, eps: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
+    """Solve at Chebyshev points up to `eps` and expand in the radius."""
+    stretch = Stretch(eps, problem.pair.softness)
+    resolution = Resolution.choose(problem.pair, eps, rtol)
+    angles = chebyshev_angles(series_terms(problem.pair, eps, rtol))
+    _, logarithms = problem.solve(stretch.v(np.cos(angles)), resolution)
+    # The series holds ln(varpi/eps), the curve ln(eps/varpi).
+    logarithms[:, Factor.RADIUS] *= -1.0
+    return RadiusSeries(stretch, chebyshev_coefficients(logarithms, angles)), resolution
 
 
+def _check_reach(problem: _Problem, max_depth: float, top: float, end: float, rtol: float) -> None:
+    """Raise if varpi = `top` asks for a contact radius beyond `end` thicknesses."""
+    last = float(problem.solve(np.array([end]), Resolution.choose(problem.pair, end, rtol))[0][0])
+    if last < top:
+        deepest = float(problem.indenter.abel(np.array([last * problem.thickness]))[0])
+        if end < LARGEST_EPS:
+            why = (
+                "there the contact reaches the end of the indenter's shape; use a larger radius or less depth"
+            )
+        else:
+            why = (
+                f"there the contact radius is {LARGEST_EPS:g} thicknesses; use less depth, or for contacts as "
+                "wide as that the half-space law of the substrate"
+            )
+        raise RangeError(
+            f"depth {max_depth:.6g} m is beyond the largest that works here, {deepest:.6g} m: {why}",
+            max_depth=deepest,
+        )
+
+
+# Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
+_SHORT = 0.99
+# A substrate softer than the layer makes contacts smaller than the guess: beyond this a/h it pays to look first.
+_FAR = 0.5
+_COARSE = 1e-2
+# Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
 _SOFT = 0.3
 
 
