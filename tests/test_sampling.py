@@ -29,6 +29,7 @@ from underlay.inference.informed import INFORMED, NOT_INFORMED
 from underlay.inference.priors import Flat, LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.inference.sampling import sample
+from underlay.inference.sampling_moves import moves
 
 TESTS = Path(__file__).parent
 
@@ -52,9 +53,7 @@ def test_the_posterior_is_the_known_one_and_another_is_told_apart():
     assert distance_p_value(draws, stats.norm(*baseline_answer(noise=0.5 * WHITE))) < 1e-6
 
 
-@pytest.mark.parametrize(
-    "move", [move for move, _ in sampling._moves()], ids=lambda move: type(move).__name__
-)
+@pytest.mark.parametrize("move", [move for move, _ in moves()], ids=lambda move: type(move).__name__)
 def test_every_move_yields_the_distribution(move):
     assert np.abs(variance_errors(move, 0.99)).max() < 4.0
 
