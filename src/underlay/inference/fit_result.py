@@ -19,6 +19,7 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.inference.diagnostics import ResidualDiagnostics
 from underlay.inference.problem import Problem
+from underlay.inference.provenance import provenance
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
@@ -120,8 +121,6 @@ class Fit:
         How it was reached.
     warnings : tuple of FitWarning
         What to beware of.
-    provenance : mapping
-        Versions and hashes of the curves.
     """
 
     problem: Problem = field(repr=False)
@@ -137,7 +136,6 @@ class Fit:
     diagnostics: tuple[ResidualDiagnostics, ...] = field(repr=False)
     statistics: FitStatistics = field(repr=False)
     warnings: tuple[FitWarning, ...]
-    provenance: Mapping[str, Any] = field(repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -169,6 +167,11 @@ class Fit:
             "order": options.order,
             "form": options.form,
         }
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Versions of what computed, and names, files and hashes of the curves."""
+        return provenance(self.curves)
 
     @property
     def law_reason(self) -> str:
@@ -248,7 +251,7 @@ class Fit:
             "diagnostics": [asdict(entry) for entry in self.diagnostics],
             "warnings": [asdict(warning) for warning in self.warnings],
             "scenes": [scene.parameters for scene in self.scenes],
-            "provenance": dict(self.provenance),
+            "provenance": self.provenance,
         }
         return write_atomic(path, json.dumps(_finite(document), indent=2, allow_nan=False) + "\n")
 

@@ -113,10 +113,14 @@ def _law_range(law: ContactLaw) -> list[FitWarning]:
 
 
 def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatistics) -> list[FitWarning]:
-    """The law's relative error of the force moves a modulus by about as much: compare it with its error."""
+    """The law's relative error of the force moves a modulus by as much: compare it with its error."""
     warnings = []
     for coordinate, deviation in zip(problem.coordinates, np.sqrt(np.diag(covariance)), strict=True):
-        if coordinate.path == "layer.E" and 0.0 < deviation < statistics.law_error:
+        if (
+            coordinate.scale is None
+            and not coordinate.path.startswith("noise.")
+            and 0.0 < deviation < statistics.law_error
+        ):
             warnings.append(
                 FitWarning(
                     "law-error",

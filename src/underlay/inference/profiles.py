@@ -34,6 +34,7 @@ _HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
 _GROWTH = 3.0  # a flattening profile is walked in steps at most this much longer each time
 _FARTHEST = 12.0  # scaled coordinate: a factor 1.6e5, or twelve times the range of the curve
 _MOST_STEPS = 60
+_MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
 # A fit found to be this much worse (in t) than a point of its own profile was not the optimum.
 _BETTER = 1e-3
 
@@ -70,9 +71,11 @@ class Interval:
         if has_low and has_high:
             return f"{self.name} between {low} and {high} {at}"
         if has_low:
-            return f"{self.name} > {low} {at}; no upper bound from these data{self._limit(self.high_reason, high)}"
+            limit = self._limit(self.high_reason, high)
+            return f"{self.name} > {low} {at}; no upper bound from these data{limit}"
         if has_high:
-            return f"{self.name} < {high} {at}; no lower bound from these data{self._limit(self.low_reason, low)}"
+            limit = self._limit(self.low_reason, low)
+            return f"{self.name} < {high} {at}; no lower bound from these data{limit}"
         return f"{self.name} is not bounded by these data {at}"
 
     @staticmethod
@@ -303,7 +306,7 @@ class _Walk:
             failures = self.objective.failures
             self.objective.residuals(candidate)
             if self.objective.failures == failures:
-                return minimise(self.objective, candidate)
+                return minimise(self.objective, candidate, max_evaluations=_MOST_EVALUATIONS)
         return None
 
     def _tangent(self) -> FloatArray:

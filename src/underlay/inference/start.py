@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
@@ -26,13 +27,13 @@ from underlay.scene.scene import Scene
 
 __all__ = ["scan_starts"]
 
-_BLOCKS = 60  # points of a curve after averaging neighbours: enough to place a contact to a grid step
+_BLOCKS = 32  # points of a curve after averaging neighbours: enough to place a contact to a grid step
 _SCAN_ACCURACY = Accuracy(rtol=1e-2)
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
-_RADIUS_RATIOS = np.geomspace(0.05, 4.0, 8)
+_RADIUS_RATIOS = np.geomspace(0.06, 3.0, 6)
 # Base over layer.
-_MODULUS_RATIOS = np.geomspace(1e-3, 1e3, 9)
-_CONTACT_STEPS = np.linspace(-0.25, 0.95, 25)
+_MODULUS_RATIOS = np.array([1e-2, 0.1, 0.5, 2.0, 10.0, 100.0])
+_CONTACT_STEPS = np.linspace(-0.2, 0.9, 18)
 _MODULUS = "layer.E"
 _BASE_MODULUS = "substrate.E"
 _THICKNESS = "layer.thickness"
@@ -42,7 +43,7 @@ _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
 @dataclass(frozen=True)
 class _Blocks:
-    """A curve as means of neighbouring points: depth (m), force (N), each (m,)."""
+    """A curve as medians of neighbouring points: depth (m), force (N), each (m,)."""
 
     depth: FloatArray
     force: FloatArray
@@ -99,10 +100,11 @@ def _scan(
     trial = _Trial(
         forward, blocks, free, member.base, _contacts(free, blocks, member.base[_CONTACT]), scales=scales
     )
+    thicknesses = _thicknesses(free, radii)
     found: dict[tuple[int, ...], _Candidate] = {}
-    for i, thickness in enumerate(_thicknesses(free, radii)):
-        for j, moduli in enumerate(_moduli(free, member.base, trial)):
-            candidate = trial.best({**member.base, **thickness, **moduli})
+    for j, moduli in enumerate(_moduli(free, member.base, trial)):
+        rows = [{**member.base, **thickness, **moduli} for thickness in thicknesses]
+        for i, candidate in enumerate(trial.best(rows)):
             key = (i if _THICKNESS in problem.shared else 0, j if _BASE_MODULUS in problem.shared else 0)
             if candidate is not None and (key not in found or candidate.misfit < found[key].misfit):
                 found[key] = candidate
@@ -120,40 +122,85 @@ class _Trial:
     contacts: FloatArray
     scales: bool
 
-    def best(self, values: Mapping[str, float]) -> _Candidate | None:
-        """Best contact at `values`; None where no law reaches."""
-        w = self._travel(values) - self.contacts[:, None]
-        try:
-            force = self.forward.law(values, max(float(w.max()), 0.0)).force(w)
-        except InputError:
-            return None
+    def best(self, rows: Sequence[Mapping[str, float]]) -> list[_Candidate | None]:
+        """Best contact at every one of `rows` (values by path); None where no law reaches."""
+        w = self._travel(rows[0]) - self.contacts[:, None]
+        forces, possible = self._forces(rows, w)
         linear = self._linear_columns()
-        rest = self.blocks.force - self._fixed_offset(values)
-        target, shapes = _project_out(rest, linear), _project_out(force, linear)
-        if self.scales:
-            power = np.einsum("cm,cm->c", shapes, shapes)
-            # A contact beyond the last point gives no force at all: it explains nothing.
-            amplitude = np.where(power > 0.0, shapes @ target / np.where(power > 0.0, power, 1.0), 0.0)
-            low, high = (
-                bound / values[_MODULUS] for bound in (self.free[_MODULUS].low, self.free[_MODULUS].high)
+        rest = self.blocks.force - self._fixed_offset(rows[0])
+        target, shapes = _project_out(rest, linear), _project_out(forces, linear)
+        amplitude = self._amplitudes(rows, target, shapes)
+        left = target - amplitude[..., None] * shapes
+        misfit = np.where(possible[:, None], np.einsum("rcm,rcm->rc", left, left), np.inf)
+        contact = np.argmin(misfit, axis=1)
+        return [
+            self._candidate(
+                values, float(misfit[i, j]), float(amplitude[i, j]), int(j), rest, forces[i, j], linear
             )
-            amplitude = np.clip(np.where(amplitude > 0.0, amplitude, 1e-12), low, high)
-        else:
-            amplitude = np.ones(len(self.contacts))
-        misfit = np.square(target - amplitude[:, None] * shapes).sum(axis=-1)
-        index = int(np.argmin(misfit))
+            if possible[i]
+            else None
+            for i, (values, j) in enumerate(zip(rows, contact, strict=True))
+        ]
+
+    def _amplitudes(
+        self, rows: Sequence[Mapping[str, float]], target: FloatArray, shapes: FloatArray
+    ) -> FloatArray:
+        """Factor (r, c) on the layer's modulus that fits best, within its bounds; one if it is fixed."""
+        if not self.scales:
+            return np.ones(shapes.shape[:2])
+        power = np.einsum("rcm,rcm->rc", shapes, shapes)
+        # A contact beyond the last point gives no force at all: it explains nothing.
+        felt = power > 0.0
+        amplitude = np.where(felt, shapes @ target / np.where(felt, power, 1.0), 0.0)
+        start = np.array([values[_MODULUS] for values in rows])[:, None]
+        coordinate = self.free[_MODULUS]
+        lowest = max(coordinate.low, 1e-12 * float(start.min()))
+        return np.asarray(np.clip(amplitude, lowest / start, coordinate.high / start))
+
+    def _forces(
+        self, rows: Sequence[Mapping[str, float]], w: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Contact forces (r, c, m) and which rows have a law; equal ratios are asked of one law at once."""
+        similarity, deepest = self.forward.similarity, max(float(w.max()), 0.0)
+        factors = np.array([similarity.factors(values) for values in rows])
+        ratios = [similarity.reduced(values) for values in rows]
+        b, c = factors[:, :1, None], factors[:, 1:, None]
+        if len(set(ratios)) == 1:
+            try:
+                law = self.forward.reference_law(ratios[0], float(b.max()) * deepest)
+                return c * law.force(b * w), np.ones(len(rows), dtype=bool)
+            except InputError:
+                pass  # one row is out of reach: each by itself
+        forces = np.zeros((len(rows), *w.shape))
+        possible = np.ones(len(rows), dtype=bool)
+        for i, ratio in enumerate(ratios):
+            try:
+                law = self.forward.reference_law(ratio, float(factors[i, 0]) * deepest)
+                forces[i] = factors[i, 1] * law.force(factors[i, 0] * w)
+            except InputError:
+                possible[i] = False
+        return forces, possible
+
+    def _candidate(
+        self,
+        values: Mapping[str, float],
+        misfit: float,
+        amplitude: float,
+        contact: int,
+        rest: FloatArray,
+        force: FloatArray,
+        linear: FloatArray | None,
+    ) -> _Candidate:
+        """One grid point with the linear parameters that go with it."""
         found = {path: values[path] for path in (_MODULUS, _BASE_MODULUS, _THICKNESS) if path in self.free}
         if self.scales:
-            for path in (_MODULUS, _BASE_MODULUS):
-                if path in found:
-                    found[path] *= float(amplitude[index])
+            found |= {path: amplitude * found[path] for path in (_MODULUS, _BASE_MODULUS) if path in found}
         if _CONTACT in self.free:
-            found[_CONTACT] = float(self.contacts[index])
+            found[_CONTACT] = float(self.contacts[contact])
         if linear is not None:
-            left = rest - amplitude[index] * force[index]
-            solved = np.linalg.lstsq(linear, left, rcond=None)[0]
+            solved = np.linalg.lstsq(linear, rest - amplitude * force, rcond=None)[0]
             found.update(zip((path for path in _LINEAR if path in self.free), solved.tolist(), strict=True))
-        return _Candidate(float(misfit[index]), found)
+        return _Candidate(misfit, found)
 
     def _travel(self, values: Mapping[str, float]) -> FloatArray:
         """Depth without the frame's share, which the measured force gives without knowing the sample."""
@@ -180,11 +227,12 @@ def _project_out(rows: FloatArray, columns: FloatArray | None) -> FloatArray:
 
 
 def _average(curve: Curve) -> _Blocks:
+    # Medians: an outlier in every block must not decide where a robust fit starts.
     order = np.argsort(curve.depth, kind="stable")
     groups = np.array_split(order, min(_BLOCKS, len(order)))
     return _Blocks(
-        np.array([curve.depth[group].mean() for group in groups]),
-        np.array([curve.force[group].mean() for group in groups]),
+        np.array([np.median(curve.depth[group]) for group in groups]),
+        np.array([np.median(curve.force[group]) for group in groups]),
     )
 
 
@@ -232,7 +280,7 @@ def _moduli(
         grid = [{_BASE_MODULUS: base[_MODULUS] * ratio} for ratio in _MODULUS_RATIOS]
         return [*grid, {_BASE_MODULUS: base[_BASE_MODULUS]}]
     # The base's modulus is known: the layer's is tried about the value that a half-space would have.
-    apparent = replace(trial, scales=True).best({**base, _BASE_MODULUS: base[_MODULUS]})
+    apparent = replace(trial, scales=True).best([{**base, _BASE_MODULUS: base[_MODULUS]}])[0]
     centre = base[_MODULUS] if apparent is None else apparent.values[_MODULUS]
     low, high = free[_MODULUS].low, free[_MODULUS].high
     grid = [{_MODULUS: min(max(centre * factor, low), high)} for factor in 3.0 ** np.arange(-5.0, 6.0)]
