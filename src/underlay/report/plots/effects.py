@@ -49,7 +49,7 @@ def effects(
     depth = sizes.pop("depth").to_numpy()
     length, unit = unit_for(depth, "length")
     with style():
-        drawn = axes(ax)
+        drawn = axes(ax, height=3.2)
         for name, size in sizes.items():
             drawn.loglog(
                 depth / unit, 100.0 * np.abs(size.to_numpy()), label=_label(str(name), size.iloc[-1])
@@ -57,16 +57,15 @@ def effects(
         drawn.axhline(100.0 * wanted.rtol, color=GREY, ls=":", lw=1.0)
         drawn.annotate(
             f"rtol = {wanted.rtol:g}",
-            (1.0, 100.0 * wanted.rtol),
+            (0.01, 100.0 * wanted.rtol),
             xycoords=("axes fraction", "data"),
-            ha="right",
             va="bottom",
             fontsize=7.0,
         )
         drawn.set_xlabel(f"depth since contact ({length})")
         drawn.set_ylabel("change of the force (%)")
         if len(sizes.columns):
-            drawn.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+            drawn.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
     return drawn
 
 
