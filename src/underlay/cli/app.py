@@ -8,6 +8,7 @@ import typer
 
 from underlay.cli.console import say_error
 from underlay.cli.demo import demo
+from underlay.cli.effects import effects
 from underlay.cli.fit import fit
 from underlay.cli.simulate import simulate
 from underlay.errors import UnderlayError
@@ -24,7 +25,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, fit, simulate):
+for command in (demo, effects, fit, simulate):
     app.command()(command)
 
 
