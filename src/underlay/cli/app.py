@@ -9,6 +9,7 @@ import typer
 from underlay.cli.console import say_error
 from underlay.cli.demo import demo
 from underlay.cli.fit import fit
+from underlay.cli.report import report
 from underlay.cli.simulate import simulate
 from underlay.errors import UnderlayError
 
@@ -24,7 +25,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, fit, simulate):
+for command in (demo, fit, simulate, report):
     app.command()(command)
 
 

@@ -22,10 +22,13 @@ from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
     from underlay.inference.fit_result import Fit
+    from underlay.inference.identifiability import Identifiability
     from underlay.inference.posterior import Posterior
+    from underlay.inference.profiles import Profile
     from underlay.scene.scene import Scene
 
 __all__ = [
+    "combinations_table",
     "correlated_pairs",
     "diagnostics_table",
     "effects_table",
@@ -34,6 +37,7 @@ __all__ = [
     "interval_table",
     "posterior_diagnostics_table",
     "posterior_table",
+    "prior_table",
     "provenance_table",
     "reservations_table",
     "scene_table",
@@ -77,10 +81,13 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["parameters", "correlation"])
 
 
-def interval_table(result: Fit) -> pd.DataFrame:
-    """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior."""
+def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -> pd.DataFrame:
+    """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
+
+    Intervals are those of `profiles`, by name of the parameter, where there are some.
+    """
     rows = []
-    for entry in estimates(result):
+    for entry in estimates(result, profiles):
         kind = kind_of(entry.path)
         relative = abs(result.stderr[entry.name] / entry.value) if entry.value else math.inf
         rows.append(
@@ -261,6 +268,16 @@ def file_hash(path: str | Path) -> str:
     return digest.hexdigest()
 
 
+def combinations_table(told: Identifiability) -> pd.DataFrame:
+    """Return which products of parameters the data fix, best first, as text."""
+    rows = [
+        {"product": entry.formula, "verdict": entry.verdict,
+         "relative error": f"{100.0 * entry.relative_sd:.2g} %" if math.isfinite(entry.relative_sd) else "none"}
+        for entry in told.combinations
+    ]  # fmt: skip
+    return _labelled(rows or [{"product": "none", "verdict": "", "relative error": ""}])
+
+
 def posterior_table(posterior: Posterior) -> pd.DataFrame:
     """Return one row per parameter and derived quantity: median, 68 % and 95 % intervals, what the data told."""
     rows = []
@@ -286,6 +303,20 @@ def _derived_kind(name: str) -> str:
     if path == "stiffness":
         return "stiffness"
     return "pressure" if path.endswith("modulus") else kind_of(path)
+
+
+def prior_table(posterior: Posterior) -> pd.DataFrame:
+    """Return each parameter before and after the test, and what the data told, as text."""
+    rows = []
+    for name, row in posterior.prior_comparison().iterrows():
+        kind = kind_of(str(name).partition("[")[0])
+        spans = {
+            when: f"{format_quantity(row[f'{key}_low'], kind)} to {format_quantity(row[f'{key}_high'], kind)}"
+            for when, key in (("before (95 %)", "prior"), ("after (95 %)", "posterior"))
+        }
+        narrowed = f"{100.0 * row['narrowing']:.0f} %"
+        rows.append({"parameter": label(str(name)), **spans, "narrowed by": narrowed, "data": row["informed"]})
+    return _labelled(rows)
 
 
 def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:

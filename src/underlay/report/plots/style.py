@@ -33,6 +33,7 @@ __all__ = [
     "PAGE",
     "PURPLE",
     "REFERENCE",
+    "SEQUENTIAL",
     "SKY",
     "SUBSTRATE",
     "YELLOW",
@@ -61,6 +62,8 @@ GREY = "#b0b0b0"
 INK, METAL, LAYER, SUBSTRATE = "#1b1f24", "#9aa5b1", "#cfe5f5", "#c9b79c"
 #: Blue for negative, orange for positive, distinguishable with every common colour vision.
 DIVERGING = "PuOr_r"
+#: Dark to light in even steps, also without colour.
+SEQUENTIAL = "viridis"
 
 _STYLE: dict[str, Any] = {
     "font.size": 8.0,
