@@ -78,7 +78,8 @@ def source_of(value: Any) -> str:
         return repr(float(value))
     if isinstance(value, list | tuple):
         inner = ", ".join(source_of(entry) for entry in value)
-        return f"({inner},)" if isinstance(value, tuple) else f"[{inner}]"
+        comma = "," if len(value) == 1 else ""
+        return f"({inner}{comma})" if isinstance(value, tuple) else f"[{inner}]"
     return repr(value)
 
 

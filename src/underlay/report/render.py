@@ -64,6 +64,8 @@ def report(
         raise InputError(
             f"this posterior is of {', '.join(result.names)}; the problem frees {', '.join(problem.names)}"
         )
+    if problem is not None:
+        repeat |= _origins(problem)
     files = [] if problem is None else write_inputs(problem, inputs)
     names = [file.relative_to(target.parent).as_posix() for file in files]
     load = "" if problem is None else problem_source(problem, names)
@@ -135,6 +137,12 @@ def _posterior_notebook(name: str, load: str, facts: Mapping[str, str], files: S
             "files": ", ".join(map(repr, files)),
         },
     )
+
+
+def _origins(problem: Problem) -> dict[str, str]:
+    """Which files the curves of a problem were read from, before they were copied."""
+    known = [(curve.metadata.get("path"), curve.metadata.get("sha256")) for curve in problem.curves]
+    return {f"curve {n} taken from": f"{path}, SHA-256 {sha}" for n, (path, sha) in enumerate(known, 1) if path}
 
 
 def _load_source(names: Sequence[str]) -> str:

@@ -119,7 +119,8 @@ def posterior_summary(posterior: Posterior) -> str:
             parts.append(f"**{sentence}**")
     d = posterior.diagnostics
     state = "The sampling converged" if posterior.converged else "**The sampling did not converge**"
-    return "\n\n".join([" ".join(parts), f"{state}: {d.reason.rstrip('.')}."])
+    reason = d.reason.removeprefix("converged: ").rstrip(".")
+    return "\n\n".join([" ".join(parts), f"{state}: {reason}."])
 
 
 def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
