@@ -30,7 +30,9 @@ test_curve.__test__ = False  # a helper, whatever its name suggests
 
 
 def rows(columns, pattern, separator="\t", end="\r\n"):
-    return "".join(separator.join(pattern % value for value in row) + end for row in zip(*columns, strict=True))
+    return "".join(
+        separator.join(pattern % value for value in row) + end for row in zip(*columns, strict=True)
+    )
 
 
 # --- Optics11
@@ -123,7 +125,9 @@ def mach1(tests=1, *, multiaxis=False, contact=True, ramps=1):
         text += "".join("".join(lines[i * step : (i + 1) * step]) + "<divider>\r\n" for i in range(ramps))
         text += "<END DATA>\r\n"
         text += info + "<Zero Load>\r\nFunction without controls\r\n<DATA>\r\n" + names
-        text += rows((np.arange(3) * 0.01, np.full(3, -3.5), np.zeros(3), np.zeros(3)), "%.6f") + "<END DATA>\r\n"
+        text += (
+            rows((np.arange(3) * 0.01, np.full(3, -3.5), np.zeros(3), np.zeros(3)), "%.6f") + "<END DATA>\r\n"
+        )
     return text.encode("ascii")
 
 
@@ -132,7 +136,10 @@ def relaxation(ramps=1, deepest=1e-4, peak=5e-3):
     ramp, rest = 60, 140
     time = np.arange(ramps * (ramp + rest)) * 0.05
     depth = np.concatenate(
-        [deepest / ramps * np.concatenate((i + np.linspace(0.0, 1.0, ramp), np.full(rest, i + 1.0))) for i in range(ramps)]
+        [
+            deepest / ramps * np.concatenate((i + np.linspace(0.0, 1.0, ramp), np.full(rest, i + 1.0)))
+            for i in range(ramps)
+        ]
     )
     since = np.concatenate([np.concatenate((np.zeros(ramp), np.arange(rest) * 0.05)) for _ in range(ramps)])
     return time, depth, peak * (depth / deepest) ** 1.5 * (0.5 + 0.5 * np.exp(-since / 0.7))
@@ -230,7 +237,11 @@ def fischer(tests=2):
 def nanosuite():
     """Two tests in different orders of columns, a failed value, averages, and a junk sheet."""
     time, depth, force = test_curve(1e-6, 1e-2)
-    markers = {0: "Load Segment Type", RAMP: "Hold Segment Type", RAMP + REST: "Unload From Peak Segment Type"}
+    markers = {
+        0: "Load Segment Type",
+        RAMP: "Hold Segment Type",
+        RAMP + REST: "Unload From Peak Segment Type",
+    }
 
     def sheet(order, spoil):
         columns = {
@@ -248,7 +259,11 @@ def nanosuite():
         return table
 
     names = ["Displacement Into Surface", "Load On Sample", "Time On Sample", "Harmonic Contact Stiffness"]
-    averages = [["", "Load On Sample", "STANDARD DEVIATION (Load On Sample)"], ["", "mN", "mN"], ["", 1.0, 0.1]]
+    averages = [
+        ["", "Load On Sample", "STANDARD DEVIATION (Load On Sample)"],
+        ["", "mN", "mN"],
+        ["", 1.0, 0.1],
+    ]
     return xls(
         {
             "Sample": averages,
@@ -260,9 +275,24 @@ def nanosuite():
 
 
 ZWICK = {
-    "fr": ("Paramètres", "Résultats", "Statistiques", ("Temps d'essai", "Force standard", "Allongement", "Ecartement entre outils")),
-    "de": ("Parameter", "Ergebnisse", "Statistik", ("Prüfzeit", "Standardkraft", "Standardweg", "Werkzeugabstand")),
-    "en": ("Parameters", "Results", "Statistics", ("Test time", "Standard force", "Standard travel", "Tool separation")),
+    "fr": (
+        "Paramètres",
+        "Résultats",
+        "Statistiques",
+        ("Temps d'essai", "Force standard", "Allongement", "Ecartement entre outils"),
+    ),
+    "de": (
+        "Parameter",
+        "Ergebnisse",
+        "Statistik",
+        ("Prüfzeit", "Standardkraft", "Standardweg", "Werkzeugabstand"),
+    ),
+    "en": (
+        "Parameters",
+        "Results",
+        "Statistics",
+        ("Test time", "Standard force", "Standard travel", "Tool separation"),
+    ),
     "xx": ("Parameter", "Results", "?", ("a", "b", "c", "d")),
 }
 

@@ -83,10 +83,12 @@ class ContactSeries(ABC):
         del depth
         return self.force(s)[0]
 
-    def parameter(self, depth: FloatArray) -> FloatArray:
-        """Solve w(s) = `depth` (m, positive, at most w(`end`))."""
+    def parameter(self, depth: FloatArray, end: float | None = None) -> FloatArray:
+        """Solve w(s) = `depth` (m, positive, at most w(`end`)); a known `end` (m) saves finding it again."""
         start = self.start(depth)
-        return start if self.is_explicit else invert_increasing(self.depth, depth, start, self.end)
+        if self.is_explicit:
+            return start
+        return invert_increasing(self.depth, depth, start, self.end if end is None else end)
 
 
 @dataclass(frozen=True)

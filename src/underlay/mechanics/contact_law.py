@@ -17,7 +17,10 @@ import numpy as np
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError, RangeError
 
-__all__ = ["ContactLaw"]
+__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw"]
+
+#: Why a law ends at the depth it was built for; completes the sentence of a RangeError.
+CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; build it with a larger max_depth"
 
 # Newton in log-log coordinates on a smooth increasing law: quadratic after the first steps.
 _MAX_NEWTON_STEPS = 60
