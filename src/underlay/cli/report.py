@@ -27,8 +27,8 @@ _SAME = 1e-6
 Results = Annotated[
     list[Path],
     typer.Argument(
-        help="What to report: a curve (with --scene), a .fit.json of `underlay fit`, a saved posterior (.npz), "
-        "or a curve and its posterior.",
+        help="What to report: a curve (with --scene), a .fit.json of `underlay fit`, a saved posterior "
+        "(.npz), or a curve and its posterior.",
         metavar="RESULT...",
     ),
 ]
@@ -128,7 +128,7 @@ def _read_record(path: Path) -> _Record:
 
 
 def _check_record(record: _Record, problem: Problem) -> None:
-    """Refuse a record whose curve or scene is no longer what was fitted: its page would show something else."""
+    """Refuse a record whose curve or scene is no longer what was fitted: its page would show another fit."""
     if curve_hash(problem.curves[0]) != record.data_sha256:
         raise InputError(f"{record.curve} has changed since {record.path} was made; fit it again")
     found = least_squares_fit(problem)

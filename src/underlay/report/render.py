@@ -75,7 +75,9 @@ def report(
     else:
         saved = require_writable_folder(inputs) / "posterior.npz"
         result.save(saved)
-        notebook = _posterior_notebook(name, load, repeat, [saved.relative_to(target.parent).as_posix(), *names])
+        notebook = _posterior_notebook(
+            name, load, repeat, [saved.relative_to(target.parent).as_posix(), *names]
+        )
     return write_report(notebook, target)
 
 
@@ -142,7 +144,9 @@ def _posterior_notebook(name: str, load: str, facts: Mapping[str, str], files: S
 def _origins(problem: Problem) -> dict[str, str]:
     """Which files the curves of a problem were read from, before they were copied."""
     known = [(curve.metadata.get("path"), curve.metadata.get("sha256")) for curve in problem.curves]
-    return {f"curve {n} taken from": f"{path}, SHA-256 {sha}" for n, (path, sha) in enumerate(known, 1) if path}
+    return {
+        f"curve {n} taken from": f"{path}, SHA-256 {sha}" for n, (path, sha) in enumerate(known, 1) if path
+    }
 
 
 def _load_source(names: Sequence[str]) -> str:

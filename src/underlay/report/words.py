@@ -91,8 +91,8 @@ def summary(result: Fit, profiles: Mapping[str, Profile] | None = None) -> str:
     lines = [f"**{_sentence(entry)}**" for entry in found]
     paragraphs = [" ".join(lines)]
     paragraphs += [
-        f"{_start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): if one "
-        f"is wrong, so is the other."
+        f"{_start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): "
+        f"if one is wrong, so is the other."
         for first, second, value in strong_pairs(result)
         if _is_of_the_sample(first) and _is_of_the_sample(second)
     ]
@@ -114,7 +114,10 @@ def posterior_summary(posterior: Posterior) -> str:
         )
         sentence = f"{_start(label(str(name)))} {_with_level(text)}."
         if row["informed"] == "not informed by these data":
-            sentence = f"{_start(label(str(name)))} is not informed by these data: {_with_level(text)} is what was known before."
+            sentence = (
+                f"{_start(label(str(name)))} is not informed by these data: {_with_level(text)} is what was "
+                "known before."
+            )
         if _is_of_the_sample(str(name)):
             parts.append(f"**{sentence}**")
     d = posterior.diagnostics
@@ -186,8 +189,8 @@ def _narrowness_sentence(result: Fit) -> str:
     if not worst:
         return ""
     return (
-        f"**The intervals above are too narrow, by a factor of about {worst:.1f}**: the residuals hang together, "
-        f"so the points tell less than their number."
+        f"**The intervals above are too narrow, by a factor of about {worst:.1f}**: the residuals hang "
+        "together, so the points tell less than their number."
     )
 
 

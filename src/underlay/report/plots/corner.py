@@ -95,7 +95,13 @@ class _Column:
     def draw(self, cell: Axes) -> None:
         """Histogram, prior, median and truth."""
         heights, _, _ = cell.hist(
-            self.draws, bins=_BINS, range=self.window, density=True, histtype="stepfilled", color=FIT, alpha=0.8
+            self.draws,
+            bins=_BINS,
+            range=self.window,
+            density=True,
+            histtype="stepfilled",
+            color=FIT,
+            alpha=0.8,
         )
         if self.prior is not None:
             # Each quantile stands for an equal share of the prior, most of which may lie outside the picture.

@@ -44,7 +44,9 @@ def map(  # noqa: A001  the public name; the builtin is not used here
     """
     for name in (x, y, column):
         if name not in table.columns:
-            raise InputError(f"the table has no column {name!r}; it has {', '.join(str(name) for name in table.columns)}")
+            raise InputError(
+                f"the table has no column {name!r}; it has {', '.join(str(name) for name in table.columns)}"
+            )
     values = table[column].to_numpy(dtype=float)
     known = np.isfinite(values)
     if not known.any():
@@ -58,14 +60,24 @@ def map(  # noqa: A001  the public name; the builtin is not used here
         half = 0.5 * _pitch(across, up)
         corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
         squares = np.stack([across, up], axis=-1)[:, None, :] + corners
-        ax.add_collection(PolyCollection(list(squares[~known] / scale), facecolors=GREY, edgecolors="face", lw=0.2))
-        drawn = PolyCollection(list(squares[known] / scale), array=values[known] / factor, cmap=SEQUENTIAL, edgecolors="face", lw=0.2)
+        ax.add_collection(
+            PolyCollection(list(squares[~known] / scale), facecolors=GREY, edgecolors="face", lw=0.2)
+        )
+        drawn = PolyCollection(
+            list(squares[known] / scale),
+            array=values[known] / factor,
+            cmap=SEQUENTIAL,
+            edgecolors="face",
+            lw=0.2,
+        )
         ax.add_collection(drawn)
         ax.autoscale_view()
         figure = ax.get_figure(root=False)
         if figure is not None:
             words = label(column)
-            figure.colorbar(drawn, cax=ax.inset_axes((1.04, 0.0, 0.05, 1.0))).set_label(f"{words} ({unit})" if unit else words)
+            figure.colorbar(drawn, cax=ax.inset_axes((1.04, 0.0, 0.05, 1.0))).set_label(
+                f"{words} ({unit})" if unit else words
+            )
         ax.set_xlabel(f"x ({length})")
         ax.set_ylabel(f"y ({length})")
     return ax

@@ -45,7 +45,12 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
         ends = (np.nanmin(relative), np.nanmax(relative))
         norm = LogNorm(max(ends[0], _BEST), min(max(ends[1], 2.0 * max(ends[0], _BEST)), _WORST))
         mesh = ax.pcolormesh(
-            tests.radii / radius, tests.depths / depth, relative, cmap=SEQUENTIAL, norm=norm, shading="nearest"
+            tests.radii / radius,
+            tests.depths / depth,
+            relative,
+            cmap=SEQUENTIAL,
+            norm=norm,
+            shading="nearest",
         )
         ax.set_xscale("log")
         ax.set_yscale("log")
@@ -56,7 +61,14 @@ def plan(tests: Plan, *, ax: Axes | None = None) -> Axes:
         if np.isfinite(tests.stderr).any():
             best = tests.best
             ax.plot(
-                best[0] / radius, best[1] / depth, "*", ms=12, mfc="white", mec=INK, mew=0.8, label="recommended"
+                best[0] / radius,
+                best[1] / depth,
+                "*",
+                ms=12,
+                mfc="white",
+                mec=INK,
+                mew=0.8,
+                label="recommended",
             )
             ax.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
         figure = ax.get_figure(root=False)

@@ -65,7 +65,8 @@ DIVERGING = "PuOr_r"
 #: Dark to light in even steps, also without colour.
 SEQUENTIAL = "viridis"
 
-_STYLE: dict[str, Any] = {
+# Any: the names of all settings differ between versions of matplotlib.
+_STYLE: Any = {
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.labelsize": 8.0,
