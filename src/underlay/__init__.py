@@ -6,9 +6,14 @@ from underlay.data.readers import read, read_all
 from underlay.data.synthetic import simulate, synthesize
 from underlay.errors import UnderlayError, UnderlayWarning
 from underlay.inference.from_files import load_problem
+from underlay.inference.identifiability import identifiability
 from underlay.inference.least_squares import fit
+from underlay.inference.planning import plan
+from underlay.inference.posterior import Posterior
 from underlay.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
+from underlay.inference.profiles import profile
+from underlay.inference.sampling import sample
 from underlay.mechanics.accuracy import Accuracy, contact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.kernel import SubstrateKernel
@@ -37,6 +42,7 @@ __all__ = [
     "Noise",
     "Normal",
     "Paraboloid",
+    "Posterior",
     "PowerLaw",
     "Problem",
     "Profile",
@@ -49,14 +55,18 @@ __all__ = [
     "Uniform",
     "contact_law",
     "fit",
+    "identifiability",
     "load_problem",
     "load_scene",
     "modulus_from_stiffness",
+    "plan",
     "plots",
+    "profile",
     "published_corrections",
     "read",
     "read_all",
     "report",
+    "sample",
     "simulate",
     "synthesize",
 ]

@@ -10,6 +10,7 @@ from underlay.cli.console import say_error
 from underlay.cli.demo import demo
 from underlay.cli.effects import effects
 from underlay.cli.fit import fit
+from underlay.cli.report import report
 from underlay.cli.simulate import simulate
 from underlay.errors import UnderlayError
 
@@ -25,7 +26,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, effects, fit, simulate):
+for command in (demo, fit, simulate, effects, report):
     app.command()(command)
 
 

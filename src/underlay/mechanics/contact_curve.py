@@ -26,7 +26,15 @@ from underlay.mechanics.materials import PlaneConstants, Real
 from underlay.mechanics.punch_solution import PunchSolution
 from underlay.mechanics.radius_series import Branch, RadiusSeries
 
-__all__ = ["LARGEST_EPS", "ContactProblem", "RadiusGuess", "SolvedCurve", "contact_factors", "depth_measure", "solve_curve"]
+__all__ = [
+    "LARGEST_EPS",
+    "ContactProblem",
+    "RadiusGuess",
+    "SolvedCurve",
+    "contact_factors",
+    "depth_measure",
+    "solve_curve",
+]
 
 #: Largest contact radius over thickness that is solved for.
 LARGEST_EPS = 20.0
@@ -178,9 +186,7 @@ def contact_factors(
         return punch.eps * swell, np.log(factors, out=factors)
     lengths = punch.eps * thickness
     shape = indenter.abel(lengths)
-    depth, force = punch.depth_and_force(
-        _shape_weights(indenter, punch.rule, lengths) / shape[..., None]
-    )
+    depth, force = punch.depth_and_force(_shape_weights(indenter, punch.rule, lengths) / shape[..., None])
     depth = depth * shape
     radius = measure.halfspace_radius(depth)
     factors[..., Factor.RADIUS] = lengths / radius
@@ -320,7 +326,9 @@ def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> F
     2 n - 2, up to n half waves squeezed by two, and takes its share of them.
     """
     count = rule.nodes.size
-    s, weights = legendre_rule((_SMOOTH_NODES if isinstance(indenter, Sphere) else _MEASURED_NODES) + 4 * count)
+    s, weights = legendre_rule(
+        (_SMOOTH_NODES if isinstance(indenter, Sphere) else _MEASURED_NODES) + 4 * count
+    )
     s = 0.5 * (s + 1.0)
     fine = s**3 * (10.0 - s * (15.0 - 6.0 * s))
     weights = 15.0 * weights * (s * (1.0 - s)) ** 2
