@@ -5,6 +5,8 @@ from underlay.data.noise import Noise
 from underlay.data.readers import read, read_all
 from underlay.data.synthetic import simulate, synthesize
 from underlay.errors import UnderlayError, UnderlayWarning
+from underlay.inference.batch import fit_many
+from underlay.inference.batch_model import Sampling
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import fit
 from underlay.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
@@ -36,6 +38,7 @@ __all__ = [
     "Paraboloid",
     "PowerLaw",
     "Problem",
+    "Sampling",
     "Scene",
     "Sphere",
     "SubstrateKernel",
@@ -45,6 +48,7 @@ __all__ = [
     "Uniform",
     "contact_law",
     "fit",
+    "fit_many",
     "load_problem",
     "load_scene",
     "plots",
