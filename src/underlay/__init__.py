@@ -15,8 +15,11 @@ from underlay.mechanics.accuracy import Accuracy, contact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.profile import Profile
 from underlay.mechanics.published import published_corrections
+from underlay.mechanics.stiffness_relation import modulus_from_stiffness
 from underlay.report import plots
+from underlay.report.render import report
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import load_scene
@@ -38,6 +41,7 @@ __all__ = [
     "Paraboloid",
     "PowerLaw",
     "Problem",
+    "Profile",
     "Sampling",
     "Scene",
     "Sphere",
@@ -51,10 +55,12 @@ __all__ = [
     "fit_many",
     "load_problem",
     "load_scene",
+    "modulus_from_stiffness",
     "plots",
     "published_corrections",
     "read",
     "read_all",
+    "report",
     "simulate",
     "synthesize",
 ]

@@ -10,7 +10,6 @@ import io
 import json
 import math
 import os
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -18,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from underlay._files import write_atomic
 from underlay.data.curve import Curve
 from underlay.data.metadata import Metadata
-from underlay.errors import FileAccessError, InputError, MissingExtraError
+from underlay.errors import InputError, MissingExtraError
 
 __all__ = ["HDF5_MARK", "METADATA_MARK", "write_curves", "write_json"]
 
@@ -66,7 +66,7 @@ def write_curves(curves: Curve | Sequence[Curve], path: str | os.PathLike[str]) 
         ) from None
     if not chosen:
         raise InputError("there is no curve to write")
-    return _replace(file, encode(chosen))
+    return write_atomic(file, encode(chosen))
 
 
 def write_json(content: Mapping[str, Any], path: str | os.PathLike[str]) -> Path:
@@ -79,30 +79,7 @@ def write_json(content: Mapping[str, Any], path: str | os.PathLike[str]) -> Path
     FileAccessError
         If the file cannot be written; an old one of that name is then untouched.
     """
-    return _replace(Path(path), _json_bytes(Metadata(content).to_dict(), indent=2))
-
-
-def _replace(file: Path, content: bytes) -> Path:
-    """Write beside the file and then take its name, so that no reader sees half of it."""
-    temporary = ""
-    try:
-        descriptor, temporary = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
-        with os.fdopen(descriptor, "wb") as stream:
-            stream.write(content)
-        Path(temporary).chmod(0o666 & ~_umask())
-        Path(temporary).replace(file)
-    except OSError as error:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
-        raise FileAccessError(f"cannot write {str(file)!r}: {error.strerror}") from error
-    return file
-
-
-def _umask() -> int:
-    # There is no other way to ask for it than to set it.
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    return write_atomic(path, _json_bytes(Metadata(content).to_dict(), indent=2))
 
 
 def _json_bytes(content: Any, indent: int | None = None) -> bytes:

@@ -57,7 +57,7 @@ def assemble(objective: Objective, minimum: Minimum, *, method: str, robust: str
         ),
         diagnostics=diagnostics,
         statistics=statistics,
-        warnings=warnings_of(problem, reasons, bounds_hit, covariance, diagnostics, statistics),
+        warnings=warnings_of(problem, law, reasons, bounds_hit, covariance, diagnostics, statistics),
         provenance=provenance(problem.curves),
     )
 

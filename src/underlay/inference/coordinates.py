@@ -8,16 +8,18 @@ depend on the units.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.priors import Flat, LogUniform, Prior, Uniform
 from underlay.scene.parameters import kind_of
 
-__all__ = ["Coordinate", "Spans", "is_scale", "make_coordinate"]
+__all__ = ["Coordinate", "ScaledSpace", "Spans", "is_scale", "make_coordinate"]
 
 _SCALES = frozenset({"pressure", "compliance", "time"})
 _SCALE_FIELDS = frozenset({"thickness", "radius", "coefficient"})
@@ -84,16 +86,41 @@ class Coordinate:
             return float(np.log(value / self.reference))
         return (value - self.reference) / self.scale
 
-    def slope(self, value: FloatArray) -> FloatArray:
-        """dx/dq (SI) at x, same shape."""
-        return np.asarray(value) if self.scale is None else np.full(np.shape(value), self.scale)
-
     def log_prior(self, q: FloatArray) -> FloatArray:
         """Log-density of q: that of x plus ln |dx/dq|; -inf outside the bounds."""
         value = self.physical(np.asarray(q, dtype=np.float64))
         jacobian = np.log(value) if self.scale is None else np.log(self.scale)
         inside = (value >= self.low) & (value <= self.high)
         return np.where(inside, self.prior.log_density(value) + jacobian, -np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledSpace:
+    """All coordinates of a problem at once: vectors (..., k) in and out without a loop over entries."""
+
+    reference: FloatArray
+    scale: FloatArray
+    logarithmic: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, coordinates: Sequence[Coordinate]) -> ScaledSpace:
+        """Gather the coordinates of a problem."""
+        return cls(
+            reference=np.array([c.reference for c in coordinates]),
+            scale=np.array([1.0 if c.scale is None else c.scale for c in coordinates]),
+            logarithmic=np.array([c.scale is None for c in coordinates]),
+        )
+
+    def physical(self, q: FloatArray) -> FloatArray:
+        """Values (SI), (..., k), at scaled vectors (..., k)."""
+        values: FloatArray = self.reference + self.scale * q
+        logarithmic = self.logarithmic
+        values[..., logarithmic] = self.reference[logarithmic] * np.exp(q[..., logarithmic])
+        return values
+
+    def slopes(self, physical: FloatArray) -> FloatArray:
+        """dx/dq (SI), (..., k), at values (..., k)."""
+        return np.where(self.logarithmic, physical, self.scale)
 
 
 def is_scale(path: str) -> bool:

@@ -176,6 +176,15 @@ class Fit:
         return f"{self.statistics.law_method}: {self.statistics.law_reason}"
 
     @property
+    def sigmas(self) -> tuple[FloatArray, ...]:
+        """Standard deviation of the noise (N), one array (n,) per curve, at the optimum."""
+        physical = self.problem.physical(self.vector)
+        return tuple(
+            member.sigma(member.reading(physical), noise)
+            for member, noise in zip(self.problem.members, self.noises, strict=True)
+        )
+
+    @property
     def correlations(self) -> pd.DataFrame:
         """Correlation matrix of the parameters that have error bars."""
         kept = [i for i, name in enumerate(self.names) if name not in self.no_error_bars]

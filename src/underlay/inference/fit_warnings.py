@@ -10,6 +10,8 @@ from underlay._arrays import FloatArray
 from underlay.inference.diagnostics import ResidualDiagnostics
 from underlay.inference.fit_result import FitStatistics, FitWarning
 from underlay.inference.problem import Problem
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.published import PublishedLaw
 
 __all__ = ["warnings_of"]
 
@@ -20,6 +22,7 @@ _STRONG_CORRELATION = 0.99
 
 def warnings_of(
     problem: Problem,
+    law: ContactLaw,
     reasons: Mapping[str, str],
     bounds_hit: Mapping[str, str],
     covariance: FloatArray,
@@ -43,7 +46,8 @@ def warnings_of(
         *_unfixed(problem, covariance),
         *_correlated(problem, covariance),
         *_residuals(diagnostics),
-        *_law(problem, covariance, statistics),
+        *_law_range(law),
+        *_law_error(problem, covariance, statistics),
     )
 
 
@@ -101,7 +105,14 @@ def _residuals(diagnostics: Sequence[ResidualDiagnostics]) -> list[FitWarning]:
     return warnings
 
 
-def _law(problem: Problem, covariance: FloatArray, statistics: FitStatistics) -> list[FitWarning]:
+def _law_range(law: ContactLaw) -> list[FitWarning]:
+    if isinstance(law, PublishedLaw) and law.warnings:
+        broken = "; ".join(str(entry) for entry in law.warnings)
+        return [FitWarning("law-range", f"{law.method} is used outside its range: {broken}")]
+    return []
+
+
+def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatistics) -> list[FitWarning]:
     """The law's relative error of the force moves a modulus by about as much: compare it with its error."""
     warnings = []
     for coordinate, deviation in zip(problem.coordinates, np.sqrt(np.diag(covariance)), strict=True):

@@ -7,6 +7,7 @@ reading is then a function of the parameters alone, not of what was asked before
 
 from __future__ import annotations
 
+import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -14,10 +15,11 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError, RangeError
+from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.inference.similarity import Similarity, compile_similarity
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.published import published_names
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
 
@@ -39,10 +41,16 @@ class LawOptions:
     form: str = "auto"
 
     def build(self, scene: Scene, max_depth: float) -> ContactLaw:
-        """Build the law of `scene` up to `max_depth` (m)."""
-        return scene.contact_law(
-            max_depth, accuracy=self.accuracy, method=self.method, order=self.order, form=self.form
-        )
+        """Build the law of `scene` up to `max_depth` (m).
+
+        A published correction warns where it leaves its range; a fit passes through such places and reports
+        only those of its result, which the law carries itself.
+        """
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnderlayWarning)
+            return scene.contact_law(
+                max_depth, accuracy=self.accuracy, method=self.method, order=self.order, form=self.form
+            )
 
 
 @dataclass
@@ -133,7 +141,8 @@ class Forward:
     ) -> Forward:
         """Compile `scene` for readings `depth` (m) when the parameters at the paths `free` vary."""
         reference = replace(scene, instrument=Instrument())
-        return cls(compile_similarity(scene, free), depth, options, store, store.number(reference))
+        similarity = compile_similarity(scene, free, power_law=options.method not in published_names())
+        return cls(similarity, depth, options, store, store.number(reference))
 
     def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
@@ -154,6 +163,13 @@ class Forward:
         w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]
         contact, stiffness = law.force(w), law.stiffness(w)
         return Reading(contact, stiffness, instrument.reading(self.depth, contact))
+
+    def force(self, values: Mapping[str, float]) -> FloatArray:
+        """Force of the instrument (N), (n,), alone; raises as `law` does."""
+        instrument = _instrument(values)
+        law = self.law(values, self._deepest(instrument))
+        w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]  # as in `reading`
+        return instrument.reading(self.depth, law.force(w))
 
     def jacobian(self, values: Mapping[str, float], paths: Sequence[str]) -> tuple[Reading, FloatArray]:
         """Reading, and the derivative of its force in each parameter (SI) at `paths`, shape (n, k).

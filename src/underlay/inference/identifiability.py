@@ -175,7 +175,9 @@ def identifiability(
     """
     if isinstance(test, Scene):
         if depth is None or free is None or noise is None:
-            raise InputError("before a test, depth, free and noise are needed: what it will be, and read how well")
+            raise InputError(
+                "before a test, depth, free and noise are needed: what it will be, and read how well"
+            )
         problem = expected_problem(test, depth, free, noise)
         return judge(problem, problem.start, problem.noises(problem.start))
     fitted = test if isinstance(test, Fit) else fit(test)

@@ -71,6 +71,10 @@ class Member:
         """Noise with the numbers of a physical vector (k,)."""
         return replace(self.noise, **{name: float(physical[j]) for name, j in self.noise_entries.items()})
 
+    def model(self, physical: FloatArray) -> FloatArray:
+        """Instrument's force (N), (n,), at a physical vector (k,); raises as `reading` does."""
+        return self.forward.force(self.values_at(physical))
+
     def reading(self, physical: FloatArray) -> Reading:
         """Model at a physical vector (k,); raises InputError where no law exists."""
         return self.forward.reading(self.values_at(physical))
@@ -88,9 +92,14 @@ class Member:
         columns[:, list(self.entries.values())] = own
         return reading, columns
 
-    def sigma(self, reading: Reading, noise: Noise) -> FloatArray:
-        """Standard deviation (N), (n,); the force's range where the size is unknown."""
+    def sigma(self, reading: Reading | None, noise: Noise) -> FloatArray:
+        """Standard deviation (N), (n,); the force's range where the size is unknown.
+
+        White noise alone needs no `reading`.
+        """
         known = noise if noise.force is not None else replace(noise, force=float(np.ptp(self.force)))
+        if reading is None:
+            return known.sigma(self.force)
         return known.sigma(reading.contact, reading.stiffness)
 
     def whitened(self, physical: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ from underlay._arrays import FloatArray
 from underlay.data.noise import Noise
 from underlay.inference.forward import Reading
 from underlay.inference.noise_start import scatter
-from underlay.inference.objective import Objective, Weights
+from underlay.inference.objective import Objective, Weights, weights_at
 from underlay.inference.problem import Problem
 
 __all__ = ["Renewal", "first_noises", "noise_entries", "renew", "restricted_log_likelihood"]
@@ -56,30 +56,21 @@ def first_noises(problem: Problem, vector: FloatArray) -> tuple[Noise, ...]:
     )
 
 
-def noise_entries(problem: Problem) -> list[int]:
-    """Entries of a vector that are numbers of the noise."""
-    return sorted({entry for member in problem.members for entry in member.noise_entries.values()})
-
-
 def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
     """Estimate, or compute again, the noise at an optimum of the other parameters."""
-    problem = objective.problem
-    physical = problem.physical(vector)
-    linear = [member.jacobian(physical) for member in problem.members]
-    entries = noise_entries(problem)
-    if entries:
-        vector = _most_likely(problem, vector, entries, linear)
-    noises = list(problem.noises(vector))
-    unknown = [index for index, member in enumerate(problem.members) if member.scale_is_unknown]
-    if unknown:
+    problem, physical = objective.problem, objective.problem.physical(vector)
+    noises = objective.weights.noises
+    if problem.noise_entries:
+        linear = [member.jacobian(physical) for member in problem.members]
+        vector = _most_likely(problem, vector, sorted(problem.noise_entries), linear)
+        noises = problem.noises(vector)
+    if any(member.scale_is_unknown for member in problem.members):
         sizes = _sizes(objective, vector, robust=robust)
-        for index in unknown:
-            noises[index] = replace(noises[index], force=sizes[index])
-    sigmas = tuple(
-        member.sigma(reading, noise)
-        for member, (reading, _), noise in zip(problem.members, linear, noises, strict=True)
-    )
-    renewed = Weights(tuple(noises), sigmas)
+        noises = tuple(
+            replace(noise, force=size) if member.scale_is_unknown else noise
+            for member, noise, size in zip(problem.members, noises, sizes, strict=True)
+        )
+    renewed = weights_at(problem, vector, noises)
     return Renewal(vector, renewed, _is_settled(objective, renewed, robust=robust))
 
 
@@ -153,7 +144,7 @@ def restricted_log_likelihood(
     `linear` holds for every curve the reading and its derivatives (n, k) in SI.
     """
     physical, slopes = problem.physical(vector), problem.slopes(vector)
-    mechanical = [i for i in range(len(vector)) if i not in noise_entries(problem)]
+    mechanical = [i for i in range(len(vector)) if i not in problem.noise_entries]
     total, normal = 0.0, np.zeros((len(mechanical), len(mechanical)))
     for member, (reading, columns) in zip(problem.members, linear, strict=True):
         noise, time = member.noise_at(physical), member.curve.time
@@ -165,7 +156,7 @@ def restricted_log_likelihood(
         rows = noise.whiten((columns * slopes)[:, mechanical].T / sigma, time)
         normal += rows @ rows.T
     for index, coordinate in enumerate(problem.coordinates):
-        if coordinate.prior.informative and index in noise_entries(problem):
+        if coordinate.prior.informative and index in problem.noise_entries:
             total -= 0.5 * coordinate.prior.penalty(float(physical[index]))[0] ** 2
     sign, log_determinant = np.linalg.slogdet(normal) if mechanical else (1.0, 0.0)
     return total - 0.5 * float(log_determinant) if sign > 0.0 else total

@@ -45,7 +45,7 @@ def weights_at(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) ->
     """Freeze the noise at the model of a scaled vector (k,)."""
     physical = problem.physical(vector)
     sigmas = tuple(
-        member.sigma(member.reading(physical), noise)
+        member.sigma(member.reading(physical) if noise.relative or noise.depth else None, noise)
         for member, noise in zip(problem.members, noises, strict=True)
     )
     return Weights(tuple(noises), sigmas)
@@ -76,21 +76,23 @@ class Objective:
     held: frozenset[int] = frozenset()
     _largest: float = field(default=1.0, repr=False)
 
-    @property
-    def active(self) -> list[int]:
-        """Entries of a vector that a minimiser varies: not the noise's, and not those held."""
-        noisy = {entry for member in self.problem.members for entry in member.noise_entries.values()}
-        return [i for i in range(len(self.problem.coordinates)) if i not in noisy and i not in self.held]
+    def __post_init__(self) -> None:
+        noisy = self.problem.noise_entries
+        coordinates = self.problem.coordinates
+        #: Entries of a vector that a minimiser varies: not the noise's, and not those held.
+        self.active = [i for i in range(len(coordinates)) if i not in noisy and i not in self.held]
+        self._informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
 
     @property
     def has_measured_priors(self) -> bool:
         """Whether a prior pulls, so that the size of the noise moves the optimum."""
-        return bool(self._informative())
+        return bool(self._informative)
 
     def residuals(self, vector: FloatArray) -> FloatArray:
         """Whitened (model - data) / sigma of all points, then the priors' residuals.
 
-        Where no law exists the misfit is ten times the largest seen: a minimiser steps back.
+        Where no law exists every residual is the root of the largest sum of squares seen: a minimiser
+        steps back.
         """
         self.evaluations += 1
         if np.abs(vector).max(initial=0.0) > _FAR:
@@ -99,7 +101,7 @@ class Objective:
         try:
             parts = [
                 whiten(
-                    (member.reading(physical).force - member.force) / sigma,
+                    (member.model(physical) - member.force) / sigma,
                     member.curve.time,
                     noise.correlation_time,
                 )
@@ -107,35 +109,39 @@ class Objective:
             ]
         except InputError:
             return self._refused()
-        residuals = np.concatenate([*parts, self._penalties(physical)[0]])
-        if not np.isfinite(residuals).all():
+        if self._informative:
+            parts.append(self._penalties(physical)[0])
+        residuals = np.concatenate(parts) if len(parts) > 1 else parts[0]
+        # The sum of squares is finite only if every entry is.
+        square = float(residuals @ residuals)
+        if not np.isfinite(square):
             return self._refused()
-        self._largest = max(self._largest, float(np.abs(residuals).max()))
+        self._largest = max(self._largest, square**0.5)
         return residuals
 
     def _refused(self) -> FloatArray:
         self.failures += 1
-        return np.full(self.problem.n_points + len(self._informative()), 10.0 * self._largest)
+        return np.full(self.problem.n_points + len(self._informative), self._largest)
 
     def jacobian(self, vector: FloatArray) -> FloatArray:
         """d residuals / d vector, (n + priors, k)."""
-        physical, slopes = self.problem.physical(vector), self.problem.slopes(vector)
+        physical = self.problem.physical(vector)
+        slopes = self.problem.space.slopes(physical)
         parts = []
         for member, noise, sigma in self._members():
             _, columns = member.jacobian(physical)
-            parts.append(whiten((columns * slopes).T / sigma, member.curve.time, noise.correlation_time).T)
-        return np.concatenate([*parts, self._penalties(physical)[1] * slopes])
+            rows = whiten(columns.T * (slopes[:, None] / sigma), member.curve.time, noise.correlation_time)
+            parts.append(rows.T)
+        if self._informative:
+            parts.append(self._penalties(physical)[1] * slopes)
+        return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
     def _members(self) -> Iterator[tuple[Member, Noise, FloatArray]]:
         return zip(self.problem.members, self.weights.noises, self.weights.sigmas, strict=True)
 
-    def _informative(self) -> list[int]:
-        noisy = {entry for member in self.problem.members for entry in member.noise_entries.values()}
-        return [i for i, c in enumerate(self.problem.coordinates) if c.prior.informative and i not in noisy]
-
     def _penalties(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residuals of the informative priors (p,) and their slopes in SI (p, k)."""
-        rows = self._informative()
+        rows = self._informative
         values, slopes = np.zeros(len(rows)), np.zeros((len(rows), len(physical)))
         for row, index in enumerate(rows):
             values[row], slopes[row, index] = self.problem.coordinates[index].prior.penalty(physical[index])

@@ -20,7 +20,7 @@ from underlay.inference.convergence import (
     median_error,
     rank_normalised_rhat,
 )
-from underlay.inference.information import INFORMED_COLUMNS, Information, compare_with_prior
+from underlay.inference.informed import INFORMED_COLUMNS, Information, compare_with_prior
 
 __all__ = ["PREDICTIVE_LEVELS", "Posterior", "Predictive", "SamplingDiagnostics"]
 

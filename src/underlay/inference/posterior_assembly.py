@@ -10,7 +10,7 @@ from underlay._arrays import FloatArray
 from underlay.inference.convergence import MIN_STEPS
 from underlay.inference.counted import CountedDensity
 from underlay.inference.derived import derived_quantities
-from underlay.inference.information import prior_levels
+from underlay.inference.informed import prior_levels
 from underlay.inference.posterior import Posterior, SamplingDiagnostics
 from underlay.inference.predictive import predictive_bands
 from underlay.inference.problem import Problem

@@ -16,6 +16,7 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.compilation import compile_members
+from underlay.inference.coordinates import ScaledSpace
 from underlay.inference.forward import LawOptions, LawStore
 from underlay.inference.priors import Prior
 from underlay.mechanics.accuracy import Accuracy
@@ -129,6 +130,9 @@ class Problem:
         self.options = options
         self.store = LawStore()
         self.members, self.coordinates = compile_members(tests, self.free, shared, noise, options, self.store)
+        self.space = ScaledSpace.of(self.coordinates)
+        #: Entries of a vector that are numbers of the noise.
+        self.noise_entries = frozenset(i for member in self.members for i in member.noise_entries.values())
 
     def revised(
         self,
@@ -143,10 +147,11 @@ class Problem:
     ) -> Problem:
         """Return the same problem with some things changed; what is None stays."""
         options = self.options
+        wanted = self.free if free is None else free
         return Problem.joint(
             list(zip(scenes or self.base_scenes, self.curves, strict=True)),
-            self.free if free is None else free,
-            self.shared,
+            wanted,
+            [path for path in self.shared if path in wanted],
             self.noise if noise is None else noise,
             accuracy=options.accuracy if accuracy is None else accuracy,
             method=options.method if method is None else method,
@@ -214,13 +219,11 @@ class Problem:
 
     def physical(self, vectors: FloatArray) -> FloatArray:
         """Parameters (SI), (..., k), at scaled vectors (..., k)."""
-        q = np.asarray(vectors, dtype=np.float64)
-        return np.stack([c.physical(q[..., i]) for i, c in enumerate(self.coordinates)], axis=-1)
+        return self.space.physical(np.asarray(vectors, dtype=np.float64))
 
     def slopes(self, vector: FloatArray) -> FloatArray:
         """dx/dq (SI), (k,), at a vector (k,)."""
-        physical = self.physical(self._one(vector))
-        return np.array([float(c.slope(x)) for c, x in zip(self.coordinates, physical, strict=True)])
+        return self.space.slopes(self.physical(self._one(vector)))
 
     def scenes(self, vector: FloatArray) -> tuple[Scene, ...]:
         """One scene per curve with the numbers of a vector (k,)."""

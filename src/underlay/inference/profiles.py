@@ -169,7 +169,9 @@ def profile(problem: Problem | Fit, name: str) -> Profile:
     if name not in fit.names:
         raise InputError(f"{name!r} is not free here; free are {', '.join(fit.names)}")
     if name.startswith("noise."):
-        raise InputError(f"{name!r}: profiles freeze the noise; take its standard error, or sample the posterior")
+        raise InputError(
+            f"{name!r}: profiles freeze the noise; take its standard error, or sample the posterior"
+        )
     index = fit.names.index(name)
     walks = [_Walk.start(fit, index).go(direction) for direction in (-1.0, 1.0)]
     better = min(walks, key=lambda walk: walk.lowest)

@@ -125,8 +125,11 @@ class Similarity:
         return _coefficient(replace(indenter, **changed)) / _coefficient(indenter)
 
 
-def compile_similarity(scene: Scene, free: Iterable[str]) -> Similarity:
-    """Find what scales out of the law of `scene` when the parameters at the paths `free` vary."""
+def compile_similarity(scene: Scene, free: Iterable[str], *, power_law: bool = True) -> Similarity:
+    """Find what scales out of the law of `scene` when the parameters at the paths `free` vary.
+
+    Without `power_law` only dimensions are used: a published correction need not keep the stronger law.
+    """
     values = scene.parameters
     layered = scene.substrate is not None and np.isfinite(scene.layer.thickness)
     materials = [
@@ -141,7 +144,7 @@ def compile_similarity(scene: Scene, free: Iterable[str]) -> Similarity:
     through_coefficient: tuple[str, ...] = ()
     length: str | None = None
     exponent: float | None = None
-    if isinstance(scene.indenter, PowerLawShape) and "indenter.exponent" not in set(free):
+    if power_law and isinstance(scene.indenter, PowerLawShape) and "indenter.exponent" not in set(free):
         through_coefficient = tuple(path for path in shape if path != "indenter.exponent")
         exponent = scene.indenter.exponent
         length = "layer.thickness" if layered else None

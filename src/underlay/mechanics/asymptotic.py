@@ -34,12 +34,20 @@ from underlay.errors import InputError, RangeError
 from underlay.mechanics import blunt
 from underlay.mechanics.asymptotic_error import Moments, force_error, punch_error
 from underlay.mechanics.asymptotic_series import ContactSeries, PunchSeries, ShapeSeries, power_law_series
-from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.materials import Layer, Substrate
 
-__all__ = ["FORMS", "AsymptoticLaw", "asymptotic_law", "kernel_moments", "punch_factor"]
+__all__ = [
+    "FORMS",
+    "AsymptoticLaw",
+    "asymptotic_law",
+    "choose_form",
+    "contact_series",
+    "kernel_moments",
+    "punch_factor",
+]
 
 FORMS = ("auto", "explicit", "parametric", "compliance")
 
@@ -63,6 +71,8 @@ class AsymptoticLaw(ContactLaw):
         Largest depth (m) at which `contact_radius` may be asked: beyond, its series decreases.
     series : ContactSeries
         The curve (w, P, a)(s).
+    series_end : float
+        Largest s (m) that is looked at: depth and force increase up to there.
     """
 
     order: int
@@ -70,14 +80,17 @@ class AsymptoticLaw(ContactLaw):
     error_depth: float
     max_radius_depth: float
     series: ContactSeries
+    series_end: float
 
     @property
     def _beyond(self) -> str:
+        if self.max_depth == self.error_depth:
+            return CHOSEN_FOR_DEPTH
         form = f"the {self.form} form of order {self.order}"
         return f'there {form} has no root or stops increasing; use method="exact"'
 
     def _force(self, depth: FloatArray) -> FloatArray:
-        return self.series.force(self.series.parameter(depth))[0]
+        return self.series.load(depth, self.series.parameter(depth, self.series_end))
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
         if not (depth <= self.max_radius_depth).all():
@@ -86,10 +99,10 @@ class AsymptoticLaw(ContactLaw):
                 f'{self.order} decreases beyond {self.max_radius_depth:.6g} m; use method="exact"',
                 max_depth=self.max_radius_depth,
             )
-        return self.series.radius(self.series.parameter(depth))
+        return self.series.radius(self.series.parameter(depth, self.series_end))
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
-        s = self.series.parameter(depth)
+        s = self.series.parameter(depth, self.series_end)
         return self.series.force(s)[1] / self.series.depth(s)[1]
 
 
@@ -142,9 +155,10 @@ def asymptotic_law(
     _check(order, form)
     deepest = positive(max_depth, "max_depth", "m")
     moments = kernel_moments(layer, substrate)
-    chosen, reason = _choose(indenter, form, moments[0])
-    series = _series(indenter, layer, moments, order, chosen)
-    last = _depth_at(series, series.end)
+    chosen, reason = choose_form(indenter, form, moments[0])
+    series = contact_series(indenter, layer, moments, order, chosen)
+    end = series.end
+    last = _depth_at(series, end)
     if deepest > last:
         raise RangeError(
             f"max_depth {deepest:.6g} m is beyond {last:.6g} m, the largest depth that the {chosen} form of "
@@ -159,8 +173,9 @@ def asymptotic_law(
         order=order,
         form=chosen,
         error_depth=deepest,
-        max_radius_depth=_depth_at(series, min(series.end, series.radius_end)),
+        max_radius_depth=_depth_at(series, min(end, series.radius_end)),
         series=series,
+        series_end=end,
     )
 
 
@@ -179,7 +194,7 @@ def kernel_moments(layer: Layer, substrate: Substrate | None) -> Moments:
     return float(a_0), float(a_1), float(a_2)
 
 
-def _choose(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
+def choose_form(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
     """Return the form to use and why."""
     closed = isinstance(indenter, PowerLawShape | FlatPunch)
     if form == "explicit" and not closed:
@@ -205,7 +220,9 @@ def _choose(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
     )
 
 
-def _series(indenter: Indenter, layer: Layer, moments: Moments, order: int, form: str) -> ContactSeries:
+def contact_series(
+    indenter: Indenter, layer: Layer, moments: Moments, order: int, form: str
+) -> ContactSeries:
     """Build the curve of the chosen form and order."""
     a_0, a_1, _ = moments
     if a_0 == 0.0 and a_1 == 0.0:
@@ -258,5 +275,5 @@ def _error(series: ContactSeries, indenter: Indenter, layer: Layer, moments: Mom
         return 0.0
     if isinstance(series, PunchSeries):
         return punch_error(series.kappa, series.shape.radius / layer.thickness, moments)
-    compliance = _series(indenter, layer, moments, 4, "compliance")
+    compliance = contact_series(indenter, layer, moments, 4, "compliance")
     return force_error(series, compliance, layer.thickness, moments, depth)

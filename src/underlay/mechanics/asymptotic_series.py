@@ -29,6 +29,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import optimize
@@ -77,10 +78,17 @@ class ContactSeries(ABC):
         """Whether `start` is already the solution of w(s) = depth."""
         return False
 
-    def parameter(self, depth: FloatArray) -> FloatArray:
-        """Solve w(s) = `depth` (m, positive, at most w(`end`))."""
+    def load(self, depth: FloatArray, s: FloatArray) -> FloatArray:
+        """Force P (N) at s, where w(s) = `depth` (m): as `force`, possibly cheaper."""
+        del depth
+        return self.force(s)[0]
+
+    def parameter(self, depth: FloatArray, end: float | None = None) -> FloatArray:
+        """Solve w(s) = `depth` (m, positive, at most w(`end`)); a known `end` (m) saves finding it again."""
         start = self.start(depth)
-        return start if self.is_explicit else invert_increasing(self.depth, depth, start, self.end)
+        if self.is_explicit:
+            return start
+        return invert_increasing(self.depth, depth, start, self.end if end is None else end)
 
 
 @dataclass(frozen=True)
@@ -111,7 +119,7 @@ class PowerLawSeries(ContactSeries):
         """W = 1: s is the half-space radius at the depth."""
         return len(self.depth_terms) == 1
 
-    @property
+    @cached_property
     def end(self) -> float:
         """First turning point of w or P: positive roots of lambda W + eps W' and (lambda+1) Q + eps Q'."""
         lam = self.shape.exponent
@@ -119,7 +127,7 @@ class PowerLawSeries(ContactSeries):
             _first_turn(lam, self.depth_terms), _first_turn(lam + 1.0, self.force_terms)
         )
 
-    @property
+    @cached_property
     def radius_end(self) -> float:
         """First turning point of s R(s/h)."""
         return self.thickness * _first_turn(1.0, self.radius_terms)
@@ -142,9 +150,20 @@ class PowerLawSeries(ContactSeries):
         series, slope = _polynomial(self.force_terms, eps)
         return force * s * series, force * ((lam + 1.0) * series + eps * slope)
 
+    def load(self, depth: FloatArray, s: FloatArray) -> FloatArray:
+        """P = 4 theta lambda/(lambda+1) w s Q/W: no second power of s."""
+        lam = self.shape.exponent
+        load = _horner(self.force_terms, s / self.thickness)
+        if len(self.depth_terms) > 1:
+            load /= _horner(self.depth_terms, s / self.thickness)
+        load *= s
+        load *= depth
+        load *= 4.0 * self.theta * lam / (lam + 1.0)
+        return load
+
     def radius(self, s: FloatArray) -> FloatArray:
         """(5.7), (8.5), or s."""
-        return s * _polynomial(self.radius_terms, s / self.thickness)[0]
+        return s * _horner(self.radius_terms, s / self.thickness)
 
 
 def power_law_series(
@@ -211,45 +230,48 @@ class ShapeSeries(ContactSeries):
         """No layer effect kept: s is the half-space radius."""
         return self.b == 0.0 and self.c == 0.0
 
-    @property
+    @cached_property
     def end(self) -> float:
-        """First zero of dw/ds or dP/ds: bracketed on a grid, then by Brent's method to rounding."""
+        """First zero of dw/ds or dP/ds, by repeated division of the step in which the first one lies."""
         last = self.shape.max_radius
         if self.is_explicit:
             return last
         # w and P turn, if at all, where a correction of order b eps or c eps^3 reaches one.
-        reach = self.thickness * 8.0 * max(1.0, 1.0 / max(abs(self.b), abs(self.c)))
-        grid = min(last, reach) * np.geomspace(1e-4, 1.0, _GRID)
-        rate = self._least_rate(grid)
-        if (rate > 0.0).all():
-            return last
-        first = int(np.argmax(rate <= 0.0))
-        if first == 0:
-            return 0.0
-        return float(optimize.brentq(self._rate_at, grid[first - 1], grid[first], xtol=1e-300, rtol=1e-14))
+        reach = min(last, self.thickness * 8.0 * max(1.0, 1.0 / max(abs(self.b), abs(self.c))))
+        grid = reach * np.geomspace(1e-4, 1.0, _STEPS + 1)
+        low = 0.0
+        for _ in range(_DIVISIONS):
+            falling = self._least_rate(grid) <= 0.0
+            if not falling.any():
+                return last
+            first = int(np.argmax(falling))
+            low = float(grid[first - 1]) if first else low
+            grid = np.linspace(low, float(grid[first]), _STEPS + 1)[1:]
+        return low
 
-    @property
+    @cached_property
     def radius_end(self) -> float:
         """Where the expanded contact radius of the compliance form stops increasing."""
         last = self.end
         if not self.by_force or self.c >= 0.0:
             return last
-        grid = min(last, 8.0 * self.thickness) * np.geomspace(1e-4, 1.0, _GRID)
+        grid = min(last, 8.0 * self.thickness) * np.geomspace(1e-4, 1.0, _STEPS)
         radius = self.radius(grid)
         if (np.diff(radius) > 0.0).all():
             return last
         top = int(np.argmax(np.diff(radius) <= 0.0))
         found = optimize.minimize_scalar(
             lambda s: -float(self.radius(np.array([s]))[0]),
-            bounds=(grid[max(top - 1, 0)], grid[min(top + 2, _GRID - 1)]),
+            bounds=(grid[max(top - 1, 0)], grid[min(top + 2, _STEPS - 1)]),
             method="bounded",
             options={"xatol": 1e-10 * self.thickness},
         )
         return float(found.x)
 
     def start(self, depth: FloatArray) -> FloatArray:
-        """The half-space radius."""
-        return self.shape.halfspace_radius(depth)
+        """The half-space radius; over a soft base the depth may pass the half-space's last one."""
+        last = self.shape.abel(np.array(self.shape.max_radius))
+        return self.shape.halfspace_radius(np.minimum(depth, last))
 
     def depth(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(4.15), or the compliance form of the module's docstring."""
@@ -296,14 +318,16 @@ class ShapeSeries(ContactSeries):
     def _least_rate(self, s: FloatArray) -> FloatArray:
         """The smaller of dw/ds and dP/ds, each over its half-space value."""
         slope = self.shape.abel_slope(s)
-        return np.minimum(self.depth(s)[1] / slope, self.force(s)[1] / (4.0 * self.theta * s * slope))
+        depth_rate = self.depth(s)[1] / slope
+        if self.by_force:
+            return depth_rate
+        return np.minimum(depth_rate, self.force(s)[1] / (4.0 * self.theta * s * slope))
 
-    def _rate_at(self, s: float) -> float:
-        return float(self._least_rate(np.array([s]))[0])
 
-
-# 400 points over four decades: neighbours 2.3 % apart, far closer than two turning points can be.
-_GRID = 400
+# Neighbours of the first grid are 11 % apart, closer than two turning points can be; six divisions of a step
+# leave 2e-13 of s.
+_STEPS = 88
+_DIVISIONS = 7
 
 
 @dataclass(frozen=True)
@@ -347,6 +371,15 @@ class PunchSeries(ContactSeries):
         return np.full_like(s, self.shape.radius)
 
 
+def _horner(terms: tuple[float, ...], x: FloatArray) -> FloatArray:
+    """Polynomial with coefficients of 1, x, x^2, ..."""
+    value = np.full_like(x, terms[-1])
+    for term in reversed(terms[:-1]):
+        value *= x
+        value += term
+    return value
+
+
 def _polynomial(terms: tuple[float, ...], x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Value and derivative by Horner's rule."""
     value = np.full_like(x, terms[-1])
@@ -360,6 +393,8 @@ def _polynomial(terms: tuple[float, ...], x: FloatArray) -> tuple[FloatArray, Fl
 def _first_turn(power: float, terms: tuple[float, ...]) -> float:
     """Smallest positive eps at which eps^power (t_0 + t_1 eps + ...) stops increasing; inf if none."""
     rates = [(power + n) * term for n, term in enumerate(terms)]
+    if min(rates) >= 0.0:
+        return np.inf
     roots = np.roots(rates[::-1])
     real = roots.real[(np.abs(roots.imag) <= 1e-12 * np.abs(roots)) & (roots.real > 0.0)]
     return float(real.min()) if real.size else np.inf

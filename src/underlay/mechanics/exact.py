@@ -1,92 +1,110 @@
 """The exact contact problem: the Fredholm equation of a layer on a substrate, solved spectrally.
 
-Formula: `punch_solution` (the equation) and `master_curve` (the relation it gives). Assumes a frictionless,
-rigid, axisymmetric indenter whose contact is one disc, small strains, and a bonded interface. Range: a/h up
-to 20.
+Formula: `punch_solution` has the equation, `master_curve` the relation it gives. Assumes a frictionless,
+rigid, axisymmetric indenter whose contact is one disc, small strains, and a bonded interface. Range: contact
+radii up to 20 thicknesses, and up to the end of the indenter's shape.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Self
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
+from underlay.mechanics.contact_curve import LARGEST_EPS, ContactProblem, solve_curve
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact_nodes import Pair, Resolution, curve_terms, series_terms
-from underlay.mechanics.gauss import EvenRule, even_legendre, legendre_rule
-from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, abel_factor
-from underlay.mechanics.master_curve import (
-    MOST_TERMS,
-    Factor,
-    MasterCurve,
-    Stretch,
-    chebyshev_angles,
-    chebyshev_coefficients,
-)
+from underlay.mechanics.exact_nodes import Pair, Resolution
+from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
+from underlay.mechanics.master_curve import Factor, MasterCurve
 from underlay.mechanics.materials import Layer, PlaneConstants, Rigid, Substrate
 from underlay.mechanics.punch_solution import PunchSolution
-from underlay.mechanics.radius_series import RadiusSeries
 
-__all__ = ["LARGEST_EPS", "ExactLaw", "exact_law"]
-
-#: Largest contact radius over thickness that is solved for.
-LARGEST_EPS = 20.0
+__all__ = ["ExactLaw", "ExactPunchLaw", "exact_law"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExactLaw(ContactLaw):
-    """The exact contact problem of one indenter, layer and substrate.
+    """The exact contact problem of a rounded or pointed indenter.
 
     Parameters
     ----------
-    indenter : Indenter
-        Its shape.
+    measure : PowerLawShape
+        Shape whose half-space law the factors of the curve multiply: the indenter, where it is a power law.
     theta : float
         Elastic constant of the layer (Pa).
     thickness : float
-        Of the layer (m).
+        Length (m) that makes varpi of the measure's radius: the layer's thickness.
     curve : MasterCurve
-        The dimensionless relation.
-    resolution : Resolution or None
-        Nodes of the solution behind the curve; None where there is no layer effect.
+        The dimensionless relation. It holds for any `theta`, and any `thickness` if the indenter is a power
+        law: replace those to use it again.
+    resolution : Resolution
+        Nodes of the solution behind the curve.
+    radii : int
+        Contact radii solved for.
     """
 
-    indenter: Indenter
+    measure: PowerLawShape
     theta: float
     thickness: float
     curve: MasterCurve
-    resolution: Resolution | None
+    resolution: Resolution
+    radii: int
 
     @property
     def _beyond(self) -> str:
         return "the law was solved up to there; build it with a larger max_depth"
 
     def _force(self, depth: FloatArray) -> FloatArray:
-        radius = self.indenter.halfspace_radius(depth)
+        radius = self.measure.halfspace_radius(depth)
         force = self.curve.factor(Factor.FORCE, radius / self.thickness)
-        force *= _halfspace_force(self.indenter, depth, radius)
-        force *= 4.0 * self.theta
+        force *= radius
+        force *= depth
+        force *= 4.0 * self.theta * self.measure.exponent / (self.measure.exponent + 1.0)
         return force
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
-        radius = self.indenter.halfspace_radius(depth)
+        radius = self.measure.halfspace_radius(depth)
         return radius * self.curve.factor(Factor.RADIUS, radius / self.thickness)
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
-        radius = self.indenter.halfspace_radius(depth)
+        radius = self.measure.halfspace_radius(depth)
         varpi = radius / self.thickness
         kappa = self.curve.factor(Factor.STIFFNESS, varpi) * self.curve.factor(Factor.RADIUS, varpi)
         return (4.0 * self.theta) * radius * kappa
 
 
-def _halfspace_force(indenter: Indenter, depth: FloatArray, radius: FloatArray) -> FloatArray:
-    """P/(4 theta) on a half-space at `depth` (m), where the contact radius is `radius` (m)."""
-    if isinstance(indenter, PowerLawShape):
-        return (indenter.exponent / (indenter.exponent + 1.0)) * depth * radius
-    return depth * radius - indenter.abel_moments(radius)[0]
+@dataclass(frozen=True, kw_only=True)
+class ExactPunchLaw(ContactLaw):
+    """The exact contact problem of a flat punch: force proportional to depth, P = 4 theta a kappa_inf w.
+
+    Parameters
+    ----------
+    radius : float
+        Of the punch (m).
+    incremental : float
+        dP/dw (N/m), (9.1).
+    resolution : Resolution
+        Nodes of the solution.
+    """
+
+    radius: float
+    incremental: float
+    resolution: Resolution
+
+    @property
+    def _beyond(self) -> str:
+        return "the law was asked for up to there; build it with a larger max_depth"
+
+    def _force(self, depth: FloatArray) -> FloatArray:
+        return self.incremental * depth
+
+    def _contact_radius(self, depth: FloatArray) -> FloatArray:
+        return np.full_like(depth, self.radius)
+
+    def _stiffness(self, depth: FloatArray) -> FloatArray:
+        return np.full_like(depth, self.incremental)
 
 
 def exact_law(
@@ -96,165 +114,99 @@ def exact_law(
     *,
     max_depth: float,
     rtol: float = 1e-6,
-) -> ExactLaw:
-    """Solve the contact problem for depths up to `max_depth` (m) at relative error `rtol`.
+) -> ContactLaw:
+    """Solve the contact problem for depths up to `max_depth`.
+
+    Parameters
+    ----------
+    indenter : Indenter
+        Any shape.
+    layer : Layer
+        Infinitely thick: the half-space, through the same equations with a kernel of zero.
+    substrate : Isotropic, TransverselyIsotropic, RIGID or None
+        None continues the layer.
+    max_depth : float
+        Largest depth (m), positive.
+    rtol : float, default 1e-6
+        Relative error allowed in force, contact radius and stiffness.
+
+    Returns
+    -------
+    ExactLaw or ExactPunchLaw
 
     Raises
     ------
     RangeError
         If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
+
+    Examples
+    --------
+    >>> from underlay.mechanics.indenters import Paraboloid
+    >>> from underlay.mechanics.materials import RIGID, Isotropic, Layer
+    >>> law = exact_law(Paraboloid(1e-3), Layer(Isotropic(3e6, 0.5), 1e-3), RIGID, max_depth=6e-4)
+    >>> f"{law.force(5.594154855625e-4):.5f}"  # a/h = 1: P = 7.522667... theta A a^3
+    '7.52267'
     """
-    problem = _Problem.of(indenter, layer, substrate)
-    top = float(indenter.halfspace_radius(np.array([max_depth]))[0]) / layer.thickness
-    if top == 0.0 or problem.outer == problem.inner:
-        resolution, curve = None, MasterCurve.constant(max(top, 1.0), np.zeros(3))
-        error, reason = 0.0, "exact contact problem, no layer effect: a half-space"
-    elif isinstance(indenter, FlatPunch):
-        resolution = Resolution.choose(problem.pair, top, rtol)
-        punch = PunchSolution.solve(problem.inner, problem.outer, np.array([top]), resolution)
-        log_kappa = float(np.log(punch.kappa[0]))
-        curve, error = MasterCurve.constant(top, np.array([0.0, log_kappa, log_kappa])), 0.3 * rtol
-        reason = f"exact contact problem, a/h = {top:.3g}, {resolution.radial} nodes"
-    else:
-        curve, resolution, eps = _solve_curve(problem, max_depth, top, rtol)
-        error = 0.3 * rtol + curve.error_estimate
-        reason = f"exact contact problem, a/h up to {eps:.3g}, {resolution.radial} nodes"
+    inner, outer = _constants(layer, substrate)
+    if isinstance(indenter, FlatPunch):
+        return _punch_law(indenter, layer.thickness, inner, outer, max_depth, rtol)
+    length = layer.thickness
+    if length == np.inf:
+        length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
+    problem = ContactProblem.of(indenter, length, inner, outer)
+    top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
+    solved = solve_curve(problem, top, rtol)
+    reason = (
+        f"exact contact problem, a/h up to {solved.eps:.3g}, {solved.resolution.radial} nodes"
+        if layer.thickness < np.inf
+        else "exact contact problem of a half-space"
+    )
+    if solved.curve.jumps:
+        first = float(problem.measure.abel(np.array([solved.curve.jumps[0] * length]))[0])
+        reason += f"; the film wraps the indenter in a jump at depth {first:.4g} m, near which one disc is rough"
     return ExactLaw(
         method="exact",
         reason=reason,
         max_depth=max_depth,
-        error_estimate=error,
-        indenter=indenter,
-        theta=float(problem.inner.theta),
-        thickness=layer.thickness,
-        curve=curve,
+        error_estimate=solved.error_estimate,
+        measure=problem.measure,
+        theta=float(inner.theta),
+        thickness=length,
+        curve=solved.curve,
+        resolution=solved.resolution,
+        radii=solved.radii,
+    )
+
+
+def _constants(layer: Layer, substrate: Substrate | None) -> tuple[PlaneConstants, PlaneConstants | None]:
+    inner = layer.material.plane_constants
+    if substrate is None or layer.thickness == np.inf:
+        return inner, inner
+    return inner, None if isinstance(substrate, Rigid) else substrate.plane_constants
+
+
+def _punch_law(
+    indenter: FlatPunch,
+    thickness: float,
+    inner: PlaneConstants,
+    outer: PlaneConstants | None,
+    max_depth: float,
+    rtol: float,
+) -> ExactPunchLaw:
+    eps = indenter.radius / thickness
+    if eps > LARGEST_EPS:
+        raise RangeError(
+            f"the punch's radius is {eps:.4g} layer thicknesses, and {LARGEST_EPS:g} is the most that works "
+            "here: use a smaller punch or, for contacts wider still, the half-space law of the substrate"
+        )
+    resolution = Resolution.choose(Pair.of(inner, outer), eps, rtol)
+    kappa = float(PunchSolution.solve(inner, outer, np.array([eps]), resolution).kappa[0])
+    return ExactPunchLaw(
+        method="exact",
+        reason=f"exact contact problem, a/h = {eps:.3g}, {resolution.radial} nodes",
+        max_depth=max_depth,
+        error_estimate=0.3 * rtol,
+        radius=indenter.radius,
+        incremental=4.0 * float(inner.theta) * indenter.radius * kappa,
         resolution=resolution,
     )
-
-
-@dataclass(frozen=True)
-class _Problem:
-    """A shape over a thickness, and what the solver needs of the materials."""
-
-    indenter: Indenter
-    thickness: float
-    inner: PlaneConstants
-    outer: PlaneConstants | None
-    pair: Pair
-
-    @classmethod
-    def of(cls, indenter: Indenter, layer: Layer, substrate: Substrate | None) -> Self:
-        inner = layer.material.plane_constants
-        outer = inner if substrate is None else None
-        if not isinstance(substrate, Rigid | None):
-            outer = substrate.plane_constants
-        return cls(indenter, layer.thickness, inner, outer, Pair.of(inner, outer))
-
-    @property
-    def exponent(self) -> float:
-        """Lambda of the shape, or of the paraboloid where the shape is not a power law."""
-        return self.indenter.exponent if isinstance(self.indenter, PowerLawShape) else 2.0
-
-    def solve(self, eps: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
-        """Varpi (radii,) and the logarithms of the three factors (radii, 3) at contact radii `eps`."""
-        punch = PunchSolution.solve(self.inner, self.outer, eps, resolution)
-        factors = np.empty((eps.size, len(Factor)))
-        factors[:, Factor.STIFFNESS] = punch.kappa
-        if isinstance(self.indenter, PowerLawShape):
-            exponent = self.indenter.exponent
-            depth, force = punch.depth_and_force(punch.rule.power_weights(exponent))
-            swell = depth ** (1.0 / exponent)
-            factors[:, Factor.RADIUS] = 1.0 / swell
-            factors[:, Factor.FORCE] = (1.0 + 1.0 / exponent) * force / (depth * swell)
-            return eps * swell, np.log(factors, out=factors)
-        lengths = eps * self.thickness
-        shape = self.indenter.abel(lengths)
-        weights = _shape_weights(self.indenter, punch.rule, lengths) / shape[:, None]
-        depth, force = punch.depth_and_force(weights)
-        depth *= shape
-        halfspace = self.indenter.halfspace_radius(depth)
-        factors[:, Factor.RADIUS] = lengths / halfspace
-        factors[:, Factor.FORCE] = force * shape * lengths / _halfspace_force(self.indenter, depth, halfspace)
-        return halfspace / self.thickness, np.log(factors, out=factors)
-
-
-def _solve_curve(
-    problem: _Problem, max_depth: float, top: float, rtol: float
-) -> tuple[MasterCurve, Resolution, float]:
-    """Solve for varpi up to `top`; also returns the resolution and the largest eps."""
-    guess = _RadiusGuess.of(problem)
-    end = min(problem.indenter.max_radius / problem.thickness, LARGEST_EPS)
-    eps = min(guess.eps(top), end)
-    if problem.pair.ratio > _SOFT and eps < end:
-        resolution = Resolution.choose(problem.pair, eps, rtol)
-        for terms in range(curve_terms(problem.pair, top, problem.exponent, rtol), MOST_TERMS + 1, 4):
-            targets = Stretch(top, 0.0).v(np.cos(chebyshev_angles(terms)))
-            curve = MasterCurve.through(*problem.solve(guess.eps(targets), resolution), top)
-            if curve.error_estimate <= 0.6 * rtol:
-                return curve, resolution, eps
-    while True:
-        stretch = Stretch(eps, problem.pair.softness)
-        resolution = Resolution.choose(problem.pair, eps, rtol)
-        angles = chebyshev_angles(series_terms(problem.pair, eps, rtol))
-        radii = stretch.v(np.cos(angles))
-        varpi, logarithms = problem.solve(radii, resolution)
-        logarithms[:, Factor.RADIUS] *= -1.0
-        series = RadiusSeries(stretch, chebyshev_coefficients(logarithms, angles))
-        if series.varpi(np.array([eps]))[0] >= top:
-            return series.inverted(top, 0.25 * rtol), resolution, eps
-        if eps >= end:
-            raise _too_deep(problem, max_depth, float(series.varpi(np.array([eps]))[0]), eps)
-        eps = min(1.25 * eps, end)
-
-
-def _too_deep(problem: _Problem, max_depth: float, reached: float, eps: float) -> RangeError:
-    deepest = float(problem.indenter.abel(np.array([reached * problem.thickness]))[0])
-    end = (
-        "the end of the indenter's shape; use a larger radius or less depth"
-        if eps < LARGEST_EPS
-        else f"a/h = {LARGEST_EPS:g}, the thinnest layer that is solved for; use less depth"
-    )
-    return RangeError(
-        f"depth {max_depth:.6g} m is beyond the largest that works here, {deepest:.6g} m, where the contact "
-        f"reaches {end}",
-        max_depth=deepest,
-    )
-
-
-_SOFT = 0.3
-
-
-@dataclass(frozen=True)
-class _RadiusGuess:
-    """Contact radius against varpi, a little too large: eps = varpi (1 + gain rate varpi/(1 + rate varpi)).
-
-    The gain is that of a thin incompressible layer on a rigid base, a = (F_2 (lambda+2)/2)^(1/lambda) a_half;
-    the rate is fitted. An incompressible layer on a rigid base is met within 3 %; nothing goes beyond it.
-    """
-
-    gain: float
-    rate: float
-
-    @classmethod
-    def of(cls, problem: _Problem) -> Self:
-        exponent = problem.exponent
-        gain = (0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent) - 1.0
-        gain *= 0.66 + 0.34 * problem.pair.firmness
-        return cls(gain * max(0.0, 1.0 - 1.0 / problem.pair.ratio), 0.72 * (2.0 / exponent) ** 0.4)
-
-    def eps(self, varpi: Any) -> Any:
-        share = self.rate * varpi
-        return varpi * (1.0 + self.gain * share / (1.0 + share))
-
-
-def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> FloatArray:
-    """Weights (radii, nodes) of int_0^1 H(a x) p(x) dx for any shape, at contact radii `lengths` (m).
-
-    A smooth step bunches the nodes at both ends, where H may be |x|^lambda or nearly singular.
-    """
-    s, weights = legendre_rule(40)
-    s = 0.5 * (s + 1.0)
-    fine = s**3 * (10.0 - s * (15.0 - 6.0 * s))
-    weights = 0.5 * weights * 30.0 * (s * (1.0 - s)) ** 2
-    project = even_legendre(fine, rule.nodes.size) @ rule.projection
-    return (indenter.abel(np.multiply.outer(lengths, fine)) * weights) @ project

@@ -122,9 +122,13 @@ def series_terms(pair: Pair, eps: float, rtol: float) -> int:
 
 
 def curve_terms(pair: Pair, varpi: float, exponent: float, rtol: float) -> int:
-    """Contact radii for one polynomial in varpi up to `varpi`, on a substrate that is not much softer."""
-    length = asinh(varpi) * (1.0 + 0.12 * pair.firmness) * (1.0 + 0.25 / exponent)
-    return 4 * ceil(0.25 * (1.0 - log10(rtol)) * (0.8 + length) - 0.02)
+    """Contact radii for one polynomial in varpi up to `varpi`."""
+    digits = 1.0 - log10(rtol)
+    if pair.softness == 0.0:
+        length = asinh(varpi) * (1.0 + 0.12 * pair.firmness) * (1.0 + 0.25 / exponent)
+    else:
+        length = 0.42 * (asinh(varpi) + log1p(pair.softness * varpi)) * (1.0 + 0.25 / exponent)
+    return 4 * ceil(0.25 * digits * (0.8 + length) - 0.02)
 
 
 # Each step moves the scale by less: after six the node count stands still.
@@ -142,15 +146,16 @@ def _graded(pair: Pair, wide: float, digits: float, reach: float) -> tuple[float
     base = max(2.2 + 0.6 * wide, 1.0 + 1.1 * wide)
     poles = [(0.5 * pair.decay / pair.fastest, digits)]
     if pair.ratio < 1.0:
-        poles.append((0.3 * pair.ratio ** (1.0 / 3.0), digits))
-        small = digits + 2.0 / 3.0 * log10(pair.ratio)
+        poles.append((0.3 * pair.ratio ** (1.0 / 3.0), digits - 0.5 * log10(pair.ratio)))
+        small = digits + 1.0 + 0.5 * log10(pair.ratio)
         if small > 0.0:
             poles.append((pair.stretch * pair.decay, small))
-    count = digits * (base + (0.34 + 0.13 * wide) * max(0.0, -log(first)))
+    growth = (0.34 if pair.ratio >= 1.0 else 0.5) + 0.13 * wide
+    count = digits * (base + growth * max(0.0, -log(first)))
     for _ in range(_GRADING_STEPS):
         finest = min(x * (1.74 * count / wanted) ** 2 for x, wanted in poles) / log1p(reach / first)
         if finest >= first:
             break
         first = finest
-        count = digits * (base + (0.34 + 0.13 * wide) * max(0.0, -log(first)))
+        count = digits * (base + growth * max(0.0, -log(first)))
     return first, count

@@ -18,7 +18,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
-from math import asinh, cos, log1p, pi, sinh
+from math import asinh, cos, log1p, pi
+from typing import Self
 
 import numpy as np
 
@@ -31,6 +32,8 @@ __all__ = [
     "Stretch",
     "chebyshev_angles",
     "chebyshev_coefficients",
+    "in_powers",
+    "polynomial",
     "truncation_error",
 ]
 
@@ -50,18 +53,18 @@ class Factor(IntEnum):
 
 @dataclass(frozen=True)
 class Stretch:
-    """The variable t(v) = arcsinh(v) + ln(1 + softness v) on [0, top], mapped to z in [-1, 1]."""
+    """The variable t(v) = arcsinh(v) + ln(1 + softness v) on [0, length], mapped to z in [-1, 1]."""
 
-    top: float
+    length: float
     softness: float
 
-    @property
-    def length(self) -> float:
-        """t(top)."""
-        return asinh(self.top) + log1p(self.softness * self.top)
+    @classmethod
+    def to(cls, top: float, softness: float) -> Self:
+        """Cover v in [0, top]."""
+        return cls(asinh(top) + log1p(softness * top), softness)
 
     def z(self, v: FloatArray) -> FloatArray:
-        """Map v in [0, top] to z in [-1, 1]."""
+        """Map v to z."""
         t = np.arcsinh(v)
         if self.softness > 0.0:
             t += np.log1p(self.softness * v)
@@ -78,14 +81,20 @@ class Stretch:
         target = (0.5 * self.length) * (z + 1.0)
         if self.softness == 0.0:
             return np.sinh(target)
-        # Newton in y = arcsinh(v), from a table graded like the map itself: quadratic from the first step.
-        table = np.expm1(np.linspace(0.0, log1p(self.softness * self.top), 64)) / self.softness
-        y = np.arcsinh(np.interp(target, np.arcsinh(table) + np.log1p(self.softness * table), table))
-        for _ in range(5):
+        # Newton in y = arcsinh(v). Either term of t alone bounds y from above, and so does their mean slope
+        # at zero; t is concave or straight in y from there on, so that the steps converge from one side.
+        y = np.minimum(target, np.arcsinh(np.expm1(target) / self.softness))
+        for _ in range(_NEWTON_STEPS):
             v = np.sinh(y)
             slope = 1.0 + self.softness * np.cosh(y) / (1.0 + self.softness * v)
-            y -= (y + np.log1p(self.softness * v) - target) / slope
+            step = (y + np.log1p(self.softness * v) - target) / slope
+            y = np.maximum(y - step, 0.0)
+            if (np.abs(step) <= 1e-15 * self.length).all():
+                break
         return np.sinh(y)
+
+
+_NEWTON_STEPS = 30
 
 
 def chebyshev_angles(count: int) -> FloatArray:
@@ -101,7 +110,7 @@ def chebyshev_coefficients(values: FloatArray, angles: FloatArray) -> FloatArray
     return scale * (np.cos(np.arange(count)[:, None] * angles) @ values)
 
 
-def _monomials(count: int) -> FloatArray:
+def _monomial_table(count: int) -> FloatArray:
     """Row k: the coefficients of T_k in powers of z."""
     table = np.zeros((count, count))
     table[0, 0] = table[1, 1] = 1.0
@@ -114,21 +123,29 @@ def _monomials(count: int) -> FloatArray:
 # Powers of z lose (1 + sqrt 2)^n / rho^n of relative accuracy against Chebyshev polynomials, rho > 1.8 the
 # rate at which a piece's coefficients fall: below 1e-12 for 24 terms, and far below with the usual rho > 3.
 MOST_TERMS = 24
-_MONOMIALS = _monomials(MOST_TERMS)
+_MONOMIALS = _monomial_table(MOST_TERMS)
 
 
-def truncation_error(coefficients: FloatArray) -> float:
-    """Error of a Chebyshev interpolant, from how its coefficients (terms, columns) fall.
+def in_powers(coefficients: FloatArray) -> FloatArray:
+    """Turn Chebyshev coefficients (..., terms, 3) into powers of z (..., 3, rows, 4) for `polynomial`."""
+    terms = coefficients.shape[-2]
+    rows = -(-terms // _BLOCK)
+    table = np.swapaxes(coefficients, -1, -2) @ _MONOMIALS[:terms, : rows * _BLOCK]
+    return table.reshape(*table.shape[:-1], rows, _BLOCK)
+
+
+def truncation_error(coefficients: FloatArray) -> FloatArray:
+    """Error of a Chebyshev interpolant, from how its coefficients (..., terms, columns) fall.
 
     The last four give the rate, pair against pair; the terms left out, and their aliases, are then within
     three times the sum of a geometric series. A rate of 0.9 and more is taken as 0.9.
     """
-    if coefficients.shape[0] < 4:
-        return float(np.abs(coefficients[-1]).max())
-    first, second, third, fourth = np.abs(coefficients[-4:]).max(axis=1).tolist()
-    last, before = third + fourth, first + second
-    rate = min(last / before, 0.9) if before > 0.0 else 0.0
-    return 3.0 * last * rate / (1.0 - rate)
+    size = np.abs(coefficients[..., -4:, :]).max(axis=-1)
+    last, before = size[..., 2] + size[..., 3], size[..., 0] + size[..., 1]
+    # last/(last + before) is rate/(1 + rate): no division by zero but where all four vanish, exactly.
+    share = np.minimum(last / np.maximum(last + before, np.finfo(float).tiny), 0.9 / 1.9)
+    rate = share / (1.0 - share)
+    return np.asarray(3.0 * last * rate / (1.0 - rate))
 
 
 @dataclass(frozen=True)
@@ -146,22 +163,25 @@ class MasterCurve:
         two axes goes with power 4 j + i.
     error_estimate : float
         Largest truncation error of the logarithms.
+    jumps : tuple of floats
+        Varpi at which the contact radius jumps; nearly always none.
     """
 
     stretch: Stretch
     edges: tuple[float, ...]
     coefficients: FloatArray
     error_estimate: float
+    jumps: tuple[float, ...] = ()
 
     @classmethod
     def constant(cls, top: float, logarithms: FloatArray) -> MasterCurve:
         """Return the curve of factors that do not depend on varpi."""
         table = np.zeros((1, len(Factor), 1, _BLOCK))
         table[0, :, 0, 0] = logarithms
-        return cls(Stretch(top, 0.0), (-1.0, 1.0), table, 0.0)
+        return cls(Stretch.to(top, 0.0), (-1.0, 1.0), table, 0.0)
 
     @classmethod
-    def through(cls, varpi: FloatArray, logarithms: FloatArray, top: float) -> MasterCurve:
+    def through(cls, varpi: FloatArray, logarithms: FloatArray, top: float, softness: float) -> MasterCurve:
         """Return the polynomial through given points, for varpi in [0, `top`].
 
         Parameters
@@ -173,21 +193,27 @@ class MasterCurve:
             Of the factors.
         """
         # The last Chebyshev point stands at z = cos(pi/2n): points that go beyond it lengthen the interval.
-        reach = asinh(varpi[-1]) * 2.0 / (1.0 + cos(0.5 * pi / varpi.size))
-        stretch = Stretch(max(top, sinh(reach)), 0.0)
+        stretch = Stretch.to(top, softness)
+        reach = Stretch.to(float(varpi[-1]), softness).length * 2.0 / (1.0 + cos(0.5 * pi / varpi.size))
+        if reach > stretch.length:
+            stretch = Stretch(reach, softness)
         angles = np.arccos(stretch.z(varpi))
         basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
         return cls.of_pieces(stretch, [-1.0, 1.0], [np.linalg.solve(basis, logarithms)])
 
     @classmethod
-    def of_pieces(cls, stretch: Stretch, edges: list[float], pieces: list[FloatArray]) -> MasterCurve:
+    def of_pieces(
+        cls,
+        stretch: Stretch,
+        edges: list[float],
+        pieces: list[FloatArray],
+        jumps: tuple[float, ...] = (),
+    ) -> MasterCurve:
         """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece."""
-        terms = pieces[0].shape[0]
-        rows = -(-terms // _BLOCK)
-        table = np.array([piece.T for piece in pieces]) @ _MONOMIALS[:terms, : rows * _BLOCK]
+        stacked = np.array(pieces)
+        table = in_powers(stacked)
         table.flags.writeable = False
-        table = table.reshape(len(pieces), len(Factor), rows, _BLOCK)
-        return cls(stretch, tuple(edges), table, max(map(truncation_error, pieces)))
+        return cls(stretch, tuple(edges), table, float(truncation_error(stacked).max()), jumps)
 
     def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
         """One of the factors at `varpi` (n,)."""
@@ -201,29 +227,29 @@ class MasterCurve:
     def _factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
         z = self.stretch.z(varpi)
         if len(self.edges) == 2:
-            logarithm = _polynomial(self.coefficients[0, which], z)
+            logarithm = polynomial(self.coefficients[0, which], z)
         else:
             logarithm = np.empty_like(z)
             piece = np.searchsorted(self.edges[1:-1], z)
             for index, (low, high) in enumerate(pairwise(self.edges)):
                 here = piece == index
                 local = (z[here] - 0.5 * (low + high)) * (2.0 / (high - low))
-                logarithm[here] = _polynomial(self.coefficients[index, which], local)
+                logarithm[here] = polynomial(self.coefficients[index, which], local)
         return np.exp(logarithm, out=logarithm)
 
 
-def _polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
-    """Evaluate sum_j z^(4j) sum_i table[j, i] z^i: one matrix product, then Horner in z^4."""
-    powers = np.empty((_BLOCK, z.size))
-    powers[0] = 1.0
-    powers[1] = z
-    np.multiply(z, z, out=powers[2])
-    np.multiply(powers[2], z, out=powers[3])
+def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
+    """Evaluate sum_j z^(4j) sum_i table[..., j, i] z^i at z (..., n): one product, then Horner in z^4."""
+    powers = np.empty((*z.shape[:-1], _BLOCK, z.shape[-1]))
+    powers[..., 0, :] = 1.0
+    powers[..., 1, :] = z
+    np.multiply(z, z, out=powers[..., 2, :])
+    np.multiply(powers[..., 2, :], z, out=powers[..., 3, :])
     rows = table @ powers
-    total = rows[-1]
-    if len(rows) > 1:
-        fourth = powers[2] * powers[2]
-        for row in rows[-2::-1]:
+    total = rows[..., -1, :]
+    if table.shape[-2] > 1:
+        fourth = powers[..., 2, :] * powers[..., 2, :]
+        for row in range(table.shape[-2] - 2, -1, -1):
             total *= fourth
-            total += row
+            total += rows[..., row, :]
     return total

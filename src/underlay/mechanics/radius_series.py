@@ -3,24 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import ceil, log10
+from typing import NamedTuple
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.master_curve import (
     MOST_TERMS,
+    Factor,
     MasterCurve,
     Stretch,
     chebyshev_angles,
     chebyshev_coefficients,
+    truncation_error,
 )
 
-__all__ = ["RadiusSeries"]
+__all__ = ["Branch", "RadiusSeries"]
 
 _NEWTON_STEPS = 60
+_BISECTIONS = 50
+# Points of the table per term of the series.
+_TABLE_POINTS = 6
 # A piece this narrow in z that still has not converged sits on a kink: there the estimate says so.
 _NARROWEST = 2.0**-12
+
+
+class Branch(NamedTuple):
+    """A stretch of the table of varpi(eps) on which both increase."""
+
+    eps: FloatArray
+    varpi: FloatArray
 
 
 @dataclass(frozen=True)
@@ -39,9 +53,9 @@ class RadiusSeries:
     coefficients: FloatArray
 
     @property
-    def tail(self) -> float:
-        """Size of the last coefficients: the truncation error, overestimated."""
-        return float(np.abs(self.coefficients[-2:]).sum(axis=0).max())
+    def error_estimate(self) -> float:
+        """Truncation error of the logarithms."""
+        return float(truncation_error(self.coefficients))
 
     def values(self, eps: FloatArray) -> FloatArray:
         """The three logarithms (n, 3) at `eps` (n,)."""
@@ -52,15 +66,13 @@ class RadiusSeries:
         """Depth measure varpi at `eps`."""
         return eps * np.exp(self.values(eps)[:, 0])
 
-    def radius(self, varpi: FloatArray) -> FloatArray:
-        """Eps at `varpi`: Newton on ln varpi(eps), inside the bracket a table gives."""
+    def radius(self, varpi: FloatArray, branch: Branch) -> FloatArray:
+        """Eps at `varpi` on a branch: Newton on ln varpi(eps), inside the bracket the branch's table gives."""
         orders = np.arange(self.coefficients.shape[0])
         series = self.coefficients[:, 0]
-        grid = np.append(0.0, self.stretch.v(np.linspace(-1.0, 1.0, 4 * orders.size)[1:]))
-        table = np.append(0.0, self.varpi(grid[1:]))
-        index = np.searchsorted(table, varpi).clip(1, grid.size - 1)
-        low, high = grid[index - 1], grid[index]
-        eps = np.interp(varpi, table, grid)
+        index = np.searchsorted(branch.varpi, varpi).clip(1, branch.eps.size - 1)
+        low, high = branch.eps[index - 1], branch.eps[index]
+        eps = np.interp(varpi, branch.varpi, branch.eps)
         for _ in range(_NEWTON_STEPS):
             angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
             phase = np.multiply.outer(angle, orders)
@@ -75,28 +87,71 @@ class RadiusSeries:
                 break
         return eps
 
+    def branches(self) -> list[Branch]:
+        """Stretches of the table of varpi(eps) on which it increases: one, but for folds."""
+        count = _TABLE_POINTS * self.coefficients.shape[0]
+        eps = np.append(0.0, self.stretch.v(np.linspace(-1.0, 1.0, count)[1:]))
+        varpi = np.append(0.0, self.varpi(eps[1:]))
+        rising = np.diff(varpi) > 0.0
+        turns = np.flatnonzero(np.diff(rising.astype(np.int8)))
+        bounds = [0, *(int(turn) + 1 for turn in turns), eps.size - 1]
+        return [
+            Branch(eps[start : stop + 1], varpi[start : stop + 1])
+            for start, stop in pairwise(bounds)
+            if rising[start]
+        ]
+
     def inverted(self, top: float, rtol: float) -> MasterCurve:
-        """Turn the relation round: the curve for varpi in [0, `top`], in as many pieces as it takes."""
-        stretch = Stretch(top, self.stretch.softness)
-        terms = 4 * ceil(0.25 * (1.0 - log10(rtol) * (1.2 + 0.75 * stretch.length)))
-        count = ceil(terms / MOST_TERMS)
-        terms = min(terms, MOST_TERMS)
-        angles = chebyshev_angles(terms)
+        """Turn the relation round: the curve for varpi in [0, `top`], in as many pieces as it takes.
+
+        A cone on a stiff film over a soft base folds: over some depths three contact radii satisfy the
+        equations. The contact then jumps from disc to disc where both carry the same force, since of all
+        contact areas the true one carries the largest load (Barber 1974, doi:10.1243/03093247V094230).
+        """
+        stretch = Stretch.to(top, self.stretch.softness)
+        ends, branches = [0.0], self.branches()
+        for lower, upper in pairwise(branches):
+            ends.append(self._crossing(lower, upper))
+        jumps = [end for end in ends[1:] if end < top]
+        spans = zip([*ends[: len(jumps) + 1]], [*jumps, top], branches, strict=False)
+        pieces: list[tuple[float, FloatArray]] = []
+        for start, stop, branch in spans:
+            low, high = stretch.z(np.array([start, stop]))
+            pieces += self._pieces(stretch, float(low), float(high), branch, rtol)
+        return MasterCurve.of_pieces(
+            stretch, [*(low for low, _ in pieces), 1.0], [piece for _, piece in pieces], tuple(jumps)
+        )
+
+    def _crossing(self, lower: Branch, upper: Branch) -> float:
+        """Varpi at which two overlapping branches carry the same force: there the radius jumps."""
+        low, high = float(upper.varpi[0]), float(lower.varpi[-1])
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            at = np.array([middle])
+            forces = [self.values(self.radius(at, branch))[0, Factor.FORCE] for branch in (lower, upper)]
+            low, high = (low, middle) if forces[1] > forces[0] else (middle, high)
+        return 0.5 * (low + high)
+
+    def _pieces(
+        self, stretch: Stretch, start: float, stop: float, branch: Branch, rtol: float
+    ) -> list[tuple[float, FloatArray]]:
+        """Start in z and Chebyshev coefficients of each piece of one branch, halved until they converge."""
+        length = 0.5 * (stop - start) * stretch.length
+        count = ceil((1.0 - log10(rtol) * (1.2 + 0.75 * length)) / MOST_TERMS)
+        angles = chebyshev_angles(MOST_TERMS)
         points = np.cos(angles)
-        ends = np.linspace(-1.0, 1.0, count + 1)
-        todo = list(zip(ends[:-1], ends[1:], strict=True))
+        todo = list(pairwise(np.linspace(start, stop, count + 1).tolist()))
         done: dict[float, FloatArray] = {}
         while todo:
             low, high = todo.pop()
             varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * points)
-            eps = self.radius(varpi)
+            eps = self.radius(varpi, branch)
             logarithms = self.values(eps)
             logarithms[:, 0] = np.log(eps / varpi)
             piece = chebyshev_coefficients(logarithms, angles)
-            if np.abs(piece[-2:]).sum(axis=0).max() > rtol and high - low > _NARROWEST:
+            if truncation_error(piece) > rtol and high - low > _NARROWEST:
                 middle = 0.5 * (low + high)
                 todo += [(low, middle), (middle, high)]
             else:
                 done[low] = piece
-        starts = sorted(done)
-        return MasterCurve.of_pieces(stretch, [*starts, 1.0], [done[start] for start in starts])
+        return sorted(done.items())

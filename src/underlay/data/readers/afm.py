@@ -21,8 +21,9 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._hdf5 import HDF5_MAGIC, is_own, open_checked
-from underlay.data.readers._source import Source, open_zip
+from underlay.data.readers._source import Source
 from underlay.data.readers._text import decode
+from underlay.data.readers.jpk import JpkCurve, check_claims, read_jpk
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
 from underlay.errors import FileFormatError, InputError, MissingExtraError, UnderlayError
 
@@ -77,6 +78,26 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     if not kind:
         raise FileFormatError(f"{source.name} is none of JPK, NT-MDT, AFM Workshop, Igor or HDF5")
     override = _override(source, kind, options.calibration)
+    if kind == "jpk":
+        return _read_jpk(source, override, options)
+    return _guarded(source, kind, override)
+
+
+def _read_jpk(source: Source, override: Mapping[str, float], options: Options) -> list[Curve]:
+    """Through afmformats, else by our own reader, with the reason noted."""
+    check_claims(source)
+    try:
+        return _guarded(source, "jpk", override)
+    except (FileFormatError, MissingExtraError) as error:
+        refusal = str(error)
+    return [
+        _own_curve(source, number, curve, refusal)
+        for number, curve in enumerate(read_jpk(source, options.calibration), start=1)
+    ]
+
+
+def _guarded(source: Source, kind: str, override: Mapping[str, float]) -> list[Curve]:
+    """Call a loader of afmformats and turn its errors into ours."""
     formats = _afmformats()
     try:
         return _LOADERS[kind](formats, source, override)
@@ -113,7 +134,6 @@ def _afmformats() -> Any:
 
 
 def _load_jpk(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
-    open_zip(source).close()  # refuses an archive that unpacks to too much
     stream = _NamedStream(source.data, str(source.path))
     cache = formats.fmt_jpk.jpk_reader.ArchiveCache.open_archives
     try:
@@ -125,8 +145,10 @@ def _load_jpk(formats: Any, source: Source, override: Mapping[str, float]) -> li
 
 
 def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
+    if override:
+        raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
     with open_checked(source) as file:
-        return _curves(source, formats.fmt_hdf5.load_hdf5(file, meta_override=dict(override)))
+        return _curves(source, formats.fmt_hdf5.load_hdf5(file))
 
 
 def _load_igor(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
@@ -186,7 +208,7 @@ def _curve(source: Source, number: int, data: Any, found: Any) -> Curve:
         force,
         time,
         _segments(data, height, time),
-        name=source.path.stem if number == 1 else f"{source.path.stem}, curve {number}",
+        name=_name(source, number),
         header={key: str(found[key]) for key in found if key not in {"path", "z range"}},
         units={"height": "m", "force": "N", "time": "s"},
         sign_rules={
@@ -197,6 +219,29 @@ def _curve(source: Source, number: int, data: Any, found: Any) -> Curve:
         notes=notes,
         **known,
     )
+
+
+def _own_curve(source: Source, number: int, curve: JpkCurve, refusal: str) -> Curve:
+    return make_curve(
+        source,
+        -(curve.height + curve.force / curve.stiffness),
+        curve.force,
+        curve.time,
+        np.array(curve.segment, dtype="<U9"),
+        name=_name(source, number),
+        units={"height": "m", "force": "N", "time": "s"},
+        sign_rules={
+            "depth": "minus (height + force / spring constant)",
+            "force": "positive in compression, as the file's calibration gives it",
+            "segment": "from the file's segments",
+        },
+        spring_constant=curve.stiffness,
+        notes=[f"read by underlay's own reader, because: {refusal}"],
+    )
+
+
+def _name(source: Source, number: int) -> str:
+    return source.path.stem if number == 1 else f"{source.path.stem}, curve {number}"
 
 
 def _column(data: Any, name: str) -> FloatArray:

@@ -1,0 +1,135 @@
+"""`underlay report`: a result as one HTML page and the executed notebook, or a notebook to go on in."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import typer
+
+from underlay._files import write_atomic
+from underlay.cli.console import say
+from underlay.errors import FileAccessError, FileFormatError, InputError
+from underlay.inference.from_files import load_problem
+from underlay.inference.posterior import Posterior
+from underlay.report.render import file_notebook, notebook_text, page_path, posterior_notebook, write_report
+
+__all__ = ["report"]
+
+Results = Annotated[
+    list[Path],
+    typer.Argument(
+        help="What to report: a curve (with --scene), a .fit.json of `underlay fit`, a saved posterior (.npz), "
+        "or a curve and its posterior.",
+        metavar="RESULT...",
+    ),
+]
+
+
+def report(
+    results: Results,
+    scene: Annotated[
+        Path | None, typer.Option("--scene", "-s", help="Scene file (TOML): what was tested.")
+    ] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Page to write.")] = Path("report.html"),
+    new_notebook: Annotated[
+        Path | None,
+        typer.Option(
+            "--new-notebook",
+            help="Write a notebook for CURVE and SCENE instead, to go on in; nothing is executed.",
+        ),
+    ] = None,
+) -> None:
+    """Make one self-contained HTML page of a result; the executed notebook is kept beside it.
+
+    Example: `underlay report curve.csv --scene scene.toml --output report.html`
+
+    Example: `underlay report --new-notebook my_analysis.ipynb curve.csv scene.toml`
+    """
+    if new_notebook is not None:
+        say(f"wrote {_write_new(results, scene, new_notebook)}")
+        say(f"Next: jupyter lab {shlex.quote(str(new_notebook))}")
+        return
+    target = page_path(output)
+    asked = _sorted_out(results, scene)
+    if asked.curve is None and asked.posterior is None:
+        raise InputError("nothing to report: name a curve (with --scene), a .fit.json or a posterior (.npz)")
+    command = _command(results, scene, output)
+    if asked.posterior is not None:
+        Posterior.load(asked.posterior)
+        files = None if asked.curve is None or asked.scene is None else (asked.curve, asked.scene)
+        notebook = posterior_notebook(asked.posterior, target.parent, command, files)
+    else:
+        curve, scene_file = _curve_and_scene(asked)
+        # Wrong input is refused here, in one line, before a notebook is started.
+        load_problem(curve, scene_file)
+        notebook = file_notebook(curve, scene_file, target.parent, command)
+    say(f"wrote {write_report(notebook, target)}")
+    say(f"wrote {target.with_suffix('.ipynb')}")
+
+
+class _Asked(NamedTuple):
+    """The results by what they are."""
+
+    curve: Path | None
+    scene: Path | None
+    posterior: Path | None
+
+
+def _sorted_out(results: list[Path], scene: Path | None) -> _Asked:
+    curve, posterior = None, None
+    for path in results:
+        if path.suffix == ".npz":
+            posterior = path
+        elif path.suffix == ".json":
+            curve, scene = _from_record(path, scene)
+        elif path.suffix == ".toml" and scene is None:
+            scene = path
+        elif curve is not None:
+            raise InputError(f"one page is of one curve; got {curve} and {path}. Call it once for each")
+        else:
+            curve = path
+    return _Asked(curve, scene, posterior)
+
+
+def _from_record(path: Path, scene: Path | None) -> tuple[Path, Path | None]:
+    """Curve and scene file that a .fit.json names."""
+    try:
+        curves = json.loads(path.read_text(encoding="utf-8"))["provenance"]["curves"]
+        names = [entry["path"] for entry in curves]
+    except OSError as error:
+        raise FileAccessError(f"cannot read {path}: {error.strerror or error}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise FileFormatError(f"{path} is not a result of `underlay fit`") from error
+    if len(names) != 1 or not names[0]:
+        raise InputError(f"{path} is not of one curve file; call underlay.report(fit) where it was made")
+    recorded = curves[0].get("scene_path")
+    return Path(names[0]), scene or (Path(recorded) if recorded else None)
+
+
+def _curve_and_scene(asked: _Asked) -> tuple[Path, Path]:
+    if asked.curve is None:
+        raise InputError("name the measured curve")
+    if asked.scene is None:
+        raise InputError(f"say what was tested: add --scene SCENE.toml for {asked.curve}")
+    return asked.curve, asked.scene
+
+
+def _write_new(results: list[Path], scene: Path | None, target: Path) -> Path:
+    if target.suffix != ".ipynb":
+        raise InputError(f"a notebook ends in .ipynb; got {target.name!r}")
+    if target.exists():
+        raise InputError(f"{target} exists and may hold your work; name another file")
+    curve, scene_file = _curve_and_scene(_sorted_out(results, scene))
+    load_problem(curve, scene_file)
+    command = f"run {target.name}"
+    notebook = file_notebook(curve, scene_file, target.absolute().parent, command)
+    return write_atomic(target, notebook_text(notebook))
+
+
+def _command(results: list[Path], scene: Path | None, output: Path) -> str:
+    words = ["underlay", "report", *map(str, results)]
+    words += ["--scene", str(scene)] if scene else []
+    return shlex.join([*words, "--output", str(output)])

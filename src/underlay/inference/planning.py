@@ -1,0 +1,267 @@
+"""Which test would tell: the expected standard error of one parameter over tip radius and depth.
+
+Every cell of the grid is a test that was not done: its Fisher information about the specimen (layer and
+substrate), the instrument's own unknowns of that test removed. Information adds, so what a second radius
+would bring to a first test is one sum per cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
+from underlay.data.noise import Noise
+from underlay.errors import InputError, ParameterError
+from underlay.inference.information import expected_problem, information, marginal, prior_information
+from underlay.inference.problem import Given, Problem
+from underlay.mechanics.accuracy import Accuracy
+from underlay.scene.parameters import kind_of
+from underlay.scene.scene import Scene
+from underlay.units import format_quantity
+
+__all__ = ["Plan", "plan"]
+
+_POINTS = 200
+# Share of the readings before contact: a test that starts in contact cannot tell its contact point.
+_APPROACH = 0.25
+_SPECIMEN = ("layer.", "substrate.")
+# An error within this factor of the best is as good: the mildest such test is recommended.
+_AS_GOOD = 1.1
+_LOST = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Expected standard error of one parameter for every test of a grid.
+
+    Parameters
+    ----------
+    parameter : str
+        What is to be known.
+    value : float
+        Its expected value (SI).
+    names : tuple of str
+        Parameters of the specimen that are unknown.
+    radii, depths : FloatArray
+        The grid (m), (r,) and (d,).
+    stderr : FloatArray
+        Expected standard error (SI), (r, d); infinite where the test does not fix the parameter, NaN where it
+        cannot be done.
+    peak_force : FloatArray
+        Force at the deepest point (N), (r, d).
+    refusals : mapping of (int, int) to str
+        Why a test of the grid cannot be done.
+    scaled_information : FloatArray
+        Information about the specimen in scaled coordinates, priors not counted, (r, d, s, s).
+    prior : FloatArray
+        Information of the priors about the specimen, (s, s).
+    slope : float
+        d parameter / d scaled coordinate (SI).
+    """
+
+    parameter: str
+    value: float
+    names: tuple[str, ...]
+    radii: FloatArray
+    depths: FloatArray
+    stderr: FloatArray
+    peak_force: FloatArray
+    refusals: Mapping[tuple[int, int], str]
+    scaled_information: FloatArray
+    prior: FloatArray
+    slope: float
+
+    @property
+    def best(self) -> tuple[float, float]:
+        """Radius and depth (m) of the recommended test: the smallest force within 10 % of the least error.
+
+        Raises
+        ------
+        InputError
+            If no test of the grid fixes the parameter.
+        """
+        i, j = self._best_cell()
+        return float(self.radii[i]), float(self.depths[j])
+
+    @property
+    def recommendation(self) -> str:
+        """The recommended test in words."""
+        if not np.isfinite(self.stderr).any():
+            return (
+                f"no test of this grid fixes {self.parameter}: give another parameter a prior, add a second "
+                "radius (Plan.second), or widen the grid"
+            )
+        i, j = self._best_cell()
+        kind = kind_of(self.parameter)
+        error = format_quantity(float(self.stderr[i, j]), kind)
+        share = 100.0 * self.stderr[i, j] / abs(self.value) if self.value else np.nan
+        return (
+            f"{self.parameter} to {error} ({share:.2g} %) with radius "
+            f"{format_quantity(float(self.radii[i]), 'length')} and depth "
+            f"{format_quantity(float(self.depths[j]), 'length')} "
+            f"(force up to {format_quantity(float(self.peak_force[i, j]), 'force')})"
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """Standard error (SI) by radius (rows, m) and depth (columns, m)."""
+        return pd.DataFrame(
+            self.stderr,
+            index=pd.Index(self.radii, name="radius"),
+            columns=pd.Index(self.depths, name="depth"),
+        )
+
+    def second(self, radius: float, depth: float) -> Plan:
+        """Plan of a second test on the same specimen, to be fitted jointly with a first one.
+
+        Parameters
+        ----------
+        radius, depth : float
+            The first test (m): the nearest one of the grid is taken.
+
+        Returns
+        -------
+        Plan
+            Its errors are those of both tests together.
+
+        Raises
+        ------
+        InputError
+            If the first test cannot be done.
+        """
+        i = int(np.argmin(np.abs(np.log(self.radii / radius))))
+        j = int(np.argmin(np.abs(np.log(self.depths / depth))))
+        if (i, j) in self.refusals:
+            raise InputError(f"the first test cannot be done: {self.refusals[i, j]}")
+        first = self.scaled_information[i, j]
+        index = self.names.index(self.parameter)
+        joint = self.scaled_information + first
+        stderr = _errors(joint + self.prior, index, np.isnan(self.stderr)) * self.slope
+        return replace(self, stderr=read_only(stderr), scaled_information=read_only(joint))
+
+    def _best_cell(self) -> tuple[int, int]:
+        usable = np.isfinite(self.stderr)
+        if not usable.any():
+            raise InputError(self.recommendation)
+        good = usable & (self.stderr <= _AS_GOOD * self.stderr[usable].min())
+        index = int(np.argmin(np.where(good, self.peak_force, np.inf)))
+        i, j = np.unravel_index(index, self.stderr.shape)
+        return int(i), int(j)
+
+
+def plan(
+    scene: Scene,
+    *,
+    free: Mapping[str, Given] | Iterable[str],
+    noise: Noise,
+    radii: ArrayLike,
+    depths: ArrayLike,
+    parameter: str = "layer.E",
+    points: int = _POINTS,
+    accuracy: Accuracy | None = None,
+    method: str = "auto",
+) -> Plan:
+    """Expected standard error of a parameter over tip radius and depth of the test.
+
+    Parameters
+    ----------
+    scene : Scene
+        The specimen as it is expected to be; its indenter must have a radius.
+    free : mapping of path to prior
+        What will be unknown, as in `Problem`.
+    noise : Noise
+        Of the force reading; its size must be given.
+    radii, depths : array_like
+        Tip radii and largest depths to consider (m), increasing.
+    parameter : str
+        What is to be known, one of the free parameters of layer or substrate.
+    points : int
+        Readings per test, a quarter of them before contact.
+    accuracy, method
+        Which contact law; see `contact_law`.
+
+    Raises
+    ------
+    ParameterError
+        If the parameter is not one of the free ones of the specimen, or the indenter has no radius.
+    InputError
+        If the noise is unknown, or a radius or depth is not positive.
+    """
+    wanted = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    specimen = tuple(path for path in wanted if path.startswith(_SPECIMEN))
+    if parameter not in specimen:
+        raise ParameterError(
+            f"{parameter!r} must be a free parameter of layer or substrate; free are {', '.join(wanted) or 'none'}"
+        )
+    if "indenter.radius" not in scene.parameters:
+        raise ParameterError(f"the grid varies indenter.radius, which {scene.indenter!r} does not have")
+    grid = tuple(_positive(values, name) for values, name in ((radii, "radii"), (depths, "depths")))
+    shape = (len(grid[0]), len(grid[1]))
+    gathered = np.zeros((*shape, len(specimen), len(specimen)))
+    peak_force = np.full(shape, np.nan)
+    refusals: dict[tuple[int, int], str] = {}
+    prior, slope, value = np.zeros((len(specimen), len(specimen))), 0.0, scene.parameters[parameter]
+    for i, radius in enumerate(grid[0]):
+        tipped = scene.with_values({"indenter.radius": float(radius)})
+        for j, depth in enumerate(grid[1]):
+            readings = np.linspace(-_APPROACH / (1.0 - _APPROACH) * depth, depth, points) + (
+                scene.instrument.contact_depth
+            )
+            try:
+                problem = expected_problem(tipped, readings, wanted, noise, accuracy=accuracy, method=method)
+                gathered[i, j], prior = _about_specimen(problem, specimen)
+                peak_force[i, j] = float(problem.curves[0].force.max())
+                slope = float(problem.slopes(problem.start)[problem.names.index(parameter)])
+            except ParameterError:
+                raise
+            except InputError as error:
+                refusals[i, j] = str(error)
+    if len(refusals) == gathered[..., 0, 0].size:
+        raise InputError(f"no test of this grid can be done: {next(iter(refusals.values()))}")
+    errors = _errors(gathered + prior, specimen.index(parameter), np.isnan(peak_force))
+    return Plan(
+        parameter=parameter,
+        value=value,
+        names=specimen,
+        radii=read_only(grid[0]),
+        depths=read_only(grid[1]),
+        stderr=read_only(errors * slope),
+        peak_force=read_only(peak_force),
+        refusals=refusals,
+        scaled_information=read_only(gathered),
+        prior=read_only(prior),
+        slope=slope,
+    )
+
+
+def _about_specimen(problem: Problem, specimen: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Information of one test and of the priors about the specimen, each (s, s)."""
+    kept = [problem.names.index(name) for name in specimen]
+    others = [i for i in range(len(problem.names)) if i not in kept]
+    noises = problem.noises(problem.start)
+    priors = prior_information(problem, problem.start)
+    own = np.zeros_like(priors)
+    own[others, others] = priors[others, others]
+    test = information(problem, problem.start, noises) + own
+    return marginal(test, kept, others), priors[np.ix_(kept, kept)]
+
+
+def _errors(matrices: FloatArray, index: int, impossible: FloatArray) -> FloatArray:
+    """Standard error of entry `index` in scaled coordinates, (r, d), from informations (r, d, s, s)."""
+    errors = np.full(matrices.shape[:2], np.nan)
+    for i, j in zip(*np.nonzero(~impossible), strict=True):
+        others = [k for k in range(matrices.shape[-1]) if k != index]
+        own = float(marginal(matrices[i, j], [index], others)[0, 0])
+        known = own > _LOST * float(matrices[i, j, index, index])
+        errors[i, j] = own**-0.5 if known else np.inf
+    return errors
+
+
+def _positive(values: ArrayLike, name: str) -> FloatArray:
+    array = np.atleast_1d(as_finite(values, name))
+    if array.ndim != 1 or not (array > 0.0).all():
+        raise InputError(f"{name} must be positive lengths (m), one row of them; got {values!r:.80}")
+    return array
