@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from underlay.mechanics.radius_series import Branch, RadiusSeries
 
 __all__ = [
     "LARGEST_EPS",
+    "SHARE_OF_NODES",
     "ContactProblem",
     "RadiusGuess",
     "SolvedCurve",
@@ -41,7 +42,7 @@ LARGEST_EPS = 20.0
 
 # The node counts of `exact_nodes` keep their share of the error, measured: a tenth of rtol where the fit is
 # tightest, three tenths claimed.
-_SHARE_OF_NODES = 0.3
+SHARE_OF_NODES = 0.3
 _SHARE_OF_CURVE = 0.6
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
@@ -57,8 +58,6 @@ _FINEST = 1e-12
 # Gauss nodes of int H p dx for a shape that is not a power law: the sphere's H is analytic, a measured tip's
 # has corners in its derivatives.
 _SMOOTH_NODES, _MEASURED_NODES = 40, 240
-
-Number = TypeVar("Number", float, FloatArray)
 
 
 @dataclass(frozen=True)
@@ -164,7 +163,7 @@ def _by_branches(problem: ContactProblem, top: float, eps: float, rtol: float, g
         eps = min(1.02 * eps * top / last, problem.end)
         series, resolution = _series(problem, eps, fine)
     curve = series.inverted(top, 0.25 * rtol)
-    error = gain * (_SHARE_OF_NODES * fine + series.error_estimate) + curve.error_estimate
+    error = gain * (SHARE_OF_NODES * fine + series.error_estimate) + curve.error_estimate
     return SolvedCurve(curve, resolution, series.coefficients.shape[0], eps, error)
 
 
@@ -209,11 +208,11 @@ class RadiusGuess:
     @classmethod
     def of(cls, pair: Pair, exponent: float) -> Self:
         """Guess for one pair of materials and one shape exponent."""
-        gain = (0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent) - 1.0
+        gain = float((0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent)) - 1.0
         gain *= (0.66 + 0.34 * pair.firmness) * max(0.0, 1.0 - 1.0 / pair.ratio)
         return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
 
-    def eps(self, varpi: Number) -> Number:
+    def eps(self, varpi: FloatArray) -> FloatArray:
         """a/h at `varpi`."""
         share = self.rate * varpi
         return varpi * (1.0 + self.gain * share / (1.0 + share))
@@ -222,7 +221,7 @@ class RadiusGuess:
 def _placement(
     problem: ContactProblem, top: float, eps: float
 ) -> tuple[Callable[[FloatArray], FloatArray] | None, float, float]:
-    """Where to put the radii for given varpi, the largest of them, and how errors of depth grow in the radius.
+    """Where to put the radii for given varpi, the largest, and how errors of depth grow in the radius.
 
     The guess will do unless the substrate is much softer than the layer: then a coarse solution tells. Where
     varpi(eps) folds, or stops short, there is no placing beforehand (None). The growth is the largest slope
@@ -234,9 +233,12 @@ def _placement(
     gain = max(float(_steepest(branch)) for branch in branches)
     if len(branches) > 1 or branches[0].varpi[-1] < top:
         return None, eps, min(gain, _LARGEST_GAIN)
-    table = branches[0]
-    place = partial(np.interp, xp=table.varpi, fp=table.eps)
-    return place, 1.02 * float(place(top)), min(gain, _LARGEST_GAIN)
+    eps = 1.02 * float(np.interp(top, branches[0].varpi, branches[0].eps))
+    return partial(_interpolated, branches[0]), eps, min(gain, _LARGEST_GAIN)
+
+
+def _interpolated(branch: Branch, varpi: FloatArray) -> FloatArray:
+    return np.interp(varpi, branch.varpi, branch.eps)
 
 
 def _steepest(branch: Branch) -> float:
@@ -266,7 +268,7 @@ def _direct(
             continue
         curve = MasterCurve.through(varpi, logarithms, top, softness)
         if curve.error_estimate <= _SHARE_OF_CURVE * rtol:
-            error = gain * _SHARE_OF_NODES * fine + curve.error_estimate
+            error = gain * SHARE_OF_NODES * fine + curve.error_estimate
             return SolvedCurve(curve, resolution, terms, eps, error)
         terms += 4
     return None
@@ -283,7 +285,7 @@ def _series(problem: ContactProblem, eps: float, rtol: float) -> tuple[RadiusSer
         # The series holds ln(varpi/eps), the curve ln(eps/varpi).
         logarithms[:, Factor.RADIUS] *= -1.0
         series = RadiusSeries(stretch, chebyshev_coefficients(logarithms, angles))
-        if series.error_estimate <= _SHARE_OF_NODES * rtol or 2 * terms > _MOST_SERIES_TERMS:
+        if series.error_estimate <= SHARE_OF_NODES * rtol or 2 * terms > _MOST_SERIES_TERMS:
             return series, resolution
         terms += terms // 2
 

@@ -91,7 +91,7 @@ class Stretch:
             y = np.maximum(y - step, 0.0)
             if (np.abs(step) <= 1e-15 * self.length).all():
                 break
-        return np.sinh(y)
+        return np.asarray(np.sinh(y), dtype=np.float64)
 
 
 _NEWTON_STEPS = 30
@@ -103,11 +103,11 @@ def chebyshev_angles(count: int) -> FloatArray:
 
 
 def chebyshev_coefficients(values: FloatArray, angles: FloatArray) -> FloatArray:
-    """Coefficients (count, columns) of the interpolant of `values` (count, columns) at the Chebyshev points."""
+    """Coefficients (count, columns) of the interpolant of `values` at the Chebyshev points."""
     count = angles.size
     scale = np.full((count, 1), 2.0 / count)
     scale[0] = 1.0 / count
-    return scale * (np.cos(np.arange(count)[:, None] * angles) @ values)
+    return np.asarray(scale * (np.cos(np.arange(count)[:, None] * angles) @ values), dtype=np.float64)
 
 
 def _monomial_table(count: int) -> FloatArray:
@@ -199,7 +199,9 @@ class MasterCurve:
             stretch = Stretch(reach, softness)
         angles = np.arccos(stretch.z(varpi))
         basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
-        return cls.of_pieces(stretch, [-1.0, 1.0], [np.linalg.solve(basis, logarithms)])
+        return cls.of_pieces(
+            stretch, [-1.0, 1.0], [np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)]
+        )
 
     @classmethod
     def of_pieces(

@@ -67,7 +67,7 @@ class RadiusSeries:
         return eps * np.exp(self.values(eps)[:, 0])
 
     def radius(self, varpi: FloatArray, branch: Branch) -> FloatArray:
-        """Eps at `varpi` on a branch: Newton on ln varpi(eps), inside the bracket the branch's table gives."""
+        """Eps at `varpi` on a branch: Newton on ln varpi(eps), inside the bracket of its table."""
         orders = np.arange(self.coefficients.shape[0])
         series = self.coefficients[:, 0]
         index = np.searchsorted(branch.varpi, varpi).clip(1, branch.eps.size - 1)
