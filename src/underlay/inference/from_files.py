@@ -53,6 +53,7 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
         "loading": curve.loading,
         "unloading": curve.unloading,
         "hold": curve.hold,
+        "equilibrium": curve.equilibrium,
     }[segment]()
     low, high = choice.get("min_depth", -np.inf), choice.get("max_depth", np.inf)
     inside = (part.depth >= low) & (part.depth <= high)
