@@ -14,6 +14,7 @@ high precision, the wavenumbers from plain panels. Make the stored references (s
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import mpmath as mp
@@ -40,7 +41,9 @@ def plane_constants(constants):
     """q, c, g, S of a material from its engineering constants."""
     values = [mp.mpf(value) for value in constants]
     E, axial, nu, nu_axial, G = (
-        values if len(values) == 5 else (values[0], values[0], values[1], values[1], values[0] / (2 + 2 * values[1]))
+        values
+        if len(values) == 5
+        else (values[0], values[0], values[1], values[1], values[0] / (2 + 2 * values[1]))
     )
     n = E / axial
     return n * nu_axial / (1 - nu), (1 - 2 * n * nu_axial**2 / (1 - nu)) / axial, E / (1 - nu**2), 1 / G
@@ -85,15 +88,15 @@ class Kernel:
             return +(1 - surface[1] / halfspace[1])
 
 
-def panels(eps):
+def panels(eps, order=30):
     """Gauss-Legendre nodes and weights in u: panels that double from 2^-24 up to a width that eps allows."""
     edges, width = [mp.mpf(0), mp.mpf(2) ** -18], min(mp.mpf(2), 6 / mp.mpf(eps))
     while edges[-1] < 42:
         edges.append(edges[-1] + min(edges[-1], width))
-    x, w = zip(*gauss(30), strict=True)
+    x, w = zip(*gauss(order), strict=True)
     return [
         (low + (high - low) * (1 + t) / 2, (high - low) * weight / 2)
-        for low, high in zip(edges, edges[1:], strict=False)
+        for low, high in pairwise(edges)
         for t, weight in zip(x, w, strict=True)
     ]
 
@@ -120,7 +123,11 @@ def even_bessel(count, s):
     for n in range(start, -1, -1):
         values[n] = here
         above, here = here, (2 * n + 1) / s * here - above
-    scale = (mp.sin(s) / s) / values[0] if abs(mp.sin(s)) > 0.1 else (mp.sin(s) / s**2 - mp.cos(s) / s) / values[1]
+    scale = (
+        (mp.sin(s) / s) / values[0]
+        if abs(mp.sin(s)) > 0.1
+        else (mp.sin(s) / s**2 - mp.cos(s) / s) / values[1]
+    )
     return [values[2 * k] * scale for k in range(count)]
 
 
@@ -130,11 +137,11 @@ def power_cosine(exponent, s):
     return mp.hyp1f2(half, mp.mpf(1) / 2, half + 1, -s * s / 4) / (exponent + 1)
 
 
-def weighted_kernel(layer, substrate, eps):
+def weighted_kernel(layer, substrate, eps, order=30):
     """Pairs u, (1 - L(u)) du for all contact radii up to `eps`."""
     with mp.workdps(DIGITS):
         kernel = Kernel(layer, substrate)
-        return [(u, weight * kernel.one_minus_L(u)) for u, weight in panels(eps)]
+        return [(u, weight * kernel.one_minus_L(u)) for u, weight in panels(eps, order)]
 
 
 def solve(weighted, eps, exponents, count):
@@ -190,7 +197,11 @@ def main():
             coarse, fine = (solve(weighted, eps, EXPONENTS, n) for n in (count, count + 4))
             row = {"materials": name, "eps": eps}
             for key, value in fine.items():
-                pairs = zip(value, coarse[key], strict=True) if isinstance(value, tuple) else [(value, coarse[key])]
+                pairs = (
+                    zip(value, coarse[key], strict=True)
+                    if isinstance(value, tuple)
+                    else [(value, coarse[key])]
+                )
                 digits = []
                 for here, there in pairs:
                     if abs(here - there) > abs(here) * mp.mpf(10) ** -20:

@@ -81,8 +81,8 @@ class Stretch:
         target = (0.5 * self.length) * (z + 1.0)
         if self.softness == 0.0:
             return np.sinh(target)
-        # Newton in y = arcsinh(v). Either term of t alone bounds y from above, and so does their mean slope
-        # at zero; t is concave or straight in y from there on, so that the steps converge from one side.
+        # Newton in y = arcsinh(v), from above: either term of t alone bounds y. t is concave in y, so that
+        # the steps approach from below after the first.
         y = np.minimum(target, np.arcsinh(np.expm1(target) / self.softness))
         for _ in range(_NEWTON_STEPS):
             v = np.sinh(y)
@@ -99,7 +99,7 @@ _NEWTON_STEPS = 30
 
 def chebyshev_angles(count: int) -> FloatArray:
     """Angles of the Chebyshev points z = cos(angle), from z near -1 to z near 1."""
-    return (np.pi / (2 * count)) * np.arange(2 * count - 1, 0, -2)
+    return np.asarray((np.pi / (2 * count)) * np.arange(2 * count - 1, 0, -2), dtype=np.float64)
 
 
 def chebyshev_coefficients(values: FloatArray, angles: FloatArray) -> FloatArray:
