@@ -48,14 +48,14 @@ ERROR_ORDER = {"explicit": (1, 2, 3, 4, 5), "parametric": (1, 3, 3, 4, 5), "comp
 
 
 @pytest.mark.parametrize("order", range(5))
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("shape", ["paraboloid", "sphere"])
+@pytest.mark.parametrize(
+    ("shape", "form"),
+    [*(("paraboloid", form) for form in FORMS), *(("sphere", form) for form in FORMS[1:])],
+)
 @pytest.mark.parametrize("pair", ["rigid nu=.3", "0.5"])
 def test_the_error_falls_as_the_order_says(pair, shape, form, order):
     layer, substrate = PAIRS[pair]
     indenter = SHAPES[shape]
-    if form == "explicit" and shape == "sphere":
-        pytest.skip("the explicit form is for power laws")
     # So small because the explicit series has fourth-order terms that nearly cancel for some materials.
     eps = np.geomspace(0.01, 0.03, 4)
     cases = [solve(indenter, e, 1.0, layer.material, substrate) for e in eps]
