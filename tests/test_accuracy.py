@@ -137,12 +137,12 @@ def test_auto_serves_a_measured_tip(varpi):
     blunted_cone = Profile(r, np.sqrt(r**2 + 0.3**2) - 0.3)
     layer = Layer(Isotropic(1.0, 0.45), 1.0)
     deep = float(blunted_cone.abel(np.array(varpi)))
-    law = contact_law(blunted_cone, layer, RIGID, max_depth=deep, accuracy=Accuracy(1e-6))
-    reference = exact_law(blunted_cone, layer, RIGID, max_depth=deep, rtol=1e-8)
+    law = contact_law(blunted_cone, layer, RIGID, max_depth=deep, accuracy=Accuracy(1e-4))
+    reference = exact_law(blunted_cone, layer, RIGID, max_depth=deep, rtol=1e-6)
     error = np.abs(answers(law, deep * FRACTIONS) / answers(reference, deep * FRACTIONS) - 1.0).max()
     assert law.method == ("halfspace" if varpi < 1e-6 else "exact")
-    assert error <= 1e-6
-    assert error / 3.0 - 1e-8 <= law.error_estimate
+    assert error <= 1e-4
+    assert error / 3.0 - 1e-6 <= law.error_estimate
 
 
 # --- which law, and why ------------------------------------------------------------------------------------
@@ -161,7 +161,7 @@ BALL = Paraboloid(1e-3)
         (GEL, RIGID, 1e-16, "halfspace", "a/h = 3.2e-07: the layer changes the contact by at most 5e-07"),
         (GEL, RIGID, 2e-6, "asymptotic", "a/h = 0.045, fourth order, estimated error 2e-07"),
         (GEL, Isotropic(5e3, 0.5), 2e-6, "asymptotic", "a/h = 0.045, fourth order"),
-        # On a base this soft the explicit series has ended; the form that has not is dearer than the exact law.
+        # On a base this soft the explicit series has ended; the form that has not costs more than the exact law.
         (GEL, Isotropic(1e2, 0.5), 2e-6, "exact", "exact contact problem"),
         (GEL, RIGID, 1e-4, "exact", "exact contact problem"),
         (GEL, RIGID, 1e-2, "exact", "exact contact problem"),

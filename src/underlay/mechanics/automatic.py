@@ -9,11 +9,11 @@ In order of cost, each tried only where the one before does not serve:
 4. the explicit fourth-order form, for shapes that have one, where its estimated error is below the tolerance;
 5. the exact law.
 
-Times of 1000 depths of a paraboloid, from cold, in units of the explicit formula: half-space 1, explicit form
-17 (the moments of the kernel are most of it), exact 21. The parametric and compliance forms must be solved for
-each depth (70; a sphere 240 to 550, where the exact law takes 32), so they are never the cheapest and are not
-taken here; ask for them by name. What cannot serve is not tried: the moments are computed only where a bound
-on the errors leaves room for 3 or 4.
+Times of 1000 depths of a paraboloid, from cold, in units of the explicit formula: half-space 1, explicit
+form 17 (the moments of the kernel are most of it), exact 21. The parametric and compliance forms must be
+solved for each depth (70; a sphere 240 to 550, where the exact law takes 32), so they are never the cheapest
+and are not taken here; ask for them by name. What cannot serve is not tried: the moments are computed only
+where a bound on the errors leaves room for 3 or 4.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from underlay.mechanics.series_error import HALFSPACE, series_error
 
 __all__ = ["automatic_law", "compliance_contrast", "halfspace_law", "has_layer_effect"]
 
-# Lower bounds of the errors, for contrast 1, over 75 pairs of materials and exponents from 1 to infinity: 0.09
-# varpi^5 of the explicit form (more where the base is softer), 0.004 varpi of the half-space, 0.04 but for pairs
-# whose a_0 nearly vanishes. Above them the moments need not be computed; a pair missed goes to the exact law.
+# Lower bounds of the errors, for contrast 1, over 75 pairs of materials and exponents from 1 to infinity:
+# 0.09 varpi^5 of the explicit form (more where the base is softer), 0.04 varpi of the half-space (but for pairs
+# whose a_0 nearly vanishes). Above them the moments need not be computed; a pair missed gets the exact law.
 _LEAST_EXPLICIT, _SOFTER = 0.09, 8.0
 _LEAST_HALFSPACE = 0.03
 # An error estimate above this is not trusted as a number, whatever the tolerance.
@@ -65,7 +65,13 @@ def automatic_law(
     if not max_depth > 0.0:
         reason = "no contact: the largest depth is not positive"
         return replace(halfspace_law(indenter, layer), max_depth=0.0, reason=reason)
-    law = _series_law(indenter, layer, substrate, max_depth, rtol)
+    contrast = compliance_contrast(layer.material, substrate)
+    law = None
+    if max_depth <= largest_halfspace_depth(indenter):
+        if _CONTRAST_MARGIN * contrast <= rtol:
+            why = f"layer and substrate differ by {contrast:.2g} in compliance"
+            return _nearly_halfspace(indenter, layer, max_depth, _CONTRAST_MARGIN * contrast, why, rtol)
+        law = _series_law(indenter, layer, substrate, max_depth, rtol, contrast)
     return law or exact_law(indenter, layer, substrate, max_depth=max_depth, rtol=rtol)
 
 
@@ -111,21 +117,9 @@ def _compliance(constants: PlaneConstants) -> tuple[float, float, float]:
 
 
 def _series_law(
-    indenter: Indenter, layer: Layer, substrate: Substrate, max_depth: float, rtol: float
+    indenter: Indenter, layer: Layer, substrate: Substrate, max_depth: float, rtol: float, contrast: float
 ) -> ContactLaw | None:
     """Return the half-space or asymptotic law if one of them keeps `rtol`."""
-    if max_depth > largest_halfspace_depth(indenter):
-        return None
-    contrast = compliance_contrast(layer.material, substrate)
-    if _CONTRAST_MARGIN * contrast <= rtol:
-        return _nearly_halfspace(
-            indenter,
-            layer,
-            max_depth,
-            _CONTRAST_MARGIN * contrast,
-            f"layer and substrate differ by {contrast:.2g} in compliance",
-            rtol,
-        )
     radius = float(indenter.halfspace_radius(np.array([max_depth]))[0])
     varpi = radius / layer.thickness
     allowed = min(rtol, _LARGEST_ERROR)
