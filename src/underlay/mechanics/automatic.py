@@ -34,8 +34,8 @@ from underlay.mechanics.series_error import HALFSPACE, series_error
 __all__ = ["automatic_law", "compliance_contrast", "halfspace_law", "has_layer_effect"]
 
 # Lower bounds of the errors, for contrast 1, over 75 pairs of materials and exponents from 1 to infinity:
-# 0.09 varpi^5 of the explicit form (more where the base is softer), 0.04 varpi of the half-space (but for pairs
-# whose a_0 nearly vanishes). Above them the moments need not be computed; a pair missed gets the exact law.
+# 0.09 varpi^5 of the explicit form (more where the base is softer), 0.04 varpi of the half-space (but for
+# pairs whose a_0 nearly vanishes). Above them no moments are computed; a pair missed gets the exact law.
 _LEAST_EXPLICIT, _SOFTER = 0.09, 8.0
 _LEAST_HALFSPACE = 0.03
 # An error estimate above this is not trusted as a number, whatever the tolerance.
