@@ -138,7 +138,7 @@ def test_auto_serves_a_measured_tip():
     deep = float(blunted_cone.abel(np.array(1e-5)))
     law = contact_law(blunted_cone, layer, RIGID, max_depth=deep, accuracy=Accuracy(1e-4))
     assert law.method == "halfspace"
-    # The largest effect is that on the stiffness, b varpi (lambda+2)/(lambda+1), lambda between cone and ball.
+    # The largest effect is that on the stiffness, b varpi (lambda+2)/(lambda+1), 1 <= lambda <= 2.
     b = 2.0 / np.pi * asymptotic.kernel_moments(layer, RIGID)[0]
     assert 4.0 / 3.0 * b * 1e-5 <= law.error_estimate <= 1.01 * 3.0 / 2.0 * b * 1e-5
 
