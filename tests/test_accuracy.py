@@ -135,13 +135,12 @@ def test_auto_serves_a_measured_tip():
     r = np.linspace(0.0, 2.0, 81)
     blunted_cone = Profile(r, np.sqrt(r**2 + 0.3**2) - 0.3)
     layer = Layer(Isotropic(1.0, 0.45), 1.0)
-    deep = float(blunted_cone.abel(np.array(0.15)))
-    law = contact_law(blunted_cone, layer, RIGID, max_depth=deep, accuracy=Accuracy(1e-3))
-    reference = exact_law(blunted_cone, layer, RIGID, max_depth=deep, rtol=1e-8)
-    error = np.abs(answers(law, deep * FRACTIONS) / answers(reference, deep * FRACTIONS) - 1.0).max()
-    assert law.method == "asymptotic"
-    assert error <= 1e-3
-    assert error / 3.0 <= law.error_estimate <= 30.0 * error
+    deep = float(blunted_cone.abel(np.array(1e-5)))
+    law = contact_law(blunted_cone, layer, RIGID, max_depth=deep, accuracy=Accuracy(1e-4))
+    assert law.method == "halfspace"
+    # The largest effect is that on the stiffness, b varpi (lambda+2)/(lambda+1), 1 <= lambda <= 2.
+    b = 2.0 / np.pi * asymptotic.kernel_moments(layer, RIGID)[0]
+    assert 4.0 / 3.0 * b * 1e-5 <= law.error_estimate <= 1.01 * 3.0 / 2.0 * b * 1e-5
 
 
 # --- which law, and why ------------------------------------------------------------------------------------
@@ -158,8 +157,10 @@ BALL = Paraboloid(1e-3)
         (GEL, Isotropic(1e4, 0.5), 1e-4, "halfspace", "no layer effect"),
         (GEL, Isotropic(1e4 * (1.0 + 1e-7), 0.5), 1e-4, "halfspace", "differ by 1e-07 in compliance"),
         (GEL, RIGID, 1e-16, "halfspace", "a/h = 3.2e-07: the layer changes the contact by at most 5e-07"),
-        (GEL, RIGID, 2e-6, "asymptotic", "a/h = 0.045, fourth order, explicit form, estimated error 2e-07"),
-        (GEL, Isotropic(1e2, 0.5), 2e-6, "asymptotic", "compliance form"),
+        (GEL, RIGID, 2e-6, "asymptotic", "a/h = 0.045, fourth order, estimated error 2e-07"),
+        (GEL, Isotropic(5e3, 0.5), 2e-6, "asymptotic", "a/h = 0.045, fourth order"),
+        # On a base this soft the explicit series has ended; what has not costs more than the exact law.
+        (GEL, Isotropic(1e2, 0.5), 2e-6, "exact", "exact contact problem"),
         (GEL, RIGID, 1e-4, "exact", "exact contact problem"),
         (GEL, RIGID, 1e-2, "exact", "exact contact problem"),
         (GEL, RIGID, 0.0, "halfspace", "no contact"),

@@ -86,7 +86,7 @@ class AsymptoticLaw(ContactLaw):
 
     @property
     def _beyond(self) -> str:
-        if self.max_depth == self.error_depth:
+        if self.max_depth < _depth_at(self.series, self.series_end):
             return CHOSEN_FOR_DEPTH
         form = f"the {self.form} form of order {self.order}"
         return f'there {form} has no root or stops increasing; use method="exact"'

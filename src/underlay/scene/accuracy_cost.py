@@ -1,9 +1,9 @@
 """What accuracy costs: one scene under every method, its error against its time.
 
-The error is the largest relative difference from the exact contact problem solved to 1e-12, over the depths of
-the curve. Times are of one core in this process, "cold" from the materials to the forces and "held" from a law
-that is there already; ratios are to the explicit fourth-order formula (5.9) in plain numpy on the same depths,
-timed in turns with everything else.
+The error is the largest relative difference from the exact contact problem solved to 1e-12, over the depths
+of the curve. Times are of one core in this process, "cold" from the materials to the forces and "held" from a
+law that is there already; ratios are to the explicit fourth-order formula (5.9) in plain numpy on the same
+depths, timed in turns with everything else.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +25,7 @@ from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.automatic import has_layer_effect
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact import ExactLaw
-from underlay.mechanics.indenters import FlatPunch, PowerLawShape
+from underlay.mechanics.indenters import PowerLawShape, abel_factor
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.published import published_names
 
@@ -124,7 +125,7 @@ def accuracy_cost(scene: Scene, depth: ArrayLike, *, rounds: int = _ROUNDS) -> p
 
 
 def explicit_formula(scene: Scene) -> Callable[[FloatArray], FloatArray]:
-    """Return the explicit fourth-order formula (5.9) in plain numpy, its coefficients worked out: the unit of time.
+    """Return the explicit formula (5.9) in plain numpy, its coefficients worked out: the unit of time.
 
     A shape that is no power law takes the formula of a paraboloid one thickness in radius: the same work.
     """
@@ -143,14 +144,16 @@ def explicit_formula(scene: Scene) -> Callable[[FloatArray], FloatArray]:
     scale = float(
         scene.layer.material.theta * coefficient ** (-1.0 / exponent) * blunt.force_factor(exponent)
     )
-    abel = coefficient * float(blunt.abel_factor(exponent))
+    abel = coefficient * float(abel_factor(exponent))
     rate = 1.0 / (abel ** (1.0 / exponent) * scene.layer.thickness)
     power = 1.0 / exponent
 
     def force(depth: FloatArray) -> FloatArray:
         root = depth**power
         varpi = root * rate
-        return scale * depth * root * (1.0 + varpi * (c_1 + varpi * (c_2 + varpi * (c_3 + varpi * c_4))))
+        return np.asarray(
+            scale * depth * root * (1.0 + varpi * (c_1 + varpi * (c_2 + varpi * (c_3 + varpi * c_4))))
+        )
 
     return force
 
@@ -211,7 +214,7 @@ def _time_in_turns(
             for trial in trials:
                 if (law := trial.law) is not None:
                     trial.cold.append(_seconds(_cold(trial.candidate, scene, deepest, depths)))
-                    trial.held.append(_seconds(lambda law=law: law.force(depths)))
+                    trial.held.append(_seconds(partial(law.force, depths)))
     return np.array(unit)
 
 
