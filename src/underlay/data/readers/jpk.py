@@ -51,6 +51,8 @@ class JpkCurve:
         Labels.
     stiffness : float
         Spring constant (N/m).
+    position : tuple of float
+        Place on the sample (m); empty if not written.
     """
 
     height: FloatArray
@@ -58,6 +60,7 @@ class JpkCurve:
     time: FloatArray
     segment: tuple[str, ...]
     stiffness: float
+    position: tuple[float, ...] = ()
 
 
 def check_claims(source: Source) -> None:
