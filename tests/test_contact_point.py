@@ -15,9 +15,7 @@ DEEPEST = 2e-6
 PEAK = 1e-8
 
 
-def made(
-    rng, noise=0.005, *, exponent=1.5, before=3e-6, points=600, slope=0.0, bend=0.0, dip=0.0, bump=0.0
-):
+def made(rng, noise=0.005, *, exponent=1.5, before=3e-6, points=600, slope=0.0, bend=0.0, dip=0.0, bump=0.0):
     """Curve with contact at TRUE; noise and disturbances as shares of the peak force."""
     x = np.linspace(TRUE - before, TRUE + DEEPEST, points)
     w = np.clip(x - TRUE, 0.0, None) / DEEPEST
@@ -130,7 +128,9 @@ def test_noise_alone_is_no_contact():
         find_contact(Curve(curve.depth, np.clip(curve.force, -2e-9, 2e-9)))
 
 
-@pytest.mark.parametrize(("keywords", "told"), [({"method": "magic"}, "no contact method"), ({"exponent": 9}, "0.5")])
+@pytest.mark.parametrize(
+    ("keywords", "told"), [({"method": "magic"}, "no contact method"), ({"exponent": 9}, "0.5")]
+)
 def test_bad_arguments_are_refused(keywords, told):
     with pytest.raises(InputError, match=told):
         find_contact(made(np.random.default_rng(1)), **keywords)

@@ -74,8 +74,14 @@ def test_refusals_leave_the_old_file_as_it_was(curve, tmp_path):
 
 
 def test_records_of_results(tmp_path):
-    path = write_json({"E": {"value": 1.5e6, "stderr": float("nan"), "unit": "Pa"}, "notes": ("a", "b")}, tmp_path / "r.json")
-    assert json.loads(path.read_text()) == {"E": {"value": 1.5e6, "stderr": None, "unit": "Pa"}, "notes": ["a", "b"]}
+    path = write_json(
+        {"E": {"value": 1.5e6, "stderr": float("nan"), "unit": "Pa"}, "notes": ("a", "b")},
+        tmp_path / "r.json",
+    )
+    assert json.loads(path.read_text()) == {
+        "E": {"value": 1.5e6, "stderr": None, "unit": "Pa"},
+        "notes": ["a", "b"],
+    }
 
 
 @pytest.mark.parametrize(

@@ -31,8 +31,26 @@ def put(tmp_path):
 @pytest.mark.parametrize("name", [known.name for known in FORMATS])
 @pytest.mark.parametrize(
     "content",
-    [b"\0" * 100, bytes(range(256)) * 8, b"\xff\xfe\x00", b"\xff\xfe" + b"\xd8\x00" * 9, b"\n\n\n", b" ", b"{", b"PK\x03\x04"],
-    ids=["nul", "binary", "half a letter", "half a pair", "blank lines", "a blank", "a brace", "half an archive"],
+    [
+        b"\0" * 100,
+        bytes(range(256)) * 8,
+        b"\xff\xfe\x00",
+        b"\xff\xfe" + b"\xd8\x00" * 9,
+        b"\n\n\n",
+        b" ",
+        b"{",
+        b"PK\x03\x04",
+    ],
+    ids=[
+        "nul",
+        "binary",
+        "half a letter",
+        "half a pair",
+        "blank lines",
+        "a blank",
+        "a brace",
+        "half an archive",
+    ],
 )
 def test_rubbish_is_refused_by_every_reader(name, content, put):
     with pytest.raises(UnderlayError):
@@ -105,7 +123,9 @@ def test_members_of_an_archive_are_never_written(put, tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["here", "x.dat"]
 
 
-@pytest.mark.parametrize("inside", [{"x.csv": b"0" * 300_000_000}, {f"{i}.csv": b"0" * 30_000_000 for i in range(10)}])
+@pytest.mark.parametrize(
+    "inside", [{"x.csv": b"0" * 300_000_000}, {f"{i}.csv": b"0" * 30_000_000 for i in range(10)}]
+)
 def test_an_archive_that_unpacks_to_too_much(inside, put):
     bomb = files.zipped(inside)
     assert len(bomb) < 1_000_000
@@ -134,7 +154,10 @@ def test_an_encrypted_member(put):
 def workbook(sheet, **more):
     """The workbook of the tests with the XML of its data sheet replaced."""
     stream = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(files.excel())) as archive, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as out:
+    with (
+        zipfile.ZipFile(io.BytesIO(files.excel())) as archive,
+        zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as out,
+    ):
         for name in archive.namelist():
             out.writestr(name, sheet if name == "xl/worksheets/sheet2.xml" else archive.read(name))
         for name, content in more.items():
@@ -194,7 +217,12 @@ def test_hdf5_that_leads_out_of_the_file(link, put, tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "module"),
-    [(files.excel, "openpyxl"), (files.nanosuite, "xlrd"), (afm_files.hdf5, "h5py"), (files.workshop, "afmformats.formats")],
+    [
+        (files.excel, "openpyxl"),
+        (files.nanosuite, "xlrd"),
+        (afm_files.hdf5, "h5py"),
+        (files.workshop, "afmformats.formats"),
+    ],
 )
 def test_a_missing_extra_is_named(content, module, put, monkeypatch):
     path = put(content())

@@ -40,7 +40,9 @@ def plane_constants(constants):
     """q, c, g, S of a material from its engineering constants."""
     values = [mp.mpf(value) for value in constants]
     E, axial, nu, nu_axial, G = (
-        values if len(values) == 5 else (values[0], values[0], values[1], values[1], values[0] / (2 + 2 * values[1]))
+        values
+        if len(values) == 5
+        else (values[0], values[0], values[1], values[1], values[0] / (2 + 2 * values[1]))
     )
     n = E / axial
     return n * nu_axial / (1 - nu), (1 - 2 * n * nu_axial**2 / (1 - nu)) / axial, E / (1 - nu**2), 1 / G
@@ -120,7 +122,11 @@ def even_bessel(count, s):
     for n in range(start, -1, -1):
         values[n] = here
         above, here = here, (2 * n + 1) / s * here - above
-    scale = (mp.sin(s) / s) / values[0] if abs(mp.sin(s)) > 0.1 else (mp.sin(s) / s**2 - mp.cos(s) / s) / values[1]
+    scale = (
+        (mp.sin(s) / s) / values[0]
+        if abs(mp.sin(s)) > 0.1
+        else (mp.sin(s) / s**2 - mp.cos(s) / s) / values[1]
+    )
     return [values[2 * k] * scale for k in range(count)]
 
 
@@ -190,7 +196,11 @@ def main():
             coarse, fine = (solve(weighted, eps, EXPONENTS, n) for n in (count, count + 4))
             row = {"materials": name, "eps": eps}
             for key, value in fine.items():
-                pairs = zip(value, coarse[key], strict=True) if isinstance(value, tuple) else [(value, coarse[key])]
+                pairs = (
+                    zip(value, coarse[key], strict=True)
+                    if isinstance(value, tuple)
+                    else [(value, coarse[key])]
+                )
                 digits = []
                 for here, there in pairs:
                     if abs(here - there) > abs(here) * mp.mpf(10) ** -20:
