@@ -29,6 +29,7 @@ import time
 import warnings
 import zipfile
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
 
@@ -257,36 +258,41 @@ def run_chunk(first, count, folder):
     }
 
 
-def run(count, first=0):
+def run_child(start, size):
+    """Outcome of one child process, with what it left behind or how it ended."""
+    with tempfile.TemporaryDirectory() as folder:
+        child = subprocess.run(
+            [sys.executable, __file__, "--chunk", str(start), str(size), folder],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+        )
+        left = [file.name for file in Path(folder).iterdir() if file.name != "fuzzed.dat"]
+    seeds_tried = f"{start}..{start + size - 1}"
+    if child.returncode:
+        error = f"exit {child.returncode}: {child.stderr[-800:]}"
+        return {"outcomes": {}, "failures": [{"seed": seeds_tried, "error": error}]}
+    result = json.loads(child.stdout)
+    if left:
+        result["failures"].append({"seed": seeds_tried, "error": f"left files behind: {left}"})
+    return result
+
+
+def run(count, first=0, workers=1):
     """Read `count` damaged files in child processes and add up what happened."""
-    outcomes, failures, slowest, growth = Counter(), [], 0.0, 0.0
-    for start in range(first, first + count, CHUNK):
-        size = min(CHUNK, first + count - start)
-        with tempfile.TemporaryDirectory() as folder:
-            child = subprocess.run(
-                [sys.executable, __file__, "--chunk", str(start), str(size), folder],
-                capture_output=True,
-                text=True,
-                check=False,
-                env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+    outcomes, failures, slowest, growth, done = Counter(), [], 0.0, 0.0, 0
+    chunks = [(start, min(CHUNK, first + count - start)) for start in range(first, first + count, CHUNK)]
+    with ThreadPoolExecutor(workers) as pool:
+        for part in pool.map(lambda chunk: run_child(*chunk), chunks):
+            outcomes.update(part["outcomes"])
+            failures += part["failures"]
+            slowest = max(slowest, part.get("slowest_seconds", 0.0))
+            growth = max(growth, part.get("memory_growth_mb", 0.0))
+            done += 1
+            sys.stderr.write(
+                f"{done}/{len(chunks)} parts, {len(failures)} failures, slowest {slowest:.2f} s\n"
             )
-            left = [file.name for file in Path(folder).iterdir() if file.name != "fuzzed.dat"]
-        if child.returncode:
-            failures.append(
-                {
-                    "seed": f"{start}..{start + size - 1}",
-                    "error": f"exit {child.returncode}: {child.stderr[-800:]}",
-                }
-            )
-            continue
-        if left:
-            failures.append({"seed": f"{start}..{start + size - 1}", "error": f"left files behind: {left}"})
-        part = json.loads(child.stdout)
-        outcomes.update(part["outcomes"])
-        failures += part["failures"]
-        slowest = max(slowest, part["slowest_seconds"])
-        growth = max(growth, part["memory_growth_mb"])
-        sys.stderr.write(f"{start + size - first} files, {len(failures)} failures, slowest {slowest:.2f} s\n")
     return {
         "command": f"python tests/fuzz_readers.py --count {count}" + (f" --first {first}" if first else ""),
         "files": count,
@@ -304,6 +310,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--first", type=int, default=0, help="number of the first file, which is its seed")
+    parser.add_argument("--workers", type=int, default=1, help="child processes at a time")
     parser.add_argument("--output", type=Path, help="write the result here as JSON")
     parser.add_argument("--chunk", nargs=3, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -311,7 +318,7 @@ def main():
         first, count, folder = arguments.chunk
         sys.stdout.write(json.dumps(run_chunk(int(first), int(count), folder)))
         return 0
-    result = run(arguments.count, arguments.first)
+    result = run(arguments.count, arguments.first, arguments.workers)
     text = json.dumps(result, indent=2) + "\n"
     if arguments.output:
         arguments.output.write_text(text, encoding="utf-8")

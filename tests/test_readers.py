@@ -406,6 +406,9 @@ def test_jpk_depth_is_that_of_the_tip(keywords, put):
     assert len(curve.unloading()) == afm_files.POINTS
     assert curve.metadata["spring_constant"] == pytest.approx(afm_files.STIFFNESS)
     assert (np.diff(curve.time) > 0).all()
+    assert curve.metadata["position"] == (1e-5, -2e-5)
+    refused = keywords.get("pause") == "constant-height-pause" or len(keywords.get("styles", ())) > 4
+    assert ("own reader" in str(curve.metadata["notes"])) == refused
 
 
 def test_jpk_without_a_calibration_asks_for_it(put):

@@ -258,6 +258,7 @@ def _own_curve(source: Source, number: int, curve: JpkCurve, refusal: str) -> Cu
             "segment": "from the file's segments",
         },
         spring_constant=curve.stiffness,
+        position=curve.position,
         notes=[f"read by underlay's own reader, because: {refusal}"],
     )
 
