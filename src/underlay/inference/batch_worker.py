@@ -1,9 +1,4 @@
-"""A worker process: curves in through standard input, rows out through standard output, as pickles.
-
-Started as ``python -m underlay.inference.batch_worker`` by `batch_processes`. It is a program of its own, and
-not a fork or a spawned copy of the caller's, so a script needs no ``if __name__ == "__main__"`` guard and no
-thread of the caller's is copied half-way.
-"""
+"""A worker process: curves in through one pipe, rows out through another, as pickles."""
 
 from __future__ import annotations
 
@@ -16,7 +11,7 @@ from typing import BinaryIO
 
 from underlay.inference.batch_work import Workshop
 
-__all__ = ["serve"]
+__all__ = ["main", "serve"]
 
 # Rows are sent at least this often (s), so that little is lost with a process.
 _EVERY = 0.2
@@ -51,7 +46,8 @@ def _send(sink: BinaryIO, content: object) -> None:
     sink.flush()
 
 
-def _main() -> None:
+def main() -> None:
+    """Serve through standard input and output: the program of a worker that was started anew."""
     # Ctrl-C reaches the whole group of processes; the parent decides what ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.fdopen(os.dup(1), "wb")
@@ -63,6 +59,3 @@ def _main() -> None:
         # The parent is gone: there is nobody to answer.
         os._exit(1)
 
-
-if __name__ == "__main__":
-    _main()
