@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.inference.diagnostics import diagnose
-from underlay.inference.fit_result import Fit, FitStatistics
+from underlay.inference.fit_result import Alternative, Fit, FitStatistics
 from underlay.inference.fit_warnings import warnings_of
 from underlay.inference.noise_estimate import noise_covariance
 from underlay.inference.objective import Minimum, Objective
@@ -25,10 +25,21 @@ _ON_BOUND = 1e-4
 # A direction whose singular value is below this times the largest is lost in the rounding and in the
 # finite differences of the Jacobian.
 _SINGULAR = 1e-9
+# Two minima within this share of a standard error are one; a rise of chi-square beyond 3.4^2 is rejected
+# at 99.9 %.
+_SAME, _REJECTED = 0.3, 11.6
 
 
-def assemble(objective: Objective, minimum: Minimum, *, method: str, robust: str, seconds: float) -> Fit:
-    """Make the result of a fit from where its minimiser stopped."""
+def assemble(
+    objective: Objective,
+    minimum: Minimum,
+    others: Sequence[FloatArray] = (),
+    *,
+    method: str,
+    robust: str,
+    seconds: float,
+) -> Fit:
+    """Make the result of a fit from where its minimiser stopped; `others` are optima of other starts."""
     problem, vector = objective.problem, minimum.vector
     physical = problem.physical(vector)
     residuals, jacobian = objective.residuals(vector), objective.jacobian(vector)
@@ -42,7 +53,8 @@ def assemble(objective: Objective, minimum: Minimum, *, method: str, robust: str
         if not np.isfinite(own).all():
             reasons |= {problem.names[i]: "these data do not fix the noise: give it a prior" for i in entries}
     slopes = problem.space.slopes(physical)
-    deviation = np.sqrt(np.diag(covariance)) * np.abs(slopes)
+    deviation_scaled = np.sqrt(np.diag(covariance))
+    deviation = deviation_scaled * np.abs(slopes)
     stderr = {
         name: float("inf") if name in reasons else float(error)
         for name, error in zip(problem.names, deviation, strict=True)
@@ -53,6 +65,7 @@ def assemble(objective: Objective, minimum: Minimum, *, method: str, robust: str
     )
     ends = np.cumsum([len(member.force) for member in problem.members])
     whitened = np.split(residuals, ends)[: len(forces)]
+    alternatives = _alternatives(objective, vector, residuals, deviation_scaled, others)
     diagnostics = tuple(diagnose(own, force) for own, force in zip(whitened, forces, strict=True))
     law = max((member.law(physical) for member in problem.members), key=lambda law: law.error_estimate)
     statistics = _statistics(objective, minimum, whitened, law, method=method, robust=robust, seconds=seconds)
@@ -69,7 +82,10 @@ def assemble(objective: Objective, minimum: Minimum, *, method: str, robust: str
         residuals=forces,
         diagnostics=diagnostics,
         statistics=statistics,
-        warnings=warnings_of(problem, law, reasons, bounds_hit, covariance, diagnostics, statistics),
+        warnings=warnings_of(
+            problem, law, reasons, bounds_hit, covariance, diagnostics, statistics, alternatives
+        ),
+        alternatives=alternatives,
     )
 
 
@@ -103,6 +119,26 @@ def scaled_covariance(
             )
         kept = [i for i in kept if i not in gone]
     return covariance, reasons
+
+
+def _alternatives(
+    objective: Objective,
+    vector: FloatArray,
+    residuals: FloatArray,
+    deviation: FloatArray,
+    others: Sequence[FloatArray],
+) -> tuple[Alternative, ...]:
+    """Other optima that the data hardly reject."""
+    base = float(residuals @ residuals)
+    found: list[Alternative] = []
+    for other in others:
+        known = [vector, *(entry.vector for entry in found)]
+        if any((np.abs(other - there) <= _SAME * (deviation + 1e-6)).all() for there in known):
+            continue
+        rise = float(np.square(objective.residuals(other)).sum()) - base
+        if rise < _REJECTED:
+            found.append(Alternative(read_only(other), objective.problem.values(other), max(rise, 0.0)))
+    return tuple(sorted(found, key=lambda entry: entry.rise))
 
 
 def robust_inflation(residuals: FloatArray, loss: str) -> float:

@@ -24,7 +24,7 @@ from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
-__all__ = ["Fit", "FitStatistics", "FitWarning"]
+__all__ = ["Alternative", "Fit", "FitStatistics", "FitWarning"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,25 @@ class FitWarning:
 
     def __str__(self) -> str:
         return self.message
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another optimum the data hardly reject.
+
+    Parameters
+    ----------
+    vector : FloatArray
+        In scaled coordinates, (k,).
+    values : mapping of name to float
+        Parameters (SI).
+    rise : float
+        Chi-square above that of the best.
+    """
+
+    vector: FloatArray = field(repr=False)
+    values: Mapping[str, float]
+    rise: float
 
 
 @dataclass(frozen=True)
@@ -121,6 +140,8 @@ class Fit:
         How it was reached.
     warnings : tuple of FitWarning
         What to beware of.
+    alternatives : tuple of Alternative
+        Other optima within a rise of 11.6 in chi-square (99.9 %), as far as the starts found them.
     """
 
     problem: Problem = field(repr=False)
@@ -136,6 +157,7 @@ class Fit:
     diagnostics: tuple[ResidualDiagnostics, ...] = field(repr=False)
     statistics: FitStatistics = field(repr=False)
     warnings: tuple[FitWarning, ...]
+    alternatives: tuple[Alternative, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -250,6 +272,7 @@ class Fit:
             "statistics": asdict(self.statistics),
             "diagnostics": [asdict(entry) for entry in self.diagnostics],
             "warnings": [asdict(warning) for warning in self.warnings],
+            "alternatives": [{"values": dict(a.values), "rise": a.rise} for a in self.alternatives],
             "scenes": [scene.parameters for scene in self.scenes],
             "provenance": self.provenance,
         }

@@ -88,8 +88,26 @@ def fit(
 def _fit_once(problem: Problem, method: str, robust: str | None, start: str) -> Fit:
     began = time.perf_counter()
     solver = "least_squares" if robust else method
-    starts = [problem.start] if start == "given" else scan_starts(problem, 1) or [problem.start]
-    vector = _inside(problem, starts[0])
+    starts = [problem.start] if start == "given" else scan_starts(problem) or [problem.start]
+    if robust:
+        # The losses of two robust fits with their own scales do not compare: the best of the grid is taken.
+        starts = starts[:1]
+    outcomes = [_settle(problem, _inside(problem, first), solver, robust) for first in starts]
+    objective, minimum = min(outcomes, key=lambda outcome: outcome[0].loss(outcome[1].vector))
+    return assemble(
+        objective,
+        minimum,
+        [other.vector for _, other in outcomes if other is not minimum],
+        method=solver,
+        robust=robust or "none",
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _settle(
+    problem: Problem, vector: FloatArray, solver: str, robust: str | None
+) -> tuple[Objective, Minimum]:
+    """Fit from one start, and again while what is learnt of the noise changes the weights."""
     try:
         noises = first_noises(problem, vector)
         objective = Objective(problem, weights_at(problem, vector, noises))
@@ -103,9 +121,7 @@ def _fit_once(problem: Problem, method: str, robust: str | None, start: str) -> 
         if renewal.settled:
             break
         minimum = minimise(objective, minimum.vector, method=solver, robust=robust)
-    return assemble(
-        objective, minimum, method=solver, robust=robust or "none", seconds=time.perf_counter() - began
-    )
+    return objective, minimum
 
 
 def minimise(

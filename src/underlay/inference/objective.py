@@ -135,6 +135,15 @@ class Objective:
             parts.append(self._penalties(physical)[1] * slopes)
         return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
+    def loss(self, vector: FloatArray) -> float:
+        """Minus twice the log-likelihood with the frozen noise, priors' residuals included, at (k,)."""
+        residuals = self.residuals(vector)
+        normalisation = sum(
+            float(noise.log_normalisation(sigma, member.curve.time))
+            for member, noise, sigma in self._members()
+        )
+        return float(residuals @ residuals) - 2.0 * normalisation
+
     def models(self, vector: FloatArray) -> list[FloatArray]:
         """Instrument's force (N) of every curve at a vector (k,); raises InputError where no law exists."""
         return self._models(self.problem.physical(vector))
