@@ -1,7 +1,7 @@
 """Simulation-based calibration of the sampler, as a command whose result is kept beside it.
 
     python tests/studies/calibration.py run --replicas 300          # adds to calibration.csv; stop it any time
-    python tests/studies/calibration.py show                        # table and rank plot from calibration.csv
+    python tests/studies/calibration.py show                 # table and rank plot from calibration.csv
 
 Replicas are numbered: a run skips those that are there, and `--part 0/3` takes every third, so that several
 processes can share the work (each writes a file of its own; `show` reads them all).

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ _SPARE = 0.1
 
 
 class Readings(NamedTuple):
-    """Contact force (N), stiffness (N/m), instrument force (N), (sets, n); which sets exist, (sets,)."""
+    """Contact force (N), stiffness (N/m), instrument force (N), (sets, n), and which sets exist."""
 
     contact: FloatArray
     stiffness: FloatArray
@@ -131,8 +131,10 @@ class _Batch:
     def __init__(self, forward: Forward, values: Values, sets: int) -> None:
         self.forward, self.values, self.sets = forward, values, sets
         similarity = forward.similarity
+        # `reduced` and `factors` divide and multiply: arrays go through them as numbers do.
+        numbers: Any = values
         self.ratios = np.column_stack(
-            [np.broadcast_to(ratio, sets) for ratio in similarity.reduced(values)] or [np.empty((sets, 0))]
+            [np.broadcast_to(ratio, sets) for ratio in similarity.reduced(numbers)] or [np.empty((sets, 0))]
         )
         self.alike = bool((self.ratios == self.ratios[0]).all())
         self.b, self.c = self._factors()
@@ -152,7 +154,8 @@ class _Batch:
         if any(isinstance(self.values[path], np.ndarray) for path in similarity.shape):
             both = np.array([similarity.factors(_row(self.values, row)) for row in range(self.sets)])
             return both[:, 0], both[:, 1]
-        b, c = similarity.factors(self.values)
+        numbers: Any = self.values  # as in __init__
+        b, c = similarity.factors(numbers)
         return np.broadcast_to(b, self.sets), np.broadcast_to(c, self.sets)
 
     def shared_law(self, readings: Readings, *, stiffness: bool) -> None:
