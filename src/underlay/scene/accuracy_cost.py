@@ -113,8 +113,8 @@ def accuracy_cost(scene: Scene, depth: ArrayLike, *, rounds: int = _ROUNDS) -> p
     formula = explicit_formula(scene)
     unit = _time_in_turns(trials, scene, depths, formula, rounds)
     table = pd.DataFrame([_row(trial, reference, depths, unit) for trial in trials])
-    table["pareto"] = _pareto(table["error"], table["cold_seconds"])
-    table["pareto_held"] = _pareto(table["error"], table["held_seconds"])
+    table["pareto"] = _pareto(table["error"], table["cold_ratio"])
+    table["pareto_held"] = _pareto(table["error"], table["held_ratio"])
     table = table.sort_values("error", ignore_index=True)
     table.attrs |= {
         "unit_seconds": float(np.median(unit)),
@@ -269,12 +269,12 @@ def _error(
     return float(np.abs(found / quantity(reference, depths) - 1.0).max())
 
 
-def _pareto(error: pd.Series[float], seconds: pd.Series[float]) -> pd.Series[bool]:
+def _pareto(error: pd.Series[float], cost: pd.Series[float]) -> pd.Series[bool]:
     """Whether no other row is both closer and faster."""
     best = np.inf
     front = pd.Series(data=False, index=error.index)
     known = error.notna()
-    for index in seconds[known].sort_values().index:
+    for index in cost[known].sort_values().index:
         if error[index] < best:
             best = error[index]
             front[index] = True
