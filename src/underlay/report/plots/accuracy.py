@@ -14,7 +14,6 @@ from underlay.report.plots.style import (
     COLUMN,
     DATA,
     FIT,
-    GREY,
     PURPLE,
     REFERENCE,
     YELLOW,
@@ -80,7 +79,7 @@ def accuracy_cost(table: pd.DataFrame, *, times: str = "cold", ax: Axes | None =
 def _draw_published(
     drawn: Axes, known: pd.DataFrame, cost: pd.Series[float], error: pd.Series[float]
 ) -> None:
-    """Published corrections as letters, explained in the legend: they stand too close for names beside them."""
+    """Published corrections as letters, explained in the legend: names would cover each other."""
     rows = known.index[~known["method"].isin(_OURS)]
     for letter, row in zip(ascii_uppercase, rows, strict=False):
         drawn.plot(
