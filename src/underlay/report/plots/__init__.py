@@ -2,6 +2,7 @@
 
 from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
+from underlay.report.plots.effects import effects
 from underlay.report.plots.fit import fit
 from underlay.report.plots.identifiability import identifiability
 from underlay.report.plots.map import map  # noqa: A004  the public name
@@ -14,6 +15,7 @@ from underlay.report.plots.style import save
 __all__ = [
     "corner",
     "correlations",
+    "effects",
     "fit",
     "identifiability",
     "map",
