@@ -1,4 +1,4 @@
-"""The report's page in a browser: every picture there, nothing fetched, readable narrow, wide, light, dark."""
+"""The report's page in a browser: every picture there, nothing fetched, readable narrow or wide, light or dark."""
 
 import pytest
 
