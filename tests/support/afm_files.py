@@ -65,6 +65,7 @@ def _segment(archive, number, style, *, pause, calibrated, claimed, shared):
         + deflection
         + _encoder("channel.measuredHeight", "signedinteger", 1e-14)
         + "channel.measuredHeight.conversion-set.conversions.base=volts\n"
+        + "channel.height.conversion-set.conversions.base=volts\n"
         + _conversion("channel.measuredHeight", "nominal", "volts", 1.0, "m")
         + _encoder("channel.height", "signedinteger", 1e-14)
         + _conversion("channel.height", "nominal", "volts", 1.0, "m")
@@ -77,7 +78,7 @@ def _segment(archive, number, style, *, pause, calibrated, claimed, shared):
 
 
 def _vdeflection(prefix, calibrated):
-    text = _encoder(prefix, "signedinteger", 1e-6, "V")
+    text = _encoder(prefix, "signedinteger", 1e-6, "V") + f"{prefix}.conversion-set.conversions.base=volts\n"
     if calibrated:
         text += _conversion(prefix, "distance", "volts", SENSITIVITY, "m")
         text += _conversion(prefix, "force", "distance", STIFFNESS, "N")

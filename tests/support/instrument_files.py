@@ -293,7 +293,7 @@ ZWICK = {
         "Statistics",
         ("Test time", "Standard force", "Standard travel", "Tool separation"),
     ),
-    "xx": ("Parameter", "Results", "?", ("a", "b", "c", "d")),
+    "xx": ("Parameter", "Results", "Other", ("a", "b", "c", "d")),
 }
 
 

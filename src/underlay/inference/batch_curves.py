@@ -18,7 +18,9 @@ __all__ = ["CurvePlace", "Curves", "list_curves"]
 Curves = str | os.PathLike[str] | Iterable[Curve | str | os.PathLike[str]]
 
 # Files that stand beside curves and are none.
-_NOT_CURVES = frozenset({".toml", ".md", ".png", ".svg", ".pdf", ".html", ".parquet", ".journal", ".ipynb", ".py"})
+_NOT_CURVES = frozenset(
+    {".toml", ".md", ".png", ".svg", ".pdf", ".html", ".parquet", ".journal", ".ipynb", ".py"}
+)
 _LISTED = 3
 
 

@@ -145,7 +145,9 @@ def batch_model(
     if not isinstance(scene, Scene):
         raise InputError(f"scene must be a Scene or the path of a scene file; got {scene!r:.100}")
     if free is None:
-        raise InputError("nothing is free: pass free={'layer.E': (1e4, 1e8), ...}, or a scene file with [fit]")
+        raise InputError(
+            "nothing is free: pass free={'layer.E': (1e4, 1e8), ...}, or a scene file with [fit]"
+        )
     paths = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     model = BatchModel(scene, paths, noise, solver, file, quality, sampling)
     template = model.template

@@ -185,7 +185,11 @@ class Workshop:
             tuple(str(warning) for warning in found.warnings),
             {},
         )
-        return outcome if self._model.sampling is None else _sampled(problem, place, self._model.sampling, outcome)
+        return (
+            outcome
+            if self._model.sampling is None
+            else _sampled(problem, place, self._model.sampling, outcome)
+        )
 
     def _problem(self, place: CurvePlace, curve: Curve) -> Problem:
         return self._model.problem(self._model.scene.with_values(place.values), curve)

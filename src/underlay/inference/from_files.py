@@ -35,7 +35,7 @@ def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -
         If a file cannot be read, or its content cannot be used; the message says which and why.
     """
     file = read_scene_file(scene)
-    return problem_from(file, read_for(file, curve))
+    return problem_from(file, read_for(file, curve).with_metadata(scene_path=str(file.path)))
 
 
 def read_for(file: SceneFile, path: str | os.PathLike[str]) -> Curve:
@@ -53,6 +53,7 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
         "loading": curve.loading,
         "unloading": curve.unloading,
         "hold": curve.hold,
+        "equilibrium": curve.equilibrium,
     }[segment]()
     low, high = choice.get("min_depth", -np.inf), choice.get("max_depth", np.inf)
     inside = (part.depth >= low) & (part.depth <= high)

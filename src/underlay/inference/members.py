@@ -80,14 +80,15 @@ class Member:
         return self.forward.reading(self.values_at(physical))
 
     def law(self, physical: FloatArray) -> ContactLaw:
-        """Contact law at a physical vector (k,), as a caller of the scene would get it."""
-        scene = self.scene_at(physical)
-        deepest = float(self.curve.depth.max()) - scene.instrument.contact_depth
-        return self.forward.options.build(scene, max(deepest, 0.0))
+        """Contact law behind the model at a physical vector (k,), at the reference of the similarity.
 
-    def jacobian(self, physical: FloatArray) -> tuple[Reading, FloatArray]:
+        Its range is up to twice the curve's, so its error estimate is not below that of the curve.
+        """
+        return self.forward.law_behind(self.values_at(physical))
+
+    def jacobian(self, physical: FloatArray, *, rough: bool = False) -> tuple[Reading, FloatArray]:
         """Model and d force / d vector (SI), (n, k); zero for entries this curve does not read."""
-        reading, own = self.forward.jacobian(self.values_at(physical), tuple(self.entries))
+        reading, own = self.forward.jacobian(self.values_at(physical), tuple(self.entries), rough=rough)
         columns = np.zeros((len(self.force), len(physical)))
         columns[:, list(self.entries.values())] = own
         return reading, columns

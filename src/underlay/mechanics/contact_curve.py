@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 
@@ -26,14 +26,23 @@ from underlay.mechanics.materials import PlaneConstants, Real
 from underlay.mechanics.punch_solution import PunchSolution
 from underlay.mechanics.radius_series import Branch, RadiusSeries
 
-__all__ = ["LARGEST_EPS", "ContactProblem", "RadiusGuess", "SolvedCurve", "contact_factors", "depth_measure", "solve_curve"]
+__all__ = [
+    "LARGEST_EPS",
+    "SHARE_OF_NODES",
+    "ContactProblem",
+    "RadiusGuess",
+    "SolvedCurve",
+    "contact_factors",
+    "depth_measure",
+    "solve_curve",
+]
 
 #: Largest contact radius over thickness that is solved for.
 LARGEST_EPS = 20.0
 
 # The node counts of `exact_nodes` keep their share of the error, measured: a tenth of rtol where the fit is
 # tightest, three tenths claimed.
-_SHARE_OF_NODES = 0.3
+SHARE_OF_NODES = 0.3
 _SHARE_OF_CURVE = 0.6
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
@@ -49,8 +58,6 @@ _FINEST = 1e-12
 # Gauss nodes of int H p dx for a shape that is not a power law: the sphere's H is analytic, a measured tip's
 # has corners in its derivatives.
 _SMOOTH_NODES, _MEASURED_NODES = 40, 240
-
-Number = TypeVar("Number", float, FloatArray)
 
 
 @dataclass(frozen=True)
@@ -87,21 +94,35 @@ class ContactProblem:
 
     @property
     def end(self) -> float:
-        """Largest eps: 20, or the end of the shape."""
-        return min(self.indenter.max_radius / self.thickness, LARGEST_EPS)
+        """Largest chi: a/h = 20, or the end of the shape."""
+        return self.chi(min(self.indenter.max_radius / self.thickness, LARGEST_EPS))
 
-    def guess(self, varpi: FloatArray) -> FloatArray:
-        """Contact radii over thickness at `varpi`, a little too large but within the shape."""
-        eps = RadiusGuess.of(self.pair, self.measure.exponent).eps(varpi)
+    def chi(self, eps: float) -> float:
+        """Radius over thickness at which the measure has the half-space depth H(a) of the indenter.
+
+        It stands for the contact radius in every expansion: where a sphere's H grows without bound, chi does
+        too, and varpi(chi) stays smooth.
+        """
         if self.indenter is self.measure:
             return eps
+        depth = self.indenter.abel(np.array([eps * self.thickness]))
+        return float(self.measure.halfspace_radius(depth)[0]) / self.thickness
+
+    def eps(self, chi: FloatArray) -> FloatArray:
+        """Contact radius over thickness at `chi`, within the shape."""
+        if self.indenter is self.measure:
+            return chi
         deepest = self.indenter.abel(np.array(self.indenter.max_radius))
-        depth = np.minimum(self.measure.abel(eps * self.thickness), deepest)
+        depth = np.minimum(self.measure.abel(chi * self.thickness), deepest)
         return np.minimum(self.indenter.halfspace_radius(depth), self.indenter.max_radius) / self.thickness
 
-    def solve(self, eps: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
-        """Varpi (radii,) and the logarithms of the three factors (radii, 3) at contact radii `eps`."""
-        punch = PunchSolution.solve(self.inner, self.outer, eps, resolution)
+    def resolution(self, chi: float, rtol: float) -> Resolution:
+        """Nodes for radii up to `chi`."""
+        return Resolution.choose(self.pair, float(self.eps(np.array([chi]))[0]), rtol)
+
+    def solve(self, chi: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
+        """Varpi (radii,) and the logarithms of the three factors (radii, 3) at radii `chi`."""
+        punch = PunchSolution.solve(self.inner, self.outer, self.eps(chi), resolution)
         return contact_factors(punch, self.indenter, self.measure, self.thickness)
 
 
@@ -138,25 +159,26 @@ def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
     RangeError
         If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
     """
-    end = problem.end
-    eps = float(problem.guess(np.array([top]))[0])
-    if eps >= end:
-        eps = end
-        _check_reach(problem, top, end, rtol)
-    place, eps, gain = _placement(problem, top, eps)
-    found = None if place is None else _direct(problem, place, top, eps, rtol, gain)
-    return found if found is not None else _by_branches(problem, top, eps, rtol, gain)
+    guess = RadiusGuess.of(problem.pair, problem.measure.exponent)
+    last = float(guess.radius(np.array([top]))[0])
+    if last >= problem.end:
+        last = problem.end
+        _check_reach(problem, top, rtol)
+    place, last, gain = _placement(problem, guess, top, last)
+    found = None if place is None else _direct(problem, place, top, last, rtol, gain)
+    return found if found is not None else _by_branches(problem, top, last, rtol, gain)
 
 
-def _by_branches(problem: ContactProblem, top: float, eps: float, rtol: float, gain: float) -> SolvedCurve:
-    """Expand in the radius first, then invert: works for any varpi(eps), folds included."""
+def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, gain: float) -> SolvedCurve:
+    """Expand in the radius first, then invert: works for any varpi(chi), folds included."""
     fine = max(rtol / gain, _FINEST)
-    series, resolution = _series(problem, eps, fine)
-    while eps < problem.end and (last := float(series.varpi(np.array([eps]))[0])) < top:
-        eps = min(1.02 * eps * top / last, problem.end)
-        series, resolution = _series(problem, eps, fine)
+    series, resolution = _series(problem, last, fine)
+    while last < problem.end and (reached := float(series.varpi(np.array([last]))[0])) < top:
+        last = min(1.02 * last * top / reached, problem.end)
+        series, resolution = _series(problem, last, fine)
     curve = series.inverted(top, 0.25 * rtol)
-    error = gain * (_SHARE_OF_NODES * fine + series.error_estimate) + curve.error_estimate
+    error = gain * (SHARE_OF_NODES * fine + series.error_estimate) + curve.error_estimate
+    eps = float(problem.eps(np.array([last]))[0])
     return SolvedCurve(curve, resolution, series.coefficients.shape[0], eps, error)
 
 
@@ -178,9 +200,7 @@ def contact_factors(
         return punch.eps * swell, np.log(factors, out=factors)
     lengths = punch.eps * thickness
     shape = indenter.abel(lengths)
-    depth, force = punch.depth_and_force(
-        _shape_weights(indenter, punch.rule, lengths) / shape[..., None]
-    )
+    depth, force = punch.depth_and_force(_shape_weights(indenter, punch.rule, lengths) / shape[..., None])
     depth = depth * shape
     radius = measure.halfspace_radius(depth)
     factors[..., Factor.RADIUS] = lengths / radius
@@ -190,7 +210,7 @@ def contact_factors(
 
 @dataclass(frozen=True)
 class RadiusGuess:
-    """Contact radius against varpi, a little too large: eps = varpi (1 + gain rate varpi/(1 + rate varpi)).
+    """Contact radius against varpi, a little too large: chi = varpi (1 + gain rate varpi/(1 + rate varpi)).
 
     The gain is that of a thin incompressible layer on a rigid base, a = (F_2 (lambda+2)/2)^(1/lambda) a_half,
     and two thirds of it for a compressible one; the rate is fitted. A layer on a rigid base is met within
@@ -203,38 +223,41 @@ class RadiusGuess:
     @classmethod
     def of(cls, pair: Pair, exponent: float) -> Self:
         """Guess for one pair of materials and one shape exponent."""
-        gain = (0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent) - 1.0
+        gain = float((0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent)) - 1.0
         gain *= (0.66 + 0.34 * pair.firmness) * max(0.0, 1.0 - 1.0 / pair.ratio)
         return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
 
-    def eps(self, varpi: Number) -> Number:
-        """a/h at `varpi`."""
+    def radius(self, varpi: FloatArray) -> FloatArray:
+        """Chi at `varpi`."""
         share = self.rate * varpi
         return varpi * (1.0 + self.gain * share / (1.0 + share))
 
 
 def _placement(
-    problem: ContactProblem, top: float, eps: float
+    problem: ContactProblem, guess: RadiusGuess, top: float, last: float
 ) -> tuple[Callable[[FloatArray], FloatArray] | None, float, float]:
-    """Where to put the radii for given varpi, the largest of them, and how errors of depth grow in the radius.
+    """Where to put the radii for given varpi, the largest, and how errors of depth grow in the radius.
 
     The guess will do unless the substrate is much softer than the layer: then a coarse solution tells. Where
-    varpi(eps) folds, or stops short, there is no placing beforehand (None). The growth is the largest slope
-    d ln eps/d ln varpi: one, but near a fold.
+    varpi(chi) folds, or stops short, there is no placing beforehand (None). The growth is the largest slope
+    d ln chi/d ln varpi: one, but near a fold.
     """
     if problem.pair.ratio > _SOFT:
-        return problem.guess, eps, 1.0
-    branches = _series(problem, eps, _COARSE)[0].branches()
-    gain = max(float(_steepest(branch)) for branch in branches)
+        return guess.radius, last, 1.0
+    branches = _series(problem, last, _COARSE)[0].branches()
+    gain = min(max(_steepest(branch) for branch in branches), _LARGEST_GAIN)
     if len(branches) > 1 or branches[0].varpi[-1] < top:
-        return None, eps, min(gain, _LARGEST_GAIN)
-    table = branches[0]
-    place = partial(np.interp, xp=table.varpi, fp=table.eps)
-    return place, 1.02 * float(place(top)), min(gain, _LARGEST_GAIN)
+        return None, last, gain
+    last = 1.02 * float(np.interp(top, branches[0].varpi, branches[0].chi))
+    return partial(_interpolated, branches[0]), min(last, problem.end), gain
+
+
+def _interpolated(branch: Branch, varpi: FloatArray) -> FloatArray:
+    return np.interp(varpi, branch.varpi, branch.chi)
 
 
 def _steepest(branch: Branch) -> float:
-    slope = np.diff(np.log(branch.eps[1:])) / np.diff(np.log(branch.varpi[1:]))
+    slope = np.diff(np.log(branch.chi[1:])) / np.diff(np.log(branch.varpi[1:]))
     return max(1.0, float(slope.max(initial=1.0)))
 
 
@@ -242,7 +265,7 @@ def _direct(
     problem: ContactProblem,
     place: Callable[[FloatArray], FloatArray],
     top: float,
-    eps: float,
+    last: float,
     rtol: float,
     gain: float,
 ) -> SolvedCurve | None:
@@ -251,44 +274,47 @@ def _direct(
     fine = max(rtol / gain, _FINEST)
     terms = curve_terms(problem.pair, top, problem.measure.exponent, rtol)
     while terms <= MOST_TERMS:
-        resolution = Resolution.choose(problem.pair, eps, fine)
+        resolution = problem.resolution(last, fine)
         targets = np.append(Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms))), top)
         radii = place(targets)
-        varpi, logarithms = problem.solve(radii[:-1] * (eps / radii[-1]), resolution)
-        if varpi[-1] < _SHORT * targets[-2] and eps < problem.end:
-            eps = min(1.05 * eps * float(targets[-2] / varpi[-1]), problem.end)
+        varpi, logarithms = problem.solve(radii[:-1] * (last / radii[-1]), resolution)
+        if varpi[-1] < _SHORT * targets[-2] and last < problem.end:
+            last = min(1.05 * last * float(targets[-2] / varpi[-1]), problem.end)
             continue
         curve = MasterCurve.through(varpi, logarithms, top, softness)
         if curve.error_estimate <= _SHARE_OF_CURVE * rtol:
-            error = gain * _SHARE_OF_NODES * fine + curve.error_estimate
-            return SolvedCurve(curve, resolution, terms, eps, error)
+            error = gain * SHARE_OF_NODES * fine + curve.error_estimate
+            return SolvedCurve(curve, resolution, terms, float(problem.eps(np.array([last]))[0]), error)
         terms += 4
     return None
 
 
-def _series(problem: ContactProblem, eps: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
-    """Solve at Chebyshev points up to `eps` and expand in the radius, with as many terms as it takes."""
-    stretch = Stretch.to(eps, problem.pair.softness)
-    resolution = Resolution.choose(problem.pair, eps, rtol)
-    terms = series_terms(problem.pair, eps, rtol)
+def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
+    """Solve at Chebyshev points up to `last` and expand in chi, with as many terms as it takes."""
+    stretch = Stretch.to(last, problem.pair.softness)
+    resolution = problem.resolution(last, rtol)
+    terms = series_terms(problem.pair, last, rtol)
     while True:
         angles = chebyshev_angles(terms)
-        _, logarithms = problem.solve(stretch.v(np.cos(angles)), resolution)
-        # The series holds ln(varpi/eps), the curve ln(eps/varpi).
-        logarithms[:, Factor.RADIUS] *= -1.0
-        series = RadiusSeries(stretch, chebyshev_coefficients(logarithms, angles))
-        if series.error_estimate <= _SHARE_OF_NODES * rtol or 2 * terms > _MOST_SERIES_TERMS:
+        chi = stretch.v(np.cos(angles))
+        varpi, logarithms = problem.solve(chi, resolution)
+        values = np.column_stack((logarithms, np.log(varpi / chi)))
+        # What is left of the radius is ln(eps/chi): smooth, and zero for a power law.
+        values[:, Factor.RADIUS] += values[:, -1]
+        series = RadiusSeries(stretch, chebyshev_coefficients(values, angles))
+        if series.error_estimate <= SHARE_OF_NODES * rtol or 2 * terms > _MOST_SERIES_TERMS:
             return series, resolution
         terms += terms // 2
 
 
-def _check_reach(problem: ContactProblem, top: float, end: float, rtol: float) -> None:
-    """Raise if varpi = `top` asks for a contact radius beyond `end` thicknesses."""
-    last = float(problem.solve(np.array([end]), Resolution.choose(problem.pair, end, rtol))[0][0])
+def _check_reach(problem: ContactProblem, top: float, rtol: float) -> None:
+    """Raise if varpi = `top` asks for a contact radius beyond the end."""
+    end = problem.end
+    last = float(problem.solve(np.array([end]), problem.resolution(end, rtol))[0][0])
     if last >= top:
         return
     asked, deepest = problem.measure.abel(np.array([top, last]) * problem.thickness).tolist()
-    if end < LARGEST_EPS:
+    if problem.indenter.max_radius < LARGEST_EPS * problem.thickness:
         why = "there the contact reaches the end of the indenter's shape; use a larger radius or less depth"
     else:
         why = (
@@ -320,7 +346,9 @@ def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> F
     2 n - 2, up to n half waves squeezed by two, and takes its share of them.
     """
     count = rule.nodes.size
-    s, weights = legendre_rule((_SMOOTH_NODES if isinstance(indenter, Sphere) else _MEASURED_NODES) + 4 * count)
+    s, weights = legendre_rule(
+        (_SMOOTH_NODES if isinstance(indenter, Sphere) else _MEASURED_NODES) + 4 * count
+    )
     s = 0.5 * (s + 1.0)
     fine = s**3 * (10.0 - s * (15.0 - 6.0 * s))
     weights = 15.0 * weights * (s * (1.0 - s)) ** 2

@@ -163,7 +163,9 @@ def exact_law(
     )
     if solved.curve.jumps:
         first = float(problem.measure.abel(np.array([solved.curve.jumps[0] * length]))[0])
-        reason += f"; the film wraps the indenter in a jump at depth {first:.4g} m, near which one disc is rough"
+        reason += (
+            f"; the film wraps the indenter in a jump at depth {first:.4g} m, near which one disc is rough"
+        )
     return ExactLaw(
         method="exact",
         reason=reason,

@@ -15,7 +15,7 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import RangeError
-from underlay.mechanics.contact_curve import ContactProblem, contact_factors, solve_curve
+from underlay.mechanics.contact_curve import SHARE_OF_NODES, ContactProblem, contact_factors, solve_curve
 from underlay.mechanics.exact_nodes import Resolution, curve_terms
 from underlay.mechanics.gauss import EvenRule, even_rule
 from underlay.mechanics.indenters import Indenter, PowerLawShape
@@ -23,7 +23,6 @@ from underlay.mechanics.kernel import one_minus_L
 from underlay.mechanics.master_curve import (
     MOST_TERMS,
     Factor,
-    MasterCurve,
     Stretch,
     chebyshev_angles,
     in_powers,
@@ -33,12 +32,10 @@ from underlay.mechanics.master_curve import (
 from underlay.mechanics.materials import PlaneConstants
 from underlay.mechanics.punch_solution import PunchSolution
 
-__all__ = ["CurveBatch", "ExactBatch"]
+__all__ = ["CurveBatch", "ExactBatch", "thickness_derivative"]
 
 # Depths times sets evaluated at a time: what fits the processor's cache.
 _CHUNK = 4096
-_SHARE_OF_NODES = 0.3
-_SHARE_OF_CURVE = 0.6
 
 
 @dataclass(frozen=True)
@@ -137,8 +134,8 @@ class ExactBatch:
         reach = np.maximum(reach, np.arcsinh(self.top))
         angles = np.arccos(2.0 / reach * np.arcsinh(varpi) - 1.0)
         basis = np.cos(angles[..., None] * np.arange(radii))
-        coefficients = np.linalg.solve(basis, logarithms)
-        errors = truncation_error(coefficients)
+        coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
+        errors = SHARE_OF_NODES * self.rtol + truncation_error(coefficients)
         return CurveBatch(self.measure, self.top, reach, in_powers(coefficients), errors)
 
     def _punch(self, inner: PlaneConstants, outer: PlaneConstants | None) -> PunchSolution:
@@ -149,7 +146,7 @@ class ExactBatch:
         matrix.reshape(-1, radii, count * count)[:, :, :: count + 1] += 1.0
         sides = np.ones((*kernel.shape[:2], count, 2))
         sides[..., 1] = kernel[:, :, count]
-        solved = np.linalg.solve(matrix, sides)
+        solved: FloatArray = np.asarray(np.linalg.solve(matrix, sides), dtype=np.float64)
         g = solved[..., 0]
         return PunchSolution(self.eps, self.rule, g, solved[..., 1], g @ self.rule.weights)
 
@@ -169,7 +166,8 @@ class CurveBatch:
     coefficients : ndarray (sets, 3, rows, 4)
         As in `MasterCurve`.
     error_estimate : ndarray (sets,)
-        Truncation error of each.
+        Relative error of each; above the `rtol` of the batch where a set's materials lie too far from those
+        it was compiled for: solve such a set alone.
     """
 
     measure: PowerLawShape
@@ -263,6 +261,17 @@ class CurveBatch:
         deepest = float((radius.max(axis=-1) * to_varpi).max(initial=0.0))
         if deepest > self.top * (1.0 + 1e-12):
             raise RangeError(
-                f"varpi = {deepest:.6g} is beyond {self.top:.6g}, which the batch was compiled for: compile it "
-                "with a larger max_depth or a smaller thickness"
+                f"varpi = {deepest:.6g} is beyond {self.top:.6g}, which the batch was compiled for: compile "
+                "it with a larger max_depth or a smaller thickness"
             )
+
+
+def thickness_derivative(
+    force: FloatArray, stiffness: FloatArray, depth: FloatArray, thickness: FloatArray, exponent: float
+) -> FloatArray:
+    """dP/dh (N/m) at fixed depth and materials, for a power-law shape.
+
+    P/(theta A h^(lambda+1)) depends on varpi alone, and varpi on w and h through w^(1/lambda)/h; hence
+    h dP/dh = (lambda+1) P - lambda w dP/dw. All arrays of one shape, or broadcasting.
+    """
+    return ((exponent + 1.0) * force - exponent * depth * stiffness) / thickness

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import asinh, ceil, inf, log, log1p, log10
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.gauss import legendre_rule
-from underlay.mechanics.materials import PlaneConstants, Real
+from underlay.mechanics.materials import PlaneConstants
 
 __all__ = ["Pair", "Resolution", "curve_terms", "series_terms"]
 
 
-def _lowest(value: Real) -> float:
-    return float(value.min()) if isinstance(value, np.ndarray) else value
+def _lowest(value: Any) -> float:
+    return float(value.min()) if isinstance(value, np.ndarray) else float(value)
 
 
 @dataclass(frozen=True)
@@ -54,10 +54,10 @@ class Pair:
         square = half * half - p
         spread = (square * (square > 0.0)) ** 0.5
         slow = p / (half + spread)
-        decay = _lowest(slow * (slow < half) + half * (slow >= half))
-        fastest = -_lowest(-half - spread)
+        decay = min(_lowest(slow), _lowest(half))
+        fastest = -_lowest(-(half + spread))
         # (p - q)/p is 0 for an incompressible material and 4/7 for nu = 0.3.
-        firmness = max(0.0, 1.0 - 1.75 * _lowest(1.0 - layer.q / p))
+        firmness = max(0.0, 1.0 - 1.75 * _lowest(layer.p_minus_q / p))
         if substrate is None:
             return cls(decay, fastest, inf, inf, firmness)
         ratio = _lowest(substrate.theta / layer.theta)
@@ -66,7 +66,7 @@ class Pair:
 
     @property
     def softness(self) -> float:
-        """Inverse of the contact radius a/h at which a softer substrate is first felt; 0 for a stiffer one."""
+        """Inverse of the a/h at which a softer substrate is first felt; 0 for a stiffer one."""
         return 0.0 if self.ratio >= 1.0 else self.ratio ** (-2.0 / 3.0) - 1.0
 
 
@@ -139,8 +139,9 @@ def _graded(pair: Pair, wide: float, digits: float, reach: float) -> tuple[float
     """Scale of the smallest wavenumbers and the number of nodes.
 
     A pole of L at -x costs exp(-4 n sqrt(x/(first span))) with n nodes on s in [0, span]: the smaller x, the
-    finer the grading. The layer's fastest decay is one; a substrate softer than the layer adds one where the layer bends, at ratio^(1/3) (0.3 of
-    it where measured), and one at `stretch`, which carries ratio^(2/3) of the kernel.
+    finer the grading. The layer's fastest decay is one. A substrate softer than the layer adds one where the
+    layer bends, at ratio^(1/3) (0.3 of it where measured), and one at `stretch`, which carries less of the
+    kernel; the digits asked of each are fitted.
     """
     first = 1.0 if wide < 4.0 else 3.0
     base = max(2.2 + 0.6 * wide, 1.0 + 1.1 * wide)

@@ -13,7 +13,7 @@ __all__ = ["EvenRule", "even_legendre", "even_rule", "legendre_rule"]
 
 def even_legendre(nodes: FloatArray, count: int) -> FloatArray:
     """P_0, P_2, ..., P_(2 count - 2) at `nodes`: shape (nodes, count)."""
-    return np.polynomial.legendre.legvander(nodes, 2 * count - 2)[:, ::2]
+    return np.asarray(np.polynomial.legendre.legvander(nodes, 2 * count - 2)[:, ::2], dtype=np.float64)
 
 
 class EvenRule(NamedTuple):

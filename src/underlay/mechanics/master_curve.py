@@ -81,8 +81,8 @@ class Stretch:
         target = (0.5 * self.length) * (z + 1.0)
         if self.softness == 0.0:
             return np.sinh(target)
-        # Newton in y = arcsinh(v). Either term of t alone bounds y from above, and so does their mean slope
-        # at zero; t is concave or straight in y from there on, so that the steps converge from one side.
+        # Newton in y = arcsinh(v), from above: either term of t alone bounds y. t is concave in y, so that
+        # the steps approach from below after the first.
         y = np.minimum(target, np.arcsinh(np.expm1(target) / self.softness))
         for _ in range(_NEWTON_STEPS):
             v = np.sinh(y)
@@ -91,7 +91,7 @@ class Stretch:
             y = np.maximum(y - step, 0.0)
             if (np.abs(step) <= 1e-15 * self.length).all():
                 break
-        return np.sinh(y)
+        return np.asarray(np.sinh(y), dtype=np.float64)
 
 
 _NEWTON_STEPS = 30
@@ -99,15 +99,15 @@ _NEWTON_STEPS = 30
 
 def chebyshev_angles(count: int) -> FloatArray:
     """Angles of the Chebyshev points z = cos(angle), from z near -1 to z near 1."""
-    return (np.pi / (2 * count)) * np.arange(2 * count - 1, 0, -2)
+    return np.asarray((np.pi / (2 * count)) * np.arange(2 * count - 1, 0, -2), dtype=np.float64)
 
 
 def chebyshev_coefficients(values: FloatArray, angles: FloatArray) -> FloatArray:
-    """Coefficients (count, columns) of the interpolant of `values` (count, columns) at the Chebyshev points."""
+    """Coefficients (count, columns) of the interpolant of `values` at the Chebyshev points."""
     count = angles.size
     scale = np.full((count, 1), 2.0 / count)
     scale[0] = 1.0 / count
-    return scale * (np.cos(np.arange(count)[:, None] * angles) @ values)
+    return np.asarray(scale * (np.cos(np.arange(count)[:, None] * angles) @ values), dtype=np.float64)
 
 
 def _monomial_table(count: int) -> FloatArray:
@@ -199,7 +199,9 @@ class MasterCurve:
             stretch = Stretch(reach, softness)
         angles = np.arccos(stretch.z(varpi))
         basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
-        return cls.of_pieces(stretch, [-1.0, 1.0], [np.linalg.solve(basis, logarithms)])
+        return cls.of_pieces(
+            stretch, [-1.0, 1.0], [np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)]
+        )
 
     @classmethod
     def of_pieces(

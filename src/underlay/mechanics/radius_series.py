@@ -31,9 +31,9 @@ _NARROWEST = 2.0**-12
 
 
 class Branch(NamedTuple):
-    """A stretch of the table of varpi(eps) on which both increase."""
+    """A stretch of the table of varpi(chi) on which both increase."""
 
-    eps: FloatArray
+    chi: FloatArray
     varpi: FloatArray
 
 
@@ -44,9 +44,10 @@ class RadiusSeries:
     Parameters
     ----------
     stretch : Stretch
-        Of eps = a/h.
-    coefficients : ndarray (terms, 3)
-        Chebyshev coefficients in z(eps) of ln(varpi/eps), ln(P/P_half) and ln(kappa_inf).
+        Of chi: a/h, or for a shape that is not a power law the radius over h at which the shape that measures
+        depth has the same H(a).
+    coefficients : ndarray (terms, 4)
+        Chebyshev coefficients in z(chi) of ln(eps/chi), ln(P/P_half), ln(kappa_inf) and ln(varpi/chi).
     """
 
     stretch: Stretch
@@ -57,46 +58,46 @@ class RadiusSeries:
         """Truncation error of the logarithms."""
         return float(truncation_error(self.coefficients))
 
-    def values(self, eps: FloatArray) -> FloatArray:
-        """The three logarithms (n, 3) at `eps` (n,)."""
-        angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
+    def values(self, chi: FloatArray) -> FloatArray:
+        """The four logarithms (n, 4) at `chi` (n,)."""
+        angle = np.arccos(np.minimum(self.stretch.z(chi), 1.0))
         return np.cos(np.multiply.outer(angle, np.arange(self.coefficients.shape[0]))) @ self.coefficients
 
-    def varpi(self, eps: FloatArray) -> FloatArray:
-        """Depth measure varpi at `eps`."""
-        return eps * np.exp(self.values(eps)[:, 0])
+    def varpi(self, chi: FloatArray) -> FloatArray:
+        """Depth measure varpi at `chi`."""
+        return chi * np.exp(self.values(chi)[:, -1])
 
     def radius(self, varpi: FloatArray, branch: Branch) -> FloatArray:
-        """Eps at `varpi` on a branch: Newton on ln varpi(eps), inside the bracket the branch's table gives."""
+        """Eps at `varpi` on a branch: Newton on ln varpi(chi), inside the bracket of its table."""
         orders = np.arange(self.coefficients.shape[0])
-        series = self.coefficients[:, 0]
-        index = np.searchsorted(branch.varpi, varpi).clip(1, branch.eps.size - 1)
-        low, high = branch.eps[index - 1], branch.eps[index]
-        eps = np.interp(varpi, branch.varpi, branch.eps)
+        series = self.coefficients[:, -1]
+        index = np.searchsorted(branch.varpi, varpi).clip(1, branch.chi.size - 1)
+        low, high = branch.chi[index - 1], branch.chi[index]
+        chi = np.interp(varpi, branch.varpi, branch.chi)
         for _ in range(_NEWTON_STEPS):
-            angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
+            angle = np.arccos(np.minimum(self.stretch.z(chi), 1.0))
             phase = np.multiply.outer(angle, orders)
             slope = (np.sin(phase) @ (orders * series)) / np.sin(angle)
-            error = np.cos(phase) @ series + np.log(eps / varpi)
-            low, high = np.where(error < 0.0, eps, low), np.where(error > 0.0, eps, high)
-            proposal = eps - error * eps / (1.0 + eps * slope * self.stretch.dz(eps))
+            error = np.cos(phase) @ series + np.log(chi / varpi)
+            low, high = np.where(error < 0.0, chi, low), np.where(error > 0.0, chi, high)
+            proposal = chi - error * chi / (1.0 + chi * slope * self.stretch.dz(chi))
             proposal = np.where((proposal > low) & (proposal < high), proposal, 0.5 * (low + high))
-            step = np.abs(proposal - eps)
-            eps = proposal
-            if (step <= 1e-13 * eps).all():
+            step = np.abs(proposal - chi)
+            chi = proposal
+            if (step <= 1e-13 * chi).all():
                 break
-        return eps
+        return chi
 
     def branches(self) -> list[Branch]:
-        """Stretches of the table of varpi(eps) on which it increases: one, but for folds."""
+        """Stretches of the table of varpi(chi) on which it increases: one, but for folds."""
         count = _TABLE_POINTS * self.coefficients.shape[0]
-        eps = np.append(0.0, self.stretch.v(np.linspace(-1.0, 1.0, count)[1:]))
-        varpi = np.append(0.0, self.varpi(eps[1:]))
+        chi = np.append(0.0, self.stretch.v(np.linspace(-1.0, 1.0, count)[1:]))
+        varpi = np.append(0.0, self.varpi(chi[1:]))
         rising = np.diff(varpi) > 0.0
         turns = np.flatnonzero(np.diff(rising.astype(np.int8)))
-        bounds = [0, *(int(turn) + 1 for turn in turns), eps.size - 1]
+        bounds = [0, *(int(turn) + 1 for turn in turns), chi.size - 1]
         return [
-            Branch(eps[start : stop + 1], varpi[start : stop + 1])
+            Branch(chi[start : stop + 1], varpi[start : stop + 1])
             for start, stop in pairwise(bounds)
             if rising[start]
         ]
@@ -145,9 +146,9 @@ class RadiusSeries:
         while todo:
             low, high = todo.pop()
             varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * points)
-            eps = self.radius(varpi, branch)
-            logarithms = self.values(eps)
-            logarithms[:, 0] = np.log(eps / varpi)
+            chi = self.radius(varpi, branch)
+            logarithms = self.values(chi)[:, :-1]
+            logarithms[:, Factor.RADIUS] += np.log(chi / varpi)
             piece = chebyshev_coefficients(logarithms, angles)
             if truncation_error(piece) > rtol and high - low > _NARROWEST:
                 middle = 0.5 * (low + high)
