@@ -54,7 +54,8 @@ def _segment(archive, number, style, *, pause, calibrated, claimed, shared):
     archive.writestr(folder, b"")
     archive.writestr(
         folder + "segment-header.properties",
-        "#Thu Mar 31 17:51:15 CEST 2016\nforce-segment-header.approach-id=a\nforce-segment-header.duration=1.0\n"
+        "#Thu Mar 31 17:51:15 CEST 2016\nforce-segment-header.approach-id=a\n"
+        "force-segment-header.duration=1.0\n"
         f"force-segment-header.num-points={POINTS if claimed is None else claimed}\n"
         "force-segment-header.time-stamp=2016-03-31 17\\:51\\:14.543 +0200\n"
         f"force-segment-header.settings.style={style}\nforce-segment-header.settings.feedback-mode.name=contact\n"
@@ -65,6 +66,7 @@ def _segment(archive, number, style, *, pause, calibrated, claimed, shared):
         + deflection
         + _encoder("channel.measuredHeight", "signedinteger", 1e-14)
         + "channel.measuredHeight.conversion-set.conversions.base=volts\n"
+        + "channel.height.conversion-set.conversions.base=volts\n"
         + _conversion("channel.measuredHeight", "nominal", "volts", 1.0, "m")
         + _encoder("channel.height", "signedinteger", 1e-14)
         + _conversion("channel.height", "nominal", "volts", 1.0, "m")
@@ -77,7 +79,7 @@ def _segment(archive, number, style, *, pause, calibrated, claimed, shared):
 
 
 def _vdeflection(prefix, calibrated):
-    text = _encoder(prefix, "signedinteger", 1e-6, "V")
+    text = _encoder(prefix, "signedinteger", 1e-6, "V") + f"{prefix}.conversion-set.conversions.base=volts\n"
     if calibrated:
         text += _conversion(prefix, "distance", "volts", SENSITIVITY, "m")
         text += _conversion(prefix, "force", "distance", STIFFNESS, "N")

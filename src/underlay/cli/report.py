@@ -13,16 +13,22 @@ from underlay._files import write_atomic
 from underlay.cli.console import say
 from underlay.errors import FileAccessError, FileFormatError, InputError
 from underlay.inference.from_files import load_problem
+from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.posterior import Posterior
+from underlay.inference.problem import Problem
+from underlay.inference.provenance import curve_hash
 from underlay.report.render import file_notebook, notebook_text, page_path, posterior_notebook, write_report
 
 __all__ = ["report"]
 
+# Two fits of the same points agree to the minimiser's tolerance, with room for another machine's rounding.
+_SAME = 1e-6
+
 Results = Annotated[
     list[Path],
     typer.Argument(
-        help="What to report: a curve (with --scene), a .fit.json of `underlay fit`, a saved posterior (.npz), "
-        "or a curve and its posterior.",
+        help="What to report: a curve (with --scene), a .fit.json of `underlay fit`, a saved posterior "
+        "(.npz), or a curve and its posterior.",
         metavar="RESULT...",
     ),
 ]
@@ -54,8 +60,6 @@ def report(
         return
     target = page_path(output)
     asked = _sorted_out(results, scene)
-    if asked.curve is None and asked.posterior is None:
-        raise InputError("nothing to report: name a curve (with --scene), a .fit.json or a posterior (.npz)")
     command = _command(results, scene, output)
     if asked.posterior is not None:
         Posterior.load(asked.posterior)
@@ -64,10 +68,22 @@ def report(
     else:
         curve, scene_file = _curve_and_scene(asked)
         # Wrong input is refused here, in one line, before a notebook is started.
-        load_problem(curve, scene_file)
+        problem = load_problem(curve, scene_file)
+        if asked.record is not None:
+            _check_record(asked.record, problem)
         notebook = file_notebook(curve, scene_file, target.parent, command)
     say(f"wrote {write_report(notebook, target)}")
     say(f"wrote {target.with_suffix('.ipynb')}")
+
+
+class _Record(NamedTuple):
+    """What a .fit.json says of where it came from."""
+
+    path: Path
+    curve: Path
+    scene: Path | None
+    data_sha256: str
+    values: dict[str, float]
 
 
 class _Asked(NamedTuple):
@@ -76,42 +92,58 @@ class _Asked(NamedTuple):
     curve: Path | None
     scene: Path | None
     posterior: Path | None
+    record: _Record | None
 
 
 def _sorted_out(results: list[Path], scene: Path | None) -> _Asked:
-    curve, posterior = None, None
+    curve, posterior, record = None, None, None
     for path in results:
         if path.suffix == ".npz":
             posterior = path
         elif path.suffix == ".json":
-            curve, scene = _from_record(path, scene)
+            record = _read_record(path)
+            curve, scene = record.curve, scene or record.scene
         elif path.suffix == ".toml" and scene is None:
             scene = path
         elif curve is not None:
             raise InputError(f"one page is of one curve; got {curve} and {path}. Call it once for each")
         else:
             curve = path
-    return _Asked(curve, scene, posterior)
+    return _Asked(curve, scene, posterior, record)
 
 
-def _from_record(path: Path, scene: Path | None) -> tuple[Path, Path | None]:
-    """Curve and scene file that a .fit.json names."""
+def _read_record(path: Path) -> _Record:
     try:
-        curves = json.loads(path.read_text(encoding="utf-8"))["provenance"]["curves"]
-        names = [entry["path"] for entry in curves]
+        document = json.loads(path.read_text(encoding="utf-8"))
+        curves, values = document["provenance"]["curves"], dict(document["values"])
+        only = curves[0]
+        name, scene, digest = only["path"], only.get("scene_path"), only["data_sha256"]
     except OSError as error:
         raise FileAccessError(f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise FileFormatError(f"{path} is not a result of `underlay fit`") from error
-    if len(names) != 1 or not names[0]:
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
+        raise FileFormatError(f"{path} is not a result of underlay fit") from error
+    if len(curves) != 1 or not name:
         raise InputError(f"{path} is not of one curve file; call underlay.report(fit) where it was made")
-    recorded = curves[0].get("scene_path")
-    return Path(names[0]), scene or (Path(recorded) if recorded else None)
+    return _Record(path, Path(name), Path(scene) if scene else None, digest, values)
+
+
+def _check_record(record: _Record, problem: Problem) -> None:
+    """Refuse a record whose curve or scene is no longer what was fitted: its page would show another fit."""
+    if curve_hash(problem.curves[0]) != record.data_sha256:
+        raise InputError(f"{record.curve} has changed since {record.path} was made; fit it again")
+    found = least_squares_fit(problem)
+    for name, value in record.values.items():
+        same = name in found.values and abs(found.values[name] - value) <= _SAME * abs(value)
+        if not same:
+            raise InputError(
+                f"{record.path} is not the fit of {record.curve} with this scene file ({name} differs); "
+                "fit it again"
+            )
 
 
 def _curve_and_scene(asked: _Asked) -> tuple[Path, Path]:
     if asked.curve is None:
-        raise InputError("name the measured curve")
+        raise InputError("nothing to report: name a curve (with --scene), a .fit.json or a posterior (.npz)")
     if asked.scene is None:
         raise InputError(f"say what was tested: add --scene SCENE.toml for {asked.curve}")
     return asked.curve, asked.scene

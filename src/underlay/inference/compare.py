@@ -63,7 +63,7 @@ class Comparison:
         pandas.DataFrame
             Index ``method``; every parameter and its standard error (SI, NaN where the law does not know it),
             ``chi-square`` with the noise of the best fit, ``rms residual`` (N), ``AIC`` and ``BIC`` above the
-            smallest, ``law error`` (relative), ``law error over stderr`` of the layer's modulus, and ``notes``.
+            smallest, ``law error`` (relative) and ``notes``.
         """
         rows = {method: self._row(method) for method in self.fits}
         rows |= {method: {"notes": reason} for method, reason in self.refused.items()}

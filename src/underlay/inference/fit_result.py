@@ -19,11 +19,12 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.inference.diagnostics import ResidualDiagnostics
 from underlay.inference.problem import Problem
+from underlay.inference.provenance import provenance
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
-__all__ = ["Fit", "FitStatistics", "FitWarning"]
+__all__ = ["Alternative", "Fit", "FitStatistics", "FitWarning"]
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,25 @@ class FitWarning:
 
     def __str__(self) -> str:
         return self.message
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another optimum the data hardly reject.
+
+    Parameters
+    ----------
+    vector : FloatArray
+        In scaled coordinates, (k,).
+    values : mapping of name to float
+        Parameters (SI).
+    rise : float
+        Chi-square above that of the best.
+    """
+
+    vector: FloatArray = field(repr=False)
+    values: Mapping[str, float]
+    rise: float
 
 
 @dataclass(frozen=True)
@@ -120,8 +140,8 @@ class Fit:
         How it was reached.
     warnings : tuple of FitWarning
         What to beware of.
-    provenance : mapping
-        Versions and hashes of the curves.
+    alternatives : tuple of Alternative
+        Other optima within a rise of 11.6 in chi-square (99.9 %), as far as the starts found them.
     """
 
     problem: Problem = field(repr=False)
@@ -137,7 +157,7 @@ class Fit:
     diagnostics: tuple[ResidualDiagnostics, ...] = field(repr=False)
     statistics: FitStatistics = field(repr=False)
     warnings: tuple[FitWarning, ...]
-    provenance: Mapping[str, Any] = field(repr=False)
+    alternatives: tuple[Alternative, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -169,6 +189,11 @@ class Fit:
             "order": options.order,
             "form": options.form,
         }
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Versions of what computed, and names, files and hashes of the curves."""
+        return provenance(self.curves)
 
     @property
     def law_reason(self) -> str:
@@ -247,8 +272,9 @@ class Fit:
             "statistics": asdict(self.statistics),
             "diagnostics": [asdict(entry) for entry in self.diagnostics],
             "warnings": [asdict(warning) for warning in self.warnings],
+            "alternatives": [{"values": dict(a.values), "rise": a.rise} for a in self.alternatives],
             "scenes": [scene.parameters for scene in self.scenes],
-            "provenance": dict(self.provenance),
+            "provenance": self.provenance,
         }
         return write_atomic(path, json.dumps(_finite(document), indent=2, allow_nan=False) + "\n")
 

@@ -8,10 +8,12 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.diagnostics import ResidualDiagnostics
-from underlay.inference.fit_result import FitStatistics, FitWarning
+from underlay.inference.fit_result import Alternative, FitStatistics, FitWarning
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.published import PublishedLaw
+from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity
 
 __all__ = ["warnings_of"]
 
@@ -28,6 +30,7 @@ def warnings_of(
     covariance: FloatArray,
     diagnostics: Sequence[ResidualDiagnostics],
     statistics: FitStatistics,
+    alternatives: Sequence[Alternative],
 ) -> tuple[FitWarning, ...]:
     """Everything a reader of the numbers should know first.
 
@@ -45,6 +48,7 @@ def warnings_of(
         *warnings,
         *_unfixed(problem, covariance),
         *_correlated(problem, covariance),
+        *_second_optima(alternatives),
         *_residuals(diagnostics),
         *_law_range(law),
         *_law_error(problem, covariance, statistics),
@@ -87,6 +91,23 @@ def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
     return warnings
 
 
+def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:
+    warnings = []
+    for entry in alternatives:
+        values = ", ".join(
+            f"{name} {format_quantity(value, kind_of(name.partition('[')[0]))}"
+            for name, value in entry.values.items()
+        )
+        warnings.append(
+            FitWarning(
+                "second-optimum",
+                f"another optimum explains the data nearly as well (chi-square {entry.rise:.2g} higher): "
+                f"{values}; standard errors say nothing of it, profile() does",
+            )
+        )
+    return warnings
+
+
 def _residuals(diagnostics: Sequence[ResidualDiagnostics]) -> list[FitWarning]:
     warnings = []
     for number, entry in enumerate(diagnostics):
@@ -113,10 +134,14 @@ def _law_range(law: ContactLaw) -> list[FitWarning]:
 
 
 def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatistics) -> list[FitWarning]:
-    """The law's relative error of the force moves a modulus by about as much: compare it with its error."""
+    """The law's relative error of the force moves a modulus by as much: compare it with its error."""
     warnings = []
     for coordinate, deviation in zip(problem.coordinates, np.sqrt(np.diag(covariance)), strict=True):
-        if coordinate.path == "layer.E" and 0.0 < deviation < statistics.law_error:
+        if (
+            coordinate.scale is None
+            and not coordinate.path.startswith("noise.")
+            and 0.0 < deviation < statistics.law_error
+        ):
             warnings.append(
                 FitWarning(
                     "law-error",

@@ -11,6 +11,7 @@ import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.inference.similarity import Similarity, compile_similarity
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.exact_batch import ExactBatch
 from underlay.mechanics.published import published_names
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
@@ -55,10 +57,11 @@ class LawOptions:
 
 @dataclass
 class LawStore:
-    """The laws built last, owned by one problem; `built` counts them."""
+    """The laws built last, and what is compiled for batches, owned by one problem; `built` counts the laws."""
 
     laws: OrderedDict[tuple[object, ...], ContactLaw] = field(default_factory=OrderedDict)
     references: list[Scene] = field(default_factory=list)
+    batches: dict[tuple[object, ...], ExactBatch | None] = field(default_factory=dict)
     built: int = 0
 
     def number(self, reference: Scene) -> int:
@@ -153,7 +156,11 @@ class Forward:
             If the values are not those of a possible scene, or the law does not reach that deep.
         """
         b, c = self.similarity.factors(values)
-        return ScaledLaw(self._reference_law(self.similarity.reduced(values), b * deepest), b, c)
+        return ScaledLaw(self.reference_law(self.similarity.reduced(values), b * deepest), b, c)
+
+    def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
+        """Reference law that the reading at `values` comes from; raises as `law` does."""
+        return self.law(values, self._deepest(_instrument(values))).law
 
     def reading(self, values: Mapping[str, float]) -> Reading:
         """Force and stiffness at every reading; raises as `law` does."""
@@ -171,11 +178,14 @@ class Forward:
         w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]  # as in `reading`
         return instrument.reading(self.depth, law.force(w))
 
-    def jacobian(self, values: Mapping[str, float], paths: Sequence[str]) -> tuple[Reading, FloatArray]:
+    def jacobian(
+        self, values: Mapping[str, float], paths: Sequence[str], *, rough: bool = False
+    ) -> tuple[Reading, FloatArray]:
         """Reading, and the derivative of its force in each parameter (SI) at `paths`, shape (n, k).
 
         With a compliance C the tip follows w + C P = s, so every derivative at fixed w is divided by
-        1 + C P', and dw/dC = -P / (1 + C P').
+        1 + C P', and dw/dC = -P / (1 + C P'). A `rough` one takes its ratios from one further law instead of
+        two: off by 1e-3 of itself, which costs a minimiser nothing.
         """
         instrument = _instrument(values)
         deepest = self._deepest(instrument)
@@ -195,7 +205,9 @@ class Forward:
             elif path == "instrument.baseline_slope":
                 columns[row] = self.depth
             else:
-                columns[row] = share * self._mechanical(path, values, deepest, w, P, S, ratio_columns)
+                columns[row] = share * self._mechanical(
+                    path, values, deepest, w, P, S, ratio_columns, rough=rough
+                )
         return Reading(P, S, instrument.reading(self.depth, P)), columns.T
 
     def _mechanical(
@@ -207,19 +219,21 @@ class Forward:
         P: FloatArray,
         S: FloatArray,
         ratio_columns: dict[str, FloatArray],
+        *,
+        rough: bool,
     ) -> FloatArray:
         """dP/dp at fixed tip depth: the two factors, then the ratios the parameter moves."""
         log_b, log_c = self.similarity.factor_slopes(path, values)
         derivative = (log_c * P + log_b * np.maximum(w, 0.0) * S) / values[path]
         for ratio, slope in self.similarity.ratio_slopes(path).items():
             if ratio not in ratio_columns:
-                ratio_columns[ratio] = self._ratio_derivative(ratio, values, deepest, w)
+                ratio_columns[ratio] = self._ratio_derivative(ratio, values, deepest, w, rough=rough)
             in_log = ratio not in self.similarity.direct
             derivative = derivative + ratio_columns[ratio] * (slope / values[path] if in_log else slope)
         return derivative
 
     def _ratio_derivative(
-        self, ratio: str, values: Mapping[str, float], deepest: float, w: FloatArray
+        self, ratio: str, values: Mapping[str, float], deepest: float, w: FloatArray, *, rough: bool
     ) -> FloatArray:
         """dP/d ln k (dP/dk of a direct one) at fixed depth and factors, by a difference of two laws."""
         b, c = self.similarity.factors(values)
@@ -232,16 +246,17 @@ class Forward:
 
         def force(steps: float) -> FloatArray:
             value = k * np.exp(steps * _RATIO_STEP) if in_log else k + steps * size
-            law = self._reference_law(tuple((reduced | {ratio: value}).values()), b * deepest)
+            law = self.reference_law(tuple((reduced | {ratio: value}).values()), b * deepest)
             return law.force(b * w)
 
-        difference = _first_possible(force)
+        difference = _first_possible(force, _ROUGH_STENCILS if rough else _STENCILS)
         return np.asarray(difference * (c / (_RATIO_STEP if in_log else size)))
 
     def _deepest(self, instrument: Instrument) -> float:
         return max(float(self.depth.max()) - instrument.contact_depth, 0.0)
 
-    def _reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
+    def reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
+        """Law at the reference with these ratios, for its depths up to `depth` (m); kept and used again."""
         similarity = self.similarity
         octave = float(np.ceil(np.log2(depth))) if depth > 0.0 else -np.inf
         key = (self.number, similarity.length, reduced, octave)
@@ -260,21 +275,25 @@ def _instrument(values: Mapping[str, float]) -> Instrument:
     return Instrument(**{part.name: values[f"instrument.{part.name}"] for part in fields(Instrument)})
 
 
-# Central, backward and forward differences of second order: (steps, weights).
-_STENCILS = (
+#: (steps, weights) of a difference quotient.
+Stencil: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
+
+_ROUGH_STENCILS: tuple[Stencil, ...] = (((0.0, 1.0), (-1.0, 1.0)), ((0.0, -1.0), (1.0, -1.0)))
+# Central, backward and forward differences of second order.
+_STENCILS: tuple[Stencil, ...] = (
     ((-1.0, 1.0), (-0.5, 0.5)),
     ((0.0, -1.0, -2.0), (1.5, -2.0, 0.5)),
     ((0.0, 1.0, 2.0), (-1.5, 2.0, -0.5)),
 )
 
 
-def _first_possible(force: Callable[[float], FloatArray]) -> FloatArray:
+def _first_possible(force: Callable[[float], FloatArray], stencils: Sequence[Stencil]) -> FloatArray:
     """Difference quotient per step, by the first stencil that stays inside what is physically possible.
 
     At nu = 0.5 and at the incompressible limit of an anisotropic material only one side exists.
     """
     problem: InputError | None = None
-    for steps, weights in _STENCILS:
+    for steps, weights in stencils:
         try:
             forces = [force(step) for step in steps]
         except InputError as error:

@@ -23,11 +23,11 @@ INFORMED = "informed"
 WEAKLY_INFORMED = "weakly informed"
 NOT_INFORMED = "not informed by these data"
 
-# Largest difference of the distribution functions. A normal posterior narrower than its normal prior by a
-# fifth is 0.05 away from it, one half as wide 0.16: below the first the data added next to nothing, below the
-# second the prior still holds most of the answer.
-_NOTHING = 0.05
-_LITTLE = 0.16
+# Largest difference of the distribution functions. A normal posterior that is a third narrower than its
+# normal prior, or a quarter of a standard deviation beside it, is 0.1 away from it; one 0.4 times as wide, or
+# half a standard deviation beside it, 0.2.
+_NOTHING = 0.1
+_LITTLE = 0.2
 # 95 % point of the Kolmogorov distribution: what the noise of the draws alone makes of identical ones.
 _KOLMOGOROV_95 = 1.358
 
@@ -68,8 +68,8 @@ def compare_with_prior(draws: FloatArray, prior_quantiles: FloatArray) -> Inform
     -------
     Information
         ``narrowing`` is 1 minus the ratio of the 68 % widths; ``distance`` the Kolmogorov distance of the two
-        distributions, 0 for equal ones and 1 for disjoint ones. Below 0.05 (and within what the noise of the
-        draws explains) the verdict is "not informed by these data", below 0.16 "weakly informed".
+        distributions, 0 for equal ones and 1 for disjoint ones. Below 0.1, or what the noise of the draws
+        explains, the verdict is "not informed by these data", below 0.2 "weakly informed".
     """
     levels = prior_levels(len(prior_quantiles))
     ordered = np.sort(draws, axis=None)

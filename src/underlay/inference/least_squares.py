@@ -16,10 +16,12 @@ from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError
 from underlay.inference.assembly import assemble
 from underlay.inference.fit_result import Fit, FitStatistics, FitWarning
+from underlay.inference.law_bias import law_bias
 from underlay.inference.noise_estimate import first_noises, renew
 from underlay.inference.objective import Minimum, Objective, weights_at
 from underlay.inference.problem import Problem
 from underlay.inference.start import scan_starts
+from underlay.mechanics.accuracy import Accuracy
 
 __all__ = ["Fit", "FitStatistics", "FitWarning", "fit", "minimise"]
 
@@ -27,11 +29,21 @@ METHODS = ("leastsq", "least_squares")
 LOSSES = ("soft_l1", "huber", "cauchy", "arctan")
 
 # lmfit's own tolerances (1.5e-8) let a fit stop where two unit systems differ in the sixth digit.
-_TOLERANCE = 1e-10
+_TOLERANCE = 1e-8
 _MAX_ROUNDS = 12
+_MAX_REFINEMENTS = 4
+_LAW_SHARE = 1.0 / 3.0  # of a standard error that the law's own error may move a parameter by
+_TIGHTEST, _LOOSEST = 1e-12, 1e-2
 
 
-def fit(problem: Problem, method: str = "leastsq", robust: str | None = None, *, start: str = "scan") -> Fit:
+def fit(
+    problem: Problem,
+    method: str = "leastsq",
+    robust: str | None = None,
+    *,
+    start: str = "scan",
+    refine: bool = False,
+) -> Fit:
     """Fit the free parameters of a problem to its curves.
 
     Parameters
@@ -44,6 +56,9 @@ def fit(problem: Problem, method: str = "leastsq", robust: str | None = None, *,
         Loss that makes outliers count less; uses ``"least_squares"``.
     start : {"scan", "given"}
         From the data alone (see `start.py`), or from the scene's own values.
+    refine : bool
+        Fit again with the exact law and a smaller `Accuracy` until the law's own error is below a third of
+        every standard error it would move.
 
     Returns
     -------
@@ -56,11 +71,43 @@ def fit(problem: Problem, method: str = "leastsq", robust: str | None = None, *,
     FitError
         If no start has a contact law.
     """
-    began = time.perf_counter()
     _check(method, robust, start)
+    found = _fit_once(problem, method, robust, start)
+    for _ in range(_MAX_REFINEMENTS if refine else 0):
+        worst = law_bias(found)
+        if worst <= _LAW_SHARE:
+            break
+        rtol = max(_TIGHTEST, found.statistics.law_error * _LAW_SHARE / worst * 0.3)
+        tighter = found.problem.revised(
+            scenes=found.scenes, method="exact", accuracy=Accuracy(min(rtol, _LOOSEST))
+        )
+        found = _fit_once(tighter, method, robust, "given")
+    return found
+
+
+def _fit_once(problem: Problem, method: str, robust: str | None, start: str) -> Fit:
+    began = time.perf_counter()
     solver = "least_squares" if robust else method
-    starts = [problem.start] if start == "given" else scan_starts(problem, 1) or [problem.start]
-    vector = _inside(problem, starts[0])
+    starts = [problem.start] if start == "given" else scan_starts(problem) or [problem.start]
+    if robust:
+        # The losses of two robust fits with their own scales do not compare: the best of the grid is taken.
+        starts = starts[:1]
+    outcomes = [_settle(problem, _inside(problem, first), solver, robust) for first in starts]
+    objective, minimum = min(outcomes, key=lambda outcome: outcome[0].loss(outcome[1].vector))
+    return assemble(
+        objective,
+        minimum,
+        [other.vector for _, other in outcomes if other is not minimum],
+        method=solver,
+        robust=robust or "none",
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _settle(
+    problem: Problem, vector: FloatArray, solver: str, robust: str | None
+) -> tuple[Objective, Minimum]:
+    """Fit from one start, and again while what is learnt of the noise changes the weights."""
     try:
         noises = first_noises(problem, vector)
         objective = Objective(problem, weights_at(problem, vector, noises))
@@ -74,13 +121,16 @@ def fit(problem: Problem, method: str = "leastsq", robust: str | None = None, *,
         if renewal.settled:
             break
         minimum = minimise(objective, minimum.vector, method=solver, robust=robust)
-    return assemble(
-        objective, minimum, method=solver, robust=robust or "none", seconds=time.perf_counter() - began
-    )
+    return objective, minimum
 
 
 def minimise(
-    objective: Objective, start: FloatArray, *, method: str = "leastsq", robust: str | None = None
+    objective: Objective,
+    start: FloatArray,
+    *,
+    method: str = "leastsq",
+    robust: str | None = None,
+    max_evaluations: int | None = None,
 ) -> Minimum:
     """Minimise the weighted sum of squares over the active entries, from a scaled start (k,)."""
     active = objective.active
@@ -100,9 +150,13 @@ def minimise(
     options: dict[str, Any] = {"ftol": _TOLERANCE, "xtol": _TOLERANCE, "gtol": 0.0}
     if method == "least_squares":
         options = {"ftol": _TOLERANCE, "xtol": _TOLERANCE, "gtol": None, "loss": robust or "linear"}
-    minimiser = lmfit.Minimizer(lambda current: objective.residuals(vector(current)), parameters)
+    minimiser = lmfit.Minimizer(
+        lambda current: objective.residuals(vector(current)), parameters, max_nfev=max_evaluations
+    )
     result = minimiser.minimize(
-        method=method, Dfun=lambda current: objective.jacobian(vector(current))[:, active], **options
+        method=method,
+        Dfun=lambda current: objective.jacobian(vector(current), rough=True)[:, active],
+        **options,
     )
     return Minimum(vector(result.params), bool(result.success), str(result.message))
 

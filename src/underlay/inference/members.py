@@ -12,6 +12,7 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise, log_normalisation, standard_deviation, whiten
 from underlay.errors import InputError
 from underlay.inference.forward import Forward, Reading
+from underlay.inference.forward_batch import Readings, batched_readings
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.scene import Scene
 
@@ -80,14 +81,15 @@ class Member:
         return self.forward.reading(self.values_at(physical))
 
     def law(self, physical: FloatArray) -> ContactLaw:
-        """Contact law at a physical vector (k,), as a caller of the scene would get it."""
-        scene = self.scene_at(physical)
-        deepest = float(self.curve.depth.max()) - scene.instrument.contact_depth
-        return self.forward.options.build(scene, max(deepest, 0.0))
+        """Contact law behind the model at a physical vector (k,), at the reference of the similarity.
 
-    def jacobian(self, physical: FloatArray) -> tuple[Reading, FloatArray]:
+        Its range is up to twice the curve's, so its error estimate is not below that of the curve.
+        """
+        return self.forward.law_behind(self.values_at(physical))
+
+    def jacobian(self, physical: FloatArray, *, rough: bool = False) -> tuple[Reading, FloatArray]:
         """Model and d force / d vector (SI), (n, k); zero for entries this curve does not read."""
-        reading, own = self.forward.jacobian(self.values_at(physical), tuple(self.entries))
+        reading, own = self.forward.jacobian(self.values_at(physical), tuple(self.entries), rough=rough)
         columns = np.zeros((len(self.force), len(physical)))
         columns[:, list(self.entries.values())] = own
         return reading, columns
@@ -109,7 +111,8 @@ class Member:
 
     def log_likelihood(self, physical: FloatArray) -> FloatArray:
         """Log-likelihood (B,) at physical vectors (B, k); -inf where no law exists."""
-        contact, stiffness, force, possible = self.readings(physical)
+        by_depth = bool(self.noise.depth) or "depth" in self.noise_entries
+        contact, stiffness, force, possible = self.readings(physical, stiffness=by_depth)
         numbers = {name: physical[possible, j] for name, j in self.noise_entries.items()}
         result = np.full(len(physical), -np.inf)
         if not possible.any():
@@ -133,16 +136,9 @@ class Member:
             result[possible] = normalisation - 0.5 * len(self.force) * np.log(square)
         return result
 
-    def readings(self, physical: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, np.ndarray]:
-        """Contact force, stiffness and instrument force, each (B, n), and which of the B exist, (B,)."""
-        shape = (len(physical), len(self.force))
-        contact, stiffness, force = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-        possible = np.ones(len(physical), dtype=bool)
-        for row, vector in enumerate(physical):
-            try:
-                reading = self.reading(vector)
-            except InputError:
-                possible[row] = False
-                continue
-            contact[row], stiffness[row], force[row] = reading.contact, reading.stiffness, reading.force
-        return contact, stiffness, force, possible
+    def readings(self, physical: FloatArray, *, stiffness: bool = True) -> Readings:
+        """Model at physical vectors (B, k); without `stiffness` that is left zero."""
+        values: dict[str, float | FloatArray] = dict(self.base)
+        for path, entry in self.entries.items():
+            values[path] = physical[:, entry]
+        return batched_readings(self.forward, values, len(physical), stiffness=stiffness)

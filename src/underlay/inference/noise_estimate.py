@@ -20,12 +20,16 @@ from underlay.inference.noise_start import scatter
 from underlay.inference.objective import Objective, Weights, weights_at
 from underlay.inference.problem import Problem
 
-__all__ = ["Renewal", "first_noises", "noise_entries", "renew", "restricted_log_likelihood"]
+__all__ = ["Renewal", "first_noises", "noise_covariance", "renew", "restricted_log_likelihood"]
 
 # A change of the weights by less than this moves a fit by less than its numerical tolerance times sigma.
 _SETTLED = 1e-4
 # 1 / 0.6745: standard deviation of a normal variable over its median absolute value.
 _MEDIAN_TO_SD = 1.4826022185056018
+
+
+# In ln sigma, where the restricted likelihood is a parabola over a step of this size to 1e-3.
+_CURVATURE_STEP = 0.03
 
 
 @dataclass(frozen=True)
@@ -128,6 +132,30 @@ def _most_likely(
         options={"xatol": 1e-5, "fatol": 1e-8, "maxiter": 400 * len(entries)},
     )
     return _with(vector, entries, found.x)
+
+
+def noise_covariance(problem: Problem, vector: FloatArray) -> FloatArray:
+    """Scaled covariance (m, m) of the free numbers of the noise, in the order of their entries.
+
+    The inverse curvature of the restricted likelihood, by central differences; the model is frozen, to which
+    the noise of a Gaussian is orthogonal. Infinite variances where the curvature is not that of a maximum.
+    """
+    entries = sorted(problem.noise_entries)
+    physical = problem.physical(vector)
+    linear = [member.jacobian(physical) for member in problem.members]
+    steps = _CURVATURE_STEP * np.eye(len(entries))
+
+    def at(offset: FloatArray) -> float:
+        return restricted_log_likelihood(problem, _with(vector, entries, vector[entries] + offset), linear)
+
+    curvature = np.empty((len(entries), len(entries)))
+    for i, first in enumerate(steps):
+        for j, second in enumerate(steps):
+            plus, minus = at(first + second) + at(-first - second), at(first - second) + at(second - first)
+            curvature[i, j] = (minus - plus) / (4.0 * _CURVATURE_STEP**2)
+    if not (np.linalg.eigvalsh(curvature) > 0.0).all():
+        return np.diag(np.full(len(entries), np.inf))
+    return np.asarray(np.linalg.inv(curvature))
 
 
 def _with(vector: FloatArray, entries: Sequence[int], part: FloatArray) -> FloatArray:

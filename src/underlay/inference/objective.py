@@ -75,6 +75,8 @@ class Objective:
     failures: int = 0
     held: frozenset[int] = frozenset()
     _largest: float = field(default=1.0, repr=False)
+    _last_models: tuple[bytes, list[FloatArray]] = field(default=(b"", []), repr=False)
+    _last_columns: tuple[bytes, list[FloatArray]] = field(default=(b"", []), repr=False)
 
     def __post_init__(self) -> None:
         noisy = self.problem.noise_entries
@@ -94,21 +96,17 @@ class Objective:
         Where no law exists every residual is the root of the largest sum of squares seen: a minimiser
         steps back.
         """
-        self.evaluations += 1
         if np.abs(vector).max(initial=0.0) > _FAR:
             return self._refused()
         physical = self.problem.physical(vector)
         try:
-            parts = [
-                whiten(
-                    (member.model(physical) - member.force) / sigma,
-                    member.curve.time,
-                    noise.correlation_time,
-                )
-                for member, noise, sigma in self._members()
-            ]
+            models = self._models(physical)
         except InputError:
             return self._refused()
+        parts = [
+            whiten((model - member.force) / sigma, member.curve.time, noise.correlation_time)
+            for model, (member, noise, sigma) in zip(models, self._members(), strict=True)
+        ]
         if self._informative:
             parts.append(self._penalties(physical)[0])
         residuals = np.concatenate(parts) if len(parts) > 1 else parts[0]
@@ -123,18 +121,51 @@ class Objective:
         self.failures += 1
         return np.full(self.problem.n_points + len(self._informative), self._largest)
 
-    def jacobian(self, vector: FloatArray) -> FloatArray:
-        """d residuals / d vector, (n + priors, k)."""
+    def jacobian(self, vector: FloatArray, *, rough: bool = False) -> FloatArray:
+        """d residuals / d vector, (n + priors, k); `rough` as in `Forward.jacobian`."""
         physical = self.problem.physical(vector)
         slopes = self.problem.space.slopes(physical)
         parts = []
-        for member, noise, sigma in self._members():
-            _, columns = member.jacobian(physical)
+        for columns, (member, noise, sigma) in zip(
+            self._columns(physical, rough=rough), self._members(), strict=True
+        ):
             rows = whiten(columns.T * (slopes[:, None] / sigma), member.curve.time, noise.correlation_time)
             parts.append(rows.T)
         if self._informative:
             parts.append(self._penalties(physical)[1] * slopes)
         return np.concatenate(parts) if len(parts) > 1 else parts[0]
+
+    def loss(self, vector: FloatArray) -> float:
+        """Minus twice the log-likelihood with the frozen noise, priors' residuals included, at (k,)."""
+        residuals = self.residuals(vector)
+        normalisation = sum(
+            float(noise.log_normalisation(sigma, member.curve.time))
+            for member, noise, sigma in self._members()
+        )
+        return float(residuals @ residuals) - 2.0 * normalisation
+
+    def models(self, vector: FloatArray) -> list[FloatArray]:
+        """Instrument's force (N) of every curve at a vector (k,); raises InputError where no law exists."""
+        return self._models(self.problem.physical(vector))
+
+    # MINPACK asks for its first point twice and lmfit for its last; the weights may change in between. So the
+    # last answers are kept without weights.
+
+    def _models(self, physical: FloatArray) -> list[FloatArray]:
+        key = physical.tobytes()
+        if self._last_models[0] != key:
+            self.evaluations += 1
+            self._last_models = key, [member.model(physical) for member in self.problem.members]
+        return self._last_models[1]
+
+    def _columns(self, physical: FloatArray, *, rough: bool) -> list[FloatArray]:
+        key = physical.tobytes() + bytes(rough)
+        if self._last_columns[0] != key:
+            self._last_columns = (
+                key,
+                [member.jacobian(physical, rough=rough)[1] for member in self.problem.members],
+            )
+        return self._last_columns[1]
 
     def _members(self) -> Iterator[tuple[Member, Noise, FloatArray]]:
         return zip(self.problem.members, self.weights.noises, self.weights.sigmas, strict=True)

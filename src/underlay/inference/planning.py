@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
 from underlay.data.noise import Noise
@@ -139,7 +140,7 @@ class Plan:
         first = self.scaled_information[i, j]
         index = self.names.index(self.parameter)
         joint = self.scaled_information + first
-        stderr = _errors(joint + self.prior, index, np.isnan(self.stderr)) * self.slope
+        stderr = _errors(joint + self.prior, index, ~np.isnan(self.stderr)) * self.slope
         return replace(self, stderr=read_only(stderr), scaled_information=read_only(joint))
 
     def _best_cell(self) -> tuple[int, int]:
@@ -194,7 +195,8 @@ def plan(
     specimen = tuple(path for path in wanted if path.startswith(_SPECIMEN))
     if parameter not in specimen:
         raise ParameterError(
-            f"{parameter!r} must be a free parameter of layer or substrate; free are {', '.join(wanted) or 'none'}"
+            f"{parameter!r} must be a free parameter of layer or substrate; free are "
+            f"{', '.join(wanted) or 'none'}"
         )
     if "indenter.radius" not in scene.parameters:
         raise ParameterError(f"the grid varies indenter.radius, which {scene.indenter!r} does not have")
@@ -221,7 +223,7 @@ def plan(
                 refusals[i, j] = str(error)
     if len(refusals) == gathered[..., 0, 0].size:
         raise InputError(f"no test of this grid can be done: {next(iter(refusals.values()))}")
-    errors = _errors(gathered + prior, specimen.index(parameter), np.isnan(peak_force))
+    errors = _errors(gathered + prior, specimen.index(parameter), ~np.isnan(peak_force))
     return Plan(
         parameter=parameter,
         value=value,
@@ -249,10 +251,10 @@ def _about_specimen(problem: Problem, specimen: Sequence[str]) -> tuple[FloatArr
     return marginal(test, kept, others), priors[np.ix_(kept, kept)]
 
 
-def _errors(matrices: FloatArray, index: int, impossible: FloatArray) -> FloatArray:
+def _errors(matrices: FloatArray, index: int, possible: NDArray[np.bool_]) -> FloatArray:
     """Standard error of entry `index` in scaled coordinates, (r, d), from informations (r, d, s, s)."""
     errors = np.full(matrices.shape[:2], np.nan)
-    for i, j in zip(*np.nonzero(~impossible), strict=True):
+    for i, j in zip(*np.nonzero(possible), strict=True):
         others = [k for k in range(matrices.shape[-1]) if k != index]
         own = float(marginal(matrices[i, j], [index], others)[0, 0])
         known = own > _LOST * float(matrices[i, j, index, index])

@@ -27,13 +27,14 @@ from underlay.inference.problem import Problem
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
-__all__ = ["Interval", "Profile", "profile"]
+__all__ = ["Interval", "Profile", "interval_threshold", "profile", "rise_at"]
 
 _STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
 _HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
 _GROWTH = 3.0  # a flattening profile is walked in steps at most this much longer each time
 _FARTHEST = 12.0  # scaled coordinate: a factor 1.6e5, or twelve times the range of the curve
 _MOST_STEPS = 60
+_MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
 # A fit found to be this much worse (in t) than a point of its own profile was not the optimum.
 _BETTER = 1e-3
 
@@ -70,9 +71,11 @@ class Interval:
         if has_low and has_high:
             return f"{self.name} between {low} and {high} {at}"
         if has_low:
-            return f"{self.name} > {low} {at}; no upper bound from these data{self._limit(self.high_reason, high)}"
+            limit = self._limit(self.high_reason, high)
+            return f"{self.name} > {low} {at}; no upper bound from these data{limit}"
         if has_high:
-            return f"{self.name} < {high} {at}; no lower bound from these data{self._limit(self.low_reason, low)}"
+            limit = self._limit(self.low_reason, low)
+            return f"{self.name} < {high} {at}; no lower bound from these data{limit}"
         return f"{self.name} is not bounded by these data {at}"
 
     @staticmethod
@@ -99,8 +102,8 @@ class Profile:
         Scaled vectors with the other parameters fitted, (m, k).
     ends : tuple of str
         Why the walk ended below and above: ``"data"``, ``"bound"``, ``"law"`` or ``"none"``.
-    degrees : float
-        Degrees of freedom of the noise's size; infinite where the noise was known.
+    branches : tuple of Profile
+        The same about every other optimum of the fit, t still measured from the best.
     """
 
     name: str
@@ -109,7 +112,7 @@ class Profile:
     rise: FloatArray
     vectors: FloatArray
     ends: tuple[str, str]
-    degrees: float
+    branches: tuple[Profile, ...] = ()
 
     def threshold(self, level: float) -> float:
         """t that bounds an interval of this confidence.
@@ -119,35 +122,49 @@ class Profile:
         InputError
             If the level is not between 0 and 0.999.
         """
-        if not 0.0 < level <= 0.999:
-            raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
-        if np.isfinite(self.degrees):
-            return float(stats.f.ppf(level, 1, self.degrees))
-        return float(stats.chi2.ppf(level, 1))
+        return interval_threshold(self.fit, level)
 
     def interval(self, level: float = 0.95) -> Interval:
-        """Values the data do not reject at this level; see `Interval` for ends that are not there."""
+        """Values the data do not reject at this level; see `Interval` for ends that are not there.
+
+        With a second optimum that is not rejected it is the hull of both.
+        """
         z = float(np.sqrt(self.threshold(level)))
+        parts = [self, *(branch for branch in self.branches if np.sqrt(branch.rise.min()) <= z)]
+        low, low_reason = min((part.end(z, upper=False) for part in parts), key=lambda end: end[0])
+        high, high_reason = max((part.end(z, upper=True) for part in parts), key=lambda end: end[0])
+        return Interval(self.name, level, low, high, low_reason, high_reason)
+
+    def end(self, z: float, *, upper: bool) -> tuple[float, str]:
+        """Where the values below `z` end on one side (SI), and why: a reason as in `Interval`."""
         index = self.fit.names.index(self.name)
         coordinate = self.fit.problem.coordinates[index]
-        q, signed = self.vectors[:, index], np.sqrt(self.rise)
         best = int(np.argmin(self.rise))
-        ends = []
-        for part, reason, limit in (
-            (slice(best, None, -1), self.ends[0], coordinate.low),
-            (slice(best, None), self.ends[1], coordinate.high),
-        ):
-            crossing = _crossing(q[part], signed[part], z)
-            if crossing is not None:
-                ends.append((float(coordinate.physical(np.asarray(crossing))), "data"))
-            elif reason == "bound":
-                ends.append((limit, "bound"))
-            elif reason == "law":
-                ends.append((float(coordinate.physical(q[part][-1])), "law"))
-            else:
-                ends.append((-np.inf if part.step == -1 else np.inf, "none"))
-        (low, low_reason), (high, high_reason) = ends
-        return Interval(self.name, level, low, high, low_reason, high_reason)
+        outwards = slice(best, None) if upper else slice(best, None, -1)
+        q, reason = self.vectors[outwards, index], self.ends[int(upper)]
+        crossing = _crossing(q, np.sqrt(self.rise[outwards]), z)
+        if crossing is not None:
+            return float(coordinate.physical(np.asarray(crossing))), "data"
+        if reason == "bound":
+            return coordinate.high if upper else coordinate.low, "bound"
+        if reason == "law":
+            return float(coordinate.physical(q[-1])), "law"
+        return (np.inf if upper else -np.inf), "none"
+
+
+def interval_threshold(fit: Fit, level: float) -> float:
+    """Rise t that bounds an interval: chi-square's quantile, F's where the noise was estimated.
+
+    Raises
+    ------
+    InputError
+        If the level is not between 0 and 0.999.
+    """
+    if not 0.0 < level <= 0.999:
+        raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
+    if fit.statistics.noise_estimated or fit.problem.noise_entries:
+        return float(stats.f.ppf(level, 1, fit.statistics.points - fit.statistics.parameters))
+    return float(stats.chi2.ppf(level, 1))
 
 
 def profile(problem: Problem | Fit, name: str) -> Profile:
@@ -173,28 +190,59 @@ def profile(problem: Problem | Fit, name: str) -> Profile:
             f"{name!r}: profiles freeze the noise; take its standard error, or sample the posterior"
         )
     index = fit.names.index(name)
-    walks = [_Walk.start(fit, index).go(direction) for direction in (-1.0, 1.0)]
-    better = min(walks, key=lambda walk: walk.lowest)
+    below, above = (_Walk.start(fit, index).go(direction) for direction in (-1.0, 1.0))
+    better = min((below, above), key=lambda walk: walk.lowest)
     if better.lowest < -_BETTER:
         # The walk passed through a lower minimum: begin again from there.
-        vector = better.vectors[int(np.argmin(better.rises))]
-        again = _refit(fit, vector)
+        again = _refit(fit, better.vectors[int(np.argmin(better.rises))])
         if again.statistics.chi_square < fit.statistics.chi_square:
             return profile(again, name)
-    below, above = walks
+    branches = []
+    for other in fit.alternatives:
+        left, right = (_Walk.start(fit, index, other.vector).go(direction) for direction in (-1.0, 1.0))
+        branches.append(_joined(fit, name, left, right))
+    return _joined(fit, name, below, above, tuple(branches))
+
+
+def _joined(fit: Fit, name: str, below: _Walk, above: _Walk, branches: tuple[Profile, ...] = ()) -> Profile:
+    index = fit.names.index(name)
     vectors = np.array([*below.vectors[:0:-1], *above.vectors])
     rise = np.maximum(np.array([*below.rises[:0:-1], *above.rises]), 0.0)
-    coordinate = fit.problem.coordinates[index]
-    estimated = fit.statistics.noise_estimated or any(m.noise_entries for m in fit.problem.members)
     return Profile(
         name=name,
         fit=fit,
-        values=read_only(coordinate.physical(vectors[:, index])),
+        values=read_only(fit.problem.coordinates[index].physical(vectors[:, index])),
         rise=read_only(rise),
         vectors=read_only(vectors),
         ends=(below.reason, above.reason),
-        degrees=float(fit.statistics.points - fit.statistics.parameters) if estimated else np.inf,
+        branches=branches,
     )
+
+
+def rise_at(fit: Fit, name: str, value: float) -> float:
+    """T of one value (SI): how much the sum of squares rises when the parameter is held there.
+
+    The value is inside the interval of a level where this is at most `Profile.threshold`; one refit
+    instead of a walk.
+
+    Raises
+    ------
+    InputError
+        If the parameter is not free, the value is outside its bounds, or no law exists there.
+    """
+    if name not in fit.names:
+        raise InputError(f"{name!r} is not free here; free are {', '.join(fit.names)}")
+    index = fit.names.index(name)
+    coordinate = fit.problem.coordinates[index]
+    if not coordinate.low <= value <= coordinate.high:
+        raise InputError(
+            f"{name} = {value!r} is outside its bounds [{coordinate.low!r}, {coordinate.high!r}]"
+        )
+    walk = _Walk.start(fit, index)
+    found = walk.fit_at(coordinate.scaled(value))
+    if found is None:
+        raise InputError(f"no contact law at {name} = {value!r}")
+    return float(np.square(walk.objective.residuals(found.vector)).sum()) - walk.base
 
 
 def _refit(fit: Fit, vector: FloatArray) -> Fit:
@@ -231,12 +279,15 @@ class _Walk:
     reason: str = "none"
 
     @classmethod
-    def start(cls, fit: Fit, index: int) -> _Walk:
-        """Stand at the optimum with the noise of the fit frozen."""
+    def start(cls, fit: Fit, index: int, vector: FloatArray | None = None) -> _Walk:
+        """Stand at the optimum, or another one, with the noise of the fit frozen."""
         weights: Weights = weights_at(fit.problem, fit.vector, fit.noises)
         objective = Objective(fit.problem, weights, held=frozenset({index}))
         base = float(np.square(objective.residuals(fit.vector)).sum())
-        return cls(fit, index, objective, base, [np.array(fit.vector)], [0.0])
+        if vector is None:
+            return cls(fit, index, objective, base, [np.array(fit.vector)], [0.0])
+        rise = float(np.square(objective.residuals(vector)).sum()) - base
+        return cls(fit, index, objective, base, [np.array(vector)], [rise])
 
     @property
     def lowest(self) -> float:
@@ -246,7 +297,7 @@ class _Walk:
     def go(self, direction: float) -> _Walk:
         """Walk until the rise ends every interval, or the parameter or the law does."""
         bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
-        here = float(self.fit.vector[self.index])
+        here = float(self.vectors[0][self.index])
         room = abs(bound - here)
         step = self._first_step()
         for _ in range(_MOST_STEPS):
@@ -257,7 +308,7 @@ class _Walk:
             if travelled >= _FARTHEST:
                 return replace(self, reason="none")
             failures = self.objective.failures
-            found = self._fit_at(here + direction * (travelled + step))
+            found = self.fit_at(here + direction * (travelled + step))
             if found is None or self._is_wall(failures, found):
                 if step < 1e-3 * self._first_step():
                     return replace(self, reason="law")
@@ -288,7 +339,7 @@ class _Walk:
         slope = (z[1] - z[0]) / step
         return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
 
-    def _fit_at(self, q: float) -> Minimum | None:
+    def fit_at(self, q: float) -> Minimum | None:
         """Others fitted with the parameter at q, starting where the last two steps point."""
         start = np.array(self.vectors[-1])
         if len(self.vectors) > 1:
@@ -303,7 +354,7 @@ class _Walk:
             failures = self.objective.failures
             self.objective.residuals(candidate)
             if self.objective.failures == failures:
-                return minimise(self.objective, candidate)
+                return minimise(self.objective, candidate, max_evaluations=_MOST_EVALUATIONS)
         return None
 
     def _tangent(self) -> FloatArray:

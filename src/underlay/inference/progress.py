@@ -23,7 +23,7 @@ class SamplingProgress:
     """
 
     def __init__(self, total: int, *, shown: bool | None) -> None:
-        console = Console(stderr=True)
+        console = Console(stderr=True, force_terminal=shown or None)
         self._bar = Progress(
             TextColumn("sampling"),
             BarColumn(),

@@ -27,6 +27,7 @@ def provenance(curves: Sequence[Curve]) -> dict[str, Any]:
             {
                 "name": curve.metadata.get("name"),
                 "path": curve.metadata.get("path"),
+                "scene_path": curve.metadata.get("scene_path"),
                 "file_sha256": curve.metadata.get("sha256"),
                 "data_sha256": curve_hash(curve),
                 "points": len(curve),

@@ -27,6 +27,7 @@ from underlay.inference.posterior import Posterior
 from underlay.inference.posterior_assembly import assemble_posterior
 from underlay.inference.problem import Problem
 from underlay.inference.progress import SamplingProgress
+from underlay.inference.sampling_moves import moves
 from underlay.inference.stopping import Outcome, judge
 from underlay.inference.walker_start import start_walkers
 
@@ -152,7 +153,7 @@ class _Run:
         before: Progress | None,
     ) -> _Run:
         """Place the walkers, or take them up where a file left them."""
-        sampler = emcee.EnsembleSampler(walkers, len(problem.names), density, moves=_moves(), vectorize=True)
+        sampler = emcee.EnsembleSampler(walkers, len(problem.names), density, moves=moves(), vectorize=True)
         if before is not None and len(before.chain):
             last = before.chain[-1]
             density.continue_from(before.evaluations, before.failures)
@@ -212,23 +213,6 @@ class _Run:
         self._coords[self.steps] = state.coords
         self._log_density[self.steps] = state.log_prob
         self.steps += 1
-
-
-def _moves() -> list[tuple[emcee.moves.Move, float]]:
-    """How walkers move: all of it invariant under linear maps, so a strong correlation costs nothing.
-
-    Draws from a kernel estimate of the other half follow a bent ridge (half the autocorrelation time of
-    differences alone, a quarter of stretches alone, on E, thickness and contact point); differences of
-    walkers (ter Braak 2006, doi:10.1007/s11222-006-8769-1) and stretches take over where the estimate is
-    poor. A full difference (gamma0 = 1) jumps between separate tops. emcee's snooker is left out: up to
-    version 3.1.6 it divides by the root of a length where the length belongs, and its variance is too small.
-    """
-    return [
-        (emcee.moves.KDEMove(), 0.40),
-        (emcee.moves.DEMove(), 0.35),
-        (emcee.moves.DEMove(gamma0=1.0), 0.05),
-        (emcee.moves.StretchMove(), 0.20),
-    ]
 
 
 def _check(

@@ -3,79 +3,76 @@
 Thickness, modulus ratio and contact depth are laid on a coarse grid of scale-free values; for each, the
 layer's modulus (which scales the force when the ratio is held), the baseline and its slope follow by linear
 least squares. The scene's own values are only one more grid point, so a start wrong by orders of magnitude,
-or the last curve's result, does not decide where a fit ends.
+or the last curve's result, does not decide where a fit ends. Every local minimum of the grid is a start:
+thin and stiffly backed can look like thick and stiff.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.curve import Curve
-from underlay.errors import InputError
 from underlay.inference.coordinates import Coordinate
 from underlay.inference.forward import Forward, LawStore
 from underlay.inference.members import Member
 from underlay.inference.problem import Problem
+from underlay.inference.trial import BASE_MODULUS, CONTACT, MODULUS, THICKNESS, Blocks, Candidate, Trial
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import FlatPunch
 from underlay.scene.scene import Scene
 
 __all__ = ["scan_starts"]
 
-_BLOCKS = 60  # points of a curve after averaging neighbours: enough to place a contact to a grid step
-_SCAN_ACCURACY = Accuracy(rtol=1e-2)
+_SCAN_ACCURACY = Accuracy(rtol=1e-3)
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
-_RADIUS_RATIOS = np.geomspace(0.05, 4.0, 8)
+_RADIUS_RATIOS = np.geomspace(0.06, 3.0, 8)
 # Base over layer.
-_MODULUS_RATIOS = np.geomspace(1e-3, 1e3, 9)
-_CONTACT_STEPS = np.linspace(-0.25, 0.95, 25)
-_MODULUS = "layer.E"
-_BASE_MODULUS = "substrate.E"
-_THICKNESS = "layer.thickness"
-_CONTACT = "instrument.contact_depth"
-_LINEAR = ("instrument.baseline", "instrument.baseline_slope")
+_MODULUS_RATIOS = np.array([1e-2, 0.1, 0.5, 2.0, 10.0, 100.0])
+_MODULUS_STEPS = 3.0 ** np.arange(-5.0, 6.0)
+_CONTACT_STEPS = np.linspace(-0.2, 0.9, 18)
+# A local minimum of the grid this much worse than the best is not the global one: the grid's own error is
+# at most a factor of a few.
+_HOPELESS = 10.0
 
-
-@dataclass(frozen=True)
-class _Blocks:
-    """A curve as means of neighbouring points: depth (m), force (N), each (m,)."""
-
-    depth: FloatArray
-    force: FloatArray
-
-
-@dataclass(frozen=True)
-class _Candidate:
-    """One grid point: misfit of a curve and the values (SI) by path that go with it."""
-
-    misfit: float
-    values: dict[str, float]
+#: Values of thickness and of moduli at a grid point, by path.
+Values: TypeAlias = dict[str, float]
+#: Position on the grid (thickness, moduli).
+Key: TypeAlias = tuple[int, int]
 
 
 def scan_starts(problem: Problem, count: int = 3) -> list[FloatArray]:
-    """Best starts (scaled vectors (k,)) of a problem, best first, at most `count`.
+    """Local minima of the grid as starts (scaled vectors (k,)), best first, at most `count`.
 
     Thickness and moduli that curves share are scanned together; what is a curve's own is chosen by it alone.
     Empty if no grid point has a law.
     """
-    blocks = [_average(member.curve) for member in problem.members]
-    radii = [
-        _radius_scale(member.scene, block) for member, block in zip(problem.members, blocks, strict=True)
-    ]
+    trials = [_trial(member, problem) for member in problem.members]
+    radii = [_radius_scale(m.scene, trial.blocks) for m, trial in zip(problem.members, trials, strict=True)]
     scans = [
-        _scan(member, block, problem, (min(radii), max(radii)))
-        for member, block in zip(problem.members, blocks, strict=True)
+        _scan(member, trial, problem, (min(radii), max(radii)), trials)
+        for member, trial in zip(problem.members, trials, strict=True)
     ]
     keys = set.intersection(*(set(scan) for scan in scans))
-    ranked = sorted(keys, key=lambda key: sum(scan[key].misfit for scan in scans))
+    total = {key: sum(scan[key].misfit for scan in scans) for key in keys}
+    if not total:
+        return []
+    limit = _HOPELESS * min(total.values())
+    minima = [key for key in keys if total[key] <= limit and _is_local_minimum(total, key)]
+    ranked = sorted(minima, key=lambda key: total[key])
     return [_vector(problem, [scan[key] for scan in scans]) for key in ranked[:count]]
 
 
-def _vector(problem: Problem, candidates: Sequence[_Candidate]) -> FloatArray:
+def _is_local_minimum(total: Mapping[Key, float], key: Key) -> bool:
+    i, j = key
+    around = [(i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)]
+    return all(total[key] <= total.get(neighbour, np.inf) for neighbour in around)
+
+
+def _vector(problem: Problem, candidates: Sequence[Candidate]) -> FloatArray:
     """Scaled vector of what each curve found; a shared parameter takes the mean."""
     found: list[list[float]] = [[] for _ in problem.coordinates]
     for member, candidate in zip(problem.members, candidates, strict=True):
@@ -88,107 +85,36 @@ def _vector(problem: Problem, candidates: Sequence[_Candidate]) -> FloatArray:
     return np.array([float(np.mean(values)) if values else 0.0 for values in found])
 
 
-def _scan(
-    member: Member, blocks: _Blocks, problem: Problem, radii: tuple[float, float]
-) -> dict[tuple[int, ...], _Candidate]:
-    """Best candidate for every combination of the shared grid values."""
+def _trial(member: Member, problem: Problem) -> Trial:
+    blocks = Blocks.of(member.curve)
     free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
     options = replace(member.forward.options, accuracy=_SCAN_ACCURACY)
     forward = Forward.compile(member.scene, blocks.depth, tuple(free), options, LawStore())
-    scales = _MODULUS in free and (_BASE_MODULUS not in member.base or _BASE_MODULUS in free)
-    trial = _Trial(
-        forward, blocks, free, member.base, _contacts(free, blocks, member.base[_CONTACT]), scales=scales
-    )
-    found: dict[tuple[int, ...], _Candidate] = {}
-    for i, thickness in enumerate(_thicknesses(free, radii)):
-        for j, moduli in enumerate(_moduli(free, member.base, trial)):
-            candidate = trial.best({**member.base, **thickness, **moduli})
-            key = (i if _THICKNESS in problem.shared else 0, j if _BASE_MODULUS in problem.shared else 0)
+    scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
+    return Trial(forward, blocks, free, _contacts(free, blocks, member.base[CONTACT]), scales)
+
+
+def _scan(
+    member: Member, trial: Trial, problem: Problem, radii: tuple[float, float], trials: Sequence[Trial]
+) -> dict[Key, Candidate]:
+    """Best candidate of one curve for every place of the shared grid."""
+    alone = len(trials) == 1
+    thickness_counts = alone or THICKNESS in problem.shared
+    moduli_count = alone or {MODULUS, BASE_MODULUS} & set(problem.shared)
+    thicknesses = _thicknesses(trial.free, radii)
+    found: dict[Key, Candidate] = {}
+    # A grid that curves share is laid about what the first of them shows.
+    grid = _moduli(problem.members[0].base, trials[0]) if moduli_count else _moduli(member.base, trial)
+    for j, moduli in enumerate(grid):
+        rows = [{**member.base, **thickness, **moduli} for thickness in thicknesses]
+        for i, candidate in enumerate(trial.best(rows)):
+            key = (i if thickness_counts else 0, j if moduli_count else 0)
             if candidate is not None and (key not in found or candidate.misfit < found[key].misfit):
                 found[key] = candidate
     return found
 
 
-@dataclass(frozen=True)
-class _Trial:
-    """One curve tried at grid points: every contact at once, linear parameters solved for."""
-
-    forward: Forward
-    blocks: _Blocks
-    free: Mapping[str, Coordinate]
-    base: Mapping[str, float]
-    contacts: FloatArray
-    scales: bool
-
-    def best(self, values: Mapping[str, float]) -> _Candidate | None:
-        """Best contact at `values`; None where no law reaches."""
-        w = self._travel(values) - self.contacts[:, None]
-        try:
-            force = self.forward.law(values, max(float(w.max()), 0.0)).force(w)
-        except InputError:
-            return None
-        linear = self._linear_columns()
-        rest = self.blocks.force - self._fixed_offset(values)
-        target, shapes = _project_out(rest, linear), _project_out(force, linear)
-        if self.scales:
-            power = np.einsum("cm,cm->c", shapes, shapes)
-            # A contact beyond the last point gives no force at all: it explains nothing.
-            amplitude = np.where(power > 0.0, shapes @ target / np.where(power > 0.0, power, 1.0), 0.0)
-            low, high = (
-                bound / values[_MODULUS] for bound in (self.free[_MODULUS].low, self.free[_MODULUS].high)
-            )
-            amplitude = np.clip(np.where(amplitude > 0.0, amplitude, 1e-12), low, high)
-        else:
-            amplitude = np.ones(len(self.contacts))
-        misfit = np.square(target - amplitude[:, None] * shapes).sum(axis=-1)
-        index = int(np.argmin(misfit))
-        found = {path: values[path] for path in (_MODULUS, _BASE_MODULUS, _THICKNESS) if path in self.free}
-        if self.scales:
-            for path in (_MODULUS, _BASE_MODULUS):
-                if path in found:
-                    found[path] *= float(amplitude[index])
-        if _CONTACT in self.free:
-            found[_CONTACT] = float(self.contacts[index])
-        if linear is not None:
-            left = rest - amplitude[index] * force[index]
-            solved = np.linalg.lstsq(linear, left, rcond=None)[0]
-            found.update(zip((path for path in _LINEAR if path in self.free), solved.tolist(), strict=True))
-        return _Candidate(float(misfit[index]), found)
-
-    def _travel(self, values: Mapping[str, float]) -> FloatArray:
-        """Depth without the frame's share, which the measured force gives without knowing the sample."""
-        compliance = values["instrument.compliance"]
-        return self.blocks.depth - compliance * self.blocks.force if compliance else self.blocks.depth
-
-    def _linear_columns(self) -> FloatArray | None:
-        columns = {_LINEAR[0]: np.ones_like(self.blocks.depth), _LINEAR[1]: self.blocks.depth}
-        free = [column for path, column in columns.items() if path in self.free]
-        return np.stack(free, axis=1) if free else None
-
-    def _fixed_offset(self, values: Mapping[str, float]) -> FloatArray:
-        baseline, slope = (0.0 if path in self.free else values[path] for path in _LINEAR)
-        return baseline + slope * self.blocks.depth
-
-
-def _project_out(rows: FloatArray, columns: FloatArray | None) -> FloatArray:
-    """What remains of `rows` (..., m) after a least-squares fit of `columns` (m, p)."""
-    if columns is None:
-        return rows
-    # Columns are brought to unit length first: metres beside ones would cost digits.
-    q, _ = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))
-    return np.asarray(rows - (rows @ q) @ q.T)
-
-
-def _average(curve: Curve) -> _Blocks:
-    order = np.argsort(curve.depth, kind="stable")
-    groups = np.array_split(order, min(_BLOCKS, len(order)))
-    return _Blocks(
-        np.array([curve.depth[group].mean() for group in groups]),
-        np.array([curve.force[group].mean() for group in groups]),
-    )
-
-
-def _radius_scale(scene: Scene, blocks: _Blocks) -> float:
+def _radius_scale(scene: Scene, blocks: Blocks) -> float:
     """Contact radius (m) on a half-space at the curve's whole range of depth."""
     travel = np.array([np.ptp(blocks.depth)])
     limit = scene.indenter.max_radius
@@ -197,43 +123,43 @@ def _radius_scale(scene: Scene, blocks: _Blocks) -> float:
     return float(scene.indenter.halfspace_radius(travel)[0])
 
 
-def _contacts(free: Mapping[str, Coordinate], blocks: _Blocks, known: float) -> FloatArray:
-    if _CONTACT not in free:
+def _contacts(free: Mapping[str, Coordinate], blocks: Blocks, known: float) -> FloatArray:
+    if CONTACT not in free:
         return np.array([known])
-    coordinate = free[_CONTACT]
+    coordinate = free[CONTACT]
     grid = blocks.depth[0] + _CONTACT_STEPS * float(np.ptp(blocks.depth))
     low, high = coordinate.low, coordinate.high
     if np.isfinite(low) and np.isfinite(high) and high - low < np.ptp(grid):
         grid = np.linspace(low, high, len(grid))
     inside = grid[(grid >= low) & (grid <= high)]
-    return np.append(inside, coordinate.reference)
+    # Bounds beside the curve leave none: then the scene's own value is all there is to try.
+    return inside if len(inside) > 1 else np.array([coordinate.reference])
 
 
 def _thicknesses(free: Mapping[str, Coordinate], radii: tuple[float, float]) -> list[dict[str, float]]:
-    if _THICKNESS not in free:
+    if THICKNESS not in free:
         return [{}]
-    coordinate = free[_THICKNESS]
+    coordinate = free[THICKNESS]
     lowest, highest = radii[0] / _RADIUS_RATIOS[-1], radii[1] / _RADIUS_RATIOS[0]
     grid = np.geomspace(lowest, highest, len(_RADIUS_RATIOS))
     low, high = coordinate.low, coordinate.high
     if low > 0.0 and np.isfinite(high) and high / low < highest / lowest:
         grid = np.geomspace(low, high, len(grid))
-    values = [*grid[(grid >= low) & (grid <= high)].tolist(), coordinate.reference]
-    return [{_THICKNESS: value} for value in values]
+    inside = grid[(grid >= low) & (grid <= high)].tolist()
+    return [{THICKNESS: value} for value in sorted({*inside, coordinate.reference})]
 
 
-def _moduli(
-    free: Mapping[str, Coordinate], base: Mapping[str, float], trial: _Trial
-) -> list[dict[str, float]]:
+def _moduli(base: Mapping[str, float], trial: Trial) -> list[dict[str, float]]:
     """Pairs of moduli to try; where the layer's scales the force only their ratio matters."""
-    if _BASE_MODULUS not in base or not {_MODULUS, _BASE_MODULUS} & free.keys():
+    free = trial.free
+    if BASE_MODULUS not in base or not {MODULUS, BASE_MODULUS} & free.keys():
         return [{}]
-    if _BASE_MODULUS in free:
-        grid = [{_BASE_MODULUS: base[_MODULUS] * ratio} for ratio in _MODULUS_RATIOS]
-        return [*grid, {_BASE_MODULUS: base[_BASE_MODULUS]}]
+    if BASE_MODULUS in free:
+        values = {base[MODULUS] * float(ratio) for ratio in _MODULUS_RATIOS} | {base[BASE_MODULUS]}
+        return [{BASE_MODULUS: value} for value in sorted(values)]
     # The base's modulus is known: the layer's is tried about the value that a half-space would have.
-    apparent = replace(trial, scales=True).best({**base, _BASE_MODULUS: base[_MODULUS]})
-    centre = base[_MODULUS] if apparent is None else apparent.values[_MODULUS]
-    low, high = free[_MODULUS].low, free[_MODULUS].high
-    grid = [{_MODULUS: min(max(centre * factor, low), high)} for factor in 3.0 ** np.arange(-5.0, 6.0)]
-    return [*grid, {_MODULUS: base[_MODULUS]}]
+    apparent = replace(trial, scales=True).best([{**base, BASE_MODULUS: base[MODULUS]}])[0]
+    centre = base[MODULUS] if apparent is None else apparent.values[MODULUS]
+    low, high = free[MODULUS].low, free[MODULUS].high
+    values = {min(max(centre * float(factor), low), high) for factor in _MODULUS_STEPS} | {base[MODULUS]}
+    return [{MODULUS: value} for value in sorted(values)]

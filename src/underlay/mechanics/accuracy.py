@@ -98,6 +98,8 @@ def contact_law(
         return exact_law(indenter, layer, substrate, max_depth=deepest, rtol=wanted.rtol)
     if method in published_names():
         if substrate is None:
-            raise InputError(f"{method} needs a substrate; got None. method='halfspace' is the law without one")
+            raise InputError(
+                f"{method} needs a substrate; got None. method='halfspace' is the law without one"
+            )
         return published_law(method, indenter, layer, substrate, deepest)
     raise InputError(f"unknown method {method!r}; known: {', '.join((*METHODS, *published_names()))}")

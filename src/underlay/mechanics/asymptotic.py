@@ -33,11 +33,13 @@ from underlay._arrays import FloatArray, positive
 from underlay.errors import InputError, RangeError
 from underlay.mechanics import blunt
 from underlay.mechanics.asymptotic_error import Moments, force_error, punch_error
-from underlay.mechanics.asymptotic_series import ContactSeries, PunchSeries, ShapeSeries, power_law_series
+from underlay.mechanics.asymptotic_series import ContactSeries, PunchSeries
 from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.materials import Layer, Substrate
+from underlay.mechanics.power_law_series import power_law_series
+from underlay.mechanics.shape_series import ShapeSeries
 
 __all__ = [
     "FORMS",
@@ -84,7 +86,7 @@ class AsymptoticLaw(ContactLaw):
 
     @property
     def _beyond(self) -> str:
-        if self.max_depth == self.error_depth:
+        if self.max_depth < _depth_at(self.series, self.series_end):
             return CHOSEN_FOR_DEPTH
         form = f"the {self.form} form of order {self.order}"
         return f'there {form} has no root or stops increasing; use method="exact"'

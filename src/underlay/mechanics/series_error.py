@@ -38,7 +38,7 @@ _Terms: TypeAlias = tuple[float, ...]
 # the largest of the true errors of force, radius and stiffness, and 1 to 2 times it in the median.
 _SHARE = 0.5
 # An error may pass through zero on its way to the deepest point.
-_FRACTIONS = (0.7, 1.0)
+_FRACTIONS = (1.0, 0.7)
 # No law is closer than the rounding of its powers.
 _ROUNDING = 1e-14
 _NEWTON_STEPS = 30
@@ -96,7 +96,14 @@ def relation(exponent: float, form: str, moments: Moments, varpi: float) -> Rela
     return _positive(Relation(growth ** (exponent + 1.0) * force, growth * radius, growth * slope_ratio))
 
 
-def series_error(form: str, exponents: tuple[float, ...], moments: Moments, varpi: float) -> float:
+def series_error(
+    form: str,
+    exponents: tuple[float, ...],
+    moments: Moments,
+    varpi: float,
+    *,
+    stop_above: float = inf,
+) -> float:
     """Estimate the largest relative error of force, radius and stiffness for depths up to `varpi`.
 
     Parameters
@@ -107,6 +114,8 @@ def series_error(form: str, exponents: tuple[float, ...], moments: Moments, varp
         Exponents the shape has, locally, on the way; one for a power law.
     moments, varpi
         As in `relation`.
+    stop_above : float, optional
+        Once the estimate is above this, return it as it is.
 
     Returns
     -------
@@ -123,6 +132,8 @@ def series_error(form: str, exponents: tuple[float, ...], moments: Moments, varp
             if extended is None or compliance is None or own is None:
                 return inf
             worst = max(worst, own.distance(extended) + _SHARE * compliance.distance(extended))
+            if worst > stop_above:
+                return worst
     return worst
 
 

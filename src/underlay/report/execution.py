@@ -33,8 +33,8 @@ def execute(notebook: Any, folder: Path) -> Any:
     try:
         with tempfile.TemporaryDirectory(prefix="underlay-") as own, (Path(own) / "log").open("w") as log:
             runner = client.NotebookClient(notebook, km=_kernel_manager(own), timeout=_LONGEST_CELL)
-            # What the kernel says of itself is not what a user asked for.
-            runner.execute(cwd=os.fspath(folder), env=environment, stderr=log)
+            # What the kernel says of itself is not what a user asked for. It is ours, so the runner ends it.
+            runner.execute(cwd=os.fspath(folder), env=environment, stderr=log, cleanup_kc=True)
     except client.exceptions.CellExecutionError as error:
         raise FitError(f"the notebook of the report stopped: {error.ename}: {error.evalue}") from error
     except client.exceptions.DeadKernelError as error:

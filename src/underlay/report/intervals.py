@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from scipy import stats
 
 if TYPE_CHECKING:
     from underlay.inference.fit_result import Fit
+    from underlay.inference.profiles import Profile
 
 __all__ = ["Estimate", "estimates"]
 
@@ -40,11 +42,26 @@ class Estimate:
     not_fixed: str
 
 
-def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
+def estimates(
+    result: Fit, profiles: Mapping[str, Profile] | None = None, level: float = 0.95
+) -> list[Estimate]:
     """Return every parameter with its interval at `level`.
 
-    Symmetric in the scaled coordinate: a modulus has an interval in ratios, so that it never goes below
-    zero. Student's t where the size of the noise was estimated, the normal distribution where it was given.
+    Parameters
+    ----------
+    result : Fit
+        The fit.
+    profiles : mapping of name to Profile, optional
+        Profile likelihoods, whose intervals are taken where there is one: they can be open at one side.
+    level : float
+        Confidence.
+
+    Returns
+    -------
+    list of Estimate
+        Without a profile the interval is symmetric in the scaled coordinate: a modulus has an interval in
+        ratios, so that it never goes below zero. Student's t where the size of the noise was estimated, the
+        normal distribution where it was given.
     """
     s = result.statistics
     freedom = max(s.points - s.parameters, 1)
@@ -54,6 +71,9 @@ def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
     rows = []
     for i, coordinate in enumerate(result.problem.coordinates):
         name = coordinate.name
+        if profiles and name in profiles:
+            rows.append(_from_profile(profiles[name], coordinate.path, result.values[name], level))
+            continue
         deviation = float(deviations[i])
         reason = result.bounds_hit.get(name, "")
         reason = f"it ended on its {reason}" if reason else result.no_error_bars.get(name, "")
@@ -70,3 +90,11 @@ def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
             low, high = float(ends[0]), float(ends[1])
         rows.append(Estimate(name, coordinate.path, result.values[name], low, high, reason))
     return rows
+
+
+def _from_profile(walk: Profile, path: str, value: float, level: float) -> Estimate:
+    found = walk.interval(level)
+    low = found.low if found.low_reason == "data" else -math.inf
+    high = found.high if found.high_reason == "data" else math.inf
+    nothing = "the data bound it neither below nor above" if math.isinf(low) and math.isinf(high) else ""
+    return Estimate(walk.name, path, value, low, high, nothing)

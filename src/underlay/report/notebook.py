@@ -8,6 +8,7 @@ placeholder such as ``${load}``, filled with the caller's source.
 
 from __future__ import annotations
 
+import importlib
 import re
 from collections.abc import Mapping
 from importlib import resources
@@ -17,7 +18,7 @@ from typing import Any
 
 from underlay.errors import MissingExtraError
 
-__all__ = ["make_notebook", "report_library"]
+__all__ = ["make_notebook", "report_library", "template_text"]
 
 _FENCE = re.compile(r"^```python(?P<info>[^\n]*)\n(?P<code>.*?)^```\s*$", re.DOTALL | re.MULTILINE)
 _ALT = re.compile(r'alt="([^"]*)"')
@@ -31,8 +32,6 @@ def report_library(name: str) -> ModuleType:
     MissingExtraError
         If it is not installed.
     """
-    import importlib  # noqa: PLC0415  only this function imports by name
-
     try:
         return importlib.import_module(name)
     except ImportError as error:
@@ -54,7 +53,7 @@ def make_notebook(template: str, values: Mapping[str, str]) -> Any:
     MissingExtraError
         If the extra ``report`` is not installed.
     """
-    text = (resources.files("underlay.report") / "templates" / f"{template}.md").read_text(encoding="utf-8")
+    text = template_text(template)
     v4 = report_library("nbformat").v4
     cells = []
     for number, (code, info, source) in enumerate(_blocks(Template(text).substitute(values))):
@@ -66,6 +65,11 @@ def make_notebook(template: str, values: Mapping[str, str]) -> Any:
         cells.append(cell)
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
     return v4.new_notebook(cells=cells, metadata={**kernel, "title": values["title"]})
+
+
+def template_text(name: str) -> str:
+    """Return the text of a template."""
+    return (resources.files("underlay.report") / "templates" / f"{name}.md").read_text(encoding="utf-8")
 
 
 def _blocks(text: str) -> list[tuple[bool, str, str]]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.data.curve import Curve
+from underlay.inference.priors import Prior
 from underlay.inference.problem import Problem
 
 __all__ = ["problem_source", "write_inputs"]
@@ -33,7 +34,7 @@ def write_inputs(problem: Problem, folder: Path) -> list[Path]:
 def problem_source(problem: Problem, files: list[str]) -> str:
     """Return Python source that builds `problem` as a variable of that name from files of `write_inputs`."""
     options = problem.options
-    stated: list[Any] = [prior for prior in problem.free.values() if is_dataclass(prior)]
+    stated = [prior for prior in problem.free.values() if isinstance(prior, Prior)]
     classes = sorted({name for prior in stated for name in _class_names(prior)})
     lines = [f"from underlay.inference.priors import {', '.join(classes)}"] if classes else []
     pairs = list(zip(files[::2], files[1::2], strict=True))
@@ -78,13 +79,17 @@ def source_of(value: Any) -> str:
         return repr(float(value))
     if isinstance(value, list | tuple):
         inner = ", ".join(source_of(entry) for entry in value)
-        return f"({inner},)" if isinstance(value, tuple) else f"[{inner}]"
+        comma = "," if len(value) == 1 else ""
+        return f"({inner}{comma})" if isinstance(value, tuple) else f"[{inner}]"
     return repr(value)
 
 
 def _class_names(prior: Any) -> list[str]:
     inner = [getattr(prior, field.name) for field in fields(prior)]
-    return [type(prior).__name__, *(name for part in inner if is_dataclass(part) for name in _class_names(part))]
+    return [
+        type(prior).__name__,
+        *(name for part in inner if is_dataclass(part) for name in _class_names(part)),
+    ]
 
 
 def _exact_csv(curve: Curve) -> str:

@@ -3,30 +3,38 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.errors import InputError
 from underlay.inference.fit_result import Fit
+from underlay.inference.posterior import Posterior
+from underlay.inference.problem import Problem
 from underlay.report.execution import execute
-from underlay.report.notebook import make_notebook, report_library
+from underlay.report.notebook import make_notebook, report_library, template_text
 from underlay.report.page import html_page
 from underlay.report.problem_source import problem_source, write_inputs
 
-__all__ = ["file_notebook", "report", "write_report"]
+__all__ = ["file_notebook", "notebook_text", "page_path", "posterior_notebook", "report", "write_report"]
 
 
-def report(result: Fit, path: str | os.PathLike[str] = "report.html") -> Path:
-    """Write a report of a fit: one HTML file, and beside it the executed notebook and what went in.
+def report(
+    result: Fit | Posterior, path: str | os.PathLike[str] = "report.html", *, problem: Problem | None = None
+) -> Path:
+    """Write a report: one HTML file, and beside it the executed notebook and what went in.
 
     Parameters
     ----------
-    result : Fit
-        What `fit` returned.
+    result : Fit or Posterior
+        What `fit` or `sample` returned.
     path : path, default "report.html"
-        The page. The notebook gets the same name with the ending ``.ipynb``; curves and scenes go into a
-        folder of that name and the ending ``.inputs``, from which the notebook repeats the fit.
+        The page. The notebook gets the same name with the ending ``.ipynb``; what went in is kept in a folder
+        of that name and the ending ``.inputs``. From there the notebook repeats a fit; a posterior, which may
+        have taken hours, is kept there as it is.
+    problem : Problem, optional
+        What was sampled: a posterior does not hold its scene, and its report shows one only with it.
 
     Returns
     -------
@@ -38,27 +46,38 @@ def report(result: Fit, path: str | os.PathLike[str] = "report.html") -> Path:
     MissingExtraError
         If the extra ``report`` is not installed.
     InputError
-        If `path` does not end in ``.html``, or `result` is not a fit.
+        If `path` does not end in ``.html``, `result` is neither, or `problem` is not that of the posterior.
     FileAccessError
         If the folder cannot be written.
     FitError
         If the notebook does not run.
     """
     target = page_path(path)
-    if not isinstance(result, Fit):
-        raise InputError(f"a report is made of a Fit; got {type(result).__name__}")
-    files = write_inputs(result.problem, target.parent / f"{target.stem}.inputs")
+    report_library("nbclient")
+    inputs = target.parent / f"{target.stem}.inputs"
+    repeat = {"to repeat": f"run {target.stem}.ipynb"}
+    if isinstance(result, Fit):
+        problem = result.problem
+    elif not isinstance(result, Posterior):
+        raise InputError(f"a report is of a Fit or a Posterior; got {type(result).__name__}")
+    elif problem is not None and problem.names != result.names:
+        raise InputError(
+            f"this posterior is of {', '.join(result.names)}; the problem frees {', '.join(problem.names)}"
+        )
+    if problem is not None:
+        repeat |= _origins(problem)
+    files = [] if problem is None else write_inputs(problem, inputs)
     names = [file.relative_to(target.parent).as_posix() for file in files]
-    name = result.curves[0].metadata.get("name") or "one curve"
-    notebook = make_notebook(
-        "fit",
-        {
-            "title": f"Indentation of a layer: {name}",
-            "load": problem_source(result.problem, names),
-            "facts": repr({"to repeat": f"run {target.stem}.ipynb", "random numbers": "none"}),
-            "files": ", ".join(map(repr, names)),
-        },
-    )
+    load = "" if problem is None else problem_source(problem, names)
+    name = (problem.curves[0].metadata.get("name") if problem else None) or "one curve"
+    if isinstance(result, Fit):
+        notebook = _fit_notebook(name, load, repeat, names)
+    else:
+        saved = require_writable_folder(inputs) / "posterior.npz"
+        result.save(saved)
+        notebook = _posterior_notebook(
+            name, load, repeat, [saved.relative_to(target.parent).as_posix(), *names]
+        )
     return write_report(notebook, target)
 
 
@@ -76,16 +95,66 @@ def file_notebook(
     command : str
         What repeats it.
     """
-    names = [Path(os.path.relpath(name, folder)).as_posix() for name in (curve, scene)]
+    names = [_seen_from(folder, path) for path in (curve, scene)]
+    return _fit_notebook(Path(curve).name, _load_source(names), {"to repeat": command}, names)
+
+
+def posterior_notebook(
+    posterior: str | os.PathLike[str],
+    folder: Path,
+    command: str,
+    files: tuple[str | os.PathLike[str], str | os.PathLike[str]] | None = None,
+) -> Any:
+    """Return the notebook, not executed, of a saved posterior; see `file_notebook`.
+
+    `files` are the curve and the scene file that were sampled, if they are to be shown.
+    """
+    names = [_seen_from(folder, path) for path in (posterior, *(files or ()))]
+    load = _load_source(names[1:]) if files else ""
+    title = Path(files[0]).name if files else Path(posterior).name
+    return _posterior_notebook(title, load, {"to repeat": command}, names)
+
+
+def _fit_notebook(name: str, load: str, facts: Mapping[str, str], files: Sequence[str]) -> Any:
     return make_notebook(
         "fit",
         {
-            "title": f"Indentation of a layer: {Path(curve).name}",
-            "load": f"problem = ul.load_problem({names[0]!r}, {names[1]!r})",
-            "facts": repr({"to repeat": command, "random numbers": "none"}),
-            "files": ", ".join(map(repr, names)),
+            "title": f"Indentation of a layer: {name}",
+            "load": load,
+            "facts": repr({**facts, "random numbers": "none"}),
+            "files": ", ".join(map(repr, files)),
         },
     )
+
+
+def _posterior_notebook(name: str, load: str, facts: Mapping[str, str], files: Sequence[str]) -> Any:
+    return make_notebook(
+        "posterior",
+        {
+            "title": f"Uncertainty of an indentation test: {name}",
+            "posterior": repr(files[0]),
+            "load": load,
+            "scene_part": template_text("posterior_scene") if load else "",
+            "facts": repr(dict(facts)),
+            "files": ", ".join(map(repr, files)),
+        },
+    )
+
+
+def _origins(problem: Problem) -> dict[str, str]:
+    """Which files the curves of a problem were read from, before they were copied."""
+    known = [(curve.metadata.get("path"), curve.metadata.get("sha256")) for curve in problem.curves]
+    return {
+        f"curve {n} taken from": f"{path}, SHA-256 {sha}" for n, (path, sha) in enumerate(known, 1) if path
+    }
+
+
+def _load_source(names: Sequence[str]) -> str:
+    return f"problem = ul.load_problem({names[0]!r}, {names[1]!r})"
+
+
+def _seen_from(folder: Path, path: str | os.PathLike[str]) -> str:
+    return Path(os.path.relpath(path, folder)).as_posix()
 
 
 def write_report(notebook: Any, path: Path) -> Path:

@@ -22,10 +22,13 @@ from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
     from underlay.inference.fit_result import Fit
+    from underlay.inference.identifiability import Identifiability
     from underlay.inference.posterior import Posterior
+    from underlay.inference.profiles import Profile
     from underlay.scene.scene import Scene
 
 __all__ = [
+    "combinations_table",
     "correlated_pairs",
     "diagnostics_table",
     "effects_table",
@@ -34,6 +37,7 @@ __all__ = [
     "interval_table",
     "posterior_diagnostics_table",
     "posterior_table",
+    "prior_table",
     "provenance_table",
     "reservations_table",
     "scene_table",
@@ -77,10 +81,13 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["parameters", "correlation"])
 
 
-def interval_table(result: Fit) -> pd.DataFrame:
-    """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior."""
+def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -> pd.DataFrame:
+    """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
+
+    Intervals are those of `profiles`, by name of the parameter, where there are some.
+    """
     rows = []
-    for entry in estimates(result):
+    for entry in estimates(result, profiles):
         kind = kind_of(entry.path)
         relative = abs(result.stderr[entry.name] / entry.value) if entry.value else math.inf
         rows.append(
@@ -140,7 +147,9 @@ def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
     for field in fields(owner):
         value = getattr(owner, field.name)
         kind = kind_of(f"{part}.{field.name}")
-        name = {"E": "Young's modulus E", "nu": "Poisson's ratio"}.get(field.name, field.name.replace("_", " "))
+        name = {"E": "Young's modulus E", "nu": "Poisson's ratio"}.get(
+            field.name, field.name.replace("_", " ")
+        )
         if isinstance(value, float):
             text = f"{math.degrees(value):.4g} deg" if kind == "angle" else format_quantity(value, kind)
         else:
@@ -261,8 +270,21 @@ def file_hash(path: str | Path) -> str:
     return digest.hexdigest()
 
 
+def combinations_table(told: Identifiability) -> pd.DataFrame:
+    """Return which products of parameters the data fix, best first, as text."""
+    rows = [
+        {
+            "product": entry.formula,
+            "verdict": entry.verdict,
+            "relative error": f"{100.0 * entry.relative_sd:.2g} %",
+        }
+        for entry in told.combinations
+    ]
+    return _labelled(rows or [{"product": "none", "verdict": "", "relative error": ""}])
+
+
 def posterior_table(posterior: Posterior) -> pd.DataFrame:
-    """Return one row per parameter and derived quantity: median, 68 % and 95 % intervals, what the data told."""
+    """Return one row per parameter and derived quantity: median, intervals, what the data told; as text."""
     rows = []
     for name, row in posterior.summary(derived=True).iterrows():
         kind = _derived_kind(str(name))
@@ -272,7 +294,7 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
                 "median (95 % interval)": quantity_with_interval(
                     row["median"], row["hdi95_low"], row["hdi95_high"], kind
                 ),
-                "68 % interval": f"{format_quantity(row['hdi68_low'], kind)} to {format_quantity(row['hdi68_high'], kind)}",
+                "68 % interval": _span(row["hdi68_low"], row["hdi68_high"], kind),
                 "effective draws": f"{row['ess']:.0f}",
                 "R-hat": f"{row['rhat']:.4f}",
                 "data": row["informed"],
@@ -281,11 +303,31 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
     return _labelled(rows)
 
 
+def _span(low: float, high: float, kind: str) -> str:
+    return f"{format_quantity(low, kind)} to {format_quantity(high, kind)}"
+
+
 def _derived_kind(name: str) -> str:
     path = name.partition("[")[0]
     if path == "stiffness":
         return "stiffness"
     return "pressure" if path.endswith("modulus") else kind_of(path)
+
+
+def prior_table(posterior: Posterior) -> pd.DataFrame:
+    """Return each parameter before and after the test, and what the data told, as text."""
+    rows = []
+    for name, row in posterior.prior_comparison().iterrows():
+        kind = kind_of(str(name).partition("[")[0])
+        spans = {
+            when: _span(row[f"{key}_low"], row[f"{key}_high"], kind)
+            for when, key in (("before (95 %)", "prior"), ("after (95 %)", "posterior"))
+        }
+        narrowed = f"{100.0 * row['narrowing']:.0f} %"
+        rows.append(
+            {"parameter": label(str(name)), **spans, "narrowed by": narrowed, "data": row["informed"]}
+        )
+    return _labelled(rows)
 
 
 def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
@@ -300,7 +342,9 @@ def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
         "acceptance": f"{100.0 * d.acceptance:.0f} %",
         "evaluations": f"{d.evaluations}, of which {d.failures} failed",
         "model error": f"{d.model_error:.1e} of the force",
-        "data in the 95 % band": ", ".join(f"{100.0 * band.coverage():.1f} %" for band in posterior.predictive),
+        "data in the 95 % band": ", ".join(
+            f"{100.0 * band.coverage():.1f} %" for band in posterior.predictive
+        ),
         "seed": "not given" if d.seed is None else str(d.seed),
         "time": f"{d.seconds:.1f} s",
     }
@@ -310,7 +354,7 @@ def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
 def _labelled(rows: list[dict[str, str]]) -> pd.DataFrame:
     """Make a table whose first column labels the rows."""
     frame = pd.DataFrame(rows)
-    # The name of the first column goes beside the others: pandas would give the index a header row of its own.
+    # The first column's name goes beside the others': pandas would give the index a header row of its own.
     return frame.set_index(frame.columns[0]).rename_axis(index=None, columns=frame.columns[0])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from underlay.units import format_quantity, human_unit
 if TYPE_CHECKING:
     from underlay.inference.fit_result import Fit
     from underlay.inference.posterior import Posterior
+    from underlay.inference.profiles import Profile
 
 __all__ = ["headline", "label", "posterior_summary", "quantity_with_interval", "summary"]
 
@@ -54,10 +56,7 @@ def label(name: str) -> str:
 
 
 def quantity_with_interval(value: float, low: float, high: float, kind: str) -> str:
-    """Return ``"0.42 MPa (0.40 to 0.44)"``; two digits of the interval's half-width are shown.
-
-    An end that is infinite, or zero for a quantity that cannot be negative, is written as open.
-    """
+    """Return ``"0.42 MPa (0.40 to 0.44)"``; two digits of the interval's half-width are shown."""
     unit, factor = human_unit(value, kind)
     suffix = f" {unit}" if unit else ""
     widths = [abs(end - value) / factor for end in (low, high) if math.isfinite(end)]
@@ -83,13 +82,17 @@ def headline(result: Fit) -> str:
     return " ".join(_sentence(entry) for entry in estimates(result) if _is_of_the_sample(entry.name))
 
 
-def summary(result: Fit) -> str:
-    """Return the result as Markdown: the numbers, what holds them together, the substrate, the reservations."""
-    lines = [f"**{_sentence(entry)}**" for entry in estimates(result) if _is_of_the_sample(entry.name)]
+def summary(result: Fit, profiles: Mapping[str, Profile] | None = None) -> str:
+    """Return the result as Markdown: the numbers, what holds them together, the substrate, the reservations.
+
+    Intervals are those of `profiles`, by name of the parameter, where there are some.
+    """
+    found = [entry for entry in estimates(result, profiles) if _is_of_the_sample(entry.name)]
+    lines = [f"**{_sentence(entry)}**" for entry in found]
     paragraphs = [" ".join(lines)]
     paragraphs += [
-        f"{_start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): if one "
-        f"is wrong, so is the other."
+        f"{_start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): "
+        f"if one is wrong, so is the other."
         for first, second, value in strong_pairs(result)
         if _is_of_the_sample(first) and _is_of_the_sample(second)
     ]
@@ -111,12 +114,16 @@ def posterior_summary(posterior: Posterior) -> str:
         )
         sentence = f"{_start(label(str(name)))} {_with_level(text)}."
         if row["informed"] == "not informed by these data":
-            sentence = f"{_start(label(str(name)))} is not informed by these data: {_with_level(text)} is what was known before."
+            sentence = (
+                f"{_start(label(str(name)))} is not informed by these data: {_with_level(text)} is what was "
+                "known before."
+            )
         if _is_of_the_sample(str(name)):
             parts.append(f"**{sentence}**")
     d = posterior.diagnostics
     state = "The sampling converged" if posterior.converged else "**The sampling did not converge**"
-    return "\n\n".join([" ".join(parts), f"{state}: {d.reason.rstrip('.')}."])
+    reason = d.reason.removeprefix("converged: ").rstrip(".")
+    return "\n\n".join([" ".join(parts), f"{state}: {reason}."])
 
 
 def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
@@ -147,8 +154,12 @@ def _with_level(text: str) -> str:
 def _sentence(entry: Estimate) -> str:
     if entry.not_fixed:
         return f"{_start(label(entry.name))} is not fixed by this test ({entry.not_fixed})."
-    text = quantity_with_interval(entry.value, entry.low, entry.high, kind_of(entry.path))
-    return f"{_start(label(entry.name))} {_with_level(text)}."
+    kind, words = kind_of(entry.path), _start(label(entry.name))
+    if math.isinf(entry.high):
+        return f"{words} is at least {format_quantity(entry.low, kind)} (95 %); the data set no upper end."
+    if math.isinf(entry.low):
+        return f"{words} is at most {format_quantity(entry.high, kind)} (95 %); the data set no lower end."
+    return f"{words} {_with_level(quantity_with_interval(entry.value, entry.low, entry.high, kind))}."
 
 
 def _substrate_sentence(result: Fit) -> str:
@@ -178,8 +189,8 @@ def _narrowness_sentence(result: Fit) -> str:
     if not worst:
         return ""
     return (
-        f"**The intervals above are too narrow, by a factor of about {worst:.1f}**: the residuals hang together, "
-        f"so the points tell less than their number."
+        f"**The intervals above are too narrow, by a factor of about {worst:.1f}**: the residuals hang "
+        "together, so the points tell less than their number."
     )
 
 

@@ -118,6 +118,10 @@ def read_all(
             raise InputError(
                 f"a column mapping does not apply to {part.name}, a file of format {reader.name!r}"
             )
+        if options.calibration and not reader.takes_calibration:
+            raise InputError(
+                f"{part.name}, of format {reader.name!r}, holds its calibration; none can be given"
+            )
         curves.extend(_stamp(curve, part, reader) for curve in reader.read_all(part, options))
     if not curves:
         raise CurveError(f"{source.name} holds no curve")

@@ -10,7 +10,9 @@ holds the bending of the cantilever: a note says so.
 from __future__ import annotations
 
 import io
+import math
 import re
+import struct
 from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
@@ -32,8 +34,10 @@ __all__ = ["FORMAT"]
 _WORKSHOP = "Force-Distance Curve"
 _JPK = b"header.properties"
 # Igor binary waves begin with their version, in either byte order; the note names the spring constant.
-_IGOR_VERSIONS = frozenset({b"\x05\x00", b"\x00\x05", b"\x02\x00", b"\x00\x02"})
+_IGOR_ORDERS = {b"\x05\x00": "<", b"\x00\x05": ">"}
 _IGOR_NOTE = b"SpringConstant"
+# Both headers of version 5: sizes of the parts from byte 4 on, points at 76, dimensions at 132.
+_IGOR_HEADERS = 384
 # NT-MDT: no header, three columns with decimal commas.
 _NTMDT_ROW = re.compile(r"-?\d+,\d+\t-?\d+,\d+\t-?\d+,\d+")
 # By kind of file: what afmformats calls a calibration, and the kind of quantity we ask for. NT-MDT records
@@ -64,7 +68,7 @@ def _kind(source: Source) -> str:
         return "jpk" if _JPK in data else ""
     if data.startswith(HDF5_MAGIC):
         return "" if is_own(source) else "hdf5"
-    if data[:2] in _IGOR_VERSIONS and _IGOR_NOTE in data:
+    if data[:2] in _IGOR_ORDERS and _IGOR_NOTE in data:
         return "igor"
     head = source.head(2000)
     if head.startswith(_WORKSHOP) and "File Format" in head:
@@ -154,7 +158,25 @@ def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> l
 def _load_igor(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
     if override:
         raise InputError(f"{source.name} holds its own calibration; it cannot be given")
+    _check_igor(source)
     return _curves(source, formats.fmt_igor.load_igor(_NamedStream(source.data, str(source.path))))
+
+
+def _check_igor(source: Source) -> None:
+    """Refuse a wave whose header claims more than the file holds."""
+    data = source.data
+    order = _IGOR_ORDERS[data[:2]]
+    if len(data) < _IGOR_HEADERS:
+        raise FileFormatError(f"{source.name} ends within its header")
+    sizes = struct.unpack_from(f"{order}13i", data, 4)
+    points, dimensions = (
+        struct.unpack_from(f"{order}i", data, 76)[0],
+        struct.unpack_from(f"{order}4i", data, 132),
+    )
+    product = math.prod(size for size in dimensions if size)
+    claims = (*sizes, points, *dimensions, product)
+    if min(claims) < 0 or max(claims) > len(data):
+        raise FileFormatError(f"{source.name} claims {max(claims)} points or bytes; it has {len(data)} bytes")
 
 
 def _load_workshop(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
@@ -236,6 +258,7 @@ def _own_curve(source: Source, number: int, curve: JpkCurve, refusal: str) -> Cu
             "segment": "from the file's segments",
         },
         spring_constant=curve.stiffness,
+        position=curve.position,
         notes=[f"read by underlay's own reader, because: {refusal}"],
     )
 

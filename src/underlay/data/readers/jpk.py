@@ -51,6 +51,8 @@ class JpkCurve:
         Labels.
     stiffness : float
         Spring constant (N/m).
+    position : tuple of float
+        Place on the sample (m); empty if not written.
     """
 
     height: FloatArray
@@ -58,6 +60,7 @@ class JpkCurve:
     time: FloatArray
     segment: tuple[str, ...]
     stiffness: float
+    position: tuple[float, ...] = ()
 
 
 def check_claims(source: Source) -> None:
@@ -196,7 +199,14 @@ def _curve(
         np.concatenate(times),
         tuple(labels),
         float(stiffness),
+        _position(source, archive, names, folder),
     )
+
+
+def _position(source: Source, archive: zipfile.ZipFile, names: set[str], folder: str) -> tuple[float, ...]:
+    header = _properties(archive, folder + _GENERAL) if folder + _GENERAL in names else {}
+    keys = [key for axis in "xy" for key in header if key.endswith(f".header.position.{axis}")]
+    return tuple(_number(source, header, key) for key in keys) if len(keys) == 2 else ()
 
 
 def _with_shared(header: Mapping[str, str], shared: Mapping[str, str]) -> dict[str, str]:

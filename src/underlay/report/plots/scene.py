@@ -17,7 +17,7 @@ __all__ = ["scene"]
 
 # The picture is at least this many contact radii wide on either side, and a thickness deeper than so many
 # contact radii is cut off at the bottom, and said so.
-_WIDTH, _DEEPEST = 2.6, 9.0
+_WIDTH, _DEEPEST = 2.6, 5.0
 _POINTS = 400
 
 
@@ -58,7 +58,9 @@ def scene(test: Scene, *, depth: float, ax: Axes | None = None, **solver: Any) -
         ax.set_aspect("equal")
         _draw_layer(ax, test, tip, radius, half, shown, factor)
         if shown == thick:
-            ax.fill_between([-half / factor, half / factor], bottom / factor, -thick / factor, color=SUBSTRATE)
+            ax.fill_between(
+                [-half / factor, half / factor], bottom / factor, -thick / factor, color=SUBSTRATE
+            )
             ax.axhline(-thick / factor, color=INK, lw=0.9)
         _draw_indenter(ax, test, tip, half, top, factor)
         _write(ax, test, tip, radius, (half, shown, bottom, top), factor)

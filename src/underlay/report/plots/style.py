@@ -33,6 +33,7 @@ __all__ = [
     "PAGE",
     "PURPLE",
     "REFERENCE",
+    "SEQUENTIAL",
     "SKY",
     "SUBSTRATE",
     "YELLOW",
@@ -61,8 +62,11 @@ GREY = "#b0b0b0"
 INK, METAL, LAYER, SUBSTRATE = "#1b1f24", "#9aa5b1", "#cfe5f5", "#c9b79c"
 #: Blue for negative, orange for positive, distinguishable with every common colour vision.
 DIVERGING = "PuOr_r"
+#: Dark to light in even steps, also without colour.
+SEQUENTIAL = "viridis"
 
-_STYLE: dict[str, Any] = {
+# Any: the names of all settings differ between versions of matplotlib.
+_STYLE: Any = {
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.labelsize": 8.0,
@@ -86,8 +90,14 @@ _FORMATS = {"png", "svg", "pdf"}
 @contextmanager
 def style() -> Iterator[None]:
     """Draw with the project's look, without touching the caller's settings."""
-    with mpl.rc_context(_STYLE):
+    # Not rc_context: it puts everything back, also that the session is interactive, which matplotlib notes at
+    # the first figure; a notebook would then show that one and no later one.
+    before = {name: mpl.rcParams[name] for name in _STYLE}
+    mpl.rcParams.update(_STYLE)
+    try:
         yield
+    finally:
+        mpl.rcParams.update(before)
 
 
 def axes(ax: Axes | None, *, width: float = COLUMN, height: float = 2.7) -> Axes:
