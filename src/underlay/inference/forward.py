@@ -20,6 +20,7 @@ from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.inference.similarity import Similarity, compile_similarity
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.exact_batch import ExactBatch
 from underlay.mechanics.published import published_names
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
@@ -56,10 +57,11 @@ class LawOptions:
 
 @dataclass
 class LawStore:
-    """The laws built last, owned by one problem; `built` counts them."""
+    """The laws built last, and what is compiled for batches, owned by one problem; `built` counts the laws."""
 
     laws: OrderedDict[tuple[object, ...], ContactLaw] = field(default_factory=OrderedDict)
     references: list[Scene] = field(default_factory=list)
+    batches: dict[tuple[object, ...], ExactBatch | None] = field(default_factory=dict)
     built: int = 0
 
     def number(self, reference: Scene) -> int:
