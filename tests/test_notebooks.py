@@ -1,4 +1,4 @@
-"""The notebooks run from a clean checkout, say what they did when they were committed, and assert their claims."""
+"""The notebooks run from a clean checkout, are committed with their outputs, and assert their claims."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""Execute the notebooks of the project and keep their outputs: ``python tests/support/notebooks.py [NAME...]``."""
+"""Execute the notebooks and keep their outputs: ``python tests/support/notebooks.py [NAME...]``."""
 
 import sys
 from pathlib import Path
@@ -28,7 +28,7 @@ def main(names):
                 # When a cell ran is of no interest, and differs each time.
                 cell.metadata.pop("execution", None)
             nbformat.write(notebook, path)
-            print(f"executed {path.name}")
+            sys.stdout.write(f"executed {path.name}\n")
 
 
 if __name__ == "__main__":
