@@ -23,13 +23,13 @@ from math import sqrt
 
 import numpy as np
 
-from underlay.mechanics.asymptotic import AsymptoticLaw, contact_series, kernel_moments
+from underlay.mechanics.asymptotic.law import AsymptoticLaw, contact_series, kernel_moments
+from underlay.mechanics.asymptotic.series_error import HALFSPACE, series_error
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact import exact_law
+from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.halfspace import HalfspaceLaw, largest_halfspace_depth
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
 from underlay.mechanics.materials import Layer, Material, PlaneConstants, Rigid, Substrate
-from underlay.mechanics.series_error import HALFSPACE, series_error
 
 __all__ = ["automatic_law", "compliance_contrast", "halfspace_law", "has_layer_effect"]
 
