@@ -41,8 +41,8 @@ _RANGE_STEP = 2.0
 # relation of depth and contact radius, and nodes that stop short leave the polynomial to extrapolate.
 _MARGIN = 1.1
 # Compiled this much finer than asked, so that the sets at the edges of a group keep the promise: the largest
-# error seen in 300 sets over E2/E1 from 0.01 to 1000 is then a third of the tolerance, and one set in fourteen,
-# on the softest bases, goes alone; without it one in eight.
+# error seen in 300 sets over E2/E1 from 0.01 to 1000 is then a third of the tolerance, and one set in
+# fourteen, on the softest bases, goes alone; without it one in eight.
 _SPARE = 0.1
 
 
