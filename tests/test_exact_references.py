@@ -43,7 +43,7 @@ def folded(row, exponent):
     return depths != sorted(depths)
 
 
-@pytest.mark.parametrize(("row", "exponent"), stored_cases())
+@pytest.mark.parametrize(("row", "exponent"), list(stored_cases()))
 def test_stored_digits_are_met_at_every_tolerance(row, exponent):
     if folded(row, exponent):
         pytest.skip(

@@ -5,6 +5,7 @@ import json
 import re
 import sys
 
+import nbformat
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from support.reports import SAMPLES, cells_of, page_text, small_posterior
 from underlay.errors import FitError, InputError, MissingExtraError
 from underlay.inference.priors import Truncated
 from underlay.report import words
+from underlay.report.execution import execute
 from underlay.report.intervals import estimates
 from underlay.report.notebook import make_notebook
 from underlay.report.page import html_page
@@ -122,7 +124,9 @@ def test_source_states_the_same_joint_problem(tmp_path):
     tests = []
     for radius in (5e-4, 2e-3):
         scene = ul.Scene(ul.Sphere(radius), layer, ul.RIGID)
-        tests.append((scene, ul.synthesize(scene, np.linspace(0, 1e-4, 40), noise=ul.Noise(force=1e-4), rng=2)))
+        tests.append(
+            (scene, ul.synthesize(scene, np.linspace(0, 1e-4, 40), noise=ul.Noise(force=1e-4), rng=2))
+        )
     first = ul.Problem.joint(
         tests, {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-1e-5, 1e-5)}, shared=["layer.E"]
     )
@@ -135,14 +139,8 @@ def test_source_states_the_same_joint_problem(tmp_path):
 # --- the page and its notebook ---------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def fit_report(tmp_path_factory):
-    fit = ul.fit(cartilage())
-    return fit, ul.report(fit, tmp_path_factory.mktemp("report") / "report.html")
-
-
-def test_page_says_what_the_fit_found(fit_report):
-    fit, page = fit_report
+def test_page_says_what_the_fit_found(report_pages):
+    fit, page = report_pages["fit"]
     text = page_text(page)
     assert f"{fit.values['layer.E'] / 1e6:.4f} MPa" in text
     assert "known only together" in text
@@ -153,8 +151,8 @@ def test_page_says_what_the_fit_found(fit_report):
     assert fit.provenance["versions"]["numpy"] in text
 
 
-def test_notebook_beside_the_page_is_executed_and_gives_the_same_fit(fit_report):
-    fit, page = fit_report
+def test_notebook_beside_the_page_is_executed_and_gives_the_same_fit(report_pages):
+    fit, page = report_pages["fit"]
     cells = cells_of(page.with_suffix(".ipynb"))
     assert all(cell["execution_count"] for cell in cells if cell["cell_type"] == "code")
     text = json.dumps(cells)
@@ -163,9 +161,9 @@ def test_notebook_beside_the_page_is_executed_and_gives_the_same_fit(fit_report)
     assert fit.provenance["curves"][0]["data_sha256"] in text
 
 
-def test_report_of_a_posterior(tmp_path):
-    problem, posterior = small_posterior()
-    text = page_text(ul.report(posterior, tmp_path / "with.html", problem=problem))
+def test_report_of_a_posterior(report_pages):
+    posterior, page = report_pages["posterior"]
+    text = page_text(page)
     assert "Layer modulus" in text
     assert "indenter" in text
     assert ("The sampling converged" in text) == posterior.converged
@@ -199,16 +197,12 @@ def test_without_the_extra_it_says_what_to_install(tmp_path, monkeypatch):
 
 
 def test_a_failing_cell_is_one_clear_line(tmp_path):
-    from underlay.report.execution import execute
-
     notebook = make_notebook("posterior_scene", {"title": "x"})
     with pytest.raises(FitError, match=r"the notebook of the report stopped: NameError"):
         execute(notebook, tmp_path)
 
 
 def test_markup_in_names_is_text_on_the_page():
-    import nbformat
-
     evil = "<script>alert(1)</script><img src=http://example.com/x.png onerror=alert(1)>"
     table = f"<table><tr><td>{evil}</td></tr></table>"
     outputs = [

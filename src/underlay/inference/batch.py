@@ -26,7 +26,7 @@ from underlay.inference.batch_curves import CurvePlace, Curves, list_curves
 from underlay.inference.batch_dask import through_dask
 from underlay.inference.batch_model import BatchModel, Sampling, batch_model
 from underlay.inference.batch_processes import Rows, through_processes
-from underlay.inference.batch_work import Workshop
+from underlay.inference.batch_work import Workshop, file_hash
 from underlay.inference.journal import Journal
 from underlay.inference.manifest import read_manifest
 from underlay.inference.problem import Given
@@ -159,6 +159,7 @@ def fit_many(
     with _table(output) as table:
         identity = _identity(model, places, layout)
         with Journal(table.with_name(f"{table.name}.journal"), identity, resume=resume) as journal:
+            _require_same_files(journal, places, layout)
             todo = [place for place in places if not journal.has(place.index)]
             if todo:
                 batches = _through(model, layout, todo, count, scheduler, timeout)
@@ -166,6 +167,16 @@ def fit_many(
             if output is not None:
                 write_table(table, layout, journal.lines())
             return to_frame(layout, journal.lines())
+
+
+def _require_same_files(journal: Journal, places: Sequence[CurvePlace], layout: Layout) -> None:
+    """Refuse to continue a run of which a curve file is another now."""
+    done = (place for place in places if journal.has(place.index))
+    for place, line in zip(done, journal.lines(), strict=True):
+        if place.curve is None and layout.cells(line)["sha256"] != file_hash(place.path):
+            raise InputError(
+                f"{place.path} changed since its row was written: put it back, or choose another output"
+            )
 
 
 def _gather(
@@ -273,7 +284,7 @@ def _table(output: str | os.PathLike[str] | None) -> Iterator[Path]:
 
 
 def _require_workers(workers: int | None) -> int | None:
-    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 0):
+    if workers is not None and (type(workers) is not int or workers < 0):
         raise InputError(f"workers must be a number of processes, 0 for this one; got {workers!r}")
     return workers
 

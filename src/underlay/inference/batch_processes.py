@@ -106,6 +106,8 @@ class _Desk:
             self._worker.kill()
         if self._thread.ident is not None:
             self._thread.join()
+        if self._worker is not None:
+            self._worker.close()
 
     def _run(self) -> None:
         """Serve until nothing is left; what goes wrong is told to the one who waits."""
@@ -115,9 +117,6 @@ class _Desk:
             self._results.put(error)
         else:
             self._results.put(None)
-        finally:
-            if self._worker is not None:
-                self._worker.kill()
 
     def _serve(self) -> None:
         places = self._shared.next_chunk()
@@ -136,7 +135,7 @@ class _Desk:
             except (EOFError, OSError, pickle.UnpicklingError):
                 if self._shared.closed:
                     return
-                worker.kill()
+                worker.close()
                 self._worker, self._greeted = None, False
                 places = self._after_a_death(places)
             places = [*places, *following]
@@ -162,11 +161,14 @@ class _Desk:
             except (EOFError, OSError, pickle.UnpicklingError):
                 raise self._did_not_start(worker) from None
             self._greeted = True
+            if self._shared.closed:
+                worker.kill()
         return worker
 
     def _did_not_start(self, worker: Worker) -> Exception:
         worker.kill()
         complaint = worker.complaint()
+        worker.close()
         if "__main__" in complaint:
             return InputError(
                 f"worker processes cannot see what was defined in the running script ({complaint}): put it in "

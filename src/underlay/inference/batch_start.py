@@ -14,7 +14,9 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
@@ -64,6 +66,7 @@ class Worker:
         self._source, self._sink = source, sink
         self._process, self._complaints = process, complaints
         self._alive = True
+        self._lock = threading.Lock()
 
     @property
     def number(self) -> int:
@@ -80,16 +83,27 @@ class Worker:
         return pickle.load(self._source)  # noqa: S301  from our own worker only
 
     def kill(self) -> None:
-        """End the process at once."""
-        if not self._alive:
-            return
-        self._alive = False
-        if isinstance(self._process, int):
-            os.kill(self._process, signal.SIGKILL)
-            os.waitpid(self._process, 0)
-        else:
-            self._process.kill()
-            self._process.wait()
+        """End the process at once; whoever waits for an answer then meets its end. Any thread may call it."""
+        with self._lock:
+            if not self._alive:
+                return
+            self._alive = False
+            if isinstance(self._process, int):
+                os.kill(self._process, signal.SIGKILL)
+                os.waitpid(self._process, 0)
+            else:
+                self._process.kill()
+                self._process.wait()
+
+    def close(self) -> None:
+        """End the process and let go of the pipes; for the thread that talks to it, or after that."""
+        self.kill()
+        # What was still to be sent has nobody to read it.
+        with suppress(OSError):
+            self._sink.close()
+        self._source.close()
+        if self._complaints is not None:
+            self._complaints.close()
 
     def complaint(self) -> str:
         """Last line that it wrote to standard error."""
@@ -143,7 +157,7 @@ def start_worker() -> Worker:
     """Make a worker as a new process, which imports the library anew."""
     path = os.pathsep.join(os.path.realpath(entry) for entry in sys.path)
     complaints = tempfile.TemporaryFile()  # noqa: SIM115  read when the process is gone
-    process = subprocess.Popen(  # noqa: S603  our own interpreter and module
+    process = subprocess.Popen(
         [sys.executable, "-c", "from underlay.inference.batch_worker import main; main()"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

@@ -11,6 +11,7 @@ import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ from underlay.inference.sampling import sample
 from underlay.inference.separable import SeparableModel
 from underlay.inference.separable_warnings import separable_warnings
 
-__all__ = ["Workshop", "died", "work"]
+__all__ = ["Workshop", "died", "file_hash", "work"]
 
 # A contact that explains the force no better than this many squared standard deviations beyond a flat line
 # is none: three free numbers reach 30 by chance in one curve of a million.
@@ -41,6 +42,15 @@ _NO_CONTACT = 30.0
 def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> list[tuple[int, str]]:
     """Rows (index, CSV text) of some curves: what a cluster's worker runs."""
     return list(Workshop(model, layout).rows(places))
+
+
+def file_hash(path: str) -> str:
+    """SHA-256 of a file; empty where it cannot be read."""
+    try:
+        with Path(path).open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return ""
 
 
 def died(place: CurvePlace, layout: Layout) -> tuple[int, str]:
@@ -99,6 +109,8 @@ class Workshop:
             row.update(_failure(f"unexpected {type(error).__name__}: {error}"))
         else:
             _add_notes(row, [str(entry.message) for entry in caught])
+        if "sha256" not in row and place.path:
+            row["sha256"] = file_hash(place.path)
         row["seconds"] = time.perf_counter() - began
         return row
 
@@ -156,7 +168,7 @@ class Workshop:
             found.law_method,
             found.sum_of_squares / noise**2 / (n - k),
             found.sum_of_squares,
-            separable_warnings(found, curve, lambda: self._problem(place, curve)),
+            separable_warnings(found, lambda: self._problem(place, curve)),
             {},
         )
 

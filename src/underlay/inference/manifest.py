@@ -192,7 +192,7 @@ def _entry(columns: Sequence[_Column], cells: Sequence[Any], where: str, *, from
     texts: dict[str, str] = {}
     numbers: dict[str, float] = {}
     for column, cell in zip(columns, cells, strict=True):
-        blank = cell is None or cell != cell or (isinstance(cell, str) and not cell.strip())
+        blank = bool(pd.isna(cell)) or (isinstance(cell, str) and not cell.strip())
         if column.name in ("file", "name"):
             texts[column.name] = "" if blank else str(cell).strip()
         elif not blank:

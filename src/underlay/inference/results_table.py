@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import io
+import csv
 import math
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from itertools import chain, islice
+from itertools import chain, islice, repeat
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +71,10 @@ class Layout:
         """First line of the CSV, without its end."""
         return ",".join(self.kinds)
 
+    def cells(self, line: str) -> dict[str, str]:
+        """Columns of one line of CSV, as text."""
+        return dict(zip(self.kinds, next(csv.reader([line])), strict=True))
+
     def text(self, row: Mapping[str, Any]) -> str:
         """One line of CSV, without its end; what `row` does not hold stays empty."""
         return ",".join([_cell(row.get(name)) for name in self.kinds])
@@ -106,15 +110,23 @@ def require_format(path: Path) -> None:
 
 def to_frame(layout: Layout, lines: Iterable[str]) -> pd.DataFrame:
     """Return the rows as a table, every float as it was to the last bit."""
-    text = "\n".join(chain((layout.header,), lines))
-    dtypes = {_TEXT: "str", _NUMBER: "float64", _COUNT: "Int64"}
-    return pd.read_csv(
-        io.StringIO(text),
-        dtype={name: dtypes[kind] for name, kind in layout.kinds.items()},
-        keep_default_na=False,
-        na_values={name: [""] for name, kind in layout.kinds.items() if kind != _TEXT},
-        float_precision="round_trip",
+    rows = list(csv.reader(lines))
+    columns = zip(*rows, strict=True) if rows else repeat(())
+    return pd.DataFrame(
+        {
+            name: _series(cells, kind)
+            for (name, kind), cells in zip(layout.kinds.items(), columns, strict=False)
+        }
     )
+
+
+def _series(cells: Sequence[str], kind: str) -> pd.Series[Any]:
+    # Python's own conversion is exact; that of a table reader need not be.
+    if kind == _NUMBER:
+        return pd.Series([float(cell) if cell else math.nan for cell in cells], dtype="float64")
+    if kind == _COUNT:
+        return pd.Series([int(cell) if cell else None for cell in cells], dtype="Int64")
+    return pd.Series(cells, dtype="str")
 
 
 def write_table(path: Path, layout: Layout, lines: Iterable[str]) -> Path:

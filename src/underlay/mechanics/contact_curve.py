@@ -272,14 +272,15 @@ def _direct(
     """One polynomial through radii placed beforehand; None where that does not reach `rtol`."""
     softness = problem.pair.softness
     fine = max(rtol / gain, _FINEST)
+    widen = last / float(place(np.array([top]))[0])
     terms = curve_terms(problem.pair, top, problem.measure.exponent, rtol)
     while terms <= MOST_TERMS:
         resolution = problem.resolution(last, fine)
-        targets = np.append(Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms))), top)
-        radii = place(targets)
-        varpi, logarithms = problem.solve(radii[:-1] * (last / radii[-1]), resolution)
-        if varpi[-1] < _SHORT * targets[-2] and last < problem.end:
-            last = min(1.05 * last * float(targets[-2] / varpi[-1]), problem.end)
+        targets = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
+        varpi, logarithms = problem.solve(place(targets) * widen, resolution)
+        if varpi[-1] < _SHORT * targets[-1] and last < problem.end:
+            wider = min(1.05 * last * float(targets[-1] / varpi[-1]), problem.end)
+            widen, last = widen * wider / last, wider
             continue
         curve = MasterCurve.through(varpi, logarithms, top, softness)
         if curve.error_estimate <= _SHARE_OF_CURVE * rtol:

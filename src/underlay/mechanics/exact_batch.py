@@ -108,8 +108,7 @@ class ExactBatch:
         resolution = Resolution.choose(problem.pair, solved.eps, rtol)
         u, weights = resolution.wavenumber_rule()
         rule = even_rule(resolution.radial)
-        points = np.append(rule.nodes, 1.0)
-        waves = np.cos(np.multiply.outer(u, np.multiply.outer(eps, points)))
+        waves = np.cos(np.multiply.outer(u, np.multiply.outer(eps, rule.with_edge)))
         products = eps[:, None, None] * waves[..., :, None] * waves[..., None, :-1]
         return cls(indenter, problem.measure, top, rtol, eps, rule, u, weights, products.reshape(u.size, -1))
 

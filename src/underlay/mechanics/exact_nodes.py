@@ -95,7 +95,8 @@ class Resolution:
         digits = 0.5 - log10(rtol)
         wide = eps / pair.decay
         radial = ceil(0.55 * wide**1.38 + (0.4 + 0.28 * wide) * digits)
-        reach = 1.15 * digits + 2.0
+        # The condition of wide contacts on a rigid base grows as wide^3: the tail must be that much smaller.
+        reach = 1.15 * digits + 2.0 + 0.5 * log1p(0.1 * wide)
         first, count = _graded(pair, wide, digits, reach)
         return cls(
             radial=max(2, radial),
@@ -125,7 +126,8 @@ def curve_terms(pair: Pair, varpi: float, exponent: float, rtol: float) -> int:
     """Contact radii for one polynomial in varpi up to `varpi`."""
     digits = 1.0 - log10(rtol)
     if pair.softness == 0.0:
-        length = asinh(varpi) * (1.0 + 0.12 * pair.firmness) * (1.0 + 0.25 / exponent)
+        elastic = 0.12 if pair.ratio < 100.0 else 0.0
+        length = asinh(varpi) * (1.0 + 0.12 * pair.firmness + elastic) * (1.0 + 0.25 / exponent)
     else:
         length = 0.42 * (asinh(varpi) + log1p(pair.softness * varpi)) * (1.0 + 0.25 / exponent)
     return 4 * ceil(0.25 * digits * (0.8 + length) - 0.02)

@@ -61,14 +61,14 @@ class PunchSolution:
         rule = even_rule(resolution.radial)
         u, weights = resolution.wavenumber_rule()
         count = resolution.radial
-        waves = np.cos(np.multiply.outer(np.multiply.outer(eps, np.append(rule.nodes, 1.0)), u))
+        waves = np.cos(np.multiply.outer(np.multiply.outer(eps, rule.with_edge), u))
         strength = (2.0 / np.pi) * weights * one_minus_L(u, layer, substrate)
         kernel = (waves * np.multiply.outer(eps, strength)[:, None, :]) @ waves.transpose(0, 2, 1)
         matrix = kernel[:, :count, :count] * -rule.weights
         matrix.reshape(eps.size, count * count)[:, :: count + 1] += 1.0
         sides = np.ones((eps.size, count, 2))
         sides[:, :, 1] = kernel[:, :count, count]
-        solved = np.linalg.solve(matrix, sides)
+        solved: FloatArray = np.asarray(np.linalg.solve(matrix, sides), dtype=np.float64)
         g = solved[:, :, 0]
         return cls(eps=eps, rule=rule, g=g, rho=solved[:, :, 1], kappa=g @ rule.weights)
 

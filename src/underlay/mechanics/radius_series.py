@@ -71,13 +71,14 @@ class RadiusSeries:
         """Eps at `varpi` on a branch: Newton on ln varpi(chi), inside the bracket of its table."""
         orders = np.arange(self.coefficients.shape[0])
         series = self.coefficients[:, -1]
+        derivative = np.polynomial.chebyshev.chebder(series)
         index = np.searchsorted(branch.varpi, varpi).clip(1, branch.chi.size - 1)
         low, high = branch.chi[index - 1], branch.chi[index]
         chi = np.interp(varpi, branch.varpi, branch.chi)
         for _ in range(_NEWTON_STEPS):
             angle = np.arccos(np.minimum(self.stretch.z(chi), 1.0))
             phase = np.multiply.outer(angle, orders)
-            slope = (np.sin(phase) @ (orders * series)) / np.sin(angle)
+            slope = np.cos(phase[:, :-1]) @ derivative
             error = np.cos(phase) @ series + np.log(chi / varpi)
             low, high = np.where(error < 0.0, chi, low), np.where(error > 0.0, chi, high)
             proposal = chi - error * chi / (1.0 + chi * slope * self.stretch.dz(chi))

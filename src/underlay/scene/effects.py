@@ -7,8 +7,9 @@ a layer that changes the contact by less than the accuracy asked, runs none of i
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -22,7 +23,7 @@ from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Rigi
 if TYPE_CHECKING:
     from underlay.scene.scene import Scene
 
-__all__ = ["effect_sizes", "effects_table"]
+__all__ = ["Effect", "EffectRule", "effect_sizes", "effects_table"]
 
 # The cost of an effect is timed on curves of this many depths, from cold, with and without it in turns.
 _COST_POINTS = 200
@@ -31,7 +32,7 @@ _COST_ROUNDS = 25
 
 
 @dataclass(frozen=True)
-class _Effect:
+class Effect:
     """One effect: the scene with it and without it.
 
     Parameters
@@ -53,7 +54,13 @@ class _Effect:
     note: str
 
 
-def effects_table(scene: Scene, max_depth: float, accuracy: Accuracy | None = None) -> pd.DataFrame:
+#: How an effect is found: from a scene and the law of its contact.
+EffectRule: TypeAlias = "Callable[[Scene, ContactLaw], Effect]"
+
+
+def effects_table(
+    scene: Scene, max_depth: float, accuracy: Accuracy | None = None, further: Iterable[EffectRule] = ()
+) -> pd.DataFrame:
     """List every effect of `scene` at tip depth `max_depth` (m).
 
     Parameters
@@ -64,6 +71,8 @@ def effects_table(scene: Scene, max_depth: float, accuracy: Accuracy | None = No
         Deepest point (m) since contact, positive.
     accuracy : Accuracy, optional
         How close to the exact contact problem; a layer that changes less is not simulated.
+    further : iterable of callable
+        Effects of your own: each takes the scene and its law and returns an `Effect`.
 
     Returns
     -------
@@ -85,7 +94,7 @@ def effects_table(scene: Scene, max_depth: float, accuracy: Accuracy | None = No
     deepest = positive(max_depth, "max_depth", "m")
     law = scene.contact_law(deepest, accuracy=wanted)
     rows = []
-    for effect in _effects(scene, law):
+    for effect in (*_effects(scene, law), *(rule(scene, law) for rule in further)):
         size = float(_size(effect, np.array([deepest]), wanted)[0])
         below = effect.simulated and abs(size) < wanted.rtol
         rows.append(
@@ -126,7 +135,7 @@ def effect_sizes(scene: Scene, depth: FloatArray, accuracy: Accuracy | None = No
     return pd.DataFrame({"depth": depth, **known})
 
 
-def _effects(scene: Scene, law: ContactLaw) -> list[_Effect]:
+def _effects(scene: Scene, law: ContactLaw) -> list[Effect]:
     """Every effect there is, for a scene whose contact is simulated by `law`.
 
     All but the baseline are measured without it: a per cent of the force is one of the contact force.
@@ -140,7 +149,7 @@ def _effects(scene: Scene, law: ContactLaw) -> list[_Effect]:
     ]
 
 
-def _layer_effects(scene: Scene, *, layered: bool) -> list[_Effect]:
+def _layer_effects(scene: Scene, *, layered: bool) -> list[Effect]:
     return [
         _thickness_effect(scene, layered=layered),
         _substrate_effect(scene, layered=layered),
@@ -148,40 +157,40 @@ def _layer_effects(scene: Scene, *, layered: bool) -> list[_Effect]:
     ]
 
 
-def _thickness_effect(scene: Scene, *, layered: bool) -> _Effect:
+def _thickness_effect(scene: Scene, *, layered: bool) -> Effect:
     name = "finite thickness"
     if not _has_base(scene):
-        return _Effect(name, None, None, simulated=False, note="no substrate at a finite depth is declared")
+        return Effect(name, None, None, simulated=False, note="no substrate at a finite depth is declared")
     halfspace = replace(scene, layer=Layer(scene.layer.material), substrate=None)
-    return _Effect(name, scene, halfspace, simulated=layered, note="against a half-space of the layer")
+    return Effect(name, scene, halfspace, simulated=layered, note="against a half-space of the layer")
 
 
-def _substrate_effect(scene: Scene, *, layered: bool) -> _Effect:
+def _substrate_effect(scene: Scene, *, layered: bool) -> Effect:
     name = "substrate compliance"
     if not _has_base(scene) or isinstance(scene.substrate, Rigid):
-        return _Effect(name, None, None, simulated=False, note="no elastic substrate is declared")
+        return Effect(name, None, None, simulated=False, note="no elastic substrate is declared")
     rigid = replace(scene, substrate=RIGID)
-    return _Effect(name, scene, rigid, simulated=layered, note="against a rigid base")
+    return Effect(name, scene, rigid, simulated=layered, note="against a rigid base")
 
 
-def _anisotropy_effect(scene: Scene, *, layered: bool) -> _Effect:
+def _anisotropy_effect(scene: Scene, *, layered: bool) -> Effect:
     name = "anisotropy"
     isotropic = _isotropic(scene)
     if isotropic == scene:
-        return _Effect(name, None, None, simulated=False, note="the materials are isotropic")
+        return Effect(name, None, None, simulated=False, note="the materials are isotropic")
     used = layered or isinstance(scene.layer.material, TransverselyIsotropic)
     note = "against isotropic materials of the in-plane E and nu"
-    return _Effect(name, scene, isotropic, simulated=used, note=note)
+    return Effect(name, scene, isotropic, simulated=used, note=note)
 
 
 def _has_base(scene: Scene) -> bool:
     return scene.substrate is not None and bool(np.isfinite(scene.layer.thickness))
 
 
-def _sphere_effect(scene: Scene) -> _Effect:
+def _sphere_effect(scene: Scene) -> Effect:
     name, tip = "true sphere", scene.indenter
     if isinstance(tip, Sphere):
-        return _Effect(
+        return Effect(
             name,
             scene,
             replace(scene, indenter=Paraboloid(tip.radius)),
@@ -189,31 +198,31 @@ def _sphere_effect(scene: Scene) -> _Effect:
             note="against the paraboloid of the same radius",
         )
     if isinstance(tip, Paraboloid):
-        return _Effect(
+        return Effect(
             name,
             replace(scene, indenter=Sphere(tip.radius)),
             scene,
             simulated=False,
             note="the tip is declared a paraboloid; Sphere(radius) would put this in",
         )
-    return _Effect(name, None, None, simulated=False, note="the tip is not a sphere")
+    return Effect(name, None, None, simulated=False, note="the tip is not a sphere")
 
 
-def _compliance_effect(scene: Scene) -> _Effect:
+def _compliance_effect(scene: Scene) -> Effect:
     name = "instrument compliance"
     if not scene.instrument.compliance:
-        return _Effect(name, None, None, simulated=False, note="the instrument is declared stiff")
+        return Effect(name, None, None, simulated=False, note="the instrument is declared stiff")
     stiff = replace(scene, instrument=replace(scene.instrument, compliance=0.0))
-    return _Effect(name, scene, stiff, simulated=True, note="against a stiff instrument")
+    return Effect(name, scene, stiff, simulated=True, note="against a stiff instrument")
 
 
-def _baseline_effect(scene: Scene, level: Scene) -> _Effect:
+def _baseline_effect(scene: Scene, level: Scene) -> Effect:
     if scene == level:
-        return _Effect("baseline", None, None, simulated=False, note="no baseline is declared")
-    return _Effect("baseline", scene, level, simulated=True, note="against no baseline")
+        return Effect("baseline", None, None, simulated=False, note="no baseline is declared")
+    return Effect("baseline", scene, level, simulated=True, note="against no baseline")
 
 
-def _size(effect: _Effect, depth: FloatArray, accuracy: Accuracy) -> FloatArray:
+def _size(effect: Effect, depth: FloatArray, accuracy: Accuracy) -> FloatArray:
     """Relative change of the force at tip depths `depth` when the effect is put in; NaN where unknown."""
     if effect.with_it is None or effect.without is None:
         return np.full(depth.shape, np.nan)
@@ -222,7 +231,7 @@ def _size(effect: _Effect, depth: FloatArray, accuracy: Accuracy) -> FloatArray:
     return np.asarray(with_it / effect.without.force(readings, accuracy=accuracy) - 1.0)
 
 
-def _added_cost(effect: _Effect, deepest: float, accuracy: Accuracy) -> float:
+def _added_cost(effect: Effect, deepest: float, accuracy: Accuracy) -> float:
     """Time of the scene with the effect over that without, less one, in per cent."""
     if effect.with_it is None or effect.without is None:
         return 0.0

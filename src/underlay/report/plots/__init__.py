@@ -1,5 +1,6 @@
 """Pictures: each function takes ``ax=`` (or makes one), draws, and returns the axes; none shows a window."""
 
+from underlay.report.plots.accuracy import accuracy_cost
 from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
 from underlay.report.plots.effects import effects
@@ -13,6 +14,7 @@ from underlay.report.plots.scene import scene
 from underlay.report.plots.style import save
 
 __all__ = [
+    "accuracy_cost",
     "corner",
     "correlations",
     "effects",
