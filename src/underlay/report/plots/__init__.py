@@ -11,12 +11,14 @@ from underlay.report.plots.predictive import predictive
 from underlay.report.plots.profile import profile
 from underlay.report.plots.scene import scene
 from underlay.report.plots.style import save
+from underlay.report.plots.survey import histogram, survey, verdicts
 
 __all__ = [
     "corner",
     "correlations",
     "effects",
     "fit",
+    "histogram",
     "identifiability",
     "map",
     "plan",
@@ -24,4 +26,6 @@ __all__ = [
     "profile",
     "save",
     "scene",
+    "survey",
+    "verdicts",
 ]
