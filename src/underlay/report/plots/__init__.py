@@ -12,6 +12,7 @@ from underlay.report.plots.predictive import predictive
 from underlay.report.plots.profile import profile
 from underlay.report.plots.scene import scene
 from underlay.report.plots.style import save
+from underlay.report.plots.survey import histogram, survey, verdicts
 
 __all__ = [
     "accuracy_cost",
@@ -19,6 +20,7 @@ __all__ = [
     "correlations",
     "effects",
     "fit",
+    "histogram",
     "identifiability",
     "map",
     "plan",
@@ -26,4 +28,6 @@ __all__ = [
     "profile",
     "save",
     "scene",
+    "survey",
+    "verdicts",
 ]

@@ -53,7 +53,8 @@ def map(  # noqa: A001  the public name; the builtin is not used here
         raise InputError(f"no site of the map has a value of {column!r}")
     across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
     length, scale = unit_for(np.concatenate([across - across.min(), up - up.min()]), "length")
-    unit, factor = human_unit(float(np.median(np.abs(values[known]))), kind_of(column.partition(" ")[0]))
+    path = column.removesuffix(".stderr")
+    unit, factor = human_unit(float(np.median(np.abs(values[known]))), kind_of(path))
     with style():
         ax = axes(ax, height=3.0)
         ax.set_aspect("equal")
@@ -74,7 +75,7 @@ def map(  # noqa: A001  the public name; the builtin is not used here
         ax.autoscale_view()
         figure = ax.get_figure(root=False)
         if figure is not None:
-            words = label(column)
+            words = label(path) + (", standard error" if path != column else "")
             figure.colorbar(drawn, cax=ax.inset_axes((1.04, 0.0, 0.05, 1.0))).set_label(
                 f"{words} ({unit})" if unit else words
             )
