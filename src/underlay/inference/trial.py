@@ -148,12 +148,12 @@ class Trial:
                 return c * law.force(b * w), np.ones(len(rows), dtype=bool)
             except InputError:
                 pass  # one row is out of reach: each by itself
-        forces = np.zeros((len(rows), *w.shape))
+        forces = np.zeros_like(w)
         possible = np.ones(len(rows), dtype=bool)
         for i, ratio in enumerate(ratios):
             try:
                 law = self.forward.reference_law(ratio, float(factors[i, 0]) * deepest)
-                forces[i] = factors[i, 1] * law.force(factors[i, 0] * w)
+                forces[i] = factors[i, 1] * law.force(factors[i, 0] * w[i])
             except InputError:
                 possible[i] = False
         return forces, possible
