@@ -57,11 +57,10 @@ class LawOptions:
 
 @dataclass
 class LawStore:
-<<<<<<< HEAD
-    """The laws built last, and what is compiled for batches, owned by one problem; `built` counts the laws."""
-=======
-    """The laws built last, or why one could not be, owned by one problem; `built` counts them."""
->>>>>>> inference
+    """The laws built last, or why one could not be, and what is compiled for batches; `built` counts laws.
+
+    Owned by one problem.
+    """
 
     laws: OrderedDict[tuple[object, ...], ContactLaw | RangeError] = field(default_factory=OrderedDict)
     references: list[Scene] = field(default_factory=list)
