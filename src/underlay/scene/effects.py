@@ -29,7 +29,7 @@ __all__ = ["Effect", "EffectRule", "effect_sizes", "effects_table"]
 _COLUMNS = ("effect", "size_percent", "simulated", "cost_percent", "note")
 # The cost of an effect is timed on curves of this many depths, from cold, with and without it in turns.
 _COST_POINTS = 200
-# The shortest of many rounds: on a busy machine everything else is somebody else's time.
+# The shortest of many rounds counts, in processor time.
 _COST_ROUNDS = 25
 
 
@@ -248,12 +248,12 @@ def _added_cost(effect: Effect, deepest: float, accuracy: Accuracy) -> float:
     depth = np.linspace(0.0, deepest, _COST_POINTS) + effect.with_it.instrument.contact_depth
     with_it = without = np.inf
     for _ in range(_COST_ROUNDS):
-        start = time.perf_counter()
+        start = time.process_time()
         effect.with_it.force(depth, accuracy=accuracy)
-        middle = time.perf_counter()
+        middle = time.process_time()
         effect.without.force(depth, accuracy=accuracy)
         with_it = min(with_it, middle - start)
-        without = min(without, time.perf_counter() - middle)
+        without = min(without, time.process_time() - middle)
     return 100.0 * (with_it / without - 1.0)
 
 
