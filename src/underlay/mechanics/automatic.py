@@ -35,8 +35,9 @@ __all__ = ["automatic_law", "compliance_contrast", "halfspace_law", "has_layer_e
 
 # Guesses of the errors for contrast 1, on the low side, from 75 pairs of materials and exponents from 1 to
 # infinity. Explicit form: 1 to 2 varpi^5 on a base much stiffer, 0.09 at the least (bases that differ in
-# Poisson's ratio), far more on a softer one. Half-space: 0.3 to 1.5 varpi, less where a_0 nearly vanishes. Above
-# the tolerance no moments are computed; a pair that is missed gets the exact law, which takes no longer.
+# Poisson's ratio), far more on a softer one. Half-space: 0.3 to 1.5 varpi, less where a_0 nearly vanishes.
+# Where a guess is above the tolerance no moments are computed: a pair that is missed gets the exact law,
+# which takes no longer.
 _LEAST_EXPLICIT, _SOFTER = 0.3, 8.0
 _LEAST_HALFSPACE = 0.03
 # An error estimate above this is not trusted as a number, whatever the tolerance.
