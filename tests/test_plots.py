@@ -13,7 +13,7 @@ import underlay as ul
 from support.reports import SAMPLES, small_posterior
 from underlay.errors import InputError
 from underlay.report.plots import style
-from underlay.report.plots.map import _pitch
+from underlay.report.plots.map import _squares
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +53,22 @@ def pictures(fit, planned):
         "corner": lambda ax=None: ul.plots.corner(posterior, ax=ax),
         "predictive": lambda ax=None: ul.plots.predictive(posterior, ax=ax),
         "map": lambda ax=None: ul.plots.map(site_table(), ax=ax),
+        "histogram": lambda ax=None: ul.plots.histogram(site_table(), ax=ax),
     }
 
 
-NAMES = ("fit", "scene", "correlations", "identifiability", "profile", "plan", "corner", "predictive", "map")
+NAMES = (
+    "fit",
+    "scene",
+    "correlations",
+    "identifiability",
+    "profile",
+    "plan",
+    "corner",
+    "predictive",
+    "map",
+    "histogram",
+)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -192,7 +204,24 @@ def test_map_shows_every_site_and_says_what_is_missing():
         ul.plots.map(table, "height")
     with pytest.raises(InputError, match="no site of the map"):
         ul.plots.map(table.assign(**{"layer.E": np.nan}))
-    assert _pitch(np.array([0.0]), np.array([0.0])) > 0.0
+    alone = _squares(np.array([0.0]), np.array([0.0]))
+    assert np.ptp(alone) > 0.0
+    plt.close("all")
+
+
+def test_map_of_verdicts_has_a_colour_and_a_word_for_each():
+    table = site_table().assign(verdict=["good"] * 9 + ["doubtful"] * 2 + ["refused"])
+    ax = ul.plots.map(table, "verdict")
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["good", "doubtful", "refused"]
+    assert [len(each.get_paths()) for each in ax.collections] == [9, 2, 1]
+    plt.close("all")
+
+
+def test_histogram_counts_every_curve_once():
+    ax = ul.plots.histogram(site_table())
+    assert sum(bar.get_height() for bar in ax.patches) == 11
+    with pytest.raises(InputError, match="no column 'height'"):
+        ul.plots.histogram(site_table(), "height")
     plt.close("all")
 
 

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from underlay._files import require_writable_folder, write_atomic
 from underlay.errors import InputError
 from underlay.inference.fit_result import Fit
@@ -17,18 +19,29 @@ from underlay.report.notebook import make_notebook, report_library, template_tex
 from underlay.report.page import html_page
 from underlay.report.problem_source import problem_source, write_inputs
 
-__all__ = ["file_notebook", "notebook_text", "page_path", "posterior_notebook", "report", "write_report"]
+__all__ = [
+    "file_notebook",
+    "map_notebook",
+    "notebook_text",
+    "page_path",
+    "posterior_notebook",
+    "report",
+    "write_report",
+]
 
 
 def report(
-    result: Fit | Posterior, path: str | os.PathLike[str] = "report.html", *, problem: Problem | None = None
+    result: Fit | Posterior | pd.DataFrame,
+    path: str | os.PathLike[str] = "report.html",
+    *,
+    problem: Problem | None = None,
 ) -> Path:
     """Write a report: one HTML file, and beside it the executed notebook and what went in.
 
     Parameters
     ----------
-    result : Fit or Posterior
-        What `fit` or `sample` returned.
+    result : Fit, Posterior or DataFrame
+        What `fit`, `sample` or `fit_many` returned.
     path : path, default "report.html"
         The page. The notebook gets the same name with the ending ``.ipynb``; what went in is kept in a folder
         of that name and the ending ``.inputs``. From there the notebook repeats a fit; a posterior, which may
@@ -56,10 +69,14 @@ def report(
     report_library("nbclient")
     inputs = target.parent / f"{target.stem}.inputs"
     repeat = {"to repeat": f"run {target.stem}.ipynb"}
+    if isinstance(result, pd.DataFrame):
+        table = require_writable_folder(inputs) / "map.csv"
+        write_atomic(table, result.to_csv(index=False))
+        return write_report(_map_notebook("all sites", repeat, f"{inputs.name}/{table.name}"), target)
     if isinstance(result, Fit):
         problem = result.problem
     elif not isinstance(result, Posterior):
-        raise InputError(f"a report is of a Fit or a Posterior; got {type(result).__name__}")
+        raise InputError(f"a report is of a Fit, a Posterior or a map; got {type(result).__name__}")
     elif problem is not None and problem.names != result.names:
         raise InputError(
             f"this posterior is of {', '.join(result.names)}; the problem frees {', '.join(problem.names)}"
@@ -113,6 +130,23 @@ def posterior_notebook(
     load = _load_source(names[1:]) if files else ""
     title = Path(files[0]).name if files else Path(posterior).name
     return _posterior_notebook(title, load, {"to repeat": command}, names)
+
+
+def map_notebook(table: str | os.PathLike[str], folder: Path, command: str) -> Any:
+    """Return the notebook, not executed, of the table of a map; see `file_notebook`."""
+    return _map_notebook(Path(table).name, {"to repeat": command}, _seen_from(folder, table))
+
+
+def _map_notebook(name: str, facts: Mapping[str, str], table: str) -> Any:
+    return make_notebook(
+        "map",
+        {
+            "title": f"A map of indentation tests: {name}",
+            "table": repr(table),
+            "facts": repr(dict(facts)),
+            "files": repr(table),
+        },
+    )
 
 
 def _fit_notebook(name: str, load: str, facts: Mapping[str, str], files: Sequence[str]) -> Any:

@@ -5,6 +5,7 @@ from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
 from underlay.report.plots.effects import effects
 from underlay.report.plots.fit import fit
+from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
 from underlay.report.plots.map import map  # noqa: A004  the public name
 from underlay.report.plots.plan import plan
@@ -19,6 +20,7 @@ __all__ = [
     "correlations",
     "effects",
     "fit",
+    "histogram",
     "identifiability",
     "map",
     "plan",
