@@ -18,7 +18,8 @@ def manifest(tmp_path, text):
 
 def test_units_in_header_or_cell(tmp_path):
     read = manifest(
-        tmp_path, "file,name,thickness (mm),indenter.radius,layer.nu,x (um),y\na.csv,first,1.2,0.4 mm,0.4,5,2 mm\n"
+        tmp_path,
+        "file,name,thickness (mm),indenter.radius,layer.nu,x (um),y\na.csv,first,1.2,0.4 mm,0.4,5,2 mm\n",
     )
     (entry,) = read.for_curves(["a.csv"])
     assert (entry.name, entry.x, entry.y) == ("first", 5e-6, 2e-3)

@@ -53,6 +53,7 @@ def pictures(fit, planned):
         "corner": lambda ax=None: ul.plots.corner(posterior, ax=ax),
         "predictive": lambda ax=None: ul.plots.predictive(posterior, ax=ax),
         "map": lambda ax=None: ul.plots.map(site_table(), ax=ax),
+        "verdicts": lambda ax=None: ul.plots.verdicts(site_table().assign(verdict="good"), ax=ax),
         "histogram": lambda ax=None: ul.plots.histogram(site_table(), ax=ax),
     }
 
@@ -209,11 +210,14 @@ def test_map_shows_every_site_and_says_what_is_missing():
     plt.close("all")
 
 
-def test_map_of_verdicts_has_a_colour_and_a_word_for_each():
+def test_verdicts_have_a_colour_a_shape_and_a_count_each():
     table = site_table().assign(verdict=["good"] * 9 + ["doubtful"] * 2 + ["refused"])
-    ax = ul.plots.map(table, "verdict")
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["good", "doubtful", "refused"]
-    assert [len(each.get_paths()) for each in ax.collections] == [9, 2, 1]
+    ax = ul.plots.verdicts(table)
+    words = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert words == ["good (9)", "doubtful (2)", "refused (1)"]
+    assert len({line.get_marker() for line in ax.get_lines()}) == 3
+    with pytest.raises(InputError, match="'verdict' holds words"):
+        ul.plots.map(table, "verdict")
     plt.close("all")
 
 

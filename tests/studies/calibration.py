@@ -1,6 +1,6 @@
 """Simulation-based calibration of the sampler, as a command whose result is kept beside it.
 
-    python tests/studies/calibration.py run --replicas 300          # adds to calibration.csv; stop it any time
+    python tests/studies/calibration.py run --replicas 300   # adds to calibration.csv; stop it any time
     python tests/studies/calibration.py show                 # table and rank plot from calibration.csv
 
 Replicas are numbered: a run skips those that are there, and `--part 0/3` takes every third, so that several
@@ -107,9 +107,9 @@ def show(folder):
     results = load(folder)
     summary = table(results)
     summary.to_csv(folder / "calibration_summary.csv", index=False)
-    print(summary.to_string(index=False))
+    print(summary.to_string(index=False))  # noqa: T201  # a command
     inside, count = int(results["inside90"].sum()), len(results)
-    print(f"all parameters: {100.0 * inside / count:.1f} % of {count} truths inside their 90 % interval")
+    print(f"all: {100.0 * inside / count:.1f} % of {count} truths inside their 90 %")  # noqa: T201  # a command
     draw(results, folder / "calibration.png")
 
 

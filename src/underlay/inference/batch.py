@@ -284,7 +284,7 @@ def _table(output: str | os.PathLike[str] | None) -> Iterator[Path]:
 
 
 def _require_workers(workers: int | None) -> int | None:
-    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 0):
+    if workers is not None and (type(workers) is not int or workers < 0):
         raise InputError(f"workers must be a number of processes, 0 for this one; got {workers!r}")
     return workers
 

@@ -109,8 +109,8 @@ def _connect(distributed: Any, address: str, timeout: float) -> Any:
         return distributed.Client(address, timeout=timeout, set_as_default=False)
     except (OSError, ValueError) as error:
         raise SchedulerError(
-            f"no Dask scheduler answered at {address} within {timeout:g} s: is it running, and is the address "
-            "right (tcp://host:8786)?"
+            f"no Dask scheduler answered at {address} within {timeout:g} s: is it running, and is the "
+            "address right (tcp://host:8786)?"
         ) from error
 
 
@@ -121,7 +121,8 @@ def _threads(client: Any, address: str, timeout: float) -> int:
         raise SchedulerError(
             f"the Dask scheduler at {address} has no workers: start some with 'dask worker {address}'"
         ) from error
-    return max(1, sum(client.nthreads().values()))
+    threads: dict[str, int] = client.nthreads()
+    return max(1, sum(threads.values()))
 
 
 def _require_files(client: Any, todo: Sequence[CurvePlace], address: str) -> None:

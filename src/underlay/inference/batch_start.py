@@ -157,7 +157,7 @@ def start_worker() -> Worker:
     """Make a worker as a new process, which imports the library anew."""
     path = os.pathsep.join(os.path.realpath(entry) for entry in sys.path)
     complaints = tempfile.TemporaryFile()  # noqa: SIM115  read when the process is gone
-    process = subprocess.Popen(  # noqa: S603  our own interpreter and module
+    process = subprocess.Popen(
         [sys.executable, "-c", "from underlay.inference.batch_worker import main; main()"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

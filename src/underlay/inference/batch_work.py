@@ -168,7 +168,7 @@ class Workshop:
             found.law_method,
             found.sum_of_squares / noise**2 / (n - k),
             found.sum_of_squares,
-            separable_warnings(found, curve, lambda: self._problem(place, curve)),
+            separable_warnings(found, lambda: self._problem(place, curve)),
             {},
         )
 

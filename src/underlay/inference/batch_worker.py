@@ -58,4 +58,3 @@ def main() -> None:
     except BrokenPipeError:
         # The parent is gone: there is nobody to answer.
         os._exit(1)
-

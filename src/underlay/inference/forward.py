@@ -20,7 +20,7 @@ from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.inference.similarity import Similarity, compile_similarity
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact_batch import ExactBatch
+from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.published import published_names
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene

@@ -24,8 +24,8 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError, RangeError
 from underlay.inference.forward import Forward
 from underlay.mechanics.accuracy import Accuracy
-from underlay.mechanics.contact_curve import depth_measure
-from underlay.mechanics.exact_batch import ExactBatch
+from underlay.mechanics.exact.batch import ExactBatch
+from underlay.mechanics.exact.contact_curve import depth_measure
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape, Sphere
 from underlay.mechanics.materials import Isotropic, PlaneConstants, Rigid, isotropic_constants
 
@@ -41,8 +41,8 @@ _RANGE_STEP = 2.0
 # relation of depth and contact radius, and nodes that stop short leave the polynomial to extrapolate.
 _MARGIN = 1.1
 # Compiled this much finer than asked, so that the sets at the edges of a group keep the promise: the largest
-# error seen in 300 sets over E2/E1 from 0.01 to 1000 is then a third of the tolerance, and one set in fourteen,
-# on the softest bases, goes alone; without it one in eight.
+# error seen in 300 sets over E2/E1 from 0.01 to 1000 is then a third of the tolerance, and one set in
+# fourteen, on the softest bases, goes alone; without it one in eight.
 _SPARE = 0.1
 
 
@@ -85,8 +85,8 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
         _one_by_one(forward, values, np.arange(sets), readings)
         return readings
     batch = _Batch(forward, values, sets)
-    if batch.alike:
-        batch.shared_law(readings, stiffness=stiffness)
+    if batch.shared is not None:
+        batch.shared_law(batch.shared, readings, stiffness=stiffness)
     elif batch.exact_possible:
         batch.exact(readings, stiffness=stiffness)
     else:
@@ -133,10 +133,9 @@ class _Batch:
         similarity = forward.similarity
         # `reduced` and `factors` divide and multiply: arrays go through them as numbers do.
         numbers: Any = values
-        self.ratios = np.column_stack(
-            [np.broadcast_to(ratio, sets) for ratio in similarity.reduced(numbers)] or [np.empty((sets, 0))]
-        )
-        self.alike = bool((self.ratios == self.ratios[0]).all())
+        ratios = similarity.reduced(numbers)
+        # By what may vary, not by what happens to: one set alone goes the way it would go in company.
+        self.shared = None if any(isinstance(ratio, np.ndarray) for ratio in ratios) else ratios
         self.b, self.c = self._factors()
         self.tip = forward.depth - self.column("instrument.contact_depth")
         self.deepest = np.maximum(self.tip.max(axis=1), 0.0)
@@ -158,9 +157,8 @@ class _Batch:
         b, c = similarity.factors(numbers)
         return np.broadcast_to(b, self.sets), np.broadcast_to(c, self.sets)
 
-    def shared_law(self, readings: Readings, *, stiffness: bool) -> None:
+    def shared_law(self, reduced: tuple[float, ...], readings: Readings, *, stiffness: bool) -> None:
         """All sets through one law, rebuilt only where the range it needs passes a power of two."""
-        reduced = tuple(self.ratios[0].tolist())
         depth = self.b * self.deepest
         octaves = np.ceil(np.log2(np.maximum(depth, np.finfo(float).tiny)))
         for octave in np.unique(octaves):

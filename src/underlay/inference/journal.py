@@ -14,6 +14,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import sys
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Mapping
@@ -23,10 +24,8 @@ from typing import Any, Self
 
 from underlay.errors import FileAccessError, FileFormatError, InputError
 
-try:
+if sys.platform != "win32":
     import fcntl
-except ImportError:  # Windows has no advisory locks of this kind: two runs into one output go unnoticed
-    fcntl = None  # type: ignore[assignment]  # stands for "not there"
 
 __all__ = ["Journal"]
 
@@ -132,12 +131,12 @@ class Journal:
                     yield _content(stream.readline()).partition(" ")[2]
 
     def _lock(self) -> None:
-        if fcntl is None:
-            return
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise InputError(f"another run is writing to {self.path}; wait for it, or end it") from error
+        # Windows has no advisory locks of this kind: there, two runs into one output go unnoticed.
+        if sys.platform != "win32":
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise InputError(f"another run is writing to {self.path}; wait for it, or end it") from error
 
     def _begin(self, identity: Mapping[str, Any]) -> None:
         """Write the first line, or check it and find the rows that are there."""
@@ -181,10 +180,10 @@ class Journal:
         changed = [
             what for what, value in identity["hashes"].items() if old.get("hashes", {}).get(what) != value
         ]
-        what = f"the {' and the '.join(changed)} changed since" if changed else "it has other columns than"
+        what = f"the {' and the '.join(changed)} changed since" if changed else "other columns were asked for when"
         raise InputError(
-            f"{self.path} belongs to another run: {what} {'it was begun' if changed else 'this one'}. Results of "
-            "both in one table would mislead: put back what changed, or choose another output"
+            f"{self.path} belongs to another run: {what} it was begun. Results of both in one table would "
+            "mislead: put back what changed, or choose another output"
         )
 
     def _write(self, data: bytes) -> None:
@@ -196,8 +195,8 @@ class Journal:
         except OSError as error:
             self._file.truncate(self._end)
             raise FileAccessError(
-                f"cannot write {self.path}: {error.strerror or error}; {self.done} curves are kept: make room "
-                "and continue with resume (--resume)"
+                f"cannot write {self.path}: {error.strerror or error}; {self.done} curves are kept: make "
+                "room and continue with resume (--resume)"
             ) from error
         self._end += len(data)
 

@@ -69,8 +69,7 @@ class Manifest:
         extra = [file for file in self.entries if file not in known]
         if missing:
             raise InputError(
-                f"{self.source} has no row for {_listed(missing)}: add {'it' if len(missing) == 1 else 'them'}, "
-                "or move the file away"
+                f"{self.source} has no row for {_listed(missing)}: add what is missing, or move the file away"
             )
         if extra:
             raise InputError(f"{self.source} names {_listed(extra)}, but there is no such curve")
@@ -192,7 +191,7 @@ def _entry(columns: Sequence[_Column], cells: Sequence[Any], where: str, *, from
     texts: dict[str, str] = {}
     numbers: dict[str, float] = {}
     for column, cell in zip(columns, cells, strict=True):
-        blank = cell is None or cell != cell or (isinstance(cell, str) and not cell.strip())
+        blank = bool(pd.isna(cell)) or (isinstance(cell, str) and not cell.strip())
         if column.name in ("file", "name"):
             texts[column.name] = "" if blank else str(cell).strip()
         elif not blank:

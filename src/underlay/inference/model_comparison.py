@@ -66,8 +66,9 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     arviz = arviz_library()
     data = {name: _inference_data(problem, posterior) for name, (problem, posterior) in models.items()}
     with warnings.catch_warnings():
-        # What arviz says of large Pareto k is the column `warning`.
+        # What arviz says of large Pareto k is the column `warning`; what pandas says is for arviz.
         warnings.simplefilter("ignore", UserWarning)
+        warnings.simplefilter("ignore", DeprecationWarning)
         table = pd.DataFrame(arviz.compare(data, ic="loo", scale="log"))
     table["model_error"] = [models[str(name)][1].diagnostics.model_error for name in table.index]
     return table

@@ -113,7 +113,10 @@ def to_frame(layout: Layout, lines: Iterable[str]) -> pd.DataFrame:
     rows = list(csv.reader(lines))
     columns = zip(*rows, strict=True) if rows else repeat(())
     return pd.DataFrame(
-        {name: _series(cells, kind) for (name, kind), cells in zip(layout.kinds.items(), columns, strict=False)}
+        {
+            name: _series(cells, kind)
+            for (name, kind), cells in zip(layout.kinds.items(), columns, strict=False)
+        }
     )
 
 

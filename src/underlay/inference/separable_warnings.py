@@ -7,31 +7,30 @@ from collections.abc import Callable
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.curve import Curve
 from underlay.inference.diagnostics import diagnose
 from underlay.inference.fit_result import FitStatistics
 from underlay.inference.fit_warnings import warnings_of
 from underlay.inference.problem import Problem
 from underlay.inference.separable import SeparableFit
+from underlay.mechanics.published import published_names
 
 __all__ = ["separable_warnings"]
 
-# The screens below pass every fit that `fit_warnings` could warn of, and a few more. Runs fewer than expected
+# The screens below pass every fit that `fit_warnings` could warn of, and a few more; published
+# corrections warn of their range. Runs fewer than expected
 # by this many standard deviations have a probability of 6e-3; a warning needs 1e-3.
 _FEW_RUNS = -2.5
 # A warning needs 0.99, and a standard error of one unit of a scaled coordinate.
 _CORRELATED, _WIDE = 0.98, 0.5
 
 
-def separable_warnings(found: SeparableFit, curve: Curve, problem: Callable[[], Problem]) -> tuple[str, ...]:
+def separable_warnings(found: SeparableFit, problem: Callable[[], Problem]) -> tuple[str, ...]:
     """Return the warnings of `warnings_of`; `problem` is asked for only where one is possible.
 
     Parameters
     ----------
     found : SeparableFit
-        The optimum of `curve`.
-    curve : Curve
-        The points, (n,).
+        The optimum.
     problem : callable
         Builds the problem that was solved.
     """
@@ -42,14 +41,16 @@ def separable_warnings(found: SeparableFit, curve: Curve, problem: Callable[[], 
         and found.law_error < found.scaled_errors[found.modulus] < _WIDE
         and max(found.scaled_errors) < _WIDE
         and _runs_score(found.residuals) > _FEW_RUNS
+        and found.law_method not in published_names()
     )
     if harmless:
         return ()
     made = problem()
-    slopes = made.slopes(made.vector(dict(zip(made.names, found.values.tolist(), strict=True))))
+    vector = made.vector(dict(zip(made.names, found.values.tolist(), strict=True)))
+    law, slopes = made.members[0].law(made.physical(vector)), made.slopes(vector)
     scaled = found.covariance / np.outer(slopes, slopes)
     diagnostics = diagnose(found.residuals / found.noise, found.residuals)
-    warnings = warnings_of(made, {}, {}, scaled, (diagnostics,), _statistics(found, made))
+    warnings = warnings_of(made, law, {}, {}, scaled, (diagnostics,), _statistics(found, made), ())
     return tuple(str(warning) for warning in warnings)
 
 

@@ -17,7 +17,7 @@ import pandas as pd
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.accuracy import Accuracy
-from underlay.mechanics.exact_batch import ExactBatch
+from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, isotropic_constants
 from underlay.scene.accuracy_cost import explicit_formula

@@ -21,11 +21,11 @@ import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError, RangeError, UnderlayWarning
-from underlay.mechanics import blunt
 from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.automatic import has_layer_effect
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact import ExactLaw
+from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.indenters import PowerLawShape, abel_factor
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.published import published_names

@@ -13,6 +13,7 @@ from underlay.report.plots.predictive import predictive
 from underlay.report.plots.profile import profile
 from underlay.report.plots.scene import scene
 from underlay.report.plots.style import save
+from underlay.report.plots.survey import survey, verdicts
 
 __all__ = [
     "accuracy_cost",
@@ -28,4 +29,6 @@ __all__ = [
     "profile",
     "save",
     "scene",
+    "survey",
+    "verdicts",
 ]

@@ -14,6 +14,8 @@ from underlay.units import format_quantity, human_unit
 
 __all__ = ["histogram"]
 
+_SHOWN = (0.005, 0.995)
+
 
 def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None = None) -> Axes:
     """Draw the distribution of one column of a map, with its median.
@@ -47,7 +49,11 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
     unit, factor = human_unit(float(np.median(np.abs(known))), kind)
     with style():
         ax = axes(ax, height=2.3)
-        ax.hist(known / factor, bins="auto", color=FIT, alpha=0.85)
+        # A handful of wild values must not squeeze the others into one bar; they are counted at the ends.
+        ends = np.quantile(known, _SHOWN)
+        inside = np.minimum(np.maximum(known, ends[0]), ends[1])
+        bins = max(8, min(60, int(np.sqrt(known.size))))
+        ax.hist(inside / factor, bins=bins, color=FIT, alpha=0.85)
         middle = float(np.median(known))
         ax.axvline(middle / factor, color=INK, lw=1.0, ls="--")
         ax.set_title(f"{known.size} curves, median {format_quantity(middle, kind)}")

@@ -12,27 +12,13 @@ from scipy import spatial
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.report.plots.style import (
-    ACCENT,
-    FIT,
-    GREY,
-    INK,
-    PURPLE,
-    REFERENCE,
-    SEQUENTIAL,
-    SKY,
-    YELLOW,
-    axes,
-    style,
-    unit_for,
-)
+from underlay.report.plots.style import GREY, SEQUENTIAL, axes, style, unit_for
 from underlay.report.words import label
 from underlay.scene.parameters import kind_of
 from underlay.units import human_unit
 
 __all__ = ["map"]
 
-_VERDICTS = {"good": ACCENT, "doubtful": YELLOW, "refused": REFERENCE}
 # Drawn over their own edges, neighbours leave no white lines between them.
 _NO_GAPS: Any = {"edgecolors": "face", "lw": 0.2}
 _ALONE = 1e-6  # m; a single site has no neighbour to measure its square by
@@ -48,7 +34,7 @@ def map(  # noqa: A001  the public name; the builtin is not used here
     table : pandas.DataFrame
         One row per curve, such as the result of `fit_many`: positions `x`, `y` (m) and values (SI).
     column : str, default "layer.E"
-        What to draw: numbers, or words such as the ``"verdict"``.
+        What to draw; for the verdict see `verdicts`.
     x, y : str
         Names of the position columns.
     ax : matplotlib Axes, optional
@@ -69,6 +55,8 @@ def map(  # noqa: A001  the public name; the builtin is not used here
                 f"the table has no column {name!r}; it has {', '.join(str(name) for name in table.columns)}"
             )
     placed = table[table[x].notna() & table[y].notna()]
+    if not pd.api.types.is_numeric_dtype(placed[column]):
+        raise InputError(f"{column!r} holds words; a map shows numbers, and plots.verdicts the verdicts")
     if placed[column].notna().sum() == 0:
         raise InputError(f"no site of the map has a value of {column!r}")
     across, up = placed[x].to_numpy(dtype=float), placed[y].to_numpy(dtype=float)
@@ -77,17 +65,14 @@ def map(  # noqa: A001  the public name; the builtin is not used here
     with style():
         ax = axes(ax, height=3.0)
         ax.set_aspect("equal")
-        if pd.api.types.is_numeric_dtype(placed[column]):
-            _draw_numbers(ax, squares, placed[column].to_numpy(dtype=float), column)
-        else:
-            _draw_words(ax, squares, placed[column])
+        _draw(ax, squares, placed[column].to_numpy(dtype=float), column)
         ax.autoscale_view()
         ax.set_xlabel(f"x ({length})")
         ax.set_ylabel(f"y ({length})")
     return ax
 
 
-def _draw_numbers(ax: Axes, squares: FloatArray, values: FloatArray, column: str) -> None:
+def _draw(ax: Axes, squares: FloatArray, values: FloatArray, column: str) -> None:
     known = np.isfinite(values)
     unit, factor = human_unit(
         float(np.median(np.abs(values[known]))), kind_of(column.removesuffix(".stderr"))
@@ -100,19 +85,6 @@ def _draw_numbers(ax: Axes, squares: FloatArray, values: FloatArray, column: str
         bar = figure.colorbar(drawn, cax=ax.inset_axes((1.04, 0.0, 0.05, 1.0)))
         words = label(column).replace(" of the ", "\nof the ")
         bar.set_label(f"{words} ({unit})" if unit else words)
-
-
-def _draw_words(ax: Axes, squares: FloatArray, words: pd.Series) -> None:
-    """One colour per word; the verdicts have their own."""
-    names = [str(name) for name in words.dropna().unique()]
-    others = iter([FIT, SKY, PURPLE, INK])
-    for name in sorted(
-        names, key=lambda name: (list(_VERDICTS).index(name) if name in _VERDICTS else 9, name)
-    ):
-        colour = _VERDICTS.get(name) or next(others, GREY)
-        chosen = squares[(words == name).to_numpy()]
-        ax.add_collection(PolyCollection(list(chosen), facecolors=colour, label=name, **_NO_GAPS))
-    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 def _squares(across: FloatArray, up: FloatArray) -> FloatArray:
