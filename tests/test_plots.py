@@ -68,6 +68,7 @@ NAMES = (
     "corner",
     "predictive",
     "map",
+    "verdicts",
     "histogram",
 )
 
