@@ -86,7 +86,7 @@ def report(
     files = [] if problem is None else write_inputs(problem, inputs)
     names = [file.relative_to(target.parent).as_posix() for file in files]
     load = "" if problem is None else problem_source(problem, names)
-    name = (problem.curves[0].metadata.get("name") if problem else None) or "one curve"
+    name = "one curve" if problem is None else _title(problem)
     if isinstance(result, Fit):
         notebook = _fit_notebook(name, load, repeat, names)
     else:
@@ -173,6 +173,12 @@ def _posterior_notebook(name: str, load: str, facts: Mapping[str, str], files: S
             "files": ", ".join(map(repr, files)),
         },
     )
+
+
+def _title(problem: Problem) -> str:
+    name = problem.curves[0].metadata.get("name") or "one curve"
+    more = len(problem.curves) - 1
+    return f"{name} and {more} more" if more else str(name)
 
 
 def _origins(problem: Problem) -> dict[str, str]:

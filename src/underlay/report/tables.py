@@ -93,7 +93,6 @@ def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -
     rows = []
     for entry in estimates(result, profiles):
         kind = kind_of(entry.path)
-        relative = abs(result.stderr[entry.name] / entry.value) if entry.value else math.inf
         rows.append(
             {
                 "parameter": label(entry.name),
@@ -102,12 +101,24 @@ def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -
                     if entry.not_fixed
                     else quantity_with_interval(entry.value, entry.low, entry.high, kind)
                 ),
-                "standard error": "none" if not math.isfinite(relative) else f"{100.0 * relative:.2g} %",
+                "standard error": _error_text(result, entry.name, entry.value, kind),
                 "before the test": _prior_text(result, entry.name, kind),
                 "path": entry.name,
             }
         )
     return labelled_table(rows)
+
+
+def _error_text(result: Fit, name: str, value: float, kind: str) -> str:
+    """In per cent of a quantity that is positive by nature; an offset near zero has no meaningful per cent."""
+    error = result.stderr[name]
+    if not math.isfinite(error):
+        return "none"
+    coordinate = next(entry for entry in result.problem.coordinates if entry.name == name)
+    if coordinate.scale is None:
+        return f"{100.0 * error / value:.2g} %"
+    unit, factor = human_unit(error, kind)
+    return f"{error / factor:.2g} {unit}".rstrip()
 
 
 def _prior_text(result: Fit, name: str, kind: str) -> str:

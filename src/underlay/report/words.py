@@ -198,8 +198,9 @@ def _substrate_sentence(result: Fit) -> str:
         return "The substrate changes the force at the deepest point by less than 1 %."
     wrong = "large" if ratio > 1.0 else "small"
     contact = float(law.contact_radius(np.array([deepest]))[0])
+    which = " of the first curve" if len(result.curves) > 1 else ""
     return (
-        f"At the deepest point ({format_quantity(deepest, 'length')} into the sample, contact radius "
+        f"At the deepest point{which} ({format_quantity(deepest, 'length')} into the sample, contact radius "
         f"{contact / scene.layer.thickness:.2f} of the thickness) the force is {ratio:.3g} times that on a "
         f"half-space of the same modulus: a half-space formula would make the modulus too {wrong}."
     )
