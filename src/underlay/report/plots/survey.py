@@ -50,6 +50,8 @@ def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
         panels = len(maps) + 2
         rows = -(-panels // 2)
         figure, grid = plt.subplots(rows, 2, figsize=(PAGE, 2.7 * rows), layout="constrained")
+        # The maps' colour bars stand outside their axes.
+        figure.get_layout_engine().set(w_pad=0.12, h_pad=0.08)
         axes = list(grid.ravel())
         for name, ax in zip(maps, axes, strict=False):
             map_of(here, name, ax=ax)
