@@ -10,9 +10,9 @@ import time
 
 import pandas as pd
 import pytest
-from support.maps import ACCURACY, FREE, SCENE, SCENE_TOML, made_curve, made_manifest, write_folder
 
 import underlay as ul
+from support.maps import ACCURACY, FREE, SCENE, SCENE_TOML, made_curve, made_manifest, write_folder
 from underlay.errors import SchedulerError
 
 pytest.importorskip("distributed")
@@ -29,6 +29,10 @@ main([{address!r}, "--nthreads", "1", "--no-dashboard", "--death-timeout", "30",
 """
 
 
+SCHEDULER = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+SCHEDULER += ["--no-dashboard"]
+
+
 def numbers(table):
     return table.drop(columns="seconds")
 
@@ -42,8 +46,7 @@ def cluster():
         "PYTHONPATH": os.pathsep.join(sys.path),
     }
     scheduler = subprocess.Popen(
-        [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
-        + ["--no-dashboard"],
+        SCHEDULER,
         stderr=subprocess.PIPE,
         text=True,
         env=environment,
@@ -102,15 +105,14 @@ def test_files_that_the_workers_do_not_see_are_refused(cluster, tmp_path, monkey
     options = {"manifest": folder / "manifest.csv", "scheduler": address, "timeout": 60.0}
     seen = ul.fit_many(folder, scene, **options)
     assert (seen["status"] == "fitted").all()
-    monkeypatch.setattr("underlay.inference.batch_dask._sees", lambda path: False)
+    monkeypatch.setattr("underlay.inference.batch_dask._sees", lambda _: False)
     with pytest.raises(SchedulerError, match="does not see"):
         ul.fit_many(folder, scene, **options)
 
 
-def test_a_scheduler_without_workers_is_one_error(tmp_path):
+def test_a_scheduler_without_workers_is_one_error():
     scheduler = subprocess.Popen(
-        [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
-        + ["--no-dashboard"],
+        SCHEDULER,
         stderr=subprocess.PIPE,
         text=True,
     )
