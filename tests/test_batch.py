@@ -65,7 +65,7 @@ def test_the_truth_is_found_with_its_uncertainty(serial):
     true = pd.DataFrame([truth(index) for index in range(COUNT)])
     for path in FREE:
         pull = (serial[path] - true[path]) / serial[f"{path}.stderr"]
-        # 24 standard normal numbers: beyond 4.2 once in two thousand runs, spread outside one in ten thousand.
+        # 24 standard normal numbers: beyond 4.2 once in two thousand runs.
         assert np.abs(pull).max() < 4.2
         assert 0.5 < pull.std() < 1.7
     np.testing.assert_array_equal(serial["layer.thickness"], true["layer.thickness"])
@@ -158,7 +158,7 @@ def test_laws_are_shared_between_curves_of_other_thickness(curves, manifest, mon
         ul.Scene, "contact_law", lambda *given, **named: built.append(1) or original(*given, **named)
     )
     run(curves, manifest)
-    # Thickness between 0.65 and 1.35 of the middle: depth over thickness spans a factor of 4.3, three octaves.
+    # Thickness between 0.65 and 1.35 of the middle: depth over thickness squared spans 4.3.
     assert len(built) <= 4
 
 

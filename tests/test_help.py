@@ -11,7 +11,7 @@ import pytest
 import typer
 
 from support.reports import SAMPLES
-from underlay.cli.app import app
+from underlay.cli.app import app, main
 
 COMMANDS = typer.main.get_command(app).commands
 EXAMPLE = re.compile(r"`(underlay [^`]+)`")
@@ -44,39 +44,36 @@ def folder(tmp_path):
     return tmp_path
 
 
-def run(words, folder, **environment):
-    return subprocess.run(
-        [sys.executable, "-m", "underlay", *words],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), **environment},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-
-
 @pytest.mark.parametrize("name", list(COMMANDS))
 def test_every_command_has_an_example(name):
     assert f"underlay {name}" in (COMMANDS[name].help or "")
 
 
 @pytest.mark.parametrize("example", list(examples()))
-def test_example_works_as_written(example, folder):
-    done = run(shlex.split(example)[1:], folder)
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
+def test_example_works_as_written(example, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", shlex.split(example))
+    code = 0
+    try:
+        main()
+    except SystemExit as stop:
+        code = stop.code or 0
+    assert code == 0, capsys.readouterr().err
     for output in re.findall(r"--(?:output|new-notebook) (\S+)", example):
         assert (folder / output).exists(), output
 
 
 def test_shell_completes_commands(folder):
-    done = run(
-        [],
-        folder,
-        _UNDERLAY_COMPLETE="complete_bash",
-        _PYTHON__M_UNDERLAY_COMPLETE="complete_bash",
-        COMP_WORDS="underlay re",
-        COMP_CWORD="1",
+    code = "import sys; sys.argv = ['underlay']; from underlay.cli import main; main()"
+    asked = {"_UNDERLAY_COMPLETE": "complete_bash", "COMP_WORDS": "underlay re", "COMP_CWORD": "1"}
+    path = os.pathsep.join(filter(None, sys.path))
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path, **asked},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
     )
     assert done.stdout.split() == ["report"], done

@@ -13,7 +13,7 @@ import underlay as ul
 from support.reports import SAMPLES, small_posterior
 from underlay.errors import InputError
 from underlay.report.plots import style
-from underlay.report.plots.map import _pitch
+from underlay.report.plots.map import _squares
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +53,24 @@ def pictures(fit, planned):
         "corner": lambda ax=None: ul.plots.corner(posterior, ax=ax),
         "predictive": lambda ax=None: ul.plots.predictive(posterior, ax=ax),
         "map": lambda ax=None: ul.plots.map(site_table(), ax=ax),
+        "verdicts": lambda ax=None: ul.plots.verdicts(site_table().assign(verdict="good"), ax=ax),
+        "histogram": lambda ax=None: ul.plots.histogram(site_table(), ax=ax),
     }
 
 
-NAMES = ("fit", "scene", "correlations", "identifiability", "profile", "plan", "corner", "predictive", "map")
+NAMES = (
+    "fit",
+    "scene",
+    "correlations",
+    "identifiability",
+    "profile",
+    "plan",
+    "corner",
+    "predictive",
+    "map",
+    "verdicts",
+    "histogram",
+)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -192,7 +206,27 @@ def test_map_shows_every_site_and_says_what_is_missing():
         ul.plots.map(table, "height")
     with pytest.raises(InputError, match="no site of the map"):
         ul.plots.map(table.assign(**{"layer.E": np.nan}))
-    assert _pitch(np.array([0.0]), np.array([0.0])) > 0.0
+    alone = _squares(np.array([0.0]), np.array([0.0]))
+    assert np.ptp(alone) > 0.0
+    plt.close("all")
+
+
+def test_verdicts_have_a_colour_a_shape_and_a_count_each():
+    table = site_table().assign(verdict=["good"] * 9 + ["doubtful"] * 2 + ["refused"])
+    ax = ul.plots.verdicts(table)
+    words = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert words == ["good (9)", "doubtful (2)", "refused (1)"]
+    assert len({line.get_marker() for line in ax.get_lines()}) == 3
+    with pytest.raises(InputError, match="'verdict' holds words"):
+        ul.plots.map(table, "verdict")
+    plt.close("all")
+
+
+def test_histogram_counts_every_curve_once():
+    ax = ul.plots.histogram(site_table())
+    assert sum(bar.get_height() for bar in ax.patches) == 11
+    with pytest.raises(InputError, match="no column 'height'"):
+        ul.plots.histogram(site_table(), "height")
     plt.close("all")
 
 

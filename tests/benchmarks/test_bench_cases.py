@@ -1,6 +1,7 @@
 """The cases of the README's table, one by one.
 
-Run with `python -m pytest tests/benchmarks --benchmark-enable`. `underlay bench` times the same cases against the explicit formula. Nothing here asserts seconds.
+Run with `python -m pytest tests/benchmarks --benchmark-enable`. `underlay bench` times the same cases against
+the explicit formula. Nothing here asserts seconds.
 """
 
 import numpy as np

@@ -10,7 +10,7 @@ import pytest
 
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.automatic import automatic_law
-from underlay.mechanics.exact import exact_law
+from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 from underlay.scene.instrument import Instrument

@@ -54,9 +54,11 @@ def write_folder(folder: Path, count: int, points: int = 120) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     for index in range(count):
         (folder / name(index)).write_text(curve_csv(made_curve(index, points)), encoding="utf-8")
-    lines = ["file,thickness (mm),x (mm),y (mm)"]
-    for row in made_manifest(count):
-        lines.append(f"{row['file']},{row['layer.thickness'] * 1e3!r},{row['x'] * 1e3!r},{row['y'] * 1e3!r}")
+    rows = [
+        f"{row['file']},{row['layer.thickness'] * 1e3!r},{row['x'] * 1e3!r},{row['y'] * 1e3!r}"
+        for row in made_manifest(count)
+    ]
+    lines = ["file,thickness (mm),x (mm),y (mm)", *rows]
     (folder / "manifest.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return folder
 

@@ -14,6 +14,7 @@ from underlay.cli.effects import effects
 from underlay.cli.fit import fit
 from underlay.cli.formats import formats
 from underlay.cli.identify import identify
+from underlay.cli.map import map_curves
 from underlay.cli.plan import plan
 from underlay.cli.report import report
 from underlay.cli.sample import sample
@@ -34,6 +35,7 @@ app = typer.Typer(
 )
 for command in (demo, fit, sample, simulate, effects, accuracy, identify, plan, report, formats, bench):
     app.command()(command)
+app.command("map")(map_curves)
 
 
 def main() -> None:

@@ -171,7 +171,7 @@ class _Desk:
         worker.close()
         if "__main__" in complaint:
             return InputError(
-                f"worker processes cannot see what was defined in the running script ({complaint}): put it in "
-                "a module that can be imported"
+                f"worker processes cannot see what was defined in the running script ({complaint}): put it "
+                "in a module that can be imported"
             )
         return FitError(f"a worker process did not start: {complaint or 'it ended without a word'}")

@@ -66,7 +66,7 @@ def compile_members(
 
 
 def _noises(noise: Noise | Sequence[Noise | None] | None, count: int) -> list[Noise]:
-    given = [noise] * count if noise is None or isinstance(noise, Noise) else list(noise)
+    given = list(noise) if isinstance(noise, Sequence) else [noise] * count
     if len(given) != count:
         raise InputError(f"give one noise model for all curves or one for each of {count}; got {len(given)}")
     for entry in given:

@@ -69,8 +69,7 @@ class Manifest:
         extra = [file for file in self.entries if file not in known]
         if missing:
             raise InputError(
-                f"{self.source} has no row for {_listed(missing)}: add {'it' if len(missing) == 1 else 'them'}, "
-                "or move the file away"
+                f"{self.source} has no row for {_listed(missing)}: add what is missing, or move the file away"
             )
         if extra:
             raise InputError(f"{self.source} names {_listed(extra)}, but there is no such curve")

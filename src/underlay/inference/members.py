@@ -10,7 +10,6 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise, log_normalisation, standard_deviation, whiten
-from underlay.errors import InputError
 from underlay.inference.forward import Forward, Reading
 from underlay.inference.forward_batch import Readings, batched_readings
 from underlay.mechanics.contact_law import ContactLaw

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 from underlay._arrays import finite
 from underlay.errors import InputError
-from underlay.mechanics.asymptotic import asymptotic_law
+from underlay.mechanics.asymptotic.law import asymptotic_law
 from underlay.mechanics.automatic import automatic_law, halfspace_law
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact import exact_law
+from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Layer, Substrate
 from underlay.mechanics.published import PublishedCorrection, published_law, published_names

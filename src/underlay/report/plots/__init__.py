@@ -5,6 +5,7 @@ from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
 from underlay.report.plots.effects import effects
 from underlay.report.plots.fit import fit
+from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
 from underlay.report.plots.map import map  # noqa: A004  the public name
 from underlay.report.plots.plan import plan
@@ -12,6 +13,7 @@ from underlay.report.plots.predictive import predictive
 from underlay.report.plots.profile import profile
 from underlay.report.plots.scene import scene
 from underlay.report.plots.style import save
+from underlay.report.plots.survey import survey, verdicts
 
 __all__ = [
     "accuracy_cost",
@@ -19,6 +21,7 @@ __all__ = [
     "correlations",
     "effects",
     "fit",
+    "histogram",
     "identifiability",
     "map",
     "plan",
@@ -26,4 +29,6 @@ __all__ = [
     "profile",
     "save",
     "scene",
+    "survey",
+    "verdicts",
 ]

@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.gauss import legendre_rule
+from underlay.mechanics.exact.gauss import legendre_rule
 from underlay.mechanics.materials import PlaneConstants
 
 __all__ = ["Pair", "Resolution", "curve_terms", "series_terms"]

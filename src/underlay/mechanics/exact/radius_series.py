@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.master_curve import (
+from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
     MasterCurve,

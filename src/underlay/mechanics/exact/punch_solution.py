@@ -23,8 +23,8 @@ from typing import Self
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.exact_nodes import Resolution
-from underlay.mechanics.gauss import EvenRule, even_rule
+from underlay.mechanics.exact.gauss import EvenRule, even_rule
+from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.kernel import one_minus_L
 from underlay.mechanics.materials import PlaneConstants
 

@@ -15,12 +15,14 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import RangeError
-from underlay.mechanics.contact_curve import SHARE_OF_NODES, ContactProblem, contact_factors, solve_curve
-from underlay.mechanics.exact_nodes import Resolution, curve_terms
-from underlay.mechanics.gauss import EvenRule, even_rule
-from underlay.mechanics.indenters import Indenter, PowerLawShape
-from underlay.mechanics.kernel import one_minus_L
-from underlay.mechanics.master_curve import (
+from underlay.mechanics.exact.contact_curve import (
+    SHARE_OF_NODES,
+    ContactProblem,
+    contact_factors,
+    solve_curve,
+)
+from underlay.mechanics.exact.gauss import EvenRule, even_rule
+from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
     Stretch,
@@ -29,8 +31,11 @@ from underlay.mechanics.master_curve import (
     polynomial,
     truncation_error,
 )
+from underlay.mechanics.exact.nodes import Resolution, curve_terms
+from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.indenters import Indenter, PowerLawShape
+from underlay.mechanics.kernel import one_minus_L
 from underlay.mechanics.materials import PlaneConstants
-from underlay.mechanics.punch_solution import PunchSolution
 
 __all__ = ["CurveBatch", "ExactBatch", "thickness_derivative"]
 

@@ -22,8 +22,8 @@ from typing import TypeAlias
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics import blunt
-from underlay.mechanics.asymptotic_series import ContactSeries
+from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.asymptotic.series import ContactSeries
 from underlay.mechanics.materials import Real
 
 __all__ = ["Moments", "fifth_coefficient", "force_error", "omitted_terms", "punch_error", "sixth_coefficient"]

@@ -31,15 +31,15 @@ import numpy as np
 
 from underlay._arrays import FloatArray, positive
 from underlay.errors import InputError, RangeError
-from underlay.mechanics import blunt
-from underlay.mechanics.asymptotic_error import Moments, force_error, punch_error
-from underlay.mechanics.asymptotic_series import ContactSeries, PunchSeries
+from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.asymptotic.error import Moments, force_error, punch_error
+from underlay.mechanics.asymptotic.power_law_series import power_law_series
+from underlay.mechanics.asymptotic.series import ContactSeries, PunchSeries
+from underlay.mechanics.asymptotic.shape_series import ShapeSeries
 from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.materials import Layer, Substrate
-from underlay.mechanics.power_law_series import power_law_series
-from underlay.mechanics.shape_series import ShapeSeries
 
 __all__ = [
     "FORMS",

@@ -13,13 +13,13 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
-from underlay.mechanics.contact_curve import LARGEST_EPS, ContactProblem, solve_curve
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact_nodes import Pair, Resolution
+from underlay.mechanics.exact.contact_curve import LARGEST_EPS, ContactProblem, solve_curve
+from underlay.mechanics.exact.master_curve import Factor, MasterCurve
+from underlay.mechanics.exact.nodes import Pair, Resolution
+from underlay.mechanics.exact.punch_solution import PunchSolution
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
-from underlay.mechanics.master_curve import Factor, MasterCurve
 from underlay.mechanics.materials import Layer, PlaneConstants, Rigid, Substrate
-from underlay.mechanics.punch_solution import PunchSolution
 
 __all__ = ["ExactLaw", "ExactPunchLaw", "exact_law"]
 

@@ -11,10 +11,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
-from underlay.mechanics.exact_nodes import Pair, Resolution, curve_terms, series_terms
-from underlay.mechanics.gauss import EvenRule, even_legendre, legendre_rule
-from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, PowerLawShape, Sphere, abel_factor
-from underlay.mechanics.master_curve import (
+from underlay.mechanics.exact.gauss import EvenRule, even_legendre, legendre_rule
+from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
     MasterCurve,
@@ -22,9 +20,11 @@ from underlay.mechanics.master_curve import (
     chebyshev_angles,
     chebyshev_coefficients,
 )
+from underlay.mechanics.exact.nodes import Pair, Resolution, curve_terms, series_terms
+from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
+from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, PowerLawShape, Sphere, abel_factor
 from underlay.mechanics.materials import PlaneConstants, Real
-from underlay.mechanics.punch_solution import PunchSolution
-from underlay.mechanics.radius_series import Branch, RadiusSeries
 
 __all__ = [
     "LARGEST_EPS",

@@ -15,7 +15,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics._roots import invert_increasing
-from underlay.mechanics.blunt import kernel_terms
+from underlay.mechanics.asymptotic.blunt import kernel_terms
 from underlay.mechanics.indenters import Sphere
 from underlay.mechanics.materials import Real
 

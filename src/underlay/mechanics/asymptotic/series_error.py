@@ -23,8 +23,8 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from underlay.mechanics import blunt
-from underlay.mechanics.asymptotic_error import Moments, fifth_coefficient, sixth_coefficient
+from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.asymptotic.error import Moments, fifth_coefficient, sixth_coefficient
 
 __all__ = ["EXTENDED", "HALFSPACE", "Relation", "relation", "series_error"]
 

@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics import blunt
-from underlay.mechanics.asymptotic_series import ContactSeries
+from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.asymptotic.series import ContactSeries
 from underlay.mechanics.indenters import PowerLawShape
 
 __all__ = ["PowerLawSeries", "power_law_series"]

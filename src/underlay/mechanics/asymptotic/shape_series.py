@@ -24,7 +24,7 @@ import numpy as np
 from scipy import optimize
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.asymptotic_series import ContactSeries
+from underlay.mechanics.asymptotic.series import ContactSeries
 from underlay.mechanics.indenters import Indenter
 
 __all__ = ["ShapeSeries"]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics import blunt
+from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.indenters import abel_factor
 from underlay.mechanics.materials import Real
 
