@@ -115,6 +115,17 @@ def test_archives(put):
     assert curves[1].metadata["member"] == "../../2.txt"
 
 
+def test_a_member_without_a_name(put):
+    nameless = files.zipped({"x": files.delimited()}).replace(b"x", b"")
+    with pytest.raises(FileFormatError):
+        read(put(nameless))
+    data = bytearray(files.zipped({"x": files.delimited()}))
+    central = data.rindex(b"PK\x01\x02")
+    struct.pack_into("<HH", data, central + 28, 0, 1)  # the name becomes an extra field of one byte
+    with pytest.raises(FileFormatError):
+        read(put(bytes(data)))
+
+
 def test_members_of_an_archive_are_never_written(put, tmp_path, monkeypatch):
     folder = tmp_path / "here"
     folder.mkdir()

@@ -107,9 +107,9 @@ def show(folder):
     results = load(folder)
     summary = table(results)
     summary.to_csv(folder / "calibration_summary.csv", index=False)
-    print(summary.to_string(index=False))  # noqa: T201  # a command
+    print(summary.to_string(index=False))  # a command
     inside, count = int(results["inside90"].sum()), len(results)
-    print(f"all: {100.0 * inside / count:.1f} % of {count} truths inside their 90 %")  # noqa: T201  # a command
+    print(f"all: {100.0 * inside / count:.1f} % of {count} truths inside their 90 %")  # a command
     draw(results, folder / "calibration.png")
 
 

@@ -25,7 +25,7 @@ _LISTED = 10
 
 
 def map_curves(
-    curves: Annotated[Path, typer.Argument(help="Folder with one curve per file, or one file of many tests.")],
+    curves: Annotated[Path, typer.Argument(help="Folder with a curve per file, or one file of many tests.")],
     scene: SceneOption,
     manifest: Annotated[
         Path | None,
@@ -107,7 +107,8 @@ def _show(table: pd.DataFrame) -> None:
 
 
 def _draw(table: pd.DataFrame, folder: Path) -> list[Path]:
-    parameter = next((name for name in ("layer.E", *table.columns) if f"{name}.stderr" in table.columns), None)
+    names = ("layer.E", *map(str, table.columns))
+    parameter = next((name for name in names if f"{name}.stderr" in table.columns), None)
     if parameter is None or not table[parameter].notna().any():
         return []
     return [plots.save(plots.survey(table, parameter), folder / "map.png")]

@@ -31,7 +31,6 @@ from underlay.inference.journal import Journal
 from underlay.inference.manifest import read_manifest
 from underlay.inference.problem import Given
 from underlay.inference.progress_map import MapProgress
-from underlay.inference.provenance import curve_hash
 from underlay.inference.results_table import Layout, require_format, to_frame, write_table
 from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene
@@ -261,8 +260,7 @@ def _identity(model: BatchModel, places: Sequence[CurvePlace], layout: Layout) -
     """What a run is: all that decides its numbers, by SHA-256."""
     names, manifest = hashlib.sha256(), hashlib.sha256()
     for place in places:
-        content = "" if place.curve is None else curve_hash(place.curve)
-        names.update(f"{Path(place.path).name}\0{content}\n".encode("utf-8", "backslashreplace"))
+        names.update(f"{Path(place.path).name}\0{place.sha256}\n".encode("utf-8", "backslashreplace"))
         said = (place.name, place.x, place.y, sorted(place.values.items()))
         manifest.update(repr(said).encode("utf-8", "backslashreplace"))
     hashes = {**model.hashes(), "curves": names.hexdigest(), "manifest": manifest.hexdigest()}

@@ -11,6 +11,7 @@ from pathlib import Path
 from underlay.data.curve import Curve
 from underlay.data.readers import read_all
 from underlay.errors import FileAccessError, InputError
+from underlay.inference.provenance import curve_hash
 
 __all__ = ["CurvePlace", "Curves", "list_curves"]
 
@@ -42,6 +43,8 @@ class CurvePlace:
         Position (m).
     values : mapping
         Numbers of its own scene (SI), by path.
+    sha256 : str
+        Hash of a curve in memory; that of a file is taken when it is read.
     """
 
     index: int
@@ -51,6 +54,7 @@ class CurvePlace:
     x: float | None = None
     y: float | None = None
     values: Mapping[str, float] = field(default_factory=dict)
+    sha256: str = ""
 
 
 def list_curves(curves: Curves, leave_out: Iterable[Path] = ()) -> list[CurvePlace]:
@@ -108,7 +112,7 @@ def _of_path(path: Path, leave_out: set[Path]) -> list[CurvePlace]:
     if len(tests) == 1:
         return [CurvePlace(0, path.name, str(path.resolve()))]
     return [
-        CurvePlace(number, f"{path.name}#{number + 1}", str(path.resolve()), test)
+        CurvePlace(number, f"{path.name}#{number + 1}", str(path.resolve()), test, sha256=curve_hash(test))
         for number, test in enumerate(tests)
     ]
 
@@ -118,7 +122,11 @@ def _of_several(curves: Iterable[Curve | str | os.PathLike[str]]) -> list[CurveP
     for index, entry in enumerate(curves):
         if isinstance(entry, Curve):
             name = str(entry.metadata.get("name") or f"curve {index}")
-            places.append(CurvePlace(index, name, str(entry.metadata.get("path") or ""), entry))
+            places.append(
+                CurvePlace(
+                    index, name, str(entry.metadata.get("path") or ""), entry, sha256=curve_hash(entry)
+                )
+            )
         elif isinstance(entry, str | os.PathLike):
             path = Path(entry)
             if not path.is_file():

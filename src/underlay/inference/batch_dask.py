@@ -68,7 +68,7 @@ def _through(
 ) -> Iterator[Rows]:
     under_way: dict[Any, list[CurvePlace]] = {}
     waiting.reverse()
-    finished = distributed.as_completed()
+    finished = distributed.as_completed(loop=client.loop)
 
     def submit() -> None:
         while waiting and len(under_way) < ahead:
@@ -125,12 +125,16 @@ def _threads(client: Any, address: str, timeout: float) -> int:
     return max(1, sum(threads.values()))
 
 
+def _sees(path: str) -> bool:
+    return Path(path).is_file()
+
+
 def _require_files(client: Any, todo: Sequence[CurvePlace], address: str) -> None:
     """Refuse a cluster that does not see the curves."""
     first = next((place.path for place in todo if place.curve is None), None)
     if first is None:
         return
-    blind = [worker for worker, sees in client.run(Path(first).is_file).items() if not sees]
+    blind = [worker for worker, sees in client.run(_sees, first).items() if not sees]
     if blind:
         raise SchedulerError(
             f"worker {blind[0]} of the scheduler at {address} does not see {first}: put the curves on a disk "

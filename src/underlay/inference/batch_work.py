@@ -123,7 +123,7 @@ class Workshop:
             curve = read_for(file, place.path)
         else:
             curve = chosen_part(read(place.path), {})
-        row["sha256"] = curve.metadata.get("sha256") or curve_hash(curve)
+        row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
         if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:
             row["x"], row["y"] = float(position[0]), float(position[1])
@@ -221,16 +221,17 @@ def _seed(seed: int, name: str) -> int:
 
 def _require_contact(curve: Curve, outcome: _Outcome) -> None:
     """Refuse a curve whose force a straight line explains as well as the contact does."""
-    columns = np.stack([np.ones(len(curve))], axis=1)
-    if "instrument.baseline_slope" in outcome.values:
-        columns = np.column_stack([columns, curve.depth / np.abs(curve.depth).max()])
-    flat = curve.force - columns @ np.linalg.lstsq(columns, curve.force, rcond=None)[0]
+    sloping = "instrument.baseline_slope" in outcome.values
+    flat = curve.force - curve.force.mean()
+    if sloping:
+        along = curve.depth - curve.depth.mean()
+        flat = flat - along * float(along @ flat / (along @ along))
     variance = outcome.sum_of_squares / max(len(curve) - len(outcome.values), 1)
     gain = float(flat @ flat) - outcome.sum_of_squares
     if not gain > _NO_CONTACT * variance:
         raise CurveError(
-            f"no contact: {'a straight line' if columns.shape[1] > 1 else 'a constant force'} explains the "
-            "curve as well as any contact does"
+            f"no contact: {'a straight line' if sloping else 'a constant force'} explains the curve as well "
+            "as any contact does"
         )
 
 

@@ -24,8 +24,14 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError, RangeError
 from underlay.inference.forward import Forward
 from underlay.mechanics.accuracy import Accuracy
+<<<<<<< HEAD
+from underlay.mechanics.contact_curve import depth_measure
+from underlay.mechanics.exact_batch import ExactBatch
+from underlay.mechanics.halfspace import largest_halfspace_depth
+=======
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.exact.contact_curve import depth_measure
+>>>>>>> main
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape, Sphere
 from underlay.mechanics.materials import Isotropic, PlaneConstants, Rigid, isotropic_constants
 
@@ -44,6 +50,8 @@ _MARGIN = 1.1
 # error seen in 300 sets over E2/E1 from 0.01 to 1000 is then a third of the tolerance, and one set in
 # fourteen, on the softest bases, goes alone; without it one in eight.
 _SPARE = 0.1
+# No further than this share of the depth at which the contact would reach the end of a sphere.
+_SHAPE_SHARE = 0.5
 
 
 class Readings(NamedTuple):
@@ -208,9 +216,14 @@ class _Batch:
             base = None if outer is None else _take(outer, rows)
             curves = compiled.curves(_take(inner, rows), base, thickness[rows])
             arguments = (self.tip[rows], theta[rows], thickness[rows], self._abel_coefficients(rows))
-            readings.contact[rows] = curves.force(*arguments)
-            if stiffness:
-                readings.stiffness[rows] = curves.stiffness(*arguments)
+            try:
+                readings.contact[rows] = curves.force(*arguments)
+                if stiffness:
+                    readings.stiffness[rows] = curves.stiffness(*arguments)
+            except RangeError:
+                # The shape ends before the group's range does: each set knows its own reach.
+                _one_by_one(self.forward, self.values, rows, readings)
+                continue
             readings.possible[rows] = True
             coarse = rows[np.broadcast_to(curves.error_estimate > self._rtol, rows.size)]
             readings.possible[coarse] = False
@@ -264,7 +277,8 @@ class _Batch:
         material = scene.layer.material
         thickness = scene.layer.thickness if thin is None else _RANGE_STEP**thin
         radius = _RANGE_STEP**octave * thickness
-        depth = depth_measure(scene.indenter).abel(np.array(radius))
+        reach = _SHAPE_SHARE * largest_halfspace_depth(scene.indenter)
+        depth = min(float(depth_measure(scene.indenter).abel(np.array(radius))), reach)
         outer = None
         if np.isfinite(soft) and isinstance(scene.substrate, Isotropic) and isinstance(material, Isotropic):
             # The hardest of the group needs the largest contact radius for its range.
@@ -277,7 +291,7 @@ class _Batch:
                 material.plane_constants,
                 outer,
                 thickness=thickness,
-                max_depth=float(depth),
+                max_depth=depth,
                 rtol=_SPARE * self._rtol,
             )
         except RangeError:

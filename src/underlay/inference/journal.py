@@ -180,7 +180,11 @@ class Journal:
         changed = [
             what for what, value in identity["hashes"].items() if old.get("hashes", {}).get(what) != value
         ]
-        what = f"the {' and the '.join(changed)} changed since" if changed else "other columns were asked for when"
+        what = (
+            f"the {' and the '.join(changed)} changed since"
+            if changed
+            else "other columns were asked for when"
+        )
         raise InputError(
             f"{self.path} belongs to another run: {what} it was begun. Results of both in one table would "
             "mislead: put back what changed, or choose another output"

@@ -24,7 +24,7 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.coordinates import Coordinate
-from underlay.inference.forward import Forward
+from underlay.inference.forward import Forward, ScaledLaw
 from underlay.inference.problem import Problem
 
 __all__ = ["SeparableFit", "SeparableModel"]
@@ -38,8 +38,11 @@ _SEPARABLE = frozenset({_MODULUS, _CONTACT, _BASELINE, _SLOPE})
 # Contacts tried first, in ranges of depth from the first reading: half a step is within reach of the search.
 _CONTACT_STEPS = np.linspace(-0.25, 0.95, 25)
 _BLOCKS = 64  # means of neighbouring points for that trial
-# A step of the contact below this share of the depth range ends the search: what is left moves E by 1e-9.
-_SETTLED = 1e-9
+# The search ends before a step of the contact below this share of the depth range: it would move E by some
+# 2e-8 of itself.
+_SETTLED = 1e-8
+# Over a step below this share the stiffness, and so the standard errors, change by as little.
+_LINEAR = 2e-6
 _MOST_STEPS = 25
 _MOST_HALVINGS = 6
 # Sums of squares that differ by less than their rounding are the same.
@@ -98,6 +101,8 @@ class _Model:
     ----------
     columns : FloatArray
         d model / d linear parameter, brought to unit length, (p, n); the first is the force's.
+    products : FloatArray
+        Their inner products, (p, p).
     lengths : FloatArray
         What they were divided by, (p,).
     weights : FloatArray
@@ -113,6 +118,7 @@ class _Model:
     """
 
     columns: FloatArray
+    products: FloatArray
     lengths: FloatArray
     weights: FloatArray
     stiffness: FloatArray
@@ -126,14 +132,39 @@ class _Model:
         """Modulus over the starting one, then baseline and slope (SI) as far as free, (p,)."""
         return self.weights / self.lengths
 
-    def contact_step(self) -> float:
-        """Kaufman's step of the contact depth (m); NaN where the contact does not act."""
-        along = np.linalg.solve(self.columns @ self.columns.T, self.columns @ self.stiffness)
+    def step(self) -> _Step:
+        """Kaufman's step of the contact depth; of NaN metres where the contact does not act."""
+        along = _solve(self.products, self.columns @ self.stiffness)
         across = self.stiffness - along @ self.columns
-        power, amplitude = float(across @ across), float(self.linear[0])
+        power, amplitude = float(across @ across), float(self.weights[0] / self.lengths[0])
         if not (power > 0.0 and amplitude > 0.0):
-            return float("nan")
-        return -float(across @ self.residuals) / (amplitude * power)
+            return _Step(float("nan"), along, across)
+        return _Step(-float(across @ self.residuals) / (amplitude * power), along, across)
+
+    def after(self, step: _Step) -> _Model:
+        """The model after a step so short that it is linear there."""
+        change = float(self.linear[0]) * step.length
+        residuals = self.residuals + change * step.across
+        return replace(
+            self,
+            weights=self.weights + change * step.along,
+            residuals=residuals,
+            sum_of_squares=float(residuals @ residuals),
+        )
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Length (m) of a step of the contact; the stiffness along (p,) and across (n,) the linear columns."""
+
+    length: float
+    along: FloatArray
+    across: FloatArray
+
+
+def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve a small symmetric system; a single equation needs no library."""
+    return np.asarray(right / matrix[0, 0] if len(right) == 1 else np.linalg.solve(matrix, right))
 
 
 @dataclass(frozen=True)
@@ -197,12 +228,18 @@ class _Search:
     ) -> None:
         self._model, self._forward, self._values = model, forward, values
         self._free = {coordinate.path: coordinate for coordinate in model.coordinates}
-        self._depth, force = curve.depth, curve.force
+        depth, force = curve.depth, curve.force
+        # In the order of depth, the points in contact are one piece.
+        self._order = np.argsort(depth, kind="stable") if (np.diff(depth) < 0.0).any() else None
+        if self._order is not None:
+            depth, force = depth[self._order], force[self._order]
+        self._depth = depth
         fixed = [0.0 if path in self._free else values[path] for path in (_BASELINE, _SLOPE)]
         self._force = force - (fixed[0] + fixed[1] * self._depth) if any(fixed) else force
-        self._deepest = float(self._depth.max())
-        self._span = self._deepest - float(self._depth.min())
-        self._force_span = float(np.ptp(force))
+        self._deepest = float(depth[-1])
+        self._span = self._deepest - float(depth[0])
+        self._force_span = float(force.max() - force.min())
+        self._law: ScaledLaw | None = None
         self._linear = self._linear_columns(self._depth)
 
     def solve(self) -> SeparableFit | None:
@@ -220,47 +257,67 @@ class _Search:
         columns = {_BASELINE: np.ones_like(depth), _SLOPE: depth}
         return [column for path, column in columns.items() if path in self._free]
 
+    def _law_for(self, deepest: float) -> ScaledLaw:
+        """Law for tip depths up to `deepest` (m); the one at hand where it is the same."""
+        law = self._law
+        # Laws reach to a power of two (see `forward`): within the last octave the store would give the same.
+        if law is None or not 0.5 * law.max_depth < deepest <= law.max_depth:
+            law = self._law = self._forward.law(self._values, deepest)
+        return law
+
     def _at(self, contact: float) -> _Model | None:
         """Model at a contact depth (m); None where the contact gives no force at all."""
-        law = self._forward.law(self._values, max(self._deepest - contact, 0.0))
-        w = self._depth - contact
-        columns = np.stack([law.force(w), *self._linear])
+        law = self._law_for(max(self._deepest - contact, 0.0))
+        before = int(np.searchsorted(self._depth, contact, side="right"))
+        if before == len(self._depth):
+            return None
+        w = self._depth[before:] - contact
+        columns = np.zeros((1 + len(self._linear), len(self._depth)))
+        stiffness = np.zeros(len(self._depth))
+        columns[0, before:] = law.force(w)
+        stiffness[before:] = law.stiffness(w)
+        for row, column in enumerate(self._linear, start=1):
+            columns[row] = column
         # Columns of unit length: newtons beside ones and metres would cost digits.
         lengths = np.sqrt(np.einsum("pn,pn->p", columns, columns))
-        if not (lengths > 0.0).all():
-            return None
         columns /= lengths[:, None]
-        weights = np.linalg.solve(columns @ columns.T, columns @ self._force)
+        products = columns @ columns.T
+        weights = _solve(products, columns @ self._force)
         residuals = self._force - weights @ columns
-        square = float(residuals @ residuals)
         return _Model(
-            columns,
-            lengths,
-            weights,
-            law.stiffness(w),
-            residuals,
-            square,
-            law.law.method,
-            law.law.error_estimate,
+            columns=columns,
+            products=products,
+            lengths=lengths,
+            weights=weights,
+            stiffness=stiffness,
+            residuals=residuals,
+            sum_of_squares=float(residuals @ residuals),
+            law_method=law.law.method,
+            law_error=law.law.error_estimate,
         )
 
     def _descend(self, contact: float) -> _Place | None:
         low, high = self._free[_CONTACT].low, self._free[_CONTACT].high
         model, steps = self._at(contact), 1
+        before = 0.0
         while model is not None and steps < _MOST_STEPS:
-            step = model.contact_step()
-            if abs(step) <= _SETTLED * self._span:
-                return _Place(contact, model, steps)
+            step = model.step()
+            length = step.length
+            # Steps shrink at a steady rate at least: the next one would be shorter by as much again.
+            rate = min(1.0, abs(length) / before) if before else 1.0
+            if abs(length) <= _LINEAR * self._span and abs(length) * rate <= _SETTLED * self._span:
+                return _Place(contact + length, model.after(step), steps)
+            before = abs(length)
             for _ in range(_MOST_HALVINGS):
-                if not low < contact + step < high:
+                if not low < contact + length < high:
                     return None
-                trial, steps = self._at(contact + step), steps + 1
+                trial, steps = self._at(contact + length), steps + 1
                 if trial is not None and trial.sum_of_squares <= model.sum_of_squares * _NO_ASCENT:
                     break
-                step *= 0.5
+                length *= 0.5
             else:
                 return None
-            contact, model = contact + step, trial
+            contact, model = contact + length, trial
         return None
 
     def _first_contact(self) -> float | None:
@@ -275,7 +332,7 @@ class _Search:
         if not grid.size:
             return None
         w = depth - grid[:, None]
-        shapes = self._forward.law(self._values, max(float(w.max()), 0.0)).force(w)
+        shapes = self._law_for(max(float(depth[-1] - grid[0]), 0.0)).force(w)
         linear = self._linear_columns(depth)
         if linear:
             q, _ = np.linalg.qr(np.stack([column / np.linalg.norm(column) for column in linear], axis=1))
@@ -289,24 +346,22 @@ class _Search:
 
     def _blocks(self) -> tuple[FloatArray, FloatArray]:
         depth, force = self._depth, self._force
-        if (np.diff(depth) < 0.0).any():
-            order = np.argsort(depth, kind="stable")
-            depth, force = depth[order], force[order]
         edges = np.linspace(0, len(depth), min(_BLOCKS, len(depth)), endpoint=False).astype(np.intp)
         sizes = np.diff(edges, append=len(depth))
         return np.add.reduceat(depth, edges) / sizes, np.add.reduceat(force, edges) / sizes
 
     def _result(self, contact: float, model: _Model, steps: int) -> SeparableFit | None:
         n, k = len(self._depth), len(self._free)
-        if n <= k:
+        if n <= k or not model.sum_of_squares > 0.0:
             return None
         paths = [_MODULUS, *(path for path in (_BASELINE, _SLOPE) if path in self._free)]
         found = dict(zip(paths, model.linear.tolist(), strict=True))
         rows = dict(zip(paths, model.columns, strict=True))
         units = dict(zip(paths, model.lengths.tolist(), strict=True))
         reference = self._values[_MODULUS]
-        rows[_CONTACT] = model.stiffness / np.linalg.norm(model.stiffness)
-        units[_CONTACT] = -float(found[_MODULUS] * np.linalg.norm(model.stiffness))
+        steepness = float(np.sqrt(model.stiffness @ model.stiffness))
+        rows[_CONTACT] = model.stiffness / steepness
+        units[_CONTACT] = -found[_MODULUS] * steepness
         found[_CONTACT] = contact
         found[_MODULUS] *= reference
         units[_MODULUS] /= reference
@@ -324,13 +379,21 @@ class _Search:
             covariance=covariance,
             sum_of_squares=model.sum_of_squares,
             noise=noise,
-            residuals=model.residuals,
+            residuals=self._as_measured(model.residuals),
             modulus=[c.path for c in self._model.coordinates].index(_MODULUS),
             scaled_errors=tuple(errors.tolist()),
             law_method=model.law_method,
             law_error=model.law_error,
             steps=steps,
         )
+
+    def _as_measured(self, values: FloatArray) -> FloatArray:
+        """Values in the order of the curve's points, (n,)."""
+        if self._order is None:
+            return values
+        turned = np.empty_like(values)
+        turned[self._order] = values
+        return turned
 
     def _natural_sizes(self, values: FloatArray) -> list[float]:
         """Size (SI) of a change of each parameter that is of order one: see `coordinates`."""

@@ -10,10 +10,10 @@ In order of cost, each tried only where the one before does not serve:
 5. the exact law.
 
 Times of 1000 depths of a paraboloid, from cold, in units of the explicit formula: half-space 1, explicit
-form 17 (the moments of the kernel are most of it), exact 21. The parametric and compliance forms must be
-solved for each depth (70; a sphere 240 to 550, where the exact law takes 32), so they are never the cheapest
+form 8 (the moments of the kernel are most of it), exact 9 to 13. The parametric and compliance forms must be
+solved for each depth (35; a sphere 100 and more, where the exact law takes 16), so they are never the cheapest
 and are not taken here; ask for them by name. What cannot serve is not tried: the moments are computed only
-where a bound on the errors leaves room for 3 or 4.
+where a guess of the errors leaves room for 3 or 4.
 """
 
 from __future__ import annotations
@@ -35,8 +35,9 @@ __all__ = ["automatic_law", "compliance_contrast", "halfspace_law", "has_layer_e
 
 # Guesses of the errors for contrast 1, on the low side, from 75 pairs of materials and exponents from 1 to
 # infinity. Explicit form: 1 to 2 varpi^5 on a base much stiffer, 0.09 at the least (bases that differ in
-# Poisson's ratio), far more on a softer one. Half-space: 0.3 to 1.5 varpi, less where a_0 nearly vanishes. Above
-# the tolerance no moments are computed; a pair that is missed gets the exact law, which takes no longer.
+# Poisson's ratio), far more on a softer one. Half-space: 0.3 to 1.5 varpi, less where a_0 nearly vanishes.
+# Where a guess is above the tolerance no moments are computed: a pair that is missed gets the exact law,
+# which takes no longer.
 _LEAST_EXPLICIT, _SOFTER = 0.3, 8.0
 _LEAST_HALFSPACE = 0.03
 # An error estimate above this is not trusted as a number, whatever the tolerance.

@@ -1,8 +1,9 @@
 """What the forward models cost: the cases of the README's table, timed in one process and one unit.
 
 The unit is the explicit fourth-order formula (5.9) in plain numpy on the same depths. It is timed in turns
-with each case and every ratio is the median over the rounds, so that a busy machine slows both alike. To add
-a case: one line in `CASES`; its `prepare` takes the depths and returns the call that is timed.
+with each case and every ratio is the median over the rounds. Times are processor times: a busy machine makes
+calls wait, and the longer a call the more of it is waiting. To add a case: one line in `CASES`; its `prepare`
+takes the depths and returns the call that is timed.
 """
 
 from __future__ import annotations
@@ -66,7 +67,12 @@ def _cold(
 ) -> Callable[[FloatArray], Call]:
     """From the materials to the forces, at `share` of the depths."""
     accuracy = Accuracy(rtol)
-    return lambda depth: lambda: scene.force(share * depth, method=method, accuracy=accuracy)
+
+    def prepare(depth: FloatArray) -> Call:
+        asked, deepest = share * depth, share * float(depth[-1])
+        return lambda: scene.contact_law(deepest, method=method, accuracy=accuracy).force(asked)
+
+    return prepare
 
 
 def _held(scene: Scene, *, share: float = 1.0, **law: object) -> Callable[[FloatArray], Call]:
@@ -81,8 +87,8 @@ def _held(scene: Scene, *, share: float = 1.0, **law: object) -> Callable[[Float
 
 
 def _asymptotic_cold(depth: FloatArray) -> Call:
-    shallow = _SHALLOW * depth
-    return lambda: _RIGID_BASE.force(shallow, method="asymptotic", form="explicit")
+    asked, deepest = _SHALLOW * depth, _SHALLOW * float(depth[-1])
+    return lambda: _RIGID_BASE.contact_law(deepest, method="asymptotic", form="explicit").force(asked)
 
 
 def _batched(depth: FloatArray) -> Call:
@@ -190,7 +196,7 @@ def bench_markdown(table: pd.DataFrame, curve: pd.DataFrame) -> str:
     unit = f"{table['us'].iloc[0]:.0f} us for 1000"
     lines = [
         f"Times in units of the explicit fourth-order formula in plain numpy on the same depths ({unit}):",
-        f"medians, one process, one core, {made_with}.",
+        f"medians of processor time in one process, {made_with}.",
         "",
         "| Paraboloid, 1000 depths, a/h up to 2 | time |",
         "|---|---:|",
@@ -217,11 +223,11 @@ def _formula(depth: FloatArray) -> Call:
 
 
 def _in_turns(unit: Call, call: Call, rounds: int) -> tuple[FloatArray, FloatArray]:
-    """Times (s) of the unit and of the call, each (rounds,), after a round that does not count."""
+    """Processor times (s) of the unit and of the call, each (rounds,), after a round that does not count."""
     taken = np.empty((2, rounds + 1))
     for turn in range(rounds + 1):
         for row, timed in enumerate((unit, call)):
-            start = time.perf_counter()
+            start = time.process_time()
             timed()
-            taken[row, turn] = time.perf_counter() - start
+            taken[row, turn] = time.process_time() - start
     return taken[0, 1:], taken[1, 1:]

@@ -1,10 +1,9 @@
 """What accuracy costs: one scene under every method, its error against its time.
 
 The error is the largest relative difference from the exact contact problem solved to 1e-12, over the depths
-of the curve. Times are of one core in this process, "cold" from the materials to the forces and "held" from a
-law that is there already; ratios are to the explicit fourth-order formula (5.9) in plain numpy on the same
-depths, timed in turns with everything else. Of many rounds the shortest counts: on a busy machine the rest is
-somebody else's time.
+of the curve. Times are processor times in this process, "cold" from the materials to the forces and "held"
+from a law that is there already; ratios are to the explicit fourth-order formula (5.9) in plain numpy on the
+same depths, timed in turns with everything else. Of many rounds the shortest counts.
 """
 
 from __future__ import annotations
@@ -222,9 +221,9 @@ def _cold(
 
 
 def _seconds(call: Callable[[], object]) -> float:
-    start = time.perf_counter()
+    start = time.process_time()
     call()
-    return time.perf_counter() - start
+    return time.process_time() - start
 
 
 def _row(trial: _Trial, reference: ContactLaw, depths: FloatArray, unit: float) -> dict[str, object]:

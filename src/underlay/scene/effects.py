@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray, positive
+from underlay.errors import RangeError
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Paraboloid, Sphere
@@ -25,9 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Effect", "EffectRule", "effect_sizes", "effects_table"]
 
+_COLUMNS = ("effect", "size_percent", "simulated", "cost_percent", "note")
 # The cost of an effect is timed on curves of this many depths, from cold, with and without it in turns.
 _COST_POINTS = 200
-# The shortest of many rounds: on a busy machine everything else is somebody else's time.
+# The shortest of many rounds counts, in processor time.
 _COST_ROUNDS = 25
 
 
@@ -80,8 +82,9 @@ def effects_table(
         One row per effect: ``effect``; ``size_percent``, the change of the force at the deepest point when
         the effect is put in, in per cent of the force without it (NaN where the scene says nothing of it);
         ``simulated`` (bool), whether its code runs for this scene; ``cost_percent``, the time it adds to a
-        curve of 200 depths from cold, in per cent of the curve without it; ``note``. The law that is taken
-        and its reason stand in ``.attrs["law"]``.
+        curve of 200 depths from cold, in per cent of the curve without it; ``note``. Size and cost are NaN
+        too where the scene to compare with cannot go as deep. The law that is taken and its reason stand in
+        ``.attrs["law"]``.
 
     Raises
     ------
@@ -93,20 +96,8 @@ def effects_table(
     wanted = accuracy or Accuracy()
     deepest = positive(max_depth, "max_depth", "m")
     law = scene.contact_law(deepest, accuracy=wanted)
-    rows = []
-    for effect in (*_effects(scene, law), *(rule(scene, law) for rule in further)):
-        size = float(_size(effect, np.array([deepest]), wanted)[0])
-        below = effect.simulated and abs(size) < wanted.rtol
-        rows.append(
-            {
-                "effect": effect.name,
-                "size_percent": 100.0 * size,
-                "simulated": effect.simulated,
-                "cost_percent": _added_cost(effect, deepest, wanted) if effect.simulated else 0.0,
-                "note": f"{effect.note}; below rtol = {wanted.rtol:g} here" if below else effect.note,
-            }
-        )
-    table = pd.DataFrame(rows, columns=["effect", "size_percent", "simulated", "cost_percent", "note"])
+    found = (*_effects(scene, law), *(rule(scene, law) for rule in further))
+    table = pd.DataFrame([_row(effect, deepest, wanted) for effect in found])
     table.attrs["law"] = f"{law.method}: {law.reason}"
     return table
 
@@ -130,9 +121,28 @@ def effect_sizes(scene: Scene, depth: FloatArray, accuracy: Accuracy | None = No
     """
     wanted = accuracy or Accuracy()
     law = scene.contact_law(float(depth[-1]), accuracy=wanted)
-    sizes = {effect.name: _size(effect, depth, wanted) for effect in _effects(scene, law)}
-    known = {name: size for name, size in sizes.items() if np.isfinite(size).all()}
+    known = {}
+    for effect in _effects(scene, law):
+        try:
+            size = _size(effect, depth, wanted)
+        except RangeError:
+            continue  # the scene to compare with ends before: there is no size along the whole curve
+        if np.isfinite(size).all():
+            known[effect.name] = size
     return pd.DataFrame({"depth": depth, **known})
+
+
+def _row(effect: Effect, deepest: float, accuracy: Accuracy) -> dict[str, object]:
+    row = {"effect": effect.name, "simulated": effect.simulated, "note": effect.note}
+    try:
+        size = float(_size(effect, np.array([deepest]), accuracy)[0])
+        cost = _added_cost(effect, deepest, accuracy) if effect.simulated else 0.0
+    except RangeError as error:
+        size, cost, row["note"] = np.nan, np.nan, f"not measured: {error}"
+    if effect.simulated and abs(size) < accuracy.rtol:
+        row["note"] = f"{effect.note}; below rtol = {accuracy.rtol:g} here"
+    numbers = {"size_percent": 100.0 * size, "cost_percent": cost}
+    return {key: (row | numbers)[key] for key in _COLUMNS}
 
 
 def _effects(scene: Scene, law: ContactLaw) -> list[Effect]:
@@ -238,12 +248,12 @@ def _added_cost(effect: Effect, deepest: float, accuracy: Accuracy) -> float:
     depth = np.linspace(0.0, deepest, _COST_POINTS) + effect.with_it.instrument.contact_depth
     with_it = without = np.inf
     for _ in range(_COST_ROUNDS):
-        start = time.perf_counter()
+        start = time.process_time()
         effect.with_it.force(depth, accuracy=accuracy)
-        middle = time.perf_counter()
+        middle = time.process_time()
         effect.without.force(depth, accuracy=accuracy)
         with_it = min(with_it, middle - start)
-        without = min(without, time.perf_counter() - middle)
+        without = min(without, time.process_time() - middle)
     return 100.0 * (with_it / without - 1.0)
 
 

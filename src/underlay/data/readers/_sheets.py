@@ -116,7 +116,7 @@ def _read_xlsx(source: Source) -> list[Sheet]:
 def _check_members(archive: zipfile.ZipFile) -> None:
     """Unpack every part once, so that none is larger than it claims."""
     for info in archive.infolist():
-        if not info.is_dir():
+        if not info.filename.endswith("/"):
             read_member(archive, info.filename)
 
 

@@ -6,6 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 from underlay.report.plots.histogram import histogram
@@ -47,7 +48,9 @@ def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
         maps = list(dict.fromkeys(maps))
         panels = len(maps) + 2
         rows = -(-panels // 2)
-        figure, grid = plt.subplots(rows, 2, figsize=(PAGE, 2.7 * rows), layout="constrained")
+        # The maps' colour bars stand outside their axes.
+        layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08)
+        figure, grid = plt.subplots(rows, 2, figsize=(PAGE, 2.7 * rows), layout=layout)
         axes = list(grid.ravel())
         for name, ax in zip(maps, axes, strict=False):
             map_of(here, name, ax=ax)
