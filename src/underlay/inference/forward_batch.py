@@ -24,14 +24,9 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError, RangeError
 from underlay.inference.forward import Forward
 from underlay.mechanics.accuracy import Accuracy
-<<<<<<< HEAD
-from underlay.mechanics.contact_curve import depth_measure
-from underlay.mechanics.exact_batch import ExactBatch
-from underlay.mechanics.halfspace import largest_halfspace_depth
-=======
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.exact.contact_curve import depth_measure
->>>>>>> main
+from underlay.mechanics.halfspace import largest_halfspace_depth
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape, Sphere
 from underlay.mechanics.materials import Isotropic, PlaneConstants, Rigid, isotropic_constants
 
