@@ -17,6 +17,7 @@ import tempfile
 import threading
 import warnings
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
@@ -130,19 +131,18 @@ def fork_worker() -> Worker:
     (question, ask), (answers, answer) = os.pipe(), os.pipe()
     number = os.fork()
     if number == 0:
-        _be_a_worker(question, answer, (ask, answers))
+        _be_a_worker(question, answer)
     os.close(question)
     os.close(answer)
     return Worker(os.fdopen(answers, "rb"), os.fdopen(ask, "wb"), number)
 
 
-def _be_a_worker(question: int, answer: int, others: tuple[int, int]) -> None:
+def _be_a_worker(question: int, answer: int) -> None:
     """Serve and end, whatever happens, without a step into the parent's code."""
     code = 1
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        for other in others:
-            os.close(other)
+        _close_all_but(question, answer)
         # What prints must not print twice, nor into a pipe of the caller's.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         warnings.resetwarnings()
@@ -151,6 +151,13 @@ def _be_a_worker(question: int, answer: int, others: tuple[int, int]) -> None:
         code = 0
     finally:
         os._exit(code)
+
+
+def _close_all_but(*kept: int) -> None:
+    """Close what was inherited: the ends of other workers' pipes, and the journal, whose lock it would hold."""
+    ends = [2, *sorted(kept), os.sysconf("SC_OPEN_MAX")]
+    for low, high in pairwise(ends):
+        os.closerange(low + 1, high)
 
 
 def start_worker() -> Worker:

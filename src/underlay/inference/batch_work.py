@@ -230,8 +230,13 @@ def _require_contact(curve: Curve, outcome: _Outcome) -> None:
     gain = float(flat @ flat) - outcome.sum_of_squares
     if not gain > _NO_CONTACT * variance:
         raise CurveError(
-            f"no contact: {'a straight line' if sloping else 'a constant force'} explains the curve as well "
-            "as any contact does"
+            "; ".join(
+                (
+                    f"no contact: {'a straight line' if sloping else 'a constant force'} explains the curve as "
+                    "well as any contact within the bounds does; are the units right?",
+                    *outcome.notes,
+                )
+            )
         )
 
 
