@@ -17,7 +17,6 @@ import tempfile
 import threading
 import warnings
 from contextlib import suppress
-from itertools import pairwise
 from pathlib import Path
 from typing import IO, Any, BinaryIO
 
@@ -39,7 +38,7 @@ _ONE_THREAD = dict.fromkeys(
     "1",
 )
 _LONGEST_COMPLAINT = 2000
-_TASKS = Path("/proc/self/task")
+_TASKS, _FILES = Path("/proc/self/task"), Path("/proc/self/fd")
 # Threads that stop their work and let go of their locks around a fork: jemalloc's, which comes with pyarrow.
 _SAFE_THREADS = frozenset({"jemalloc_bg_thd"})
 
@@ -154,10 +153,12 @@ def _be_a_worker(question: int, answer: int) -> None:
 
 
 def _close_all_but(*kept: int) -> None:
-    """Close what was inherited: the ends of other workers' pipes, and the journal, whose lock it would hold."""
-    ends = [2, *sorted(kept), os.sysconf("SC_OPEN_MAX")]
-    for low, high in pairwise(ends):
-        os.closerange(low + 1, high)
+    """Close what was inherited: ends of other workers' pipes, and the journal, whose lock it would hold."""
+    for number in [int(file.name) for file in _FILES.iterdir()]:
+        if number > 2 and number not in kept:
+            # The listing's own is closed by now.
+            with suppress(OSError):
+                os.close(number)
 
 
 def start_worker() -> Worker:
