@@ -64,6 +64,7 @@ class LawStore:
 
     laws: OrderedDict[tuple[object, ...], ContactLaw | RangeError] = field(default_factory=OrderedDict)
     references: list[Scene] = field(default_factory=list)
+    refusals: dict[tuple[object, ...], RangeError] = field(default_factory=dict)
     batches: dict[tuple[object, ...], ExactBatch | None] = field(default_factory=dict)
     built: int = 0
 
@@ -268,17 +269,29 @@ class Forward:
         if isinstance(law, RangeError):
             raise law
         if depth > law.max_depth:
-            raise RangeError(
-                f"depth {depth:.6g} m (at the reference scene) is beyond the {law.method} law's reach, "
-                f"{law.max_depth:.6g} m",
-                max_depth=law.max_depth,
-            )
+            raise self._refusal(key, reduced, depth, law)
         return law
+
+    def _refusal(
+        self, key: tuple[object, ...], reduced: tuple[float, ...], depth: float, law: ContactLaw
+    ) -> RangeError:
+        """Why a law ends before `depth` (m), in the words of its solver; asked once for each law."""
+        if key not in self.store.refusals:
+            try:
+                self.options.build(self._scene(reduced), depth)
+                words = f"depth {depth:.6g} m is beyond {law.max_depth:.6g} m, where this law ends"
+            except RangeError as error:
+                words = str(error)
+            self.store.refusals[key] = RangeError(words, max_depth=law.max_depth)
+        return self.store.refusals[key]
+
+    def _scene(self, reduced: tuple[float, ...]) -> Scene:
+        similarity = self.similarity
+        return similarity.scene.with_values(dict(zip(similarity.ratio_paths, reduced, strict=True)))
 
     def _build(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | RangeError:
         """Law up to `depth` (m), or as deep as it reaches; the refusal itself where it reaches nowhere."""
-        similarity = self.similarity
-        scene = similarity.scene.with_values(dict(zip(similarity.ratio_paths, reduced, strict=True)))
+        scene = self._scene(reduced)
         try:
             return self.options.build(scene, depth)
         except RangeError as error:
