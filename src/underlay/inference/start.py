@@ -56,7 +56,10 @@ def scan_starts(problem: Problem, count: int = 3) -> list[FloatArray]:
     total = {key: sum(scan[key].misfit for scan in scans) for key in keys}
     if not total:
         return []
-    minima = [key for key in keys if _is_local_minimum(total, key)]
+    best = min(total, key=lambda key: total[key])
+    # The thin end of the grid is a minimum only if it is the lowest: else the curve is only falling there.
+    thinnest = 0 if any(key[0] for key in keys) else -1
+    minima = [key for key in keys if _is_local_minimum(total, key) and (key[0] != thinnest or key == best)]
     ranked = sorted(minima, key=lambda key: total[key])
     return [_vector(problem, [scan[key] for scan in scans]) for key in ranked[:count]]
 
