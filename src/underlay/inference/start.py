@@ -29,7 +29,7 @@ __all__ = ["scan_starts", "thinned"]
 
 _SCAN_ACCURACY = Accuracy(rtol=1e-3)
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
-_RADIUS_RATIOS = np.geomspace(0.06, 3.0, 8)
+_RADIUS_RATIOS = np.geomspace(0.06, 5.0, 9)
 # Base over layer.
 _MODULUS_RATIOS = np.array([1e-2, 0.1, 0.5, 2.0, 10.0, 100.0])
 _MODULUS_STEPS = 3.0 ** np.arange(-5.0, 6.0)
