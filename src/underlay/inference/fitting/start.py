@@ -37,7 +37,7 @@ __all__ = ["scan_starts", "thinned"]
 
 _SCAN_ACCURACY = Accuracy(rtol=1e-3)
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
-_RADIUS_RATIOS = np.geomspace(0.06, 3.0, 8)
+_RADIUS_RATIOS = np.geomspace(0.06, 5.0, 9)
 # Base over layer.
 _MODULUS_RATIOS = np.array([1e-2, 0.1, 0.5, 2.0, 10.0, 100.0])
 _MODULUS_STEPS = 3.0 ** np.arange(-5.0, 6.0)
@@ -64,7 +64,10 @@ def scan_starts(problem: Problem, count: int = 3) -> list[FloatArray]:
     total = {key: sum(scan[key].misfit for scan in scans) for key in keys}
     if not total:
         return []
-    minima = [key for key in keys if _is_local_minimum(total, key)]
+    best = min(total, key=lambda key: total[key])
+    # The thin end of the grid is a minimum only if it is the lowest: else the curve is only falling there.
+    thinnest = 0 if any(key[0] for key in keys) else -1
+    minima = [key for key in keys if _is_local_minimum(total, key) and (key[0] != thinnest or key == best)]
     ranked = sorted(minima, key=lambda key: total[key])
     return [_vector(problem, [scan[key] for scan in scans]) for key in ranked[:count]]
 
