@@ -1,7 +1,9 @@
 """Fits: they find the truth from anywhere, say how sure they are, and what to beware of."""
 
 import json
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,9 @@ from underlay.inference.diagnostics import diagnose
 from underlay.inference.least_squares import fit
 from underlay.inference.priors import LogNormal, Normal
 from underlay.inference.problem import Problem
+
+sys.path.insert(0, str(Path(__file__).parent / "studies"))
+import starts
 
 E, H, C = "layer.E", "layer.thickness", "instrument.contact_depth"
 BASELINE, BASE = "instrument.baseline", "substrate.E"
@@ -63,12 +68,12 @@ def test_noisy_data_give_it_within_the_standard_error(base, free):
 
 def test_standard_errors_are_the_scatter_of_repeated_fits():
     scene = layer_on(ul.RIGID)
-    fits = [fit(problem(scene, [E, C], measured(scene, rng=k, level=0.005))) for k in range(100)]
+    fits = [fit(problem(scene, [E, C], measured(scene, rng=k, level=0.005))) for k in range(60)]
     for path in (E, C):
         scatter = np.std([found.values[path] for found in fits], ddof=1)
         claimed = np.mean([found.stderr[path] for found in fits])
-        # The standard deviation of 100 values is known to 7 %: three of that.
-        assert scatter == pytest.approx(claimed, rel=0.22)
+        # The standard deviation of 60 values is known to 9 %: three of that.
+        assert scatter == pytest.approx(claimed, rel=0.28)
 
 
 @pytest.mark.parametrize(("length", "force"), [(1e-9, 1e-9), (1e-3, 1.0), (1.0, 1e-6)])
@@ -91,42 +96,9 @@ def test_nothing_depends_on_units(length, force):
         assert there.stderr[path] / unit == pytest.approx(here.stderr[path], rel=1e-4)
 
 
-def random_scene(rng):
-    """A scene whose curve fixes modulus, thickness and contact, with a wrong start for all three."""
-    radius = 10.0 ** rng.uniform(-6.0, -2.0)
-    thickness = radius * 10.0 ** rng.uniform(-0.5, 0.5)
-    ratio = rng.uniform(0.3, 0.9)  # sqrt(R w_max) / h: where both E and h are told
-    depth = (ratio * thickness) ** 2 / radius
-    modulus = 10.0 ** rng.uniform(2.0, 9.0)
-    base = ul.RIGID if rng.random() < 0.5 else ul.Isotropic(20.0 * modulus, 0.3)
-    scene = ul.Scene(
-        ul.Paraboloid(radius),
-        ul.Layer(ul.Isotropic(modulus, rng.uniform(0.2, 0.5)), thickness),
-        base,
-        ul.Instrument(contact_depth=rng.uniform(-0.3, 0.3) * depth),
-    )
-    start = scene.with_values(
-        {E: modulus * 10.0 ** rng.uniform(-3, 3), H: thickness * 10.0 ** rng.uniform(-1, 1), C: 0.0}
-    )
-    first = scene.instrument.contact_depth - 0.4 * depth
-    curve = measured(
-        scene, points=150, first=first, depth=scene.instrument.contact_depth + depth, level=0.001, rng=rng
-    )
-    return scene, start, curve
-
-
 def test_wrong_starts_land_on_the_same_optimum():
-    rng = np.random.default_rng(5)
-    missed = []
-    for number in range(25):
-        scene, start, curve = random_scene(rng)
-        reference = fit(problem(scene, [E, H, C], curve), start="given")
-        found = fit(problem(start, [E, H, C], curve))
-        rise = found.statistics.chi_square * found.noises[0].force ** 2 / reference.noises[0].force ** 2
-        if rise > reference.statistics.chi_square * (1.0 + 1e-4):
-            missed.append(number)
-    # 99 % of 500 are asked for (tests/studies/starts.py); of 25, two misses have probability 0.03 at 99 %.
-    assert len(missed) <= 1
+    # The study asks 500 scenes (tests/studies/starts.json). At 99 %, two misses of 12 have probability 0.006.
+    assert len(starts.missed(12, seed=5)) <= 1
 
 
 def test_the_last_curve_does_not_matter():
@@ -259,7 +231,7 @@ def test_correlated_noise_taken_for_white_is_noticed():
     curve = measured(scene, points=500, correlation_time=0.02)
     found = fit(problem(scene, [E, C], curve))
     (warning,) = [w for w in found.warnings if w.code == "correlated-residuals"]
-    # AR(1) with rho = exp(-0.002 / 0.02): n_eff = n (1 - rho) / (1 + rho) = n / 20, the factor sqrt(20) = 4.5.
+    # AR(1) with rho = exp(-0.002 / 0.02): n_eff = n (1 - rho) / (1 + rho) = n / 20, a factor sqrt(20) = 4.5.
     assert 2.5 < found.diagnostics[0].too_narrow_by < 7.0
     assert "Noise(correlation_time=...)" in warning.message
     own = Noise(force=found.noises[0].force, correlation_time=0.02)
@@ -320,7 +292,9 @@ def test_a_law_that_is_too_coarse_is_noticed_and_refined():
 def test_a_second_optimum_is_told():
     # A thin, soft layer mimics a thick, stiff one: for these data both are within a rise of 11.6.
     scene = layer_on(ul.RIGID)
-    curve = measured(scene, points=200, depth=2e-4, first=-5e-5, level=0.005, rng=[0, 1])
+    curve = measured(
+        scene, points=200, depth=2e-4, first=-5e-5, level=0.005, rng=np.random.default_rng([0, 1])
+    )
     found = fit(problem(scene, [E, H, C], curve))
     (other,) = found.alternatives
     moduli = sorted([found.values[E], other.values[E]])

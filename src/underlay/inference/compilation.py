@@ -18,6 +18,8 @@ from underlay.inference.forward import Forward, LawOptions, LawStore
 from underlay.inference.members import Member
 from underlay.inference.noise_start import noise_start
 from underlay.inference.priors import Prior
+from underlay.mechanics.accuracy import METHODS
+from underlay.mechanics.published import published_names
 from underlay.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -37,6 +39,7 @@ def compile_members(
     store: LawStore,
 ) -> tuple[tuple[Member, ...], tuple[Coordinate, ...]]:
     """Check a problem and compile it; see `Problem` for what is refused."""
+    _require_known(options.method)
     noises = _noises(noise, len(tests))
     _check_tests(tests)
     requests = _requests(free, shared, len(tests))
@@ -63,6 +66,12 @@ def compile_members(
             f"{len(coordinates)} parameters are free but there are only {points} points: free fewer"
         )
     return members, tuple(coordinates)
+
+
+def _require_known(method: str) -> None:
+    known = (*METHODS, *published_names())
+    if method not in known:
+        raise InputError(f"unknown method {method!r}; known: {', '.join(known)}")
 
 
 def _noises(noise: Noise | Sequence[Noise | None] | None, count: int) -> list[Noise]:

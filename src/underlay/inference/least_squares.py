@@ -101,10 +101,7 @@ def _fit_once(problem: Problem, method: str, robust: str | None, start: str) -> 
     settled = [_settle(problem, _inside(problem, first), solver, robust) for first in starts]
     outcomes = [outcome for outcome in settled if outcome is not None]
     if not outcomes:
-        raise FitError(
-            "no contact law at the start of the fit: change the values in the scene, or the method "
-            f"(the scene starts at {problem.values(problem.start)})"
-        )
+        raise _no_law(problem)
     objective, minimum = min(outcomes, key=lambda outcome: outcome[0].loss(outcome[1].vector))
     return assemble(
         objective,
@@ -113,6 +110,17 @@ def _fit_once(problem: Problem, method: str, robust: str | None, start: str) -> 
         method=solver,
         robust=robust or "none",
         seconds=time.perf_counter() - began,
+    )
+
+
+def _no_law(problem: Problem) -> FitError:
+    """Why nothing could be computed: what the law says at the scene's own values."""
+    try:
+        problem.residuals(problem.start)
+    except InputError as error:
+        return FitError(f"no contact law at the start of the fit: {error}")
+    return FitError(
+        "no start of the scan has a contact law: pass start='given' to begin at the scene's values"
     )
 
 

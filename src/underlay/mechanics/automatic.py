@@ -10,10 +10,10 @@ In order of cost, each tried only where the one before does not serve:
 5. the exact law.
 
 Times of 1000 depths of a paraboloid, from cold, in units of the explicit formula: half-space 1, explicit
-form 17 (the moments of the kernel are most of it), exact 21. The parametric and compliance forms must be
-solved for each depth (70; a sphere 240 to 550, where the exact law takes 32), so they are never the cheapest
+form 8 (the moments of the kernel are most of it), exact 9 to 13. The parametric and compliance forms must be
+solved for each depth (35; a sphere 100 and more, where the exact law takes 16), so they are never the cheapest
 and are not taken here; ask for them by name. What cannot serve is not tried: the moments are computed only
-where a bound on the errors leaves room for 3 or 4.
+where a guess of the errors leaves room for 3 or 4.
 """
 
 from __future__ import annotations

@@ -130,8 +130,10 @@ class ExactBatch:
             Of the layers (m): needed only where the indenter is not a power law.
         """
         punch = self._punch(inner, outer)
-        lengths = np.reshape(thickness, (-1, 1))
-        varpi, logarithms = contact_factors(punch, self.indenter, self.measure, lengths)
+        lengths = np.reshape(np.asarray(thickness, dtype=np.float64), (-1, 1))
+        # A set whose radii pass the end of the shape is solved on the thickest layer that fits, and marked.
+        thickest = self.indenter.max_radius / float(self.eps.max())
+        varpi, logarithms = contact_factors(punch, self.indenter, self.measure, np.minimum(lengths, thickest))
         # As in MasterCurve.through, for every set at once.
         radii = self.eps.size
         reach = np.arcsinh(varpi[:, -1:]) * (2.0 / (1.0 + cos(0.5 * pi / radii)))
@@ -140,6 +142,7 @@ class ExactBatch:
         basis = np.cos(angles[..., None] * np.arange(radii))
         coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
         errors = SHARE_OF_NODES * self.rtol + truncation_error(coefficients)
+        errors = np.where(lengths[:, 0] > thickest, np.inf, errors)
         return CurveBatch(self.measure, self.top, reach, in_powers(coefficients), errors)
 
     def _punch(self, inner: PlaneConstants, outer: PlaneConstants | None) -> PunchSolution:
