@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
-from support.calibration import BINS, DRAWS, cases, replica, uniformity
 
+from support.calibration import BINS, DRAWS, cases, replica, uniformity
 from underlay.data.noise import Noise
 
 REPLICAS = 30
@@ -48,7 +48,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say(honest):
 
 def test_noise_understated_by_two_is_found_out(understated):
     ranks, inside = understated
-    assert uniformity(ranks)[1] < 1e-6
+    # 60 ranks in 20 bins: the chance that uniform ones look as bad is below one in a thousand.
+    assert uniformity(ranks)[1] < 1e-3
     # Intervals half as wide: a 90 % one holds 2 Phi(1.645 / 2) - 1 = 59 %.
     assert stats.binomtest(inside, 2 * REPLICAS, 0.9).pvalue < 1e-6
     assert stats.binomtest(inside, 2 * REPLICAS, 0.59).pvalue > 0.01

@@ -55,7 +55,7 @@ SCENES_OF = {type(s.indenter).__name__ + str(s.substrate is None): s for s in SC
 @pytest.mark.parametrize("free", FREE)
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_optimum_is_that_of_the_general_fit(scene, free):
-    """To 1e-6 of each parameter's natural size; errors too. The laws' own tolerance (1e-10) is far below."""
+    """To 1e-6 of each parameter's natural size; the last step, 2e-6 of the range, is not in the errors."""
     for seed in range(3):
         true, curve = made(SCENES[scene], seed)
         start = given(true, FREE[free])
@@ -71,7 +71,7 @@ def test_the_optimum_is_that_of_the_general_fit(scene, free):
         for index, name in enumerate(problem.names):
             assert abs(quick.values[index] - general.values[name]) < 1e-6 * sizes[name]
             error = np.sqrt(quick.covariance[index, index])
-            assert error == pytest.approx(general.stderr[name], rel=1e-5)
+            assert error == pytest.approx(general.stderr[name], rel=5e-5)
         residuals = general.residuals[0]
         assert quick.sum_of_squares <= residuals @ residuals * (1.0 + 1e-9)
         found = separable_warnings(quick, lambda problem=problem: problem)

@@ -102,10 +102,10 @@ def main():
     rounds = [(ours(), bare()) for _ in range(ROUNDS)]
     ratio = np.median([mine[0] / theirs[0] for mine, theirs in rounds])
     mine, theirs = np.median([a for a, _ in rounds], axis=0), np.median([b for _, b in rounds], axis=0)
-    print(f"per step: exact law {1e3 * mine[0]:.2f} ms, bare Hertz {1e3 * theirs[0]:.2f} ms, ratio {ratio:.2f}")  # noqa: T201
-    print(f"effective samples per second: exact law {mine[1]:.0f}, bare Hertz {theirs[1]:.0f}")  # noqa: T201
+    print(f"per step: exact law {1e3 * mine[0]:.2f} ms, bare Hertz {1e3 * theirs[0]:.2f} ms, ratio {ratio:.2f}")
+    print(f"effective samples per second: exact law {mine[1]:.0f}, bare Hertz {theirs[1]:.0f}")
     if "--pair" in sys.argv:
-        print(f"two processes over one, wall clock: {side_by_side():.2f}")  # noqa: T201
+        print(f"two processes over one, wall clock: {side_by_side():.2f}")
 
 
 if __name__ == "__main__":

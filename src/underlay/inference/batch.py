@@ -11,7 +11,7 @@ import hashlib
 import os
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +31,7 @@ from underlay.inference.journal import Journal
 from underlay.inference.manifest import read_manifest
 from underlay.inference.problem import Given
 from underlay.inference.progress_map import MapProgress
+from underlay.inference.provenance import curve_hash
 from underlay.inference.results_table import Layout, require_format, to_frame, write_table
 from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene
@@ -154,6 +155,12 @@ def fit_many(
     count = _require_workers(workers)
     own_files = [Path(entry) for entry in (manifest, scene) if isinstance(entry, str | os.PathLike)]
     places, given = _with_manifest(list_curves(curves, own_files), manifest, model)
+    if output is not None:
+        # The run must know its curves again.
+        places = [
+            place if place.curve is None else replace(place, sha256=curve_hash(place.curve))
+            for place in places
+        ]
     layout = Layout.of(list(model.free), given, sampled=model.sampling is not None)
     with _table(output) as table:
         identity = _identity(model, places, layout)
@@ -179,12 +186,16 @@ def _require_same_files(journal: Journal, places: Sequence[CurvePlace], layout: 
 
 
 def _gather(
-    journal: Journal, table: Path, layout: Layout, batches: Iterator[Rows], total: int, *, shown: bool | None
+    journal: Journal,
+    table: Path,
+    layout: Layout,
+    batches: Generator[Rows, None, None],
+    total: int,
+    *,
+    shown: bool | None,
 ) -> None:
     """Keep rows as they come; on the way out, whatever the reason, leave a whole table."""
-    begun = last = time.monotonic()
-    pause = _EVERY
-    finished = False
+    last, pause = time.monotonic(), _EVERY
     try:
         with MapProgress(total, journal.done, shown=shown) as line:
             for rows in batches:
@@ -195,13 +206,12 @@ def _gather(
                     write_table(table, layout, journal.lines())
                     last = time.monotonic()
                     pause = max(_EVERY, _SHARE * (last - now))
-        finished = True
-    finally:
-        batches_close = getattr(batches, "close", None)
-        if batches_close is not None:
-            batches_close()
-        if not finished and journal.done and begun:
+    except BaseException:
+        # Workers first: nothing may be added to what is written now.
+        batches.close()
+        if journal.done:
             _leave_a_table(journal, table, layout)
+        raise
     journal.sync()
 
 
@@ -220,13 +230,13 @@ def _through(
     workers: int | None,
     scheduler: str | None,
     timeout: float,
-) -> Iterator[Rows]:
+) -> Generator[Rows, None, None]:
     """Fit curves somewhere; yield rows as they come."""
     if scheduler is not None:
         size = 1 if model.sampling is not None else _LARGEST_CHUNK
         return through_dask(model, layout, todo, size, scheduler, timeout)
     if workers == 0:
-        return ([row] for row in Workshop(model, layout).rows(todo))
+        return _here(model, layout, todo)
     if workers is None:
         worth = len(todo) if model.sampling is not None else 1 + len(todo) // _WORTH_A_WORKER
         workers = min(_processors(), worth)
@@ -237,6 +247,11 @@ def _through(
     return through_processes(model, layout, chunks, workers)
 
 
+def _here(model: BatchModel, layout: Layout, todo: Sequence[CurvePlace]) -> Generator[Rows, None, None]:
+    for row in Workshop(model, layout).rows(todo):
+        yield [row]
+
+
 def _with_manifest(
     places: list[CurvePlace], manifest: Any, model: BatchModel
 ) -> tuple[list[CurvePlace], tuple[str, ...]]:
@@ -245,10 +260,7 @@ def _with_manifest(
         return places, ()
     read = read_manifest(manifest, model.scene)
     entries = read.for_curves([place.name for place in places])
-    bounds = [path for path in read.paths if path in model.free]
-    if bounds:
-        for entry in entries:
-            model.check_start(entry.values, f"{read.source} ({entry.file})")
+    model.check_starts((f"{read.source} ({entry.file})", entry.values) for entry in entries)
     joined = [
         replace(place, name=entry.name or place.name, x=entry.x, y=entry.y, values=entry.values)
         for place, entry in zip(places, entries, strict=True)

@@ -11,7 +11,6 @@ from pathlib import Path
 from underlay.data.curve import Curve
 from underlay.data.readers import read_all
 from underlay.errors import FileAccessError, InputError
-from underlay.inference.provenance import curve_hash
 
 __all__ = ["CurvePlace", "Curves", "list_curves"]
 
@@ -44,7 +43,7 @@ class CurvePlace:
     values : mapping
         Numbers of its own scene (SI), by path.
     sha256 : str
-        Hash of a curve in memory; that of a file is taken when it is read.
+        Hash of a curve in memory, where it is known already.
     """
 
     index: int
@@ -112,7 +111,7 @@ def _of_path(path: Path, leave_out: set[Path]) -> list[CurvePlace]:
     if len(tests) == 1:
         return [CurvePlace(0, path.name, str(path.resolve()))]
     return [
-        CurvePlace(number, f"{path.name}#{number + 1}", str(path.resolve()), test, sha256=curve_hash(test))
+        CurvePlace(number, f"{path.name}#{number + 1}", str(path.resolve()), test)
         for number, test in enumerate(tests)
     ]
 
@@ -122,11 +121,7 @@ def _of_several(curves: Iterable[Curve | str | os.PathLike[str]]) -> list[CurveP
     for index, entry in enumerate(curves):
         if isinstance(entry, Curve):
             name = str(entry.metadata.get("name") or f"curve {index}")
-            places.append(
-                CurvePlace(
-                    index, name, str(entry.metadata.get("path") or ""), entry, sha256=curve_hash(entry)
-                )
-            )
+            places.append(CurvePlace(index, name, str(entry.metadata.get("path") or ""), entry))
         elif isinstance(entry, str | os.PathLike):
             path = Path(entry)
             if not path.is_file():

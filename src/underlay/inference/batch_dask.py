@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ def through_dask(
     size: int,
     address: str,
     timeout: float,
-) -> Iterator[Rows]:
+) -> Generator[Rows, None, None]:
     """Fit curves on the workers of the scheduler at `address`; yield rows as they come, in any order.
 
     Dask gives out again what a lost worker had; its rows come once. A chunk on which workers die again and
@@ -65,7 +65,7 @@ def _through(
     layout: Layout,
     waiting: list[list[CurvePlace]],
     ahead: int,
-) -> Iterator[Rows]:
+) -> Generator[Rows, None, None]:
     under_way: dict[Any, list[CurvePlace]] = {}
     waiting.reverse()
     finished = distributed.as_completed(loop=client.loop)

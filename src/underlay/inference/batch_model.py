@@ -88,15 +88,17 @@ class BatchModel:
         shift = max(self.scene.instrument.contact_depth, 0.0)
         return self.problem(self.scene, Curve(shift + scale * (ramp - 0.1), ramp**1.5, ramp))
 
-    def check_start(self, values: Mapping[str, float], where: str) -> None:
-        """Refuse numbers of one curve that start a free parameter outside its bounds."""
-        for coordinate in self.template.coordinates:
-            start = values.get(coordinate.path)
-            if start is not None and not coordinate.low <= start <= coordinate.high:
-                raise InputError(
-                    f"{where}: {coordinate.path} = {start:.6g} is outside its bounds "
-                    f"[{coordinate.low:.6g}, {coordinate.high:.6g}] (SI)"
-                )
+    def check_starts(self, starts: Iterable[tuple[str, Mapping[str, float]]]) -> None:
+        """Refuse starts of free parameters, (where, values by path), that are outside their bounds."""
+        coordinates = self.template.coordinates
+        for where, values in starts:
+            for coordinate in coordinates:
+                start = values.get(coordinate.path)
+                if start is not None and not coordinate.low <= start <= coordinate.high:
+                    raise InputError(
+                        f"{where}: {coordinate.path} = {start:.6g} is outside its bounds "
+                        f"[{coordinate.low:.6g}, {coordinate.high:.6g}] (SI)"
+                    )
 
     def hashes(self) -> dict[str, str]:
         """SHA-256 of everything that decides the numbers of the table, by what it is."""

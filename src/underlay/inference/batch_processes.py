@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 import threading
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from queue import SimpleQueue
 
 from underlay.errors import FitError, InputError
@@ -26,7 +26,7 @@ _MOST_DEATHS = 2
 
 def through_processes(
     model: BatchModel, layout: Layout, chunks: Iterable[Sequence[CurvePlace]], workers: int
-) -> Iterator[Rows]:
+) -> Generator[Rows, None, None]:
     """Fit chunks of curves in worker processes; hand out rows as they come, in any order.
 
     A process that dies is replaced and what it had not answered is given out again. Leaving the iterator
@@ -45,7 +45,7 @@ def through_processes(
 
 def _collect(
     shared: _Shared, desks: Sequence[_Desk], results: SimpleQueue[Rows | BaseException | None]
-) -> Iterator[Rows]:
+) -> Generator[Rows, None, None]:
     working = len(desks)
     try:
         for desk in desks:

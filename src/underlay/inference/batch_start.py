@@ -38,7 +38,7 @@ _ONE_THREAD = dict.fromkeys(
     "1",
 )
 _LONGEST_COMPLAINT = 2000
-_TASKS = Path("/proc/self/task")
+_TASKS, _FILES = Path("/proc/self/task"), Path("/proc/self/fd")
 # Threads that stop their work and let go of their locks around a fork: jemalloc's, which comes with pyarrow.
 _SAFE_THREADS = frozenset({"jemalloc_bg_thd"})
 
@@ -130,19 +130,18 @@ def fork_worker() -> Worker:
     (question, ask), (answers, answer) = os.pipe(), os.pipe()
     number = os.fork()
     if number == 0:
-        _be_a_worker(question, answer, (ask, answers))
+        _be_a_worker(question, answer)
     os.close(question)
     os.close(answer)
     return Worker(os.fdopen(answers, "rb"), os.fdopen(ask, "wb"), number)
 
 
-def _be_a_worker(question: int, answer: int, others: tuple[int, int]) -> None:
+def _be_a_worker(question: int, answer: int) -> None:
     """Serve and end, whatever happens, without a step into the parent's code."""
     code = 1
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        for other in others:
-            os.close(other)
+        _close_all_but(question, answer)
         # What prints must not print twice, nor into a pipe of the caller's.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         warnings.resetwarnings()
@@ -151,6 +150,15 @@ def _be_a_worker(question: int, answer: int, others: tuple[int, int]) -> None:
         code = 0
     finally:
         os._exit(code)
+
+
+def _close_all_but(*kept: int) -> None:
+    """Close what was inherited: ends of other workers' pipes, and the journal, whose lock it would hold."""
+    for number in [int(file.name) for file in _FILES.iterdir()]:
+        if number > 2 and number not in kept:
+            # The listing's own is closed by now.
+            with suppress(OSError):
+                os.close(number)
 
 
 def start_worker() -> Worker:

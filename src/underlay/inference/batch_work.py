@@ -229,10 +229,9 @@ def _require_contact(curve: Curve, outcome: _Outcome) -> None:
     variance = outcome.sum_of_squares / max(len(curve) - len(outcome.values), 1)
     gain = float(flat @ flat) - outcome.sum_of_squares
     if not gain > _NO_CONTACT * variance:
-        raise CurveError(
-            f"no contact: {'a straight line' if sloping else 'a constant force'} explains the curve as well "
-            "as any contact does"
-        )
+        flat_one = "a straight line" if sloping else "a constant force"
+        reason = f"no contact: {flat_one} explains the curve as well as any contact within the bounds does"
+        raise CurveError("; ".join([f"{reason} (are the units right?)", *outcome.notes]))
 
 
 def _about(place: CurvePlace) -> dict[str, Any]:
