@@ -4,8 +4,8 @@ import sys
 
 import pandas as pd
 import pytest
-from support.maps import SCENE_TOML, write_folder
 
+from support.maps import SCENE_TOML, write_folder
 from underlay.cli.app import main
 from underlay.inference import batch_work
 
