@@ -1,10 +1,10 @@
 """Throw damaged files at every reader: ``python tests/fuzz_readers.py --count 100000 --output result.json``.
 
 Each file is one of the small files in tests/support, cut, spliced, or with bytes, numbers, lines or archive
-members changed, and is read once by its content and once by the reader it was made for. What must hold:
+members changed, and is read by its content and, every fourth, by the reader it was made for. What must hold:
 
 * only errors of underlay are raised;
-* no reading takes over 2 seconds;
+* no reading takes over 2 seconds of one core (a wait of 30 seconds ends the child and is a failure);
 * memory never grows by more than 500 MB;
 * no file is opened but the one that was named.
 
@@ -38,13 +38,13 @@ sys.path[:0] = [str(HERE.parent / "src"), str(HERE)]
 
 # After the path is set: the script runs from a bare checkout too.
 from support import afm_files, instrument_files  # noqa: E402
-
 from underlay.data.readers import read_all  # noqa: E402
 from underlay.errors import UnderlayError  # noqa: E402
 
 SECONDS = 2.0
 MEGABYTES = 500
-CHUNK = 2500
+CHUNK = 5000
+FORCED = 4
 #: What to put in place of a number.
 HOSTILE = (
     b"", b"-", b"nan", b"inf", b"1e400", b"-1e308", b"1.7976931348623157e308", b"0", b"-1", b"2147483648",
@@ -220,10 +220,11 @@ def run_chunk(first, count, folder):
         path.write_bytes(data)
         wanted = FORMAT_OF[name.split()[0]]
         keywords = {"calibration": CALIBRATION} if name == "afm ntmdt" else {}
-        for forced in {None, wanted}:
+        # By its content; and, for every fourth, by the reader it was made for, past the recognition.
+        for forced in {None, wanted if seed % FORCED == 0 else None}:
             faulthandler.dump_traceback_later(30, exit=True)
             watch.allowed, watch.seen = str(path), []
-            began = time.perf_counter()
+            began = time.process_time()
             try:
                 curves = read_all(path, forced, **keywords)
                 outcome = f"read: {curves[0].metadata['format']}"
@@ -232,7 +233,7 @@ def run_chunk(first, count, folder):
             except BaseException as error:  # noqa: BLE001  anything else is what is looked for
                 outcome = f"ESCAPED {type(error).__name__}"
                 failures.append({"seed": seed, "file": name, "format": forced, "error": repr(error)[:300]})
-            seconds = time.perf_counter() - began
+            seconds = time.process_time() - began
             watch.allowed = ""
             slowest = max(slowest, seconds)
             outcomes[outcome] += 1

@@ -10,14 +10,15 @@ import pytest
 
 from support.call_counter import count_calls
 from underlay.errors import InputError, RangeError
-from underlay.mechanics import asymptotic, automatic, kernel
+from underlay.mechanics import automatic, kernel
 from underlay.mechanics.accuracy import Accuracy, contact_law
+from underlay.mechanics.asymptotic import law as asymptotic
+from underlay.mechanics.asymptotic.series_error import EXTENDED, relation, series_error
 from underlay.mechanics.automatic import compliance_contrast
-from underlay.mechanics.exact import exact_law
+from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 from underlay.mechanics.profile import Profile
-from underlay.mechanics.series_error import EXTENDED, relation, series_error
 
 RTOLS = (1e-2, 1e-3, 1e-4, 1e-6)
 #: Relative error of the reference.

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from support.pairs import FORMS, PAIRS, PARABOLOID, SHAPES
 from support.reference_contact import solve
 from underlay.errors import InputError, RangeError
-from underlay.mechanics import asymptotic, blunt
-from underlay.mechanics.asymptotic import asymptotic_law, kernel_moments
-from underlay.mechanics.blunt_relations import BluntLayer, explicit_force, parametric_stiffness
-from underlay.mechanics.exact import exact_law
+from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.asymptotic import law as asymptotic
+from underlay.mechanics.asymptotic.blunt_relations import BluntLayer, explicit_force, parametric_stiffness
+from underlay.mechanics.asymptotic.law import asymptotic_law, kernel_moments
+from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic

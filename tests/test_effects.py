@@ -135,6 +135,16 @@ def test_an_effect_below_the_tolerance_says_so_and_the_law_is_named():
     assert table.attrs["law"].startswith(("exact: ", "asymptotic: "))
 
 
+def test_what_cannot_be_compared_is_not_measured_and_says_why():
+    # No sphere goes ten times its radius deep, a paraboloid does.
+    deep = 1e-2
+    found = row(PLAIN, "true sphere", deep)
+    assert np.isnan(found.size_percent)
+    assert "not measured" in found.note
+    assert "indenter's shape" in found.note
+    assert "true sphere" not in effect_sizes(PLAIN, np.array([deep / 2, deep]))
+
+
 @pytest.mark.parametrize("depth", [0.0, -1e-6, np.nan, np.inf])
 def test_a_depth_that_is_no_contact_is_refused(depth):
     with pytest.raises(InputError, match="max_depth must be positive"):

@@ -1,4 +1,4 @@
-"""Equilibrium points of stepwise relaxation tests: means, standard errors by coverage, and the check of rest."""
+"""Equilibrium points of relaxation tests: means, standard errors by coverage, and the check of rest."""
 
 import numpy as np
 import pytest

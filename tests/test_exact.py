@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.exact import exact_law
+from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
@@ -158,7 +158,7 @@ def test_a_wide_punch_on_a_rigid_base_meets_the_thin_layer_theory(nu, fraction):
     else:
         confined = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
         expected = np.pi * confined / (4.0 * material.theta) * eps * (1.0 + 0.244 / eps)
-    # The next term of either expansion is of order 1/eps^2 = 0.0025 of the leading one, times its coefficient.
+    # The next term of either expansion is of order 1/eps^2 = 0.0025 of the leading one.
     assert kappa == pytest.approx(expected, rel=fraction * 0.2)
 
 
@@ -256,7 +256,7 @@ def test_the_end_of_a_sphere_is_said():
 
 
 def test_a_folding_contact_keeps_the_larger_load():
-    # A cone on a film a thousand times stiffer than its base: three radii solve the equations over some depths.
+    # A cone, a film, a base a thousand times softer: over some depths three radii solve the equations.
     shape, layer, base = Cone(1.2), Layer(Isotropic(1.0, 0.3), 1.0), Isotropic(1e-3, 0.5)
     law = exact_law(shape, layer, base, max_depth=9.5, rtol=1e-6)
     assert len(law.curve.jumps) == 1

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from underlay.errors import RangeError
-from underlay.mechanics.exact import exact_law
-from underlay.mechanics.exact_batch import ExactBatch, thickness_derivative
+from underlay.mechanics.exact.batch import ExactBatch, thickness_derivative
+from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Cone, Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, isotropic_constants
 
@@ -100,3 +100,18 @@ def test_a_large_batch_stays_small_in_memory():
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 200e6
+
+
+def test_a_set_whose_radii_pass_the_end_of_a_sphere_is_marked_and_harms_no_other():
+    sphere, inner = Sphere(2.0), isotropic_constants(np.ones((2, 1)), np.full((2, 1), 0.45))
+    deepest = float(sphere.abel(np.array(0.9)))
+    batch = ExactBatch.compile(
+        sphere, isotropic_constants(1.0, 0.45), None, thickness=0.9, max_depth=deepest, rtol=RTOL
+    )
+    curves = batch.curves(inner, None, np.array([0.9, 20.0]))
+    assert curves.error_estimate[0] < RTOL
+    assert curves.error_estimate[1] == np.inf
+    alone = exact_law(sphere, Layer(Isotropic(1.0, 0.45), 0.9), RIGID, max_depth=deepest, rtol=1e-10)
+    theta = np.ravel(inner.theta)
+    found = curves.force(np.array([0.5 * deepest]), theta, np.array([0.9, 20.0]))[0, 0]
+    assert found == pytest.approx(float(alone.force(0.5 * deepest)), rel=RTOL)

@@ -8,7 +8,7 @@ import pytest
 
 from support import reference_contact
 from support.reference_solver import DIGITS, EXPONENTS, MATERIALS, STORED, solve, weighted_kernel
-from underlay.mechanics.exact import exact_law
+from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 
@@ -43,7 +43,7 @@ def folded(row, exponent):
     return depths != sorted(depths)
 
 
-@pytest.mark.parametrize(("row", "exponent"), stored_cases())
+@pytest.mark.parametrize(("row", "exponent"), list(stored_cases()))
 def test_stored_digits_are_met_at_every_tolerance(row, exponent):
     if folded(row, exponent):
         pytest.skip(

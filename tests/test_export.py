@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
+
 from support import afm_files
 from support import instrument_files as files
-
 from underlay.data.curve import Curve
 from underlay.data.export import METADATA_MARK, write_curves, write_json
 from underlay.data.readers import read, read_all
@@ -63,7 +63,7 @@ def test_refusals_leave_the_old_file_as_it_was(curve, tmp_path):
     old.write_text("precious")
     with pytest.raises(InputError, match="a CSV holds one curve, not 2"):
         write_curves([curve, curve], old)
-    with pytest.raises(InputError, match="end it in .csv, .json"):
+    with pytest.raises(InputError, match=r"end it in \.csv, \.json"):
         write_curves(curve, tmp_path / "out.xyz")
     with pytest.raises(InputError, match="no curve to write"):
         write_curves([], old)

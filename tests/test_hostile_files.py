@@ -10,9 +10,9 @@ import zipfile
 import h5py
 import numpy as np
 import pytest
+
 from support import afm_files
 from support import instrument_files as files
-
 from underlay.data.readers import FORMATS, read, read_all
 from underlay.data.readers._source import MAX_BYTES
 from underlay.errors import FileAccessError, FileFormatError, MissingExtraError, UnderlayError
@@ -68,8 +68,8 @@ def test_what_is_no_file(tmp_path):
         read("a\0b")
     with pytest.raises(FileAccessError, match="cannot open"):
         read(None)
+    (tmp_path / "empty").write_bytes(b"")
     with pytest.raises(FileFormatError, match="is empty"):
-        (tmp_path / "empty").write_bytes(b"")
         read(tmp_path / "empty")
 
 
@@ -101,10 +101,10 @@ def test_a_file_too_large_is_not_taken_in(tmp_path):
     path = tmp_path / "large.csv"
     with path.open("wb") as stream:
         stream.truncate(2 * 2**30)  # 2 GB that take no room on the disk
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(FileFormatError, match="more than the 256 MB"):
         read(path)
-    assert time.perf_counter() - began < 2.0
+    assert time.process_time() - began < 0.5
 
 
 def test_archives(put):
@@ -115,6 +115,17 @@ def test_archives(put):
     assert curves[1].metadata["member"] == "../../2.txt"
 
 
+def test_a_member_without_a_name(put):
+    nameless = files.zipped({"x": files.delimited()}).replace(b"x", b"")
+    with pytest.raises(FileFormatError):
+        read(put(nameless))
+    data = bytearray(files.zipped({"x": files.delimited()}))
+    central = data.rindex(b"PK\x01\x02")
+    struct.pack_into("<HH", data, central + 28, 0, 1)  # the name becomes an extra field of one byte
+    with pytest.raises(FileFormatError):
+        read(put(bytes(data)))
+
+
 def test_members_of_an_archive_are_never_written(put, tmp_path, monkeypatch):
     folder = tmp_path / "here"
     folder.mkdir()
@@ -123,14 +134,15 @@ def test_members_of_an_archive_are_never_written(put, tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["here", "x.dat"]
 
 
-@pytest.mark.parametrize(
-    "inside", [{"x.csv": b"0" * 300_000_000}, {f"{i}.csv": b"0" * 30_000_000 for i in range(10)}]
-)
-def test_an_archive_that_unpacks_to_too_much(inside, put):
-    bomb = files.zipped(inside)
-    assert len(bomb) < 1_000_000
+@pytest.mark.parametrize("members", [1, 10])
+def test_an_archive_that_claims_to_unpack_to_too_much(members, put):
+    bomb = bytearray(files.zipped({f"{i}.csv": files.delimited() for i in range(members)}))
+    at = 0
+    for _ in range(members):
+        at = bomb.index(b"PK\x01\x02", at) + 24
+        struct.pack_into("<I", bomb, at, 2_000_000_000 // members)
     with pytest.raises(FileFormatError, match=f"at most 400000 and {MAX_BYTES // 1_000_000} MB"):
-        read(put(bomb))
+        read(put(bytes(bomb)))
 
 
 def test_a_member_larger_than_it_claims(put):
@@ -139,7 +151,7 @@ def test_a_member_larger_than_it_claims(put):
     for at in (22, data.rindex(b"PK\x01\x02") + 24):
         assert struct.unpack_from("<I", data, at)[0] == size
         struct.pack_into("<I", data, at, 10)
-    with pytest.raises(FileFormatError, match="damaged|larger than it claims"):
+    with pytest.raises(FileFormatError, match=r"damaged|larger than it claims"):
         read(put(bytes(data)))
 
 
@@ -168,26 +180,32 @@ def workbook(sheet, **more):
 MAIN = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
 
 
-@pytest.mark.parametrize(
-    "sheet",
-    [
-        f'<worksheet {MAIN}><dimension ref="A1:XFD1048576"/><sheetData/></worksheet>',
-        f'<worksheet {MAIN}><sheetData><row r="999999999"><c r="A999999999"><v>1</v></c></row></sheetData></worksheet>',
-        f'<worksheet {MAIN}><sheetData><row r="1"><c r="ZZZ1"><v>1</v></c></row></sheetData></worksheet>',
-        '<!DOCTYPE l [<!ENTITY a "aaaaaaaaaa">' + "".join(
-            f'<!ENTITY {chr(98 + i)} "{(f"&{chr(97 + i)};") * 10}">' for i in range(9)
-        ) + f"]><worksheet {MAIN}><sheetData><row><c><v>&j;</v></c></row></sheetData></worksheet>",
-        '<!DOCTYPE l [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
-        f'<worksheet {MAIN}><sheetData><row><c t="str"><v>&x;</v></c></row></sheetData></worksheet>',
-        "<worksheet",
-    ],
-    ids=["claimed size", "last row", "last column", "billion laughs", "outer entity", "cut"],
-)  # fmt: skip
+def sheet_of(rows, before="", entities=""):
+    return f"{entities}<worksheet {MAIN}>{before}<sheetData>{rows}</sheetData></worksheet>"
+
+
+LAUGHS = "".join(f'<!ENTITY {chr(98 + i)} "{f"&{chr(97 + i)};" * 10}">' for i in range(9))
+SHEETS = {
+    "claimed size": sheet_of("", before='<dimension ref="A1:XFD1048576"/>'),
+    "last row": sheet_of('<row r="999999999"><c r="A999999999"><v>1</v></c></row>'),
+    "last column": sheet_of('<row r="1"><c r="ZZZ1"><v>1</v></c></row>'),
+    "billion laughs": sheet_of(
+        "<row><c><v>&j;</v></c></row>", entities=f'<!DOCTYPE l [<!ENTITY a "aaaaaaaaaa">{LAUGHS}]>'
+    ),
+    "outer entity": sheet_of(
+        '<row><c t="str"><v>&x;</v></c></row>',
+        entities='<!DOCTYPE l [<!ENTITY x SYSTEM "file:///etc/passwd">]>',
+    ),
+    "cut": "<worksheet",
+}
+
+
+@pytest.mark.parametrize("sheet", SHEETS.values(), ids=SHEETS)
 def test_workbooks_that_claim_or_refer_too_much(sheet, put):
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(FileFormatError):
         read_all(put(workbook(sheet)))
-    assert time.perf_counter() - began < 2.0
+    assert time.process_time() - began < 2.0
 
 
 @pytest.mark.parametrize("link", ["soft", "external", "virtual", "outside", "huge"])
@@ -211,7 +229,7 @@ def test_hdf5_that_leads_out_of_the_file(link, put, tmp_path):
             group.create_dataset("force", shape=(10,), dtype=float, external=[(str(other), 0, 80)])
         else:
             group.create_dataset("force", shape=(10**9,), dtype=float, chunks=(1000,))  # never written
-    with pytest.raises(FileFormatError, match="not followed|claims more than"):
+    with pytest.raises(FileFormatError, match=r"not followed|claims more than"):
         read_all(path)
 
 

@@ -118,8 +118,8 @@ def test_mechanics_needs_numpy_and_scipy_only():
         f"package = types.ModuleType('underlay'); package.__path__ = [{str(PACKAGE)!r}]\n"
         "sys.modules['underlay'] = package\n"
         "import underlay.mechanics\n"
-        "for module in pkgutil.iter_modules(underlay.mechanics.__path__):\n"
-        "    importlib.import_module('underlay.mechanics.' + module.name)\n"
+        "for module in pkgutil.walk_packages(underlay.mechanics.__path__, 'underlay.mechanics.'):\n"
+        "    importlib.import_module(module.name)\n"
         "heavy = {'lmfit', 'matplotlib', 'pandas', 'emcee', 'pint', 'pydantic', 'typer'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )

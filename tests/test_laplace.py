@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import linalg
 
 from underlay.errors import FitError
 from underlay.inference.laplace import find_mode, overdispersed
@@ -69,6 +70,23 @@ def test_a_bent_ridge_is_followed():
     assert top.log_density > -0.1
     walkers = overdispersed(density, top, 64, np.random.default_rng(1))
     assert (density(walkers) > top.log_density - 20.0).all()
+
+
+def test_steps_in_the_density_do_not_flatten_the_walkers():
+    """A law that keeps its promise to 1e-4 makes a log-density rough by a tenth of a log unit."""
+    smooth = gaussian(np.zeros(3), correlated([1e-2, 1.0, 0.1], 0.999))
+
+    def density(q):
+        rough = 0.1 * np.sin(1e4 * q.sum(axis=1))
+        return np.where(np.abs(q[:, 1]) < 2.0, smooth(q) + rough, -np.inf)
+
+    width = np.array([3.0, 1.3, 3.0])
+    top = find_mode(density, np.array([0.01, 1.0, 0.1]), width, (-2.0 * width, 2.0 * width))
+    walkers = overdispersed(density, top, 64, np.random.default_rng(0))
+    exact = 4.0 * correlated([1e-2, 1.0, 0.1], 0.999)
+    # Variances along the posterior's own axes, over its own: no axis collapsed.
+    spread = linalg.eigh(np.cov(walkers.T), exact, eigvals_only=True)
+    assert (spread > 0.05).all()
 
 
 def test_a_start_without_density_is_refused():

@@ -1,12 +1,12 @@
-"""The report's page in a real browser: every picture there, nothing fetched, readable narrow, wide, light, dark."""
+"""The report's page in a browser: every picture there, nothing fetched, readable narrow or wide, light or dark."""
 
 import pytest
 
-import underlay as ul
 from support.chromium import browser, chromium
-from support.reports import SAMPLES, small_posterior
 
-pytestmark = pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine: the page is not opened")
+pytestmark = pytest.mark.skipif(
+    chromium() is None, reason="no Chromium on this machine: the page is not opened"
+)
 
 WIDTHS, SCHEMES = (400, 1400), ("light", "dark")
 
@@ -44,17 +44,6 @@ PICTURES = """
 
 
 @pytest.fixture(scope="module")
-def pages(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("pages")
-    problem = ul.load_problem(SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml")
-    sampled, posterior = small_posterior()
-    return {
-        "fit": ul.report(ul.fit(problem), folder / "fit.html"),
-        "posterior": ul.report(posterior, folder / "posterior.html", problem=sampled),
-    }
-
-
-@pytest.fixture(scope="module")
 def tab():
     with browser() as opened:
         yield opened
@@ -63,14 +52,12 @@ def tab():
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("kind", ["fit", "posterior"])
-def test_page(pages, tab, kind, width, scheme):
-    events = tab.open(pages[kind].as_uri(), width=width, scheme=scheme)
+def test_page(report_pages, tab, kind, width, scheme):
+    events = tab.open(report_pages[kind][1].as_uri(), width=width, scheme=scheme)
 
     errors = [e for e in events if e["method"] in {"Runtime.exceptionThrown", "Log.entryAdded"}]
     assert not errors, errors
-    requests = [
-        e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"
-    ]
+    requests = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
     assert requests[0].startswith("file:")
     assert all(url.startswith("data:") for url in requests[1:]), requests
     assert tab.evaluate("document.scripts.length") == 0

@@ -4,13 +4,13 @@ import hashlib
 
 import numpy as np
 import pytest
+
 from support import afm_files
 from support import instrument_files as files
-
 from underlay.data.readers import FORMATS, read, read_all
 from underlay.errors import CurveError, FileFormatError, InputError, UnderlayWarning, UnitError
 
-TIME, DEPTH, FORCE = files.test_curve(1.0, 1.0)
+TIME, DEPTH, FORCE = files.sample_curve(1.0, 1.0)
 LABELS = np.repeat(("loading", "hold", "unloading"), (files.RAMP, files.REST, files.BACK))
 
 
@@ -360,15 +360,15 @@ def test_nanosuite_tests_by_name_whatever_the_order(put):
 @pytest.mark.parametrize("turned", [False, True])
 def test_testxpert_in_every_language(language, turned, put):
     if language == "xx":  # no known name: by the order of the units, if the format is given
-        curve = read(put(files.testxpert(language, turned=turned)), format="testxpert")
+        curve = read(put(files.zwick(language, turned=turned)), format="testxpert")
     else:
-        curve = read(put(files.testxpert(language, turned=turned)))
+        curve = read(put(files.zwick(language, turned=turned)))
     check(curve, 1e-3, 10.0, 1e-12)
     assert curve.metadata["initial_gap"] == pytest.approx(12.25e-3)
 
 
 def test_testxpert_specimens(put):
-    assert len(read_all(put(files.testxpert(specimens=3)))) == 3
+    assert len(read_all(put(files.zwick(specimens=3)))) == 3
 
 
 def test_excel_tables(put):

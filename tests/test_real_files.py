@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import chiaro_sample, real_data
-from support.real_data import real_file
 
 import underlay as ul
+from support import chiaro_sample, real_data
+from support.real_data import real_file
 from underlay.data.contact_point import find_contact
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
 from underlay.data.readers._source import load

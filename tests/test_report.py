@@ -5,14 +5,17 @@ import json
 import re
 import sys
 
+import nbformat
 import numpy as np
+import pandas as pd
 import pytest
 
 import underlay as ul
 from support.reports import SAMPLES, cells_of, page_text, small_posterior
-from underlay.errors import FitError, InputError, MissingExtraError
+from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
 from underlay.inference.priors import Truncated
-from underlay.report import words
+from underlay.report import maps, words
+from underlay.report.execution import execute
 from underlay.report.intervals import estimates
 from underlay.report.notebook import make_notebook
 from underlay.report.page import html_page
@@ -122,7 +125,9 @@ def test_source_states_the_same_joint_problem(tmp_path):
     tests = []
     for radius in (5e-4, 2e-3):
         scene = ul.Scene(ul.Sphere(radius), layer, ul.RIGID)
-        tests.append((scene, ul.synthesize(scene, np.linspace(0, 1e-4, 40), noise=ul.Noise(force=1e-4), rng=2)))
+        tests.append(
+            (scene, ul.synthesize(scene, np.linspace(0, 1e-4, 40), noise=ul.Noise(force=1e-4), rng=2))
+        )
     first = ul.Problem.joint(
         tests, {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-1e-5, 1e-5)}, shared=["layer.E"]
     )
@@ -132,17 +137,63 @@ def test_source_states_the_same_joint_problem(tmp_path):
     assert second.log_posterior(first.start) == first.log_posterior(first.start)
 
 
-# --- the page and its notebook ---------------------------------------------------------------------------
+# --- a map ----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
-def fit_report(tmp_path_factory):
-    fit = ul.fit(cartilage())
-    return fit, ul.report(fit, tmp_path_factory.mktemp("report") / "report.html")
+def map_page(tmp_path_factory):
+    scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3), ul.RIGID)
+    depth = np.linspace(-1e-5, 5e-5, 60)
+    curves = [
+        ul.synthesize(scene.with_values({"layer.E": 1e6 + 1e5 * n}), depth, ul.Noise(force=1e-4), rng=n)
+        for n in range(5)
+    ]
+    curves.append(ul.Curve(depth, np.full(60, np.nan), metadata={"name": "broken <b>"}))
+    curves = [
+        curve.with_metadata(name=curve.metadata.get("name") or f"s{n}") for n, curve in enumerate(curves)
+    ]
+    manifest = pd.DataFrame(
+        {
+            "file": [c.metadata["name"] for c in curves],
+            "x": np.arange(6) % 3 * 1e-3,
+            "y": np.arange(6) // 3 * 1e-3,
+        }
+    )
+    table = ul.fit_many(curves, scene, {"layer.E": (1e4, 1e8)}, manifest, workers=0)
+    folder = tmp_path_factory.mktemp("map")
+    return table, ul.report(table, folder / "map.html")
 
 
-def test_page_says_what_the_fit_found(fit_report):
-    fit, page = fit_report
+def test_page_of_a_map_says_what_was_found_and_what_was_not(map_page):
+    _, page = map_page
+    text = page_text(page)
+    assert "5 of 6 curves were fitted" in text
+    assert "Layer modulus 1.2" in text
+    assert "broken <b>" in text
+    assert "NaN" in text or "nan" in text
+    assert page.read_text().count("<img") == 4  # modulus, its error, verdicts, histogram
+
+
+def test_map_reads_back_and_a_curve_is_no_map(map_page, tmp_path):
+    table, page = map_page
+    kept = page.parent / "map.inputs" / "map.csv"
+    assert maps.is_map(kept)
+    np.testing.assert_allclose(maps.read_map(kept)["layer.E"], table["layer.E"], rtol=1e-15)
+    assert not maps.is_map(SAMPLES / "cartilage_on_bone.csv")
+    wrong = tmp_path / "x.csv"
+    wrong.write_text("name,path,x,y,status,verdict\n")
+    assert not maps.is_map(wrong)
+    with pytest.raises(FileFormatError, match="no column 'reason'"):
+        maps.read_map(wrong)
+    with pytest.raises(FileAccessError):
+        maps.is_map(tmp_path / "none.csv")
+
+
+# --- the page and its notebook ---------------------------------------------------------------------------
+
+
+def test_page_says_what_the_fit_found(report_pages):
+    fit, page = report_pages["fit"]
     text = page_text(page)
     assert f"{fit.values['layer.E'] / 1e6:.4f} MPa" in text
     assert "known only together" in text
@@ -153,8 +204,8 @@ def test_page_says_what_the_fit_found(fit_report):
     assert fit.provenance["versions"]["numpy"] in text
 
 
-def test_notebook_beside_the_page_is_executed_and_gives_the_same_fit(fit_report):
-    fit, page = fit_report
+def test_notebook_beside_the_page_is_executed_and_gives_the_same_fit(report_pages):
+    fit, page = report_pages["fit"]
     cells = cells_of(page.with_suffix(".ipynb"))
     assert all(cell["execution_count"] for cell in cells if cell["cell_type"] == "code")
     text = json.dumps(cells)
@@ -163,9 +214,9 @@ def test_notebook_beside_the_page_is_executed_and_gives_the_same_fit(fit_report)
     assert fit.provenance["curves"][0]["data_sha256"] in text
 
 
-def test_report_of_a_posterior(tmp_path):
-    problem, posterior = small_posterior()
-    text = page_text(ul.report(posterior, tmp_path / "with.html", problem=problem))
+def test_report_of_a_posterior(report_pages):
+    posterior, page = report_pages["posterior"]
+    text = page_text(page)
     assert "Layer modulus" in text
     assert "indenter" in text
     assert ("The sampling converged" in text) == posterior.converged
@@ -177,7 +228,9 @@ def test_report_of_another_problem_is_refused(tmp_path):
         ul.report(posterior, tmp_path / "x.html", problem=cartilage())
 
 
-@pytest.mark.parametrize(("what", "match"), [("a result", "of a Fit or a Posterior"), (None, "HTML file")])
+@pytest.mark.parametrize(
+    ("what", "match"), [("a result", "of a Fit, a Posterior or a map"), (None, "HTML file")]
+)
 def test_bad_requests(tmp_path, what, match):
     with pytest.raises(InputError, match=match):
         ul.report(what, tmp_path / ("r.html" if what else "r.pdf"))
@@ -199,16 +252,12 @@ def test_without_the_extra_it_says_what_to_install(tmp_path, monkeypatch):
 
 
 def test_a_failing_cell_is_one_clear_line(tmp_path):
-    from underlay.report.execution import execute
-
     notebook = make_notebook("posterior_scene", {"title": "x"})
     with pytest.raises(FitError, match=r"the notebook of the report stopped: NameError"):
         execute(notebook, tmp_path)
 
 
 def test_markup_in_names_is_text_on_the_page():
-    import nbformat
-
     evil = "<script>alert(1)</script><img src=http://example.com/x.png onerror=alert(1)>"
     table = f"<table><tr><td>{evil}</td></tr></table>"
     outputs = [

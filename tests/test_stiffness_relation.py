@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.asymptotic import kernel_moments, punch_factor
+from underlay.mechanics.asymptotic.law import kernel_moments, punch_factor
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
 from underlay.mechanics.stiffness_relation import modulus_from_stiffness
 

@@ -1,5 +1,6 @@
 """Units at the border: what is written is what is meant, and what is not understood is refused."""
 
+import contextlib
 import math
 import subprocess
 import sys
@@ -71,9 +72,8 @@ def test_an_angle_is_not_a_dimensionless_number():
 @pytest.mark.parametrize(
     "text",
     [
-        "3 parsnips", "3 m**999999999", "3 m^-12", "three mm", "", "mm", "1e999 mm", "nan mm", "inf mm", "1 2 mm",
-        "3 __import__('os')", "3 (((((", "3 m m m m m m m m m m m m m m m m m m m m m m m m m m m", "1_0 mm", "0x10 mm",
-        "1,5 mm",
+        "3 parsnips", "3 m**999999999", "3 m^-12", "three mm", "", "mm", "1e999 mm", "nan mm", "inf mm",
+        "1 2 mm", "3 __import__('os')", "3 (((((", "3 " + "m " * 30, "1_0 mm", "0x10 mm", "1,5 mm",
     ],
 )  # fmt: skip
 def test_rubbish_is_a_unit_error(text):
@@ -89,10 +89,8 @@ def test_what_is_no_text_or_number_is_a_unit_error(value):
 
 @given(st.text(max_size=60))
 def test_any_text_is_a_number_or_our_error(text):
-    try:
+    with contextlib.suppress(UnitError):
         assert math.isfinite(parse_quantity(text, "length"))
-    except UnitError:
-        pass
 
 
 def test_an_unknown_kind_is_named():

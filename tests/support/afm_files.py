@@ -54,7 +54,8 @@ def _segment(archive, number, style, *, pause, calibrated, claimed, shared):
     archive.writestr(folder, b"")
     archive.writestr(
         folder + "segment-header.properties",
-        "#Thu Mar 31 17:51:15 CEST 2016\nforce-segment-header.approach-id=a\nforce-segment-header.duration=1.0\n"
+        "#Thu Mar 31 17:51:15 CEST 2016\nforce-segment-header.approach-id=a\n"
+        "force-segment-header.duration=1.0\n"
         f"force-segment-header.num-points={POINTS if claimed is None else claimed}\n"
         "force-segment-header.time-stamp=2016-03-31 17\\:51\\:14.543 +0200\n"
         f"force-segment-header.settings.style={style}\nforce-segment-header.settings.feedback-mode.name=contact\n"

@@ -1,4 +1,4 @@
-"""A page in a headless Chromium, driven through the DevTools protocol over two pipes: standard library only."""
+"""A page in a headless Chromium, driven through the DevTools protocol over two pipes; no package needed."""
 
 import json
 import os
@@ -13,10 +13,18 @@ from contextlib import contextmanager
 
 BINARIES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 OPTIONS = (
-    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync --disable-dev-shm-usage --hide-scrollbars "
-    "--remote-debugging-pipe"
-).split()
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+    "--hide-scrollbars",
+    "--remote-debugging-pipe",
+)
 PATIENCE = 60.0
 # The protocol is spoken on descriptors 3 and 4. Copies first: one of the two may be 3 or 4 already.
 ON_3_AND_4 = (
@@ -90,7 +98,7 @@ class Browser:
         return answer["result"]
 
     def open(self, url, *, width, scheme):
-        """Open `url` in a window `width` pixels wide, light or dark; return the events until it has loaded."""
+        """Open `url` in a window `width` pixels wide, light or dark; return the events of its loading."""
         self.events = []
         self.call(
             "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False

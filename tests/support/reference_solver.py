@@ -209,7 +209,7 @@ def main():
                     digits.append(mp.nstr(here, 20))
                 row[key] = digits if isinstance(value, tuple) else digits[0]
             rows.append(row)
-            print(name, eps, row["kappa_inf"], row["lambda=2.0"], flush=True)  # noqa: T201 - a command's output
+            print(name, eps, row["kappa_inf"], row["lambda=2.0"], flush=True)
     STORED.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 

@@ -6,6 +6,8 @@ import sys
 
 import typer
 
+from underlay.cli.accuracy import accuracy
+from underlay.cli.bench import bench
 from underlay.cli.console import say_error
 from underlay.cli.demo import demo
 from underlay.cli.effects import effects
@@ -31,7 +33,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, fit, sample, simulate, effects, identify, plan, report, formats):
+for command in (demo, fit, sample, simulate, effects, accuracy, identify, plan, report, formats, bench):
     app.command()(command)
 app.command("map")(map_curves)
 

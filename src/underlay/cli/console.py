@@ -35,7 +35,7 @@ def say_error(text: str) -> None:
 def say_table(frame: pd.DataFrame, title: str) -> None:
     """Print a table; numbers to the right, words to the left, an index of names as the first column."""
     if not pd.api.types.is_integer_dtype(frame.index):
-        frame = frame.rename_axis(frame.index.name or "").reset_index()
+        frame = frame.rename_axis("" if frame.index.name is None else str(frame.index.name)).reset_index()
     table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
     for name, column in frame.items():
         numeric = pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -17,7 +17,15 @@ from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.posterior import Posterior
 from underlay.inference.problem import Problem
 from underlay.inference.provenance import curve_hash
-from underlay.report.render import file_notebook, notebook_text, page_path, posterior_notebook, write_report
+from underlay.report.maps import is_map, read_map
+from underlay.report.render import (
+    file_notebook,
+    map_notebook,
+    notebook_text,
+    page_path,
+    posterior_notebook,
+    write_report,
+)
 
 __all__ = ["report"]
 
@@ -28,7 +36,7 @@ Results = Annotated[
     list[Path],
     typer.Argument(
         help="What to report: a curve (with --scene), a .fit.json of `underlay fit`, a saved posterior "
-        "(.npz), or a curve and its posterior.",
+        "(.npz), a curve and its posterior, or the table of a map (.csv, .parquet).",
         metavar="RESULT...",
     ),
 ]
@@ -59,8 +67,12 @@ def report(
         say(f"Next: jupyter lab {shlex.quote(str(new_notebook))}")
         return
     target = page_path(output)
-    asked = _sorted_out(results, scene)
     command = _command(results, scene, output)
+    if len(results) == 1 and is_map(results[0]):
+        read_map(results[0])
+        _finish(map_notebook(results[0], target.parent, command), target)
+        return
+    asked = _sorted_out(results, scene)
     if asked.posterior is not None:
         Posterior.load(asked.posterior)
         files = None if asked.curve is None or asked.scene is None else (asked.curve, asked.scene)
@@ -72,6 +84,10 @@ def report(
         if asked.record is not None:
             _check_record(asked.record, problem)
         notebook = file_notebook(curve, scene_file, target.parent, command)
+    _finish(notebook, target)
+
+
+def _finish(notebook: Any, target: Path) -> None:
     say(f"wrote {write_report(notebook, target)}")
     say(f"wrote {target.with_suffix('.ipynb')}")
 

@@ -18,6 +18,8 @@ from underlay.inference.forward import Forward, LawOptions, LawStore
 from underlay.inference.members import Member
 from underlay.inference.noise_start import noise_start
 from underlay.inference.priors import Prior
+from underlay.mechanics.accuracy import METHODS
+from underlay.mechanics.published import published_names
 from underlay.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -37,6 +39,7 @@ def compile_members(
     store: LawStore,
 ) -> tuple[tuple[Member, ...], tuple[Coordinate, ...]]:
     """Check a problem and compile it; see `Problem` for what is refused."""
+    _require_known(options.method)
     noises = _noises(noise, len(tests))
     _check_tests(tests)
     requests = _requests(free, shared, len(tests))
@@ -65,8 +68,14 @@ def compile_members(
     return members, tuple(coordinates)
 
 
+def _require_known(method: str) -> None:
+    known = (*METHODS, *published_names())
+    if method not in known:
+        raise InputError(f"unknown method {method!r}; known: {', '.join(known)}")
+
+
 def _noises(noise: Noise | Sequence[Noise | None] | None, count: int) -> list[Noise]:
-    given = [noise] * count if noise is None or isinstance(noise, Noise) else list(noise)
+    given = list(noise) if isinstance(noise, Sequence) else [noise] * count
     if len(given) != count:
         raise InputError(f"give one noise model for all curves or one for each of {count}; got {len(given)}")
     for entry in given:

@@ -20,6 +20,7 @@ from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.inference.similarity import Similarity, compile_similarity
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.published import published_names
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
@@ -56,10 +57,14 @@ class LawOptions:
 
 @dataclass
 class LawStore:
-    """The laws built last, owned by one problem; `built` counts them."""
+    """The laws built last, or why one could not be, and what is compiled for batches; `built` counts laws.
 
-    laws: OrderedDict[tuple[object, ...], ContactLaw] = field(default_factory=OrderedDict)
+    Owned by one problem.
+    """
+
+    laws: OrderedDict[tuple[object, ...], ContactLaw | RangeError] = field(default_factory=OrderedDict)
     references: list[Scene] = field(default_factory=list)
+    batches: dict[tuple[object, ...], ExactBatch | None] = field(default_factory=dict)
     built: int = 0
 
     def number(self, reference: Scene) -> int:
@@ -68,11 +73,11 @@ class LawStore:
             self.references.append(reference)
         return self.references.index(reference)
 
-    def get(self, key: tuple[object, ...]) -> ContactLaw | None:
+    def get(self, key: tuple[object, ...]) -> ContactLaw | RangeError | None:
         """Return a kept law, or None."""
         return self.laws.get(key)
 
-    def keep(self, key: tuple[object, ...], law: ContactLaw) -> ContactLaw:
+    def keep(self, key: tuple[object, ...], law: ContactLaw | RangeError) -> ContactLaw | RangeError:
         """Keep a law; the oldest goes."""
         self.built += 1
         self.laws[key] = law
@@ -255,18 +260,32 @@ class Forward:
 
     def reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law at the reference with these ratios, for its depths up to `depth` (m); kept and used again."""
-        similarity = self.similarity
         octave = float(np.ceil(np.log2(depth))) if depth > 0.0 else -np.inf
-        key = (self.number, similarity.length, reduced, octave)
-        law = self.store.get(key) or self.store.get((*key, depth))
-        if law is not None:
-            return law
+        key = (self.number, self.similarity.length, reduced, octave)
+        law = self.store.get(key)
+        if law is None:
+            law = self.store.keep(key, self._build(reduced, float(np.exp2(octave))))
+        if isinstance(law, RangeError):
+            raise law
+        if depth > law.max_depth:
+            raise RangeError(
+                f"depth {depth:.6g} m (at the reference scene) is beyond the {law.method} law's reach, "
+                f"{law.max_depth:.6g} m",
+                max_depth=law.max_depth,
+            )
+        return law
+
+    def _build(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | RangeError:
+        """Law up to `depth` (m), or as deep as it reaches; the refusal itself where it reaches nowhere."""
+        similarity = self.similarity
         scene = similarity.scene.with_values(dict(zip(similarity.ratio_paths, reduced, strict=True)))
         try:
-            return self.store.keep(key, self.options.build(scene, float(np.exp2(octave))))
-        except RangeError:
-            # The rounded range is out of reach, the needed one may not be.
-            return self.store.keep((*key, depth), self.options.build(scene, depth))
+            return self.options.build(scene, depth)
+        except RangeError as error:
+            if not error.max_depth:
+                return error
+            # A hair less: the depth a message quotes may be rounded up.
+            return self.options.build(scene, error.max_depth * (1.0 - 1e-6))
 
 
 def _instrument(values: Mapping[str, float]) -> Instrument:

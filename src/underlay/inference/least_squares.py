@@ -6,6 +6,7 @@ Standard errors are those of the delta method: the inverse of J'J in scaled coor
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +21,7 @@ from underlay.inference.law_bias import law_bias
 from underlay.inference.noise_estimate import first_noises, renew
 from underlay.inference.objective import Minimum, Objective, weights_at
 from underlay.inference.problem import Problem
-from underlay.inference.start import scan_starts
+from underlay.inference.start import scan_starts, thinned
 from underlay.mechanics.accuracy import Accuracy
 
 __all__ = ["Fit", "FitStatistics", "FitWarning", "fit", "minimise"]
@@ -31,6 +32,12 @@ LOSSES = ("soft_l1", "huber", "cauchy", "arctan")
 # lmfit's own tolerances (1.5e-8) let a fit stop where two unit systems differ in the sixth digit.
 _TOLERANCE = 1e-8
 _MAX_ROUNDS = 12
+# From a start that the scan found ten evaluations are usual; a valley without an end takes hundreds.
+_MOST_EVALUATIONS = 300
+_ROUGH_EVALUATIONS = 30
+# Two rough optima closer than this in every scaled coordinate are one; a rise of chi-square by 30 in the
+# blocks is not undone by looking at every point.
+_ONE_PLACE, _MAY_BE = 0.05, 30.0
 _MAX_REFINEMENTS = 4
 _LAW_SHARE = 1.0 / 3.0  # of a standard error that the law's own error may move a parameter by
 _TIGHTEST, _LOOSEST = 1e-12, 1e-2
@@ -89,10 +96,12 @@ def _fit_once(problem: Problem, method: str, robust: str | None, start: str) -> 
     began = time.perf_counter()
     solver = "least_squares" if robust else method
     starts = [problem.start] if start == "given" else scan_starts(problem) or [problem.start]
-    if robust:
-        # The losses of two robust fits with their own scales do not compare: the best of the grid is taken.
-        starts = starts[:1]
-    outcomes = [_settle(problem, _inside(problem, first), solver, robust) for first in starts]
+    if len(starts) > 1:
+        starts = _sorted_out(problem, starts, robust)
+    settled = [_settle(problem, _inside(problem, first), solver, robust) for first in starts]
+    outcomes = [outcome for outcome in settled if outcome is not None]
+    if not outcomes:
+        raise _no_law(problem)
     objective, minimum = min(outcomes, key=lambda outcome: outcome[0].loss(outcome[1].vector))
     return assemble(
         objective,
@@ -104,15 +113,60 @@ def _fit_once(problem: Problem, method: str, robust: str | None, start: str) -> 
     )
 
 
+def _no_law(problem: Problem) -> FitError:
+    """Why nothing could be computed: what the law says at the scene's own values."""
+    try:
+        problem.residuals(problem.start)
+    except InputError as error:
+        return FitError(f"no contact law at the start of the fit: {error}")
+    return FitError(
+        "no start of the scan has a contact law: pass start='given' to begin at the scene's values"
+    )
+
+
+def _sorted_out(problem: Problem, starts: Sequence[FloatArray], robust: str | None) -> list[FloatArray]:
+    """Fit the starts roughly, to the curves in blocks, and keep those that may be the optimum, best first."""
+    thin = thinned(problem)
+    noises = first_noises(thin, thin.start)
+    objective = Objective(thin, weights_at(thin, thin.start, noises))
+    solver = "least_squares" if robust else "leastsq"
+    rough: list[tuple[float, FloatArray]] = []
+    for first in starts:
+        # The two problems scale contact and baseline by their own ranges: values go between them.
+        values = {name: value for name, value in problem.values(first).items() if name in thin.names}
+        begin = _inside(thin, thin.vector(values))
+        if not objective.exists(begin):
+            continue
+        found = minimise(objective, begin, method=solver, robust=robust, max_evaluations=_ROUGH_EVALUATIONS)
+        vector = problem.vector(problem.values(first) | thin.values(found.vector))
+        rough.append((float(np.square(objective.residuals(found.vector)).sum()), vector))
+    if not rough:
+        return list(starts)
+    rough.sort(key=lambda entry: entry[0])
+    least = rough[0][0]
+    degrees = max(thin.n_points - len(thin.names), 1)
+    kept: list[FloatArray] = []
+    for square, vector in rough:
+        same = any((np.abs(vector - other) < _ONE_PLACE).all() for other in kept)
+        if not same and (square - least) * degrees <= _MAY_BE * least:
+            kept.append(vector)
+    # Robust fits of different scale do not compare by their losses: only the best is taken further.
+    return kept[:1] if robust else kept
+
+
 def _settle(
     problem: Problem, vector: FloatArray, solver: str, robust: str | None
-) -> tuple[Objective, Minimum]:
-    """Fit from one start, and again while what is learnt of the noise changes the weights."""
+) -> tuple[Objective, Minimum] | None:
+    """Fit from one start, and again while what is learnt of the noise changes the weights.
+
+    None if there is no contact law at the start.
+    """
     try:
-        noises = first_noises(problem, vector)
-        objective = Objective(problem, weights_at(problem, vector, noises))
-    except InputError as error:
-        raise FitError(f"no contact law at the start of the fit: {error}") from error
+        objective = Objective(problem, weights_at(problem, vector, first_noises(problem, vector)))
+    except InputError:
+        return None
+    if not objective.exists(vector):
+        return None
     minimum = minimise(objective, vector, method=solver, robust=robust)
     for _ in range(_MAX_ROUNDS):
         renewal = renew(objective, minimum.vector, robust=robust is not None)
@@ -130,7 +184,7 @@ def minimise(
     *,
     method: str = "leastsq",
     robust: str | None = None,
-    max_evaluations: int | None = None,
+    max_evaluations: int = _MOST_EVALUATIONS,
 ) -> Minimum:
     """Minimise the weighted sum of squares over the active entries, from a scaled start (k,)."""
     active = objective.active

@@ -10,8 +10,8 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise, log_normalisation, standard_deviation, whiten
-from underlay.errors import InputError
 from underlay.inference.forward import Forward, Reading
+from underlay.inference.forward_batch import Readings, batched_readings
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.scene import Scene
 
@@ -110,7 +110,8 @@ class Member:
 
     def log_likelihood(self, physical: FloatArray) -> FloatArray:
         """Log-likelihood (B,) at physical vectors (B, k); -inf where no law exists."""
-        contact, stiffness, force, possible = self.readings(physical)
+        by_depth = bool(self.noise.depth) or "depth" in self.noise_entries
+        contact, stiffness, force, possible = self.readings(physical, stiffness=by_depth)
         numbers = {name: physical[possible, j] for name, j in self.noise_entries.items()}
         result = np.full(len(physical), -np.inf)
         if not possible.any():
@@ -134,16 +135,9 @@ class Member:
             result[possible] = normalisation - 0.5 * len(self.force) * np.log(square)
         return result
 
-    def readings(self, physical: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, np.ndarray]:
-        """Contact force, stiffness and instrument force, each (B, n), and which of the B exist, (B,)."""
-        shape = (len(physical), len(self.force))
-        contact, stiffness, force = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-        possible = np.ones(len(physical), dtype=bool)
-        for row, vector in enumerate(physical):
-            try:
-                reading = self.reading(vector)
-            except InputError:
-                possible[row] = False
-                continue
-            contact[row], stiffness[row], force[row] = reading.contact, reading.stiffness, reading.force
-        return contact, stiffness, force, possible
+    def readings(self, physical: FloatArray, *, stiffness: bool = True) -> Readings:
+        """Model at physical vectors (B, k); without `stiffness` that is left zero."""
+        values: dict[str, float | FloatArray] = dict(self.base)
+        for path, entry in self.entries.items():
+            values[path] = physical[:, entry]
+        return batched_readings(self.forward, values, len(physical), stiffness=stiffness)

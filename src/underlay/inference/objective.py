@@ -135,6 +135,14 @@ class Objective:
             parts.append(self._penalties(physical)[1] * slopes)
         return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
+    def exists(self, vector: FloatArray) -> bool:
+        """Whether there is a contact law at a vector (k,), and beside it for its derivatives."""
+        try:
+            self.jacobian(vector, rough=True)
+        except InputError:
+            return False
+        return True
+
     def loss(self, vector: FloatArray) -> float:
         """Minus twice the log-likelihood with the frozen noise, priors' residuals included, at (k,)."""
         residuals = self.residuals(vector)

@@ -20,7 +20,7 @@ from underlay.errors import InputError, ParameterError
 from underlay.inference.information import expected_problem, information, marginal, prior_information
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.accuracy import Accuracy
-from underlay.scene.parameters import kind_of
+from underlay.scene.parameters import kind_of, unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
@@ -198,6 +198,8 @@ def plan(
             f"{parameter!r} must be a free parameter of layer or substrate; free are "
             f"{', '.join(wanted) or 'none'}"
         )
+    if parameter not in scene.parameters:
+        raise unknown_parameter(parameter, scene.parameters)
     if "indenter.radius" not in scene.parameters:
         raise ParameterError(f"the grid varies indenter.radius, which {scene.indenter!r} does not have")
     grid = tuple(_positive(values, name) for values, name in ((radii, "radii"), (depths, "depths")))

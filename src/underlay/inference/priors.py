@@ -386,6 +386,13 @@ class Flat(Prior):
         """(low, high)."""
         return self.low, self.high
 
+    def truncated(self, low: float = -np.inf, high: float = np.inf) -> Prior:
+        """Return this prior restricted to [low, high]; proper once both ends are finite."""
+        low, high = max(low, self.low), min(high, self.high)
+        if not (np.isfinite(low) and np.isfinite(high)):
+            return Flat(low, high, self.log)
+        return LogUniform(low, high) if self.log and low > 0.0 else Uniform(low, high)
+
     def log_density(self, value: FloatArray) -> FloatArray:
         """Zero, or -ln x when `log` is set."""
         x = np.asarray(value, dtype=np.float64)

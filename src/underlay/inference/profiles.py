@@ -238,11 +238,15 @@ def rise_at(fit: Fit, name: str, value: float) -> float:
         raise InputError(
             f"{name} = {value!r} is outside its bounds [{coordinate.low!r}, {coordinate.high!r}]"
         )
-    walk = _Walk.start(fit, index)
-    found = walk.fit_at(coordinate.scaled(value))
-    if found is None:
+    rises = []
+    for optimum in (fit.vector, *(other.vector for other in fit.alternatives)):
+        walk = _Walk.start(fit, index, optimum)
+        found = walk.fit_at(coordinate.scaled(value))
+        if found is not None:
+            rises.append(float(np.square(walk.objective.residuals(found.vector)).sum()) - walk.base)
+    if not rises:
         raise InputError(f"no contact law at {name} = {value!r}")
-    return float(np.square(walk.objective.residuals(found.vector)).sum()) - walk.base
+    return min(rises)
 
 
 def _refit(fit: Fit, vector: FloatArray) -> Fit:

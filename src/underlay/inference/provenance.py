@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import metadata
 from typing import Any
 
 from underlay.data.curve import Curve
 
-__all__ = ["curve_hash", "provenance"]
+__all__ = ["curve_hash", "provenance", "version_record"]
 
 
 def curve_hash(curve: Curve) -> str:
@@ -22,7 +22,7 @@ def curve_hash(curve: Curve) -> str:
 def provenance(curves: Sequence[Curve]) -> dict[str, Any]:
     """Versions of what computed, and of every curve its name, file and hashes."""
     return {
-        "versions": {name: _version(name) for name in ("underlay", "numpy", "scipy", "lmfit")},
+        "versions": version_record(("underlay", "numpy", "scipy", "lmfit")),
         "curves": [
             {
                 "name": curve.metadata.get("name"),
@@ -35,6 +35,11 @@ def provenance(curves: Sequence[Curve]) -> dict[str, Any]:
             for curve in curves
         ],
     }
+
+
+def version_record(names: Iterable[str]) -> dict[str, str]:
+    """Versions of installed packages, by name."""
+    return {name: _version(name) for name in names}
 
 
 def _version(name: str) -> str:

@@ -29,7 +29,7 @@ def moves() -> list[tuple[emcee.moves.Move, float]]:
     ]
 
 
-class KernelMove(emcee.moves.RedBlueMove):
+class KernelMove(emcee.moves.RedBlueMove):  # type: ignore[misc]  # emcee ships no types
     """Independent draws from a Gaussian kernel estimate of the complementary ensemble.
 
     The kernel has the ensemble's covariance times n^(-2 / (p + 4)), Scott's rule. The same move as

@@ -25,7 +25,7 @@ from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import FlatPunch
 from underlay.scene.scene import Scene
 
-__all__ = ["scan_starts"]
+__all__ = ["scan_starts", "thinned"]
 
 _SCAN_ACCURACY = Accuracy(rtol=1e-3)
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
@@ -34,10 +34,6 @@ _RADIUS_RATIOS = np.geomspace(0.06, 3.0, 8)
 _MODULUS_RATIOS = np.array([1e-2, 0.1, 0.5, 2.0, 10.0, 100.0])
 _MODULUS_STEPS = 3.0 ** np.arange(-5.0, 6.0)
 _CONTACT_STEPS = np.linspace(-0.2, 0.9, 18)
-# A local minimum of the grid this much worse than the best is not the global one: the grid's own error is
-# at most a factor of a few.
-_HOPELESS = 10.0
-
 #: Values of thickness and of moduli at a grid point, by path.
 Values: TypeAlias = dict[str, float]
 #: Position on the grid (thickness, moduli).
@@ -60,10 +56,24 @@ def scan_starts(problem: Problem, count: int = 3) -> list[FloatArray]:
     total = {key: sum(scan[key].misfit for scan in scans) for key in keys}
     if not total:
         return []
-    limit = _HOPELESS * min(total.values())
-    minima = [key for key in keys if total[key] <= limit and _is_local_minimum(total, key)]
+    minima = [key for key in keys if _is_local_minimum(total, key)]
     ranked = sorted(minima, key=lambda key: total[key])
     return [_vector(problem, [scan[key] for scan in scans]) for key in ranked[:count]]
+
+
+def thinned(problem: Problem) -> Problem:
+    """Return the problem with its curves in blocks, a coarse law and white noise: cheap to fit roughly."""
+    free = {path: given for path, given in problem.free.items() if not path.startswith("noise.")}
+    options = problem.options
+    return Problem.joint(
+        [(member.scene, Blocks.of(member.curve).curve) for member in problem.members],
+        free,
+        [path for path in problem.shared if path in free],
+        accuracy=_SCAN_ACCURACY,
+        method=options.method,
+        order=options.order,
+        form=options.form,
+    )
 
 
 def _is_local_minimum(total: Mapping[Key, float], key: Key) -> bool:

@@ -69,4 +69,4 @@ def judge(coords: FloatArray, max_steps: int) -> Outcome:
             f"{len(kept) / times.max():.1f} autocorrelation times ({_TIMES_NEEDED:.0f} are needed) and R-hat "
             f"is {rhat.max():.4f} ({_RHAT_NEEDED} is needed)"
         )
-    return Outcome(steps, walkers, burn_in, times, rhat, long_enough and mixed, reason)
+    return Outcome(steps, walkers, burn_in, times, rhat, bool(long_enough and mixed), reason)

@@ -21,8 +21,9 @@ CONTACT = "instrument.contact_depth"
 _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
 _BLOCKS = 32  # points of a curve after taking neighbours together: enough to tell a contact to a grid step
-# A second look about the best contact of the first, in steps of the first.
+# Closer looks about the best contact so far, in steps of the look before.
 _CLOSER = np.linspace(-0.75, 0.75, 7)
+_LOOKS = 2
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,11 @@ class Blocks:
 
     depth: FloatArray
     force: FloatArray
+
+    @property
+    def curve(self) -> Curve:
+        """The same as a curve."""
+        return Curve(self.depth, self.force)
 
     @classmethod
     def of(cls, curve: Curve) -> Blocks:
@@ -77,18 +83,20 @@ class Trial:
 
     def best(self, rows: Sequence[Mapping[str, float]]) -> list[Candidate | None]:
         """Best contact at every one of `rows` (values by path); None where no law reaches."""
-        first = self._look(rows, np.broadcast_to(self.contacts, (len(rows), len(self.contacts))))
+        found = self._look(rows, np.broadcast_to(self.contacts, (len(rows), len(self.contacts))))
         if len(self.contacts) == 1:
-            return first
+            return found
         step = float(self.contacts[1] - self.contacts[0])
-        centres = [self.contacts[0] if found is None else found.values[CONTACT] for found in first]
         coordinate = self.free[CONTACT]
-        closer = np.clip(np.array(centres)[:, None] + step * _CLOSER, coordinate.low, coordinate.high)
-        second = self._look(rows, closer)
-        return [
-            one if two is None or (one is not None and one.misfit <= two.misfit) else two
-            for one, two in zip(first, second, strict=True)
-        ]
+        for _ in range(_LOOKS):
+            centres = [self.contacts[0] if one is None else one.values[CONTACT] for one in found]
+            closer = np.clip(np.array(centres)[:, None] + step * _CLOSER, coordinate.low, coordinate.high)
+            found = [
+                one if two is None or (one is not None and one.misfit <= two.misfit) else two
+                for one, two in zip(found, self._look(rows, closer), strict=True)
+            ]
+            step *= float(_CLOSER[1] - _CLOSER[0])
+        return found
 
     def _look(self, rows: Sequence[Mapping[str, float]], contacts: FloatArray) -> list[Candidate | None]:
         """Best of the `contacts` (r, c) of every row."""
@@ -140,12 +148,12 @@ class Trial:
                 return c * law.force(b * w), np.ones(len(rows), dtype=bool)
             except InputError:
                 pass  # one row is out of reach: each by itself
-        forces = np.zeros((len(rows), *w.shape))
+        forces = np.zeros_like(w)
         possible = np.ones(len(rows), dtype=bool)
         for i, ratio in enumerate(ratios):
             try:
                 law = self.forward.reference_law(ratio, float(factors[i, 0]) * deepest)
-                forces[i] = factors[i, 1] * law.force(factors[i, 0] * w)
+                forces[i] = factors[i, 1] * law.force(factors[i, 0] * w[i])
             except InputError:
                 possible[i] = False
         return forces, possible

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 from underlay._arrays import finite
 from underlay.errors import InputError
-from underlay.mechanics.asymptotic import asymptotic_law
+from underlay.mechanics.asymptotic.law import asymptotic_law
 from underlay.mechanics.automatic import automatic_law, halfspace_law
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact import exact_law
+from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Layer, Substrate
-from underlay.mechanics.published import published_law, published_names
+from underlay.mechanics.published import PublishedCorrection, published_law, published_names
 
 __all__ = ["Accuracy", "contact_law"]
 
@@ -50,7 +50,7 @@ def contact_law(
     *,
     max_depth: float,
     accuracy: Accuracy | None = None,
-    method: str = "auto",
+    method: str | PublishedCorrection = "auto",
     order: int = 4,
     form: str = "auto",
 ) -> ContactLaw:
@@ -68,9 +68,9 @@ def contact_law(
         Largest indentation depth (m) that will be asked.
     accuracy : Accuracy, optional
         How close to the exact contact problem; used by ``"exact"`` and ``"auto"``.
-    method : str, default "auto"
+    method : str or PublishedCorrection, default "auto"
         ``"halfspace"``, ``"asymptotic"``, ``"exact"``, the name of a published correction (see
-        `published_corrections`), or ``"auto"``: the cheapest that keeps `accuracy`.
+        `published_corrections`) or one of your own, or ``"auto"``: the cheapest that keeps `accuracy`.
     order, form
         Of the asymptotic law; see `asymptotic_law`.
 
@@ -96,7 +96,7 @@ def contact_law(
         return asymptotic_law(indenter, layer, substrate, deepest, order=order, form=form)
     if method == "exact":
         return exact_law(indenter, layer, substrate, max_depth=deepest, rtol=wanted.rtol)
-    if method in published_names():
+    if isinstance(method, PublishedCorrection) or method in published_names():
         if substrate is None:
             raise InputError(
                 f"{method} needs a substrate; got None. method='halfspace' is the law without one"

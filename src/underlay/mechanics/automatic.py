@@ -10,10 +10,10 @@ In order of cost, each tried only where the one before does not serve:
 5. the exact law.
 
 Times of 1000 depths of a paraboloid, from cold, in units of the explicit formula: half-space 1, explicit
-form 17 (the moments of the kernel are most of it), exact 21. The parametric and compliance forms must be
-solved for each depth (70; a sphere 240 to 550, where the exact law takes 32), so they are never the cheapest
+form 8 (the moments of the kernel are most of it), exact 9 to 13. The parametric and compliance forms must be
+solved for each depth (35; a sphere 100 and more, where the exact law takes 16), so they are never the cheapest
 and are not taken here; ask for them by name. What cannot serve is not tried: the moments are computed only
-where a bound on the errors leaves room for 3 or 4.
+where a guess of the errors leaves room for 3 or 4.
 """
 
 from __future__ import annotations
@@ -23,20 +23,22 @@ from math import sqrt
 
 import numpy as np
 
-from underlay.mechanics.asymptotic import AsymptoticLaw, contact_series, kernel_moments
+from underlay.mechanics.asymptotic.law import AsymptoticLaw, contact_series, kernel_moments
+from underlay.mechanics.asymptotic.series_error import HALFSPACE, series_error
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact import exact_law
+from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.halfspace import HalfspaceLaw, largest_halfspace_depth
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
 from underlay.mechanics.materials import Layer, Material, PlaneConstants, Rigid, Substrate
-from underlay.mechanics.series_error import HALFSPACE, series_error
 
 __all__ = ["automatic_law", "compliance_contrast", "halfspace_law", "has_layer_effect"]
 
-# Lower bounds of the errors, for contrast 1, over 75 pairs of materials and exponents from 1 to infinity:
-# 0.09 varpi^5 of the explicit form (more where the base is softer), 0.04 varpi of the half-space (but for
-# pairs whose a_0 nearly vanishes). Above them no moments are computed; a pair missed gets the exact law.
-_LEAST_EXPLICIT, _SOFTER = 0.09, 8.0
+# Guesses of the errors for contrast 1, on the low side, from 75 pairs of materials and exponents from 1 to
+# infinity. Explicit form: 1 to 2 varpi^5 on a base much stiffer, 0.09 at the least (bases that differ in
+# Poisson's ratio), far more on a softer one. Half-space: 0.3 to 1.5 varpi, less where a_0 nearly vanishes.
+# Where a guess is above the tolerance no moments are computed: a pair that is missed gets the exact law,
+# which takes no longer.
+_LEAST_EXPLICIT, _SOFTER = 0.3, 8.0
 _LEAST_HALFSPACE = 0.03
 # An error estimate above this is not trusted as a number, whatever the tolerance.
 _LARGEST_ERROR = 0.02
@@ -151,7 +153,7 @@ def _series_law(
 
 
 def _least_explicit(contrast: float, varpi: float) -> float:
-    """Lower bound of the explicit form's error."""
+    """Guess the explicit form's error, on the low side."""
     return _LEAST_EXPLICIT * min(contrast, 1.0) * max(1.0, contrast / _SOFTER) ** 3 * varpi**5
 
 

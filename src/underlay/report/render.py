@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from underlay._files import require_writable_folder, write_atomic
 from underlay.errors import InputError
 from underlay.inference.fit_result import Fit
@@ -17,18 +19,29 @@ from underlay.report.notebook import make_notebook, report_library, template_tex
 from underlay.report.page import html_page
 from underlay.report.problem_source import problem_source, write_inputs
 
-__all__ = ["file_notebook", "notebook_text", "page_path", "posterior_notebook", "report", "write_report"]
+__all__ = [
+    "file_notebook",
+    "map_notebook",
+    "notebook_text",
+    "page_path",
+    "posterior_notebook",
+    "report",
+    "write_report",
+]
 
 
 def report(
-    result: Fit | Posterior, path: str | os.PathLike[str] = "report.html", *, problem: Problem | None = None
+    result: Fit | Posterior | pd.DataFrame,
+    path: str | os.PathLike[str] = "report.html",
+    *,
+    problem: Problem | None = None,
 ) -> Path:
     """Write a report: one HTML file, and beside it the executed notebook and what went in.
 
     Parameters
     ----------
-    result : Fit or Posterior
-        What `fit` or `sample` returned.
+    result : Fit, Posterior or DataFrame
+        What `fit`, `sample` or `fit_many` returned.
     path : path, default "report.html"
         The page. The notebook gets the same name with the ending ``.ipynb``; what went in is kept in a folder
         of that name and the ending ``.inputs``. From there the notebook repeats a fit; a posterior, which may
@@ -56,10 +69,14 @@ def report(
     report_library("nbclient")
     inputs = target.parent / f"{target.stem}.inputs"
     repeat = {"to repeat": f"run {target.stem}.ipynb"}
+    if isinstance(result, pd.DataFrame):
+        table = require_writable_folder(inputs) / "map.csv"
+        write_atomic(table, result.to_csv(index=False))
+        return write_report(_map_notebook("all sites", repeat, f"{inputs.name}/{table.name}"), target)
     if isinstance(result, Fit):
         problem = result.problem
     elif not isinstance(result, Posterior):
-        raise InputError(f"a report is of a Fit or a Posterior; got {type(result).__name__}")
+        raise InputError(f"a report is of a Fit, a Posterior or a map; got {type(result).__name__}")
     elif problem is not None and problem.names != result.names:
         raise InputError(
             f"this posterior is of {', '.join(result.names)}; the problem frees {', '.join(problem.names)}"
@@ -69,7 +86,7 @@ def report(
     files = [] if problem is None else write_inputs(problem, inputs)
     names = [file.relative_to(target.parent).as_posix() for file in files]
     load = "" if problem is None else problem_source(problem, names)
-    name = (problem.curves[0].metadata.get("name") if problem else None) or "one curve"
+    name = "one curve" if problem is None else _title(problem)
     if isinstance(result, Fit):
         notebook = _fit_notebook(name, load, repeat, names)
     else:
@@ -115,6 +132,23 @@ def posterior_notebook(
     return _posterior_notebook(title, load, {"to repeat": command}, names)
 
 
+def map_notebook(table: str | os.PathLike[str], folder: Path, command: str) -> Any:
+    """Return the notebook, not executed, of the table of a map; see `file_notebook`."""
+    return _map_notebook(Path(table).name, {"to repeat": command}, _seen_from(folder, table))
+
+
+def _map_notebook(name: str, facts: Mapping[str, str], table: str) -> Any:
+    return make_notebook(
+        "map",
+        {
+            "title": f"A map of indentation tests: {name}",
+            "table": repr(table),
+            "facts": repr(dict(facts)),
+            "files": repr(table),
+        },
+    )
+
+
 def _fit_notebook(name: str, load: str, facts: Mapping[str, str], files: Sequence[str]) -> Any:
     return make_notebook(
         "fit",
@@ -139,6 +173,12 @@ def _posterior_notebook(name: str, load: str, facts: Mapping[str, str], files: S
             "files": ", ".join(map(repr, files)),
         },
     )
+
+
+def _title(problem: Problem) -> str:
+    name = problem.curves[0].metadata.get("name") or "one curve"
+    more = len(problem.curves) - 1
+    return f"{name} and {more} more" if more else str(name)
 
 
 def _origins(problem: Problem) -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,9 +14,10 @@ import numpy as np
 import pandas as pd
 
 from underlay.errors import FileAccessError
+from underlay.inference.provenance import version_record
 from underlay.mechanics.materials import Rigid
 from underlay.report.intervals import estimates
-from underlay.report.words import label, quantity_with_interval, strong_pairs
+from underlay.report.words import deepest_point, label, quantity_with_interval, strong_pairs
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
@@ -32,15 +33,18 @@ __all__ = [
     "correlated_pairs",
     "diagnostics_table",
     "effects_table",
+    "facts_table",
     "file_hash",
     "fit_table",
     "interval_table",
+    "labelled_table",
     "posterior_diagnostics_table",
     "posterior_table",
     "prior_table",
     "provenance_table",
     "reservations_table",
     "scene_table",
+    "source_rows",
 ]
 
 _MEGABYTE = 1 << 20
@@ -89,7 +93,6 @@ def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -
     rows = []
     for entry in estimates(result, profiles):
         kind = kind_of(entry.path)
-        relative = abs(result.stderr[entry.name] / entry.value) if entry.value else math.inf
         rows.append(
             {
                 "parameter": label(entry.name),
@@ -98,12 +101,24 @@ def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -
                     if entry.not_fixed
                     else quantity_with_interval(entry.value, entry.low, entry.high, kind)
                 ),
-                "standard error": "none" if not math.isfinite(relative) else f"{100.0 * relative:.2g} %",
+                "standard error": _error_text(result, entry.name, entry.value, kind),
                 "before the test": _prior_text(result, entry.name, kind),
                 "path": entry.name,
             }
         )
-    return _labelled(rows)
+    return labelled_table(rows)
+
+
+def _error_text(result: Fit, name: str, value: float, kind: str) -> str:
+    """In per cent of a quantity that is positive by nature; an offset near zero has no meaningful per cent."""
+    error = result.stderr[name]
+    if not math.isfinite(error):
+        return "none"
+    coordinate = next(entry for entry in result.problem.coordinates if entry.name == name)
+    if coordinate.scale is None:
+        return f"{100.0 * error / value:.2g} %"
+    unit, factor = human_unit(error, kind)
+    return f"{error / factor:.2g} {unit}".rstrip()
 
 
 def _prior_text(result: Fit, name: str, kind: str) -> str:
@@ -118,8 +133,17 @@ def _prior_text(result: Fit, name: str, kind: str) -> str:
     return ", ".join(part for part in (shape, " ".join(bounds)) if part) or "free"
 
 
-def scene_table(scene: Scene) -> pd.DataFrame:
-    """Return the scene, one row per number: part, quantity, value."""
+def scene_table(*scenes: Scene) -> pd.DataFrame:
+    """Return scenes, one row per number: part, quantity, and the value in each of them."""
+    tables = [_scene_rows(scene) for scene in scenes]
+    if len(tables) == 1:
+        return tables[0]
+    keyed = [table.set_index("quantity", append=True)["value"] for table in tables]
+    side_by_side = pd.concat(keyed, axis=1, keys=[f"curve {n}" for n in range(1, len(keyed) + 1)])
+    return side_by_side.fillna("").reset_index(level=1, names=["part", "quantity"])
+
+
+def _scene_rows(scene: Scene) -> pd.DataFrame:
     rows = [{"part": "indenter", "quantity": "shape", "value": scene.indenter.shape.replace("_", " ")}]
     rows += _numbers("indenter", scene.indenter)
     rows += _numbers("layer", scene.layer.material)
@@ -137,7 +161,7 @@ def scene_table(scene: Scene) -> pd.DataFrame:
         rows += _numbers("substrate", scene.substrate)
     ideal = [row for row in _numbers("instrument", scene.instrument) if not row["value"].startswith("0 ")]
     rows += ideal or [{"part": "instrument", "quantity": "effects", "value": "none"}]
-    return _labelled(rows)
+    return labelled_table(rows)
 
 
 def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
@@ -161,8 +185,7 @@ def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
 def effects_table(result: Fit, curve: int = 0) -> pd.DataFrame:
     """Return the ledger of effects at the deepest point of a curve, as text; see `Scene.effects`."""
     scene = result.scenes[curve]
-    deepest = max(float(result.curves[curve].depth.max()) - scene.instrument.contact_depth, 0.0)
-    ledger = scene.effects(deepest, result.solver["accuracy"])
+    ledger = scene.effects(deepest_point(result, curve), result.solver["accuracy"])
     rows = [
         {
             "effect": str(row["effect"]),
@@ -175,7 +198,7 @@ def effects_table(result: Fit, curve: int = 0) -> pd.DataFrame:
         }
         for _, row in ledger.iterrows()
     ]
-    return _labelled(rows)
+    return labelled_table(rows)
 
 
 def diagnostics_table(result: Fit) -> pd.DataFrame:
@@ -199,7 +222,7 @@ def diagnostics_table(result: Fit) -> pd.DataFrame:
             f"{d.runs} runs where {d.expected_runs:.0f} are expected"
         )
         rows[f"independent points{which}"] = f"{d.effective_points:.0f} of {d.points}"
-    return _facts(rows)
+    return facts_table(rows)
 
 
 def _noise_text(noise: Any) -> str:
@@ -221,7 +244,7 @@ def reservations_table(result: Fit) -> pd.DataFrame:
         for note in curve.metadata.get("notes", ())
     ]
     rows += [{"from": "the fit", "reservation": warning.message} for warning in result.warnings]
-    return _labelled(rows or [{"from": "the fit", "reservation": "none"}])
+    return labelled_table(rows or [{"from": "the fit", "reservation": "none"}])
 
 
 def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: str) -> pd.DataFrame:
@@ -249,7 +272,7 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
     versions = dict(record.get("versions", {}) or result.diagnostics.versions)  # type: ignore[union-attr]  # a posterior keeps them there
     versions |= {"python": platform.python_version(), "system": platform.platform(terse=True)}
     rows["versions"] = ", ".join(f"{name} {version}" for name, version in versions.items())
-    return _facts({**rows, **facts})
+    return facts_table({**rows, **facts})
 
 
 def file_hash(path: str | Path) -> str:
@@ -280,7 +303,7 @@ def combinations_table(told: Identifiability) -> pd.DataFrame:
         }
         for entry in told.combinations
     ]
-    return _labelled(rows or [{"product": "none", "verdict": "", "relative error": ""}])
+    return labelled_table(rows or [{"product": "none", "verdict": "", "relative error": ""}])
 
 
 def posterior_table(posterior: Posterior) -> pd.DataFrame:
@@ -300,7 +323,7 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
                 "data": row["informed"],
             }
         )
-    return _labelled(rows)
+    return labelled_table(rows)
 
 
 def _span(low: float, high: float, kind: str) -> str:
@@ -327,7 +350,7 @@ def prior_table(posterior: Posterior) -> pd.DataFrame:
         rows.append(
             {"parameter": label(str(name)), **spans, "narrowed by": narrowed, "data": row["informed"]}
         )
-    return _labelled(rows)
+    return labelled_table(rows)
 
 
 def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
@@ -348,15 +371,24 @@ def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
         "seed": "not given" if d.seed is None else str(d.seed),
         "time": f"{d.seconds:.1f} s",
     }
-    return _facts(rows)
+    return facts_table(rows)
 
 
-def _labelled(rows: list[dict[str, str]]) -> pd.DataFrame:
+def source_rows(files: Iterable[str]) -> dict[str, str]:
+    """Return rows for `facts_table`: hashes of files, and versions of what computed."""
+    rows = {f"file {name}": f"SHA-256 {file_hash(name)}" for name in files}
+    own = {"python": platform.python_version(), "system": platform.platform(terse=True)}
+    versions = version_record(("underlay", "numpy", "scipy", "pandas")) | own
+    return rows | {"versions": ", ".join(f"{name} {version}" for name, version in versions.items())}
+
+
+def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
     """Make a table whose first column labels the rows."""
     frame = pd.DataFrame(rows)
     # The first column's name goes beside the others': pandas would give the index a header row of its own.
     return frame.set_index(frame.columns[0]).rename_axis(index=None, columns=frame.columns[0])
 
 
-def _facts(rows: Mapping[str, str]) -> pd.DataFrame:
-    return _labelled([{"": name, "value": text} for name, text in rows.items()])
+def facts_table(rows: Mapping[str, str]) -> pd.DataFrame:
+    """Make a table of one value per row."""
+    return labelled_table([{"": name, "value": text} for name, text in rows.items()])

@@ -17,7 +17,16 @@ if TYPE_CHECKING:
     from underlay.inference.posterior import Posterior
     from underlay.inference.profiles import Profile
 
-__all__ = ["headline", "label", "posterior_summary", "quantity_with_interval", "summary"]
+__all__ = [
+    "deepest_point",
+    "headline",
+    "label",
+    "posterior_summary",
+    "quantity_with_interval",
+    "start",
+    "strong_pairs",
+    "summary",
+]
 
 #: What the parameters are called in a sentence.
 _LABELS = {
@@ -49,7 +58,12 @@ _NOTICEABLE = 0.01
 
 
 def label(name: str) -> str:
-    """Return what a parameter is called in a sentence: ``"layer.E[1]"`` -> ``"layer modulus (curve 2)"``."""
+    """Return what a parameter is called in a sentence: ``"layer.E[1]"`` -> ``"layer modulus (curve 2)"``.
+
+    ``"layer.E.stderr"``, a column of a map, is the ``"standard error of the layer modulus"``.
+    """
+    if name.endswith(".stderr"):
+        return f"standard error of the {label(name.removesuffix('.stderr'))}"
     path, _, number = name.partition("[")
     words = _LABELS.get(path, path)
     return f"{words} (curve {int(number.rstrip(']')) + 1})" if number else words
@@ -91,7 +105,7 @@ def summary(result: Fit, profiles: Mapping[str, Profile] | None = None) -> str:
     lines = [f"**{_sentence(entry)}**" for entry in found]
     paragraphs = [" ".join(lines)]
     paragraphs += [
-        f"{_start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): "
+        f"{start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): "
         f"if one is wrong, so is the other."
         for first, second, value in strong_pairs(result)
         if _is_of_the_sample(first) and _is_of_the_sample(second)
@@ -112,10 +126,10 @@ def posterior_summary(posterior: Posterior) -> str:
         text = quantity_with_interval(
             row["median"], row["hdi95_low"], row["hdi95_high"], kind_of(str(name).partition("[")[0])
         )
-        sentence = f"{_start(label(str(name)))} {_with_level(text)}."
+        sentence = f"{start(label(str(name)))} {_with_level(text)}."
         if row["informed"] == "not informed by these data":
             sentence = (
-                f"{_start(label(str(name)))} is not informed by these data: {_with_level(text)} is what was "
+                f"{start(label(str(name)))} is not informed by these data: {_with_level(text)} is what was "
                 "known before."
             )
         if _is_of_the_sample(str(name)):
@@ -124,6 +138,12 @@ def posterior_summary(posterior: Posterior) -> str:
     state = "The sampling converged" if posterior.converged else "**The sampling did not converge**"
     reason = d.reason.removeprefix("converged: ").rstrip(".")
     return "\n\n".join([" ".join(parts), f"{state}: {reason}."])
+
+
+def deepest_point(result: Fit, curve: int = 0) -> float:
+    """Return how deep the tip went since contact (m); zero where it never touched."""
+    scene, depth = result.scenes[curve], result.curves[curve].depth
+    return max(float(depth.max()) - scene.instrument.contact_depth, 0.0)
 
 
 def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
@@ -143,7 +163,8 @@ def _is_of_the_sample(name: str) -> bool:
     return not name.startswith(("instrument.", "noise."))
 
 
-def _start(text: str) -> str:
+def start(text: str) -> str:
+    """Return `text` as it begins a sentence."""
     return text[:1].upper() + text[1:]
 
 
@@ -153,8 +174,8 @@ def _with_level(text: str) -> str:
 
 def _sentence(entry: Estimate) -> str:
     if entry.not_fixed:
-        return f"{_start(label(entry.name))} is not fixed by this test ({entry.not_fixed})."
-    kind, words = kind_of(entry.path), _start(label(entry.name))
+        return f"{start(label(entry.name))} is not fixed by this test ({entry.not_fixed})."
+    kind, words = kind_of(entry.path), start(label(entry.name))
     if math.isinf(entry.high):
         return f"{words} is at least {format_quantity(entry.low, kind)} (95 %); the data set no upper end."
     if math.isinf(entry.low):
@@ -167,7 +188,7 @@ def _substrate_sentence(result: Fit) -> str:
     scene = result.scene
     if scene.substrate is None:
         return "The sample is taken as a half-space: no substrate was declared."
-    deepest = float(result.curves[0].depth.max()) - scene.instrument.contact_depth
+    deepest = deepest_point(result)
     if not deepest > 0.0:
         return ""
     law = scene.contact_law(deepest, **result.solver)
@@ -177,8 +198,9 @@ def _substrate_sentence(result: Fit) -> str:
         return "The substrate changes the force at the deepest point by less than 1 %."
     wrong = "large" if ratio > 1.0 else "small"
     contact = float(law.contact_radius(np.array([deepest]))[0])
+    which = " of the first curve" if len(result.curves) > 1 else ""
     return (
-        f"At the deepest point ({format_quantity(deepest, 'length')} into the sample, contact radius "
+        f"At the deepest point{which} ({format_quantity(deepest, 'length')} into the sample, contact radius "
         f"{contact / scene.layer.thickness:.2f} of the thickness) the force is {ratio:.3g} times that on a "
         f"half-space of the same modulus: a half-space formula would make the modulus too {wrong}."
     )

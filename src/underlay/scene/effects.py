@@ -7,13 +7,15 @@ a layer that changes the contact by less than the accuracy asked, runs none of i
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray, positive
+from underlay.errors import RangeError
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Paraboloid, Sphere
@@ -22,16 +24,17 @@ from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Rigi
 if TYPE_CHECKING:
     from underlay.scene.scene import Scene
 
-__all__ = ["effect_sizes", "effects_table"]
+__all__ = ["Effect", "EffectRule", "effect_sizes", "effects_table"]
 
+_COLUMNS = ("effect", "size_percent", "simulated", "cost_percent", "note")
 # The cost of an effect is timed on curves of this many depths, from cold, with and without it in turns.
 _COST_POINTS = 200
-# The shortest of many rounds: on a busy machine everything else is somebody else's time.
+# The shortest of many rounds counts, in processor time.
 _COST_ROUNDS = 25
 
 
 @dataclass(frozen=True)
-class _Effect:
+class Effect:
     """One effect: the scene with it and without it.
 
     Parameters
@@ -53,7 +56,13 @@ class _Effect:
     note: str
 
 
-def effects_table(scene: Scene, max_depth: float, accuracy: Accuracy | None = None) -> pd.DataFrame:
+#: How an effect is found: from a scene and the law of its contact.
+EffectRule: TypeAlias = "Callable[[Scene, ContactLaw], Effect]"
+
+
+def effects_table(
+    scene: Scene, max_depth: float, accuracy: Accuracy | None = None, further: Iterable[EffectRule] = ()
+) -> pd.DataFrame:
     """List every effect of `scene` at tip depth `max_depth` (m).
 
     Parameters
@@ -64,6 +73,8 @@ def effects_table(scene: Scene, max_depth: float, accuracy: Accuracy | None = No
         Deepest point (m) since contact, positive.
     accuracy : Accuracy, optional
         How close to the exact contact problem; a layer that changes less is not simulated.
+    further : iterable of callable
+        Effects of your own: each takes the scene and its law and returns an `Effect`.
 
     Returns
     -------
@@ -71,8 +82,9 @@ def effects_table(scene: Scene, max_depth: float, accuracy: Accuracy | None = No
         One row per effect: ``effect``; ``size_percent``, the change of the force at the deepest point when
         the effect is put in, in per cent of the force without it (NaN where the scene says nothing of it);
         ``simulated`` (bool), whether its code runs for this scene; ``cost_percent``, the time it adds to a
-        curve of 200 depths from cold, in per cent of the curve without it; ``note``. The law that is taken
-        and its reason stand in ``.attrs["law"]``.
+        curve of 200 depths from cold, in per cent of the curve without it; ``note``. Size and cost are NaN
+        too where the scene to compare with cannot go as deep. The law that is taken and its reason stand in
+        ``.attrs["law"]``.
 
     Raises
     ------
@@ -84,20 +96,8 @@ def effects_table(scene: Scene, max_depth: float, accuracy: Accuracy | None = No
     wanted = accuracy or Accuracy()
     deepest = positive(max_depth, "max_depth", "m")
     law = scene.contact_law(deepest, accuracy=wanted)
-    rows = []
-    for effect in _effects(scene, law):
-        size = float(_size(effect, np.array([deepest]), wanted)[0])
-        below = effect.simulated and abs(size) < wanted.rtol
-        rows.append(
-            {
-                "effect": effect.name,
-                "size_percent": 100.0 * size,
-                "simulated": effect.simulated,
-                "cost_percent": _added_cost(effect, deepest, wanted) if effect.simulated else 0.0,
-                "note": f"{effect.note}; below rtol = {wanted.rtol:g} here" if below else effect.note,
-            }
-        )
-    table = pd.DataFrame(rows, columns=["effect", "size_percent", "simulated", "cost_percent", "note"])
+    found = (*_effects(scene, law), *(rule(scene, law) for rule in further))
+    table = pd.DataFrame([_row(effect, deepest, wanted) for effect in found])
     table.attrs["law"] = f"{law.method}: {law.reason}"
     return table
 
@@ -121,12 +121,31 @@ def effect_sizes(scene: Scene, depth: FloatArray, accuracy: Accuracy | None = No
     """
     wanted = accuracy or Accuracy()
     law = scene.contact_law(float(depth[-1]), accuracy=wanted)
-    sizes = {effect.name: _size(effect, depth, wanted) for effect in _effects(scene, law)}
-    known = {name: size for name, size in sizes.items() if np.isfinite(size).all()}
+    known = {}
+    for effect in _effects(scene, law):
+        try:
+            size = _size(effect, depth, wanted)
+        except RangeError:
+            continue  # the scene to compare with ends before: there is no size along the whole curve
+        if np.isfinite(size).all():
+            known[effect.name] = size
     return pd.DataFrame({"depth": depth, **known})
 
 
-def _effects(scene: Scene, law: ContactLaw) -> list[_Effect]:
+def _row(effect: Effect, deepest: float, accuracy: Accuracy) -> dict[str, object]:
+    row = {"effect": effect.name, "simulated": effect.simulated, "note": effect.note}
+    try:
+        size = float(_size(effect, np.array([deepest]), accuracy)[0])
+        cost = _added_cost(effect, deepest, accuracy) if effect.simulated else 0.0
+    except RangeError as error:
+        size, cost, row["note"] = np.nan, np.nan, f"not measured: {error}"
+    if effect.simulated and abs(size) < accuracy.rtol:
+        row["note"] = f"{effect.note}; below rtol = {accuracy.rtol:g} here"
+    numbers = {"size_percent": 100.0 * size, "cost_percent": cost}
+    return {key: (row | numbers)[key] for key in _COLUMNS}
+
+
+def _effects(scene: Scene, law: ContactLaw) -> list[Effect]:
     """Every effect there is, for a scene whose contact is simulated by `law`.
 
     All but the baseline are measured without it: a per cent of the force is one of the contact force.
@@ -140,7 +159,7 @@ def _effects(scene: Scene, law: ContactLaw) -> list[_Effect]:
     ]
 
 
-def _layer_effects(scene: Scene, *, layered: bool) -> list[_Effect]:
+def _layer_effects(scene: Scene, *, layered: bool) -> list[Effect]:
     return [
         _thickness_effect(scene, layered=layered),
         _substrate_effect(scene, layered=layered),
@@ -148,40 +167,40 @@ def _layer_effects(scene: Scene, *, layered: bool) -> list[_Effect]:
     ]
 
 
-def _thickness_effect(scene: Scene, *, layered: bool) -> _Effect:
+def _thickness_effect(scene: Scene, *, layered: bool) -> Effect:
     name = "finite thickness"
     if not _has_base(scene):
-        return _Effect(name, None, None, simulated=False, note="no substrate at a finite depth is declared")
+        return Effect(name, None, None, simulated=False, note="no substrate at a finite depth is declared")
     halfspace = replace(scene, layer=Layer(scene.layer.material), substrate=None)
-    return _Effect(name, scene, halfspace, simulated=layered, note="against a half-space of the layer")
+    return Effect(name, scene, halfspace, simulated=layered, note="against a half-space of the layer")
 
 
-def _substrate_effect(scene: Scene, *, layered: bool) -> _Effect:
+def _substrate_effect(scene: Scene, *, layered: bool) -> Effect:
     name = "substrate compliance"
     if not _has_base(scene) or isinstance(scene.substrate, Rigid):
-        return _Effect(name, None, None, simulated=False, note="no elastic substrate is declared")
+        return Effect(name, None, None, simulated=False, note="no elastic substrate is declared")
     rigid = replace(scene, substrate=RIGID)
-    return _Effect(name, scene, rigid, simulated=layered, note="against a rigid base")
+    return Effect(name, scene, rigid, simulated=layered, note="against a rigid base")
 
 
-def _anisotropy_effect(scene: Scene, *, layered: bool) -> _Effect:
+def _anisotropy_effect(scene: Scene, *, layered: bool) -> Effect:
     name = "anisotropy"
     isotropic = _isotropic(scene)
     if isotropic == scene:
-        return _Effect(name, None, None, simulated=False, note="the materials are isotropic")
+        return Effect(name, None, None, simulated=False, note="the materials are isotropic")
     used = layered or isinstance(scene.layer.material, TransverselyIsotropic)
     note = "against isotropic materials of the in-plane E and nu"
-    return _Effect(name, scene, isotropic, simulated=used, note=note)
+    return Effect(name, scene, isotropic, simulated=used, note=note)
 
 
 def _has_base(scene: Scene) -> bool:
     return scene.substrate is not None and bool(np.isfinite(scene.layer.thickness))
 
 
-def _sphere_effect(scene: Scene) -> _Effect:
+def _sphere_effect(scene: Scene) -> Effect:
     name, tip = "true sphere", scene.indenter
     if isinstance(tip, Sphere):
-        return _Effect(
+        return Effect(
             name,
             scene,
             replace(scene, indenter=Paraboloid(tip.radius)),
@@ -189,31 +208,31 @@ def _sphere_effect(scene: Scene) -> _Effect:
             note="against the paraboloid of the same radius",
         )
     if isinstance(tip, Paraboloid):
-        return _Effect(
+        return Effect(
             name,
             replace(scene, indenter=Sphere(tip.radius)),
             scene,
             simulated=False,
             note="the tip is declared a paraboloid; Sphere(radius) would put this in",
         )
-    return _Effect(name, None, None, simulated=False, note="the tip is not a sphere")
+    return Effect(name, None, None, simulated=False, note="the tip is not a sphere")
 
 
-def _compliance_effect(scene: Scene) -> _Effect:
+def _compliance_effect(scene: Scene) -> Effect:
     name = "instrument compliance"
     if not scene.instrument.compliance:
-        return _Effect(name, None, None, simulated=False, note="the instrument is declared stiff")
+        return Effect(name, None, None, simulated=False, note="the instrument is declared stiff")
     stiff = replace(scene, instrument=replace(scene.instrument, compliance=0.0))
-    return _Effect(name, scene, stiff, simulated=True, note="against a stiff instrument")
+    return Effect(name, scene, stiff, simulated=True, note="against a stiff instrument")
 
 
-def _baseline_effect(scene: Scene, level: Scene) -> _Effect:
+def _baseline_effect(scene: Scene, level: Scene) -> Effect:
     if scene == level:
-        return _Effect("baseline", None, None, simulated=False, note="no baseline is declared")
-    return _Effect("baseline", scene, level, simulated=True, note="against no baseline")
+        return Effect("baseline", None, None, simulated=False, note="no baseline is declared")
+    return Effect("baseline", scene, level, simulated=True, note="against no baseline")
 
 
-def _size(effect: _Effect, depth: FloatArray, accuracy: Accuracy) -> FloatArray:
+def _size(effect: Effect, depth: FloatArray, accuracy: Accuracy) -> FloatArray:
     """Relative change of the force at tip depths `depth` when the effect is put in; NaN where unknown."""
     if effect.with_it is None or effect.without is None:
         return np.full(depth.shape, np.nan)
@@ -222,19 +241,19 @@ def _size(effect: _Effect, depth: FloatArray, accuracy: Accuracy) -> FloatArray:
     return np.asarray(with_it / effect.without.force(readings, accuracy=accuracy) - 1.0)
 
 
-def _added_cost(effect: _Effect, deepest: float, accuracy: Accuracy) -> float:
+def _added_cost(effect: Effect, deepest: float, accuracy: Accuracy) -> float:
     """Time of the scene with the effect over that without, less one, in per cent."""
     if effect.with_it is None or effect.without is None:
         return 0.0
     depth = np.linspace(0.0, deepest, _COST_POINTS) + effect.with_it.instrument.contact_depth
     with_it = without = np.inf
     for _ in range(_COST_ROUNDS):
-        start = time.perf_counter()
+        start = time.process_time()
         effect.with_it.force(depth, accuracy=accuracy)
-        middle = time.perf_counter()
+        middle = time.process_time()
         effect.without.force(depth, accuracy=accuracy)
         with_it = min(with_it, middle - start)
-        without = min(without, time.perf_counter() - middle)
+        without = min(without, time.process_time() - middle)
     return 100.0 * (with_it / without - 1.0)
 
 

@@ -191,7 +191,8 @@ def unpack(source: Source) -> list[Source]:
     if not source.is_zip or source.member:
         return [source]
     with open_zip(source) as archive:
-        names = [info.filename for info in archive.infolist() if not info.is_dir()]
+        # Not ZipInfo.is_dir(), which fails on a member without a name.
+        names = [info.filename for info in archive.infolist() if not info.filename.endswith("/")]
         if _OFFICE_MEMBER in names or _JPK_MEMBER in names:
             return [source]
         if not names:

@@ -70,7 +70,7 @@ def effects(
 
 
 def _label(name: str, size: float) -> str:
-    return f"{name} ({100.0 * size:+.2g} %)"
+    return f"{name} ({100.0 * size:+.3g} %)"
 
 
 def _usual_depth(scene: Scene) -> float:

@@ -59,7 +59,7 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         upper.set_ylabel(f"force ({load})")
         upper.tick_params(labelbottom=False)
         upper.legend(loc="upper left")
-        residual = measured.force - scene.force(measured.depth, **result.solver)
+        residual = result.residuals[curve]
         small, uN = unit_for(residual, "force")
         lower.axhline(0.0, color=FIT, lw=1.0)
         lower.plot(measured.depth[::step] / mm, residual[::step] / uN, ".", ms=1.8, color=DATA)

@@ -90,8 +90,14 @@ _FORMATS = {"png", "svg", "pdf"}
 @contextmanager
 def style() -> Iterator[None]:
     """Draw with the project's look, without touching the caller's settings."""
-    with mpl.rc_context(_STYLE):
+    # Not rc_context: it puts everything back, also that the session is interactive, which matplotlib notes at
+    # the first figure; a notebook would then show that one and no later one.
+    before = {name: mpl.rcParams[name] for name in _STYLE}
+    mpl.rcParams.update(_STYLE)
+    try:
         yield
+    finally:
+        mpl.rcParams.update(before)
 
 
 def axes(ax: Axes | None, *, width: float = COLUMN, height: float = 2.7) -> Axes:

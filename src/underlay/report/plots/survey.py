@@ -9,14 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
-from underlay.errors import InputError
+from underlay.report.plots.histogram import histogram
 from underlay.report.plots.map import map as map_of
-from underlay.report.plots.style import ACCENT, FIT, PAGE, REFERENCE, YELLOW, style
-from underlay.report.words import label
-from underlay.scene.parameters import kind_of
+from underlay.report.plots.style import ACCENT, PAGE, REFERENCE, YELLOW, style
 from underlay.units import human_unit
 
-__all__ = ["histogram", "survey", "verdicts"]
+__all__ = ["survey", "verdicts"]
 
 _VERDICTS = (("good", ACCENT, "o"), ("doubtful", YELLOW, "^"), ("refused", REFERENCE, "x"))
 
@@ -62,31 +60,6 @@ def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
             figure.delaxes(ax)
     first: Axes = axes[0]
     return first
-
-
-def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None = None) -> Axes:
-    """Draw how often a parameter has which value; failed curves are left out.
-
-    Raises
-    ------
-    InputError
-        If no curve has a value.
-    """
-    values = table[column].to_numpy(dtype=float)
-    values = values[np.isfinite(values)]
-    if not values.size:
-        raise InputError(f"no curve of the map has a value of {column!r}")
-    unit, factor = human_unit(float(np.median(np.abs(values))), kind_of(column))
-    with style():
-        if ax is None:
-            ax = plt.subplots(figsize=(0.5 * PAGE, 2.7), layout="constrained")[1]
-        # A handful of wild values must not squeeze the others into one bar; they are counted at the ends.
-        low, high = np.quantile(values, [0.005, 0.995])
-        inside = np.minimum(np.maximum(values, low), high)
-        ax.hist(inside / factor, bins=max(8, min(60, int(np.sqrt(values.size)))), color=FIT)
-        ax.set_xlabel(f"{label(column)} ({unit})" if unit else label(column))
-        ax.set_ylabel("curves")
-    return ax
 
 
 def verdicts(table: pd.DataFrame, *, x: str = "x", y: str = "y", ax: Axes | None = None) -> Axes:

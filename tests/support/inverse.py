@@ -1,0 +1,42 @@
+"""Scenes, curves and problems that the tests of the inference share."""
+
+import numpy as np
+
+import underlay as ul
+from underlay.data.curve import Curve
+from underlay.data.noise import Noise
+from underlay.data.synthetic import synthesize
+from underlay.inference.problem import Problem
+
+#: Of the largest force.
+NOISE = 0.01
+
+
+def layer_on(base, *, thickness=5e-4, E=1e6, nu=0.45, indenter=None, **instrument):
+    """A layer under a paraboloid of 1 mm, in contact at 10 um."""
+    return ul.Scene(
+        indenter or ul.Paraboloid(1e-3),
+        ul.Layer(ul.Isotropic(E, nu), thickness),
+        base,
+        ul.Instrument(**{"contact_depth": 1e-5} | instrument),
+    )
+
+
+def measured(scene, *, points=300, depth=1.5e-4, level=NOISE, rng=0, first=-3e-5, **noise):
+    """A curve of `scene` with white noise of `level` times its largest force, or other noise."""
+    readings = np.linspace(first, depth, points)
+    peak = float(np.ptp(scene.force(readings)))
+    return synthesize(
+        scene, readings, time=np.linspace(0.0, 1.0, points), noise=Noise(force=level * peak, **noise), rng=rng
+    )
+
+
+def exact_curve(scene, *, points=100, depth=1.5e-4, first=-3e-5):
+    """The curve of `scene` without noise."""
+    readings = np.linspace(first, depth, points)
+    return Curve(readings, scene.force(readings), time=np.linspace(0.0, 1.0, points))
+
+
+def problem(scene, free, curve=None, **options):
+    """A problem whose curve was made from its own scene."""
+    return Problem(scene, measured(scene) if curve is None else curve, free, **options)

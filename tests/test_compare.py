@@ -1,0 +1,77 @@
+"""One curve under several laws: each answers for itself, none disturbs another."""
+
+import numpy as np
+import pytest
+
+import underlay as ul
+from support.inverse import layer_on, measured, problem
+from underlay.errors import FitError, InputError
+from underlay.inference.compare import Comparison, compare
+
+E, H, C = "layer.E", "layer.thickness", "instrument.contact_depth"
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    scene = layer_on(ul.RIGID, thickness=1e-3)
+    return compare(problem(scene, [E, C], measured(scene, depth=2e-4, level=0.003)))
+
+
+def test_the_truth_wins_and_the_half_space_is_too_stiff(comparison):
+    frame = comparison.to_frame()
+    assert frame.loc["exact", "AIC"] < 2.0
+    assert abs(frame.loc["exact", E] / 1e6 - 1.0) < 4.0 * frame.loc["exact", f"{E} stderr"] / 1e6
+    assert frame.loc["halfspace", E] > 1.5e6
+    assert frame.loc["halfspace", "AIC"] > 100.0
+    assert frame["AIC"].min() == 0.0
+
+
+def test_chi_square_is_measured_with_one_noise(comparison):
+    frame = comparison.to_frame()
+    best = comparison.fits[comparison.best]
+    expected = sum(np.sum(np.square(r / s)) for r, s in zip(best.residuals, best.sigmas, strict=True))
+    assert frame.loc[comparison.best, "chi-square"] == pytest.approx(expected)
+    assert (frame["chi-square"] >= 0.99 * expected).all()
+
+
+def test_published_corrections_take_part_and_say_where_they_leave_their_range(comparison):
+    frame = comparison.to_frame()
+    assert {"dimitriadis2002", "garcia2018", "long2011"} <= set(frame.index)
+    # Garcia and Garcia's correction is for nu = 0.5; this layer has 0.45.
+    assert "outside its range" in frame.loc["garcia2018", "notes"]
+    assert "hayes1972" not in frame.index
+
+
+def test_laws_that_do_not_know_a_parameter_say_so():
+    scene = layer_on(ul.RIGID, thickness=1e-3)
+    found = compare(problem(scene, [E, H, C], measured(scene)), ["halfspace", "asymptotic:2", "exact"])
+    assert found.dropped["halfspace"] == (H,)
+    frame = found.to_frame()
+    assert np.isnan(frame.loc["halfspace", H])
+    assert "does not know layer.thickness" in frame.loc["halfspace", "notes"]
+    assert frame.loc["exact", H] > 0.0
+
+
+def test_a_law_that_cannot_be_fitted_does_not_disturb_the_others():
+    scene = layer_on(ul.Isotropic(4e6, 0.3), thickness=1e-3)
+    p = problem(scene, [E, C], measured(scene))
+    found = compare(p, ["exact", "garcia2018", "asymptotic:7", "nonsense"])
+    assert list(found.fits) == ["exact"]
+    assert "rigid substrate" in found.refused["garcia2018"]
+    assert "order 0 to 4" in found.refused["asymptotic:7"]
+    assert "unknown method" in found.refused["nonsense"]
+    assert found.to_frame().loc["nonsense", "notes"].startswith("unknown method")
+
+
+def test_a_half_space_has_nothing_to_fit_to_a_thickness():
+    scene = layer_on(ul.RIGID, thickness=1e-3)
+    found = compare(problem(scene, [H], measured(scene)), ["halfspace"])
+    assert "knows none" in found.refused["halfspace"]
+    with pytest.raises(FitError, match="no law could be fitted"):
+        _ = found.best
+
+
+def test_no_method_at_all():
+    with pytest.raises(InputError, match="at least one"):
+        compare(problem(layer_on(ul.RIGID), [E]), [])
+    assert isinstance(compare(problem(layer_on(ul.RIGID), [E]), ["exact"]), Comparison)

@@ -1,0 +1,153 @@
+"""Profile intervals: the truth inside as often as said, and ends that are not there said to be missing."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import underlay as ul
+from support.inverse import layer_on, measured, problem
+from underlay.data.noise import Noise
+from underlay.errors import InputError
+from underlay.inference.least_squares import fit
+from underlay.inference.priors import Normal
+from underlay.inference.profiles import Interval, profile, rise_at
+
+sys.path.insert(0, str(Path(__file__).parent / "studies"))
+import coverage
+
+E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
+
+
+def test_a_linear_parameter_has_the_interval_of_students_t():
+    scene = layer_on(ul.RIGID)
+    found = fit(problem(scene, ["instrument.baseline", "instrument.baseline_slope"], measured(scene)))
+    for name in found.names:
+        interval = profile(found, name).interval(0.9)
+        half = stats.t.ppf(0.95, 298) * found.stderr[name]
+        # A parabola read through monotone cubics in steps of half a unit of z: 1e-3 of the half-width.
+        assert interval.low == pytest.approx(found.values[name] - half, abs=2e-3 * half)
+        assert interval.high == pytest.approx(found.values[name] + half, abs=2e-3 * half)
+
+
+def test_known_noise_takes_the_normal_quantile():
+    scene = layer_on(ul.RIGID)
+    p = problem(scene, ["instrument.baseline"], noise=Noise(force=1e-3))
+    found = fit(p)
+    interval = profile(found, "instrument.baseline").interval(0.95)
+    half = 1.9599639845400545 * found.stderr["instrument.baseline"]
+    assert interval.high - interval.low == pytest.approx(2.0 * half, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", [E, H, C])
+def test_the_ends_are_where_the_rise_is_the_threshold(name):
+    scene = layer_on(ul.RIGID)
+    found = fit(problem(scene, [E, H, C], measured(scene, level=0.003)))
+    result = profile(found, name)
+    interval = result.interval(0.95)
+    for end in (interval.low, interval.high):
+        assert rise_at(found, name, end) == pytest.approx(result.threshold(0.95), rel=1e-2)
+    assert result.rise.min() == 0.0
+    assert (np.diff(result.values) > 0.0).all()
+
+
+def test_an_asymmetric_interval_is_wider_where_the_data_say_less():
+    scene = layer_on(ul.RIGID, thickness=2e-3)
+    found = fit(problem(scene, [E, H, C], measured(scene)))
+    interval = profile(found, H).interval()
+    assert interval.high - found.values[H] > 1.5 * (found.values[H] - interval.low)
+
+
+def test_no_upper_bound_for_a_layer_that_is_thick():
+    # Contact radius over thickness 0.04: the layer changes the force by less than the noise.
+    scene = layer_on(ul.RIGID, thickness=1e-2)
+    interval = profile(problem(scene, [E, H, C], measured(scene)), H).interval()
+    assert interval.high == np.inf
+    assert interval.high_reason == "none"
+    assert 0.0 < interval.low < 1e-2
+    assert str(interval).startswith("layer.thickness > ")
+    assert "no upper bound from these data" in str(interval)
+
+
+def test_the_callers_own_bound_is_told_from_the_datas():
+    scene = layer_on(ul.RIGID, thickness=1e-2)
+    interval = profile(problem(scene, {E: None, H: (1e-4, 2e-2), C: None}, measured(scene)), H).interval()
+    assert interval.high == 2e-2
+    assert interval.high_reason == "bound"
+    assert "only its own limit 20 mm" in str(interval)
+
+
+def test_a_stiff_base_has_no_upper_bound():
+    scene = layer_on(ul.Isotropic(1e9, 0.3))
+    interval = profile(problem(scene, [E, BASE, C], measured(scene)), BASE).interval()
+    assert interval.high_reason == "none"
+    assert interval.low < 1e9
+
+
+def test_a_prior_takes_part():
+    scene = layer_on(ul.RIGID, thickness=1e-2)
+    free = {E: None, H: Normal(1e-2, 1e-3), C: None}
+    interval = profile(problem(scene, free, measured(scene)), H).interval()
+    assert interval.low == pytest.approx(8e-3, rel=0.1)
+    assert interval.high == pytest.approx(1.2e-2, rel=0.1)
+
+
+def test_a_profile_begun_at_a_poor_optimum_moves_to_the_better():
+    scene = layer_on(ul.RIGID)
+    curve = measured(scene, points=200, depth=2e-4, first=-5e-5, level=0.002)
+    thin = scene.with_values({E: 2.5e5, H: 1.8e-4, C: 1e-6})
+    poor = fit(problem(thin, [E, H, C], curve), start="given")
+    best = fit(problem(scene, [E, H, C], curve))
+    if poor.statistics.chi_square * poor.noises[0].force ** 2 <= 1.001 * (
+        best.statistics.chi_square * best.noises[0].force ** 2
+    ):
+        pytest.skip("the minimiser left the poor optimum by itself")
+    interval = profile(best, E).interval()
+    assert interval.low < 1e6 < interval.high
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, -0.1, 0.9999])
+def test_levels_that_are_none(level):
+    with pytest.raises(InputError, match="level"):
+        profile(problem(layer_on(ul.RIGID), [E]), E).interval(level)
+
+
+def test_parameters_that_cannot_be_profiled():
+    p = problem(layer_on(ul.RIGID), {E: (1e5, 1e7), "noise.force": None})
+    with pytest.raises(InputError, match="not free here"):
+        profile(p, "layer.nu")
+    with pytest.raises(InputError, match="freeze the noise"):
+        profile(p, "noise.force")
+    with pytest.raises(InputError, match="outside its bounds"):
+        rise_at(fit(p), E, 1e8)
+
+
+def test_words_of_an_interval():
+    assert str(Interval(E, 0.95, 1e6, 2e6, "data", "data")) == "layer.E between 1 MPa and 2 MPa (95 %)"
+    assert "no lower bound from these data, as far as the law" in str(
+        Interval(H, 0.9, 1e-4, 2e-3, "law", "data")
+    )
+    assert str(Interval(H, 0.9, -np.inf, np.inf, "none", "none")) == (
+        "layer.thickness is not bounded by these data (90 %)"
+    )
+
+
+CASES = [case for case in coverage.all_cases() if case.noise != "loud"]
+
+
+@pytest.mark.parametrize("case", [CASES[0], CASES[1], CASES[5], CASES[6]], ids=lambda case: case.name)
+def test_intervals_cover(case):
+    # The study runs 1000 replicas per case (tests/studies/coverage.json). Of 30, 24 or fewer inside has
+    # probability 0.003 at 95 %.
+    found = coverage.run(case, 30, seed=1)
+    assert all(share * 30 > 24 for share in found["coverage"].values())
+
+
+def test_intervals_of_correlated_noise_taken_for_white_do_not_cover():
+    # The control: it must fail, and the fit must have warned.
+    case = next(case for case in CASES if case.noise == "ar1" and case.fitted_as == "white")
+    found = coverage.run(case, 30, seed=1)
+    assert all(share < 0.8 for share in found["coverage"].values())
+    assert found["warned"] > 0.9
