@@ -117,6 +117,13 @@ def test_a_folder_a_list_of_files_and_memory_agree(folder, scene_file, serial):
     assert np.abs(pull).max() < 5.0
 
 
+def test_the_table_may_stand_among_its_curves(tmp_path, scene_file):
+    folder = write_folder(tmp_path / "curves", 3)
+    options = {"manifest": folder / "manifest.csv", "workers": 0, "output": folder}
+    first = ul.fit_many(folder, scene_file, **options)
+    pd.testing.assert_frame_equal(ul.fit_many(folder, scene_file, resume=True, **options), first)
+
+
 DAMAGE = {
     "site-0003.csv": (lambda text: text.replace(text.splitlines()[60], "nan,nan"), "nan"),
     "site-0007.csv": (lambda _: "", "empty"),

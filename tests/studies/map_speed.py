@@ -4,8 +4,8 @@
 
 ``--nanite`` names an interpreter that has nanite (it may be this one); without it that part says so and is
 left out. The times are taken in turns, a slice of the curves at a time, and the ratio is the median of the
-slices' ratios: other work on the machine then touches both sides. Results go to ``map_speed.json`` beside
-this file.
+slices' ratios: other work on the machine then touches both sides. Results go to
+``results/map_speed.json``.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -245,18 +246,25 @@ def main() -> None:
     parser.add_argument("--curves", type=int, default=2000)
     parser.add_argument("--points", type=int, default=1000)
     parser.add_argument("--map", type=int, default=16_384, help="curves of the map; 0 leaves it out")
-    parser.add_argument("--output", type=Path, default=Path(__file__).with_suffix(".json"))
+    parser.add_argument("--output", type=Path, default=Path(__file__).parent / "results" / "map_speed.json")
     given = parser.parse_args()
+    parts: dict[str, Callable[[], dict[str, object]]] = {
+        "against nanite": lambda: against_nanite(given.nanite, given.curves, given.points, 5),
+        "two processes against one": lambda: two_against_one(4 * given.curves, given.points, 3),
+        "map of an eighth": lambda: end_to_end(given.map // 8, 500),
+        "map": lambda: end_to_end(given.map, 500),
+    }
     results: dict[str, object] = {
         "machine": f"{platform.machine()}, {os.cpu_count()} processors, Python {platform.python_version()}",
-        "against nanite": against_nanite(given.nanite, given.curves, given.points, 5),
-        "two processes against one": two_against_one(4 * given.curves, given.points, 3),
     }
-    if given.map:
-        results["map of an eighth"] = end_to_end(given.map // 8, 500)
-        results["map"] = end_to_end(given.map, 500)
-    given.output.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
-    sys.stdout.write(json.dumps(results, indent=2) + "\n")
+    for name, measure in parts.items():
+        if name.startswith("map") and not given.map:
+            continue
+        # How busy the machine was with other work: wall times and the two processes suffer from it.
+        results[name] = {"load before": os.getloadavg()[0], **measure()}
+        text = json.dumps(results, indent=2) + "\n"
+        given.output.write_text(text, encoding="utf-8")
+    sys.stdout.write(text)
 
 
 if __name__ == "__main__":

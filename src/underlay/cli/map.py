@@ -10,7 +10,7 @@ import pandas as pd
 import typer
 
 from underlay._files import require_writable_folder
-from underlay.cli.console import say, say_table
+from underlay.cli.console import say, say_error, say_table
 from underlay.cli.options import SceneOption, Seed
 from underlay.errors import InputError
 from underlay.inference.batch.fit_many import fit_many
@@ -22,6 +22,7 @@ from underlay.units import format_quantity
 __all__ = ["map_curves"]
 
 _LISTED = 10
+_INTERRUPTED = 130  # what shells give a command that Ctrl-C ended
 
 
 def map_curves(
@@ -57,17 +58,21 @@ def map_curves(
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
     folder = require_writable_folder(output)
     path = folder / f"map.{table_format}"
-    table = fit_many(
-        curves,
-        scene,
-        manifest=manifest,
-        quality=check,
-        sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
-        workers=workers,
-        scheduler=scheduler,
-        output=path,
-        resume=resume,
-    )
+    try:
+        table = fit_many(
+            curves,
+            scene,
+            manifest=manifest,
+            quality=check,
+            sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
+            workers=workers,
+            scheduler=scheduler,
+            output=path,
+            resume=resume,
+        )
+    except KeyboardInterrupt:
+        say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")
+        raise typer.Exit(_INTERRUPTED) from None
     _show(table)
     say(f"wrote {path}")
     for picture in _draw(table, folder):

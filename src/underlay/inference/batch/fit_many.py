@@ -154,6 +154,7 @@ def fit_many(
     )
     count = _require_workers(workers)
     own_files = [Path(entry) for entry in (manifest, scene) if isinstance(entry, str | os.PathLike)]
+    own_files += [] if output is None else [_table_path(output)]
     places, given = _with_manifest(list_curves(curves, own_files), manifest, model)
     if output is not None:
         # The run must know its curves again.
@@ -286,11 +287,15 @@ def _table(output: str | os.PathLike[str] | None) -> Iterator[Path]:
         with tempfile.TemporaryDirectory(prefix="underlay-") as folder:
             yield Path(folder) / _TABLE
         return
-    path = Path(output)
-    table = path if path.suffix else path / _TABLE
+    table = _table_path(output)
     require_format(table)
     require_writable_folder(table.parent)
     yield table
+
+
+def _table_path(output: str | os.PathLike[str]) -> Path:
+    path = Path(output)
+    return path if path.suffix else path / _TABLE
 
 
 def _require_workers(workers: int | None) -> int | None:
