@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 from collections.abc import Mapping
@@ -12,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
+from underlay._files import write_atomic
 from underlay.errors import FileAccessError, FileFormatError, InputError
 from underlay.inference.sampling.arviz_bridge import to_inference_data
 from underlay.inference.sampling.convergence import (
@@ -253,11 +255,9 @@ class Posterior:
             "curves": len(self.predictive),
             "diagnostics": asdict(self.diagnostics),
         }
-        try:
-            with open(path, "wb") as file:  # noqa: PTH123  # numpy would add a suffix to a bare path
-                np.savez_compressed(file, about=np.array(json.dumps(about)), **arrays)
-        except OSError as error:
-            raise FileAccessError(f"cannot write {os.fspath(path)}: {error}") from error
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, about=np.array(json.dumps(about)), **arrays)
+        write_atomic(path, buffer.getvalue())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
