@@ -16,15 +16,15 @@ GROUND = {"errors", "units", "_arrays", "_files"}
 #: Third parties and the only modules (relative to the package, by prefix) that may import them.
 HOMES = {
     "lmfit": ("inference/least_squares", "inference/profiles"),
-    "emcee": ("inference/sampling",),
-    "dask": ("inference/batch",),
-    "distributed": ("inference/batch",),
-    "matplotlib": ("report/plots", "report/plots_"),
+    "emcee": ("inference/sampling/run", "inference/sampling/moves"),
+    "dask": ("inference/batch/dask",),
+    "distributed": ("inference/batch/dask",),
+    "matplotlib": ("report/plots",),
     "pint": ("units",),
     "pydantic": ("scene/scene_schema",),
     "tomlkit": ("scene/scene_writer",),
     "typer": ("cli",),
-    "rich": ("cli", "inference/progress"),
+    "rich": ("cli", "inference/sampling/progress", "inference/batch/progress"),
 }
 
 
@@ -118,8 +118,8 @@ def test_mechanics_needs_numpy_and_scipy_only():
         f"package = types.ModuleType('underlay'); package.__path__ = [{str(PACKAGE)!r}]\n"
         "sys.modules['underlay'] = package\n"
         "import underlay.mechanics\n"
-        "for module in pkgutil.iter_modules(underlay.mechanics.__path__):\n"
-        "    importlib.import_module('underlay.mechanics.' + module.name)\n"
+        "for module in pkgutil.walk_packages(underlay.mechanics.__path__, 'underlay.mechanics.'):\n"
+        "    importlib.import_module(module.name)\n"
         "heavy = {'lmfit', 'matplotlib', 'pandas', 'emcee', 'pint', 'pydantic', 'typer'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )

@@ -6,8 +6,8 @@ import pytest
 from mpmath import mpf
 
 from support.series import blunt_cases, depth_5_3, fifty_digits, force_5_2, order_of, series
-from underlay.mechanics import blunt, blunt_relations
-from underlay.mechanics.blunt_relations import BluntLayer
+from underlay.mechanics.asymptotic import blunt, blunt_relations
+from underlay.mechanics.asymptotic.blunt_relations import BluntLayer
 from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw, abel_factor
 
 __all__ = ["fifty_digits"]  # used by pytest

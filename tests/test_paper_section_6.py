@@ -6,8 +6,8 @@ import pytest
 from mpmath import mpf
 
 from support.series import fifty_digits, order_of
-from underlay.mechanics import hemisphere
-from underlay.mechanics.asymptotic import asymptotic_law
+from underlay.mechanics.asymptotic import hemisphere
+from underlay.mechanics.asymptotic.law import asymptotic_law
 from underlay.mechanics.indenters import Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
 

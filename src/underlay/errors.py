@@ -15,6 +15,7 @@ CurveError          InputError     a curve cannot be used: too few points, NaN, 
 FileFormatError     InputError     a file was read but its content is not understood
 FileAccessError     OSError        a file cannot be opened, read or written
 FitError            RuntimeError   an inference could not be carried out on valid input
+SchedulerError      OSError        a Dask scheduler does not answer, or goes away
 MissingExtraError   ImportError    an optional dependency is needed; says which extra brings it
 ==================  =============  ==================================================================
 """
@@ -31,6 +32,7 @@ __all__ = [
     "MissingExtraError",
     "ParameterError",
     "RangeError",
+    "SchedulerError",
     "UnderlayError",
     "UnderlayWarning",
     "UnitError",
@@ -85,6 +87,10 @@ class FileAccessError(UnderlayError, OSError):
 
 class FitError(UnderlayError, RuntimeError):
     """An inference that could not be carried out on valid input."""
+
+
+class SchedulerError(UnderlayError, OSError):
+    """A scheduler of many machines that cannot be worked with."""
 
 
 class MissingExtraError(UnderlayError, ImportError):

@@ -117,7 +117,7 @@ def main():
         rows.append(run(case, arguments.replicas))
         found = ", ".join(f"{name} {100.0 * share:.1f} %" for name, share in rows[-1]["coverage"].items())
         share = 100.0 * rows[-1]["warned"]
-        print(f"{case.name}: {found}; warned {share:.1f} %", flush=True)  # noqa: T201  a command shows its result
+        print(f"{case.name}: {found}; warned {share:.1f} %", flush=True)
         study = {"level": LEVEL, "points": POINTS, "cases": rows}
         arguments.output.write_text(json.dumps(study, indent=2) + "\n")
 

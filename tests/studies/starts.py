@@ -74,7 +74,7 @@ def main():
     share = 1.0 - len(found) / arguments.scenes
     study = {"scenes": arguments.scenes, "reached": share, "missed (scene: rise of chi-square)": found}
     arguments.output.write_text(json.dumps(study, indent=2) + "\n")
-    print(f"{100.0 * share:.1f} % of {arguments.scenes} reached the optimum")  # noqa: T201  a command shows its result
+    print(f"{100.0 * share:.1f} % of {arguments.scenes} reached the optimum")
 
 
 if __name__ == "__main__":

@@ -19,14 +19,15 @@ HEADER = """\
 # source sha256: {sha256}
 # licence: MIT, Copyright (c) 2019 Paul Müller (full text in LICENSES/afmformats-MIT.txt)
 # changes: every {step}th row from the first is kept and nothing is averaged; depth = Piezo - Cantilever of
-#   the file, in nm; force = Load of the file, in nN; the other columns are left out
+#   the file, in nm; force = Load of the file, in nN; segment = the
+#   motion of the Piezo column; the other columns are left out
 # indenter: sphere
 # indenter radius: 27.5 um
 # spring constant: 0.019 N/m
 # instrument's own result: E[eff] = E/(1-nu^2) = 156.009 Pa (Hertz)
 # signs: depth grows into the sample, force is positive in compression
 # zero of depth: the instrument's, not contact; contact is near 73080 nm
-time (s),depth (nm),force (nN)
+time (s),depth (nm),force (nN),segment
 """
 
 
@@ -34,8 +35,10 @@ def sample_text(curve: Curve) -> str:
     """Text of the sample made from the curve of the published file."""
     kept = curve.select(slice(None, None, STEP))
     rows = (
-        f"{time:.3f},{depth * 1e9:.2f},{force * 1e9:.3f}"
-        for time, depth, force in zip(kept.time, kept.depth, kept.force, strict=True)
+        f"{time:.3f},{depth * 1e9:.2f},{force * 1e9:.3f},{segment}"
+        for time, depth, force, segment in zip(
+            kept.time, kept.depth, kept.force, kept.segments(), strict=True
+        )
     )
     return HEADER.format(sha256=curve.metadata["sha256"], step=STEP) + "\n".join(rows) + "\n"
 

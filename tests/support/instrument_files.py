@@ -16,7 +16,7 @@ from support.compound_file import xls
 RAMP, REST, BACK = 40, 20, 30
 
 
-def test_curve(deepest=2e-6, peak=1e-4):
+def sample_curve(deepest=2e-6, peak=1e-4):
     """Time (s), depth (m) and force (N) of the curve that all the files hold."""
     into = np.linspace(-0.25, 1.0, RAMP)
     depth = deepest * np.concatenate((into, np.ones(REST), np.linspace(1.0, -0.2, BACK + 1)[1:]))
@@ -26,11 +26,10 @@ def test_curve(deepest=2e-6, peak=1e-4):
     return np.arange(RAMP + REST + BACK) * 0.1, depth, force
 
 
-test_curve.__test__ = False  # a helper, whatever its name suggests
-
-
 def rows(columns, pattern, separator="\t", end="\r\n"):
-    return "".join(separator.join(pattern % value for value in row) + end for row in zip(*columns, strict=True))
+    return "".join(
+        separator.join(pattern % value for value in row) + end for row in zip(*columns, strict=True)
+    )
 
 
 # --- Optics11
@@ -38,7 +37,7 @@ def rows(columns, pattern, separator="\t", end="\r\n"):
 
 def optics11(generation="V3.5.0", *, comma=False):
     """Piuma of one of the three generations, or Chiaro, with their mixed line ends."""
-    time, depth, force = test_curve(2e-6, 4e-8)
+    time, depth, force = sample_curve(2e-6, 4e-8)
     cantilever = force / 0.05  # k = 0.05 N/m
     piezo = depth + cantilever
     indentation = np.clip(depth, 0.0, None)
@@ -50,7 +49,8 @@ def optics11(generation="V3.5.0", *, comma=False):
             "Scan (#)\t1\tX (#)\t2\tY (#)\t3\tIndentation (#)\t1\r\n\r\n"
             "X-position (um)\t100.0\r\nY-position (um)\t200.0\r\nZ-position (um)\t300.0\r\n"
             "Z surface (um)\t300.0\r\nPiezo position (nm) (Measured)\t0.0\r\n\r\n"
-            "k (N/m)\t0.050\r\nTip radius (um)\t25.000\r\nCalibration factor\t2.0\r\nAuto find surface\tON\r\n\r\n"
+            "k (N/m)\t0.050\r\nTip radius (um)\t25.000\r\nCalibration factor\t2.0\r\n"
+            "Auto find surface\tON\r\n\r\n"
             "Piezo Indentation Sweep Settings (Relative to surface):\r\n"
             "D[Z1] (nm)\t2000.000\tt[1] (s)\t4.000\r\nD[Z2] (nm)\t2000.000\tt[2] (s)\t2.000\r\n\r\n"
             "P[max] (uN)\t0.040\r\nE[eff] (Pa)\t1000.0\r\nE[v=0.50] (Pa)\t750.0\r\n\r\n"
@@ -58,7 +58,8 @@ def optics11(generation="V3.5.0", *, comma=False):
         "V3.4.4": (
             "Date\t27/02/2022\tTime\t10:31:02\tStatus\tOK\r\ngel 4 %\r\n"
             "Scan (#)\t1\tX (#)\t2\tY (#)\t3\tIndentation (#)\t1\n\rX-position (um)\t100.0\r\n"
-            "Y-position (um)\t200.0\r\nZ-position (um)\t300.0\r\n\r\nk (N/m)\t0.050\r\nTip radius (um)\t25.000\r\n"
+            "Y-position (um)\t200.0\r\nZ-position (um)\t300.0\r\n\r\n"
+            "k (N/m)\t0.050\r\nTip radius (um)\t25.000\r\n"
             "SMDuration (s) 0.0\r\n\r\nDevice:\tPiuma\r\nSoftware version: V3.4.4\r\n\r\n"
             "Control mode: Displacement\nMeasurement: Indentation\r\n\r\nProfile:\r\n"
             "D[Z1] (nm)\t2000.000\tt[1] (s)\t4.000\r\nModel: Hertz\nE[eff] (Pa)\t1000.0\r\n"
@@ -67,14 +68,16 @@ def optics11(generation="V3.5.0", *, comma=False):
         "V3.5.0": (
             "Date\t27/02/2023\tTime\t10:31:02\tStatus\tOK\r\ngel 4 %\r\n"
             "Scan (#)\t1\tX (#)\t2\tY (#)\t3\tIndentation (#)\t1\n\rX-position (um)\t100.0\r\n"
-            "Y-position (um)\t200.0\r\nZ-position (um)\t300.0\r\nk (N/m)\t0.050\r\nTip radius (um)\t25.000\r\n"
+            "Y-position (um)\t200.0\r\nZ-position (um)\t300.0\r\n"
+            "k (N/m)\t0.050\r\nTip radius (um)\t25.000\r\n"
             "Software version: V3.5.0\r\nStep absolute start times (s)\t0.062,1.072,2.074\r\n"
             "Step absolute end times (s) 1.071,2.073,3.0\r\nModel: Hertz\nE[eff] (Pa)\t1000.0\r\n\r\n"
         ),
         "Chiaro": (
             "Date\t27/02/2023\tTime\t10:31:02\tStatus\tOK\r\ncell 7\r\n"
             "Scan (#)\t1\tX (#)\t2\tY (#)\t3\tIndentation (#)\t1\n\rX-position (um)\t100.0\r\n"
-            "Y-position (um)\t200.0\r\nZ-position (um)\t300.0\r\nk (N/m)\t0.050\r\nTip radius (um)\t25.000\r\n"
+            "Y-position (um)\t200.0\r\nZ-position (um)\t300.0\r\n"
+            "k (N/m)\t0.050\r\nTip radius (um)\t25.000\r\n"
             "Device:\tChiaro\r\nSoftware version: V3.5.0\r\nControl mode: Peak Load Poking\nProfile:\r\n"
             "Max load (µN)\t0.050\r\nPiezo speed  (µm/s)\t7.000\n\nStep absolute start times (s)\t\r\n"
             "Step absolute end times (s) \r\nModel: Hertz\r\nE[eff] (Pa)\t1000.0\r\n\r\n"
@@ -123,7 +126,9 @@ def mach1(tests=1, *, multiaxis=False, contact=True, ramps=1):
         text += "".join("".join(lines[i * step : (i + 1) * step]) + "<divider>\r\n" for i in range(ramps))
         text += "<END DATA>\r\n"
         text += info + "<Zero Load>\r\nFunction without controls\r\n<DATA>\r\n" + names
-        text += rows((np.arange(3) * 0.01, np.full(3, -3.5), np.zeros(3), np.zeros(3)), "%.6f") + "<END DATA>\r\n"
+        text += (
+            rows((np.arange(3) * 0.01, np.full(3, -3.5), np.zeros(3), np.zeros(3)), "%.6f") + "<END DATA>\r\n"
+        )
     return text.encode("ascii")
 
 
@@ -132,7 +137,10 @@ def relaxation(ramps=1, deepest=1e-4, peak=5e-3):
     ramp, rest = 60, 140
     time = np.arange(ramps * (ramp + rest)) * 0.05
     depth = np.concatenate(
-        [deepest / ramps * np.concatenate((i + np.linspace(0.0, 1.0, ramp), np.full(rest, i + 1.0))) for i in range(ramps)]
+        [
+            deepest / ramps * np.concatenate((i + np.linspace(0.0, 1.0, ramp), np.full(rest, i + 1.0)))
+            for i in range(ramps)
+        ]
     )
     since = np.concatenate([np.concatenate((np.zeros(ramp), np.arange(rest) * 0.05)) for _ in range(ramps)])
     return time, depth, peak * (depth / deepest) ** 1.5 * (0.5 + 0.5 * np.exp(-since / 0.7))
@@ -143,13 +151,14 @@ def relaxation(ramps=1, deepest=1e-4, peak=5e-3):
 
 def bioindenter(*, profile=False):
     """Protocol "+ Advanced" or a user's profile; Windows text with three-digit exponents."""
-    time, depth, force = test_curve(20e-6, 1e-3)
+    time, depth, force = sample_curve(20e-6, 1e-3)
     ids = np.repeat((0, 1, 2) if profile else (1, 2, 3), (RAMP, REST, BACK))
     protocol = (
         "\t+ User defined profile\r\n\tLinear load 20.00  µN ; 100.00 µN/min\r\n\tPause in load 2 s\r\n"
         "\tLinear depth 20.00  µm ; 500.00 µm/min\r\n"
         if profile
-        else "\t+ Advanced\r\nMax load :\t1000.00 \tµN\r\nLoading rate :\t2000.00 \tµN/min\r\nPause : 2.0 s\r\n"
+        else "\t+ Advanced\r\nMax load :\t1000.00 \tµN\r\n"
+        "Loading rate :\t2000.00 \tµN/min\r\nPause : 2.0 s\r\n"
     )
     text = (
         "Indentation\r\n" + protocol + "\t+ TTX - UNHT Bio S/N: 01 settings\r\nFn contact :\t25.00 \tµN\r\n"
@@ -173,11 +182,13 @@ def _three_digits(value):
 
 def hld(*, claimed=None, micro="µ", trimmed=False, listed=True):
     """A .hld with its sections of approach and drift, unless trimmed."""
-    time, depth, force = test_curve(100e-9, 1e-3)
+    time, depth, force = sample_curve(100e-9, 1e-3)
     ends = (RAMP * 0.1 - 0.05, (RAMP + REST) * 0.1 - 0.05, 100.0)
     segments = "".join(
-        f"Segment Time: 1 s\r\nSegment Number: {i}\r\nSegment Type: 0 LINEAR\r\nSegment Begin Time: {begin:.3f} s\r\n"
-        f"Segment End Time: {end:.3f} s\r\nSegment Begin Demand: {low} µN\r\nSegment End Demand: {high} µN\r\n"
+        f"Segment Time: 1 s\r\nSegment Number: {i}\r\nSegment Type: 0 LINEAR\r\n"
+        f"Segment Begin Time: {begin:.3f} s\r\n"
+        f"Segment End Time: {end:.3f} s\r\nSegment Begin Demand: {low} µN\r\n"
+        f"Segment End Demand: {high} µN\r\n"
         f"Segment Points: 10\r\n"
         for i, (begin, end, low, high) in enumerate(
             zip((0.0, *ends[:-1]), ends, (0, 1000, 1000), (1000, 1000, 0), strict=True)
@@ -188,7 +199,8 @@ def hld(*, claimed=None, micro="µ", trimmed=False, listed=True):
         text += "Number of Segments: 3\r\n" + segments
     if not trimmed:
         text += "Sample Approach Data Points: 2\r\nTime_s\tMotorDisp_mm\tPiezo Extension_nm\r\n"
-        text += "0.0\t0.1\t5.0\r\n0.1\t0.2\t6.0\r\nDrift Measurement Data Points: 1\r\nTime_s\tDisp_nm\r\n0.0\t0.3\r\n"
+        text += "0.0\t0.1\t5.0\r\n0.1\t0.2\t6.0\r\n"
+        text += "Drift Measurement Data Points: 1\r\nTime_s\tDisp_nm\r\n0.0\t0.3\r\n"
     text += f"Test Data Points: {len(time) if claimed is None else claimed}\r\n"
     text += f"Time_s\tDisp_nm\tForce_{micro}N\tLoadCell_nm\tDisp_V\tForce_V\r\n"
     text += rows((time, depth * 1e9, force * 1e6, depth, depth, force), "%.6f")
@@ -197,7 +209,7 @@ def hld(*, claimed=None, micro="µ", trimmed=False, listed=True):
 
 def load_control_text(*, claimed=None):
     """Text export with an empty line after the first row, as some files have."""
-    time, depth, force = test_curve(100e-9, 1e-3)
+    time, depth, force = sample_curve(100e-9, 1e-3)
     lines = rows((depth * 1e9, force * 1e6, time, depth, force), "%.6f", end="\n").splitlines(keepends=True)
     text = f"Mon Apr 29 10:41:06 2019\n\nNumber of Points = {len(time) if claimed is None else claimed}\n"
     text += "Depth (nm)\tLoad (µN)\tTime (s)\tDepth (V)\tLoad (V)\n" + lines[0] + "\n" + "".join(lines[1:])
@@ -205,17 +217,22 @@ def load_control_text(*, claimed=None):
 
 
 def nanodma():
-    return b"nanoDMA Text Export Version 1.00\r\n\r\n Test Time (s)\t Hardness (GPa)\t\r\n1.0e-005\t2.0e-005\t\r\n"
+    return (
+        b"nanoDMA Text Export Version 1.00\r\n\r\n"
+        b" Test Time (s)\t Hardness (GPa)\t\r\n1.0e-005\t2.0e-005\t\r\n"
+    )
 
 
 # --- Fischer
 
 
 def fischer(tests=2):
-    """Decimal comma in the rows, decimal point in the results, mixed line ends, whole numbers without a comma."""
-    time, depth, force = test_curve(0.5e-6, 0.3)
-    text = "FS1.hap\tName of the application\r\n\tApplication comment\r\nF = ESP n 300.000mN/120s/37s\n1\tNumber of block\n"
-    text += "3928,59\t44,652\t6,01398\tHM\tx\ty\n3677,88\tX.\tStatistics of block\n---\tn<LSL\tStatistics of block\r\n"
+    """Decimal comma in the rows, point in the results, mixed line ends, whole numbers without a comma."""
+    time, depth, force = sample_curve(0.5e-6, 0.3)
+    text = "FS1.hap\tName of the application\r\n\tApplication comment\r\n"
+    text += "F = ESP n 300.000mN/120s/37s\n1\tNumber of block\n"
+    text += "3928,59\t44,652\t6,01398\tHM\tx\ty\n3677,88\tX.\tStatistics of block\n"
+    text += "---\tn<LSL\tStatistics of block\r\n"
     for value in range(1, tests + 1):
         text += f"FS1.hap   26.05.2020  15:17:54\nBlock : 1   Value : {value}\r\nx=    44.65  y=     6.01\n"
         text += "EIT/(1-vs^2)\t[GPa]\t     83.7\nHIT\t[N/mm²]\t   8553.6\r\n \nF\th\tt\n"
@@ -229,8 +246,12 @@ def fischer(tests=2):
 
 def nanosuite():
     """Two tests in different orders of columns, a failed value, averages, and a junk sheet."""
-    time, depth, force = test_curve(1e-6, 1e-2)
-    markers = {0: "Load Segment Type", RAMP: "Hold Segment Type", RAMP + REST: "Unload From Peak Segment Type"}
+    time, depth, force = sample_curve(1e-6, 1e-2)
+    markers = {
+        0: "Load Segment Type",
+        RAMP: "Hold Segment Type",
+        RAMP + REST: "Unload From Peak Segment Type",
+    }
 
     def sheet(order, spoil):
         columns = {
@@ -240,15 +261,18 @@ def nanosuite():
             "Harmonic Contact Stiffness": ("N/m", np.full_like(time, 1.7976931348623157e308)),
         }
         table = [["Segment", *order], ["", *(columns[name][0] for name in order)]]
-        for i in range(len(time)):
-            table.append([markers.get(i), *(float(columns[name][1][i]) for name in order)])
+        table += [[markers.get(i), *(float(columns[name][1][i]) for name in order)] for i in range(len(time))]
         if spoil:
             table[7][1 + order.index("Load On Sample")] = 1.7976931348623157e308
         table.append(["END"])
         return table
 
     names = ["Displacement Into Surface", "Load On Sample", "Time On Sample", "Harmonic Contact Stiffness"]
-    averages = [["", "Load On Sample", "STANDARD DEVIATION (Load On Sample)"], ["", "mN", "mN"], ["", 1.0, 0.1]]
+    averages = [
+        ["", "Load On Sample", "STANDARD DEVIATION (Load On Sample)"],
+        ["", "mN", "mN"],
+        ["", 1.0, 0.1],
+    ]
     return xls(
         {
             "Sample": averages,
@@ -260,16 +284,31 @@ def nanosuite():
 
 
 ZWICK = {
-    "fr": ("Paramètres", "Résultats", "Statistiques", ("Temps d'essai", "Force standard", "Allongement", "Ecartement entre outils")),
-    "de": ("Parameter", "Ergebnisse", "Statistik", ("Prüfzeit", "Standardkraft", "Standardweg", "Werkzeugabstand")),
-    "en": ("Parameters", "Results", "Statistics", ("Test time", "Standard force", "Standard travel", "Tool separation")),
-    "xx": ("Parameter", "Results", "?", ("a", "b", "c", "d")),
+    "fr": (
+        "Paramètres",
+        "Résultats",
+        "Statistiques",
+        ("Temps d'essai", "Force standard", "Allongement", "Ecartement entre outils"),
+    ),
+    "de": (
+        "Parameter",
+        "Ergebnisse",
+        "Statistik",
+        ("Prüfzeit", "Standardkraft", "Standardweg", "Werkzeugabstand"),
+    ),
+    "en": (
+        "Parameters",
+        "Results",
+        "Statistics",
+        ("Test time", "Standard force", "Standard travel", "Tool separation"),
+    ),
+    "xx": ("Parameter", "Results", "Other", ("a", "b", "c", "d")),
 }
 
 
-def testxpert(language="fr", *, turned=False, specimens=1):
-    """Sheets of parameters and results, and one per specimen; compression positive, gap plus travel constant."""
-    time, depth, force = test_curve(1e-3, 10.0)
+def zwick(language="fr", *, turned=False, specimens=1):
+    """Sheets of parameters and results, one per specimen; compression positive, gap plus travel constant."""
+    time, depth, force = sample_curve(1e-3, 10.0)
     book = openpyxl.Workbook()
     parameters, results, statistics, names = ZWICK[language]
     book.active.title = parameters
@@ -285,11 +324,8 @@ def testxpert(language="fr", *, turned=False, specimens=1):
     return saved(book)
 
 
-testxpert.__test__ = False
-
-
 def excel(sheets=1, *, labels=("depth (um)", "force (mN)", "time (s)")):
-    time, depth, force = test_curve()
+    time, depth, force = sample_curve()
     book = openpyxl.Workbook()
     book.active.append(["notes only"])
     for number in range(sheets):
@@ -314,7 +350,8 @@ def workshop():
     """AFM Workshop: approach and retract side by side."""
     z = np.linspace(4000.0, 5000.0, 60)
     force = 2.0 * np.clip((z - 4500.0) / 500.0, 0.0, None) ** 1.5 + 0.05
-    text = "Force-Distance Curve\r\nFile Format:\t3\r\n\r\nDate:\t22 October 2020\r\nTime:\t14:16:20\r\nMode:\tSingle\r\n"
+    text = "Force-Distance Curve\r\nFile Format:\t3\r\n\r\n"
+    text += "Date:\t22 October 2020\r\nTime:\t14:16:20\r\nMode:\tSingle\r\n"
     text += "Point:\t1\r\nX, um:\t0.500000\r\nY, um:\t0.500000\r\n\r\n"
     text += "Extend Z-Sense(nm),Extend Force(nN),Retract Z-Sense(nm),Retract Force(nN)\r\n"
     return (text + rows((z, force, z[::-1], 0.8 * force[::-1]), "%.4f", ",")).encode("ascii")
@@ -331,7 +368,7 @@ def ntmdt():
 
 
 def delimited(separator=",", *, comma=False, end="\n", encoding="utf-8"):
-    time, depth, force = test_curve()
+    time, depth, force = sample_curve()
     text = "# a gel on glass" + end + separator.join(("depth (µm)", "force [mN]", "Time / s")) + end
     table = rows((depth * 1e6, force * 1e3, time), "%.9f", separator, end)
     return (text + (table.replace(".", ",") if comma else table)).encode(encoding)
@@ -361,7 +398,7 @@ ALL = {
     "hysitron nanodma": nanodma,
     "fischer": fischer,
     "nanosuite": nanosuite,
-    "testxpert": testxpert,
+    "testxpert": zwick,
     "excel": excel,
     "afm workshop": workshop,
     "afm ntmdt": ntmdt,

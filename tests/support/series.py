@@ -10,7 +10,7 @@ import mpmath
 import pytest
 from mpmath import mpf
 
-from underlay.mechanics import blunt
+from underlay.mechanics.asymptotic import blunt
 
 SERIES_EXPONENTS = [mpf(1), mpf("1.5"), mpf(2), mpf(3), mpf(7), mpf(50)]
 MOMENTS = [(mpf("1.77"), mpf("-0.958")), (mpf("-0.9"), mpf("0.4")), (mpf("0.1"), mpf("-0.15"))]

@@ -6,9 +6,18 @@ import sys
 
 import typer
 
+from underlay.cli.accuracy import accuracy
+from underlay.cli.bench import bench
 from underlay.cli.console import say_error
 from underlay.cli.demo import demo
+from underlay.cli.effects import effects
 from underlay.cli.fit import fit
+from underlay.cli.formats import formats
+from underlay.cli.identify import identify
+from underlay.cli.map import map_curves
+from underlay.cli.plan import plan
+from underlay.cli.report import report
+from underlay.cli.sample import sample
 from underlay.cli.simulate import simulate
 from underlay.errors import UnderlayError
 
@@ -24,8 +33,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, fit, simulate):
+for command in (demo, fit, sample, simulate, effects, accuracy, identify, plan, report, formats, bench):
     app.command()(command)
+app.command("map")(map_curves)
 
 
 def main() -> None:

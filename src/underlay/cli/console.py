@@ -10,6 +10,7 @@ from contextlib import contextmanager
 import pandas as pd
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from underlay.errors import UnderlayWarning
@@ -32,7 +33,9 @@ def say_error(text: str) -> None:
 
 
 def say_table(frame: pd.DataFrame, title: str) -> None:
-    """Print a table; numbers to the right, words to the left."""
+    """Print a table; numbers to the right, words to the left, an index of names as the first column."""
+    if not pd.api.types.is_integer_dtype(frame.index):
+        frame = frame.rename_axis("" if frame.index.name is None else str(frame.index.name)).reset_index()
     table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
     for name, column in frame.items():
         numeric = pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
@@ -50,7 +53,7 @@ def _cell(value: object) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.4g}"
-    return str(value)
+    return escape(str(value))
 
 
 @contextmanager

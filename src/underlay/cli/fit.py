@@ -12,7 +12,8 @@ from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.report import plots
-from underlay.report.tables import correlated_pairs, fit_table, headline
+from underlay.report.tables import correlated_pairs, fit_table
+from underlay.report.words import headline
 
 __all__ = ["fit", "reservations", "show_fit", "write_fit"]
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["CurveFile", "OutputFolder", "SceneOption", "ScenePath", "Seed"]
+__all__ = ["CurveFile", "MaxDepth", "OutputFolder", "Rtol", "SceneOption", "ScenePath", "Seed"]
 
 CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format of `underlay formats`.")]
 SceneOption = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): what was tested.")]
@@ -17,3 +17,11 @@ OutputFolder = Annotated[
     typer.Option("--output", "-o", help="Folder for tables, JSON and pictures; made if absent."),
 ]
 Seed = Annotated[int, typer.Option(help="Seed of the random numbers; the same seed makes the same file.")]
+MaxDepth = Annotated[
+    str | None,
+    typer.Option("--max-depth", help='Deepest point since contact, e.g. "100 um"; else that of [simulate].'),
+]
+Rtol = Annotated[
+    float | None,
+    typer.Option("--rtol", help="Relative error allowed; else that of [solver], else 1e-6."),
+]

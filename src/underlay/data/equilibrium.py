@@ -23,6 +23,9 @@ _LEAST_POINTS = 4
 _DRIFT = 0.01
 _SIGNIFICANT = 3.0
 _MOST_CORRELATED = 0.98
+# The end of a hold is known to the tolerance of the segments only: this share of it is left out there, so
+# that no reading of the next ramp gets in.
+_MARGIN = 0.02
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ def equilibrium_points(
     segment : ndarray (n,) of str
         Labels of its points.
     share : float
-        Last part of each hold that is averaged, in time (in points without a time).
+        Last part of each hold that is averaged, in time (in points without a time); the very end is left out.
 
     Raises
     ------
@@ -85,7 +88,8 @@ def equilibrium_points(
     rows = []
     for number, (first, last) in enumerate(holds, start=1):
         clock = np.arange(first, last, dtype=np.float64) if time is None else time[first:last]
-        end = clock >= clock[-1] - share * (clock[-1] - clock[0])
+        margin = _MARGIN * (clock[-1] - clock[0])
+        end = (clock >= clock[-1] - margin - share * (clock[-1] - clock[0])) & (clock <= clock[-1] - margin)
         if np.count_nonzero(end) < _LEAST_POINTS:
             raise CurveError(
                 f"hold {number} has {np.count_nonzero(end)} points in its last {share:.0%}; at least "

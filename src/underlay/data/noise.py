@@ -29,7 +29,14 @@ from scipy import linalg
 from underlay._arrays import FloatArray, finite
 from underlay.errors import InputError
 
-__all__ = ["Noise", "ar1_sample", "log_normalisation", "standard_deviation", "whiten"]
+__all__ = [
+    "Noise",
+    "ar1_coefficients",
+    "ar1_sample",
+    "log_normalisation",
+    "standard_deviation",
+    "whiten",
+]
 
 #: One number for all sets, or one per set: shape () or (...,), the batch axes.
 PerSet: TypeAlias = float | FloatArray
@@ -191,7 +198,7 @@ def whiten(standardised: FloatArray, time: FloatArray | None, correlation_time: 
     """
     if not np.any(correlation_time):
         return standardised
-    rho, spread = _ar1(time, correlation_time)
+    rho, spread = ar1_coefficients(time, correlation_time)
     white = np.empty(np.broadcast_shapes(standardised.shape, (*rho.shape[:-1], 1)))
     white[..., 0] = standardised[..., 0]
     white[..., 1:] = (standardised[..., 1:] - rho * standardised[..., :-1]) / spread
@@ -233,7 +240,7 @@ def log_normalisation(sigma: FloatArray, time: FloatArray | None, correlation_ti
         log_sigma = np.log(sigma).sum(axis=-1)
     value = -log_sigma - 0.5 * points * np.log(2.0 * np.pi)
     if np.any(correlation_time):
-        _, spread = _ar1(time, correlation_time)
+        _, spread = ar1_coefficients(time, correlation_time)
         value = value - np.log(spread).sum(axis=-1)
     return np.asarray(value)
 
@@ -251,7 +258,7 @@ def ar1_sample(
     white = rng.standard_normal(shape)
     if not correlation_time:
         return white
-    rho, spread = _ar1(time, correlation_time)
+    rho, spread = ar1_coefficients(time, correlation_time)
     white[..., 1:] *= spread
     # z_k - rho_k z_{k-1} = innovation_k is a lower bidiagonal system: one banded solve for every row.
     bands = np.ones((2, shape[-1]))
@@ -261,8 +268,8 @@ def ar1_sample(
     return np.asarray(linalg.solve_banded((1, 0), bands, columns).T.reshape(shape))
 
 
-def _ar1(time: FloatArray | None, correlation_time: PerSet) -> tuple[FloatArray, FloatArray]:
-    """rho_k and sqrt(1 - rho_k^2) of neighbouring points, each (..., n - 1)."""
+def ar1_coefficients(time: FloatArray | None, correlation_time: PerSet) -> tuple[FloatArray, FloatArray]:
+    """rho_k and sqrt(1 - rho_k^2) of neighbouring points, each (..., n - 1); raises as `whiten` does."""
     if time is None:
         raise InputError(
             "a correlation time needs the times of the points (s): give the curve a time column or a "

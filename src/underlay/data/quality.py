@@ -102,7 +102,7 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
         Never raises for a bad curve; see `Quality.require`.
     """
     try:
-        contact = find_contact(curve, exponent=_shape_exponent(None if scene is None else scene.indenter))
+        contact = _contact(curve, scene)
         _refuse_failed_search(curve, contact)
     except CurveError as error:
         return Quality(REFUSED, (str(error),))
@@ -122,6 +122,16 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
         expected,
         float(beyond.force.max() / noise) if noise > 0.0 else float("inf"),
     )
+
+
+def _contact(curve: Curve, scene: Scene | None) -> Contact:
+    if scene is None:
+        return find_contact(curve)
+    exponent = _shape_exponent(scene.indenter)
+    try:
+        return find_contact(curve, scene=scene, exponent=exponent)
+    except RangeError:  # the scene's law does not reach as deep as the foot: a power law of its shape does
+        return find_contact(curve, exponent=exponent)
 
 
 @dataclass(frozen=True)

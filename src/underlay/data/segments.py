@@ -29,6 +29,9 @@ _REST_SPEED = 0.1
 # Tolerance of the polyline, as a fraction of the range of the motion and in noise standard deviations.
 _TOLERANCE = 0.01
 _NOISE = 4.0
+# White noise above the tolerance is averaged down over as many points as that takes, but never over more than
+# this part of the curve: corners would be rounded.
+_SMOOTHED = 50
 # A slow piece that goes back while the force falls by this fraction of its range is unloading.
 _FALL = 0.05
 # Reversals above this fraction of the range are never taken for vibration.
@@ -65,11 +68,16 @@ def segments_from_motion(
     clock = np.arange(n, dtype=np.float64) if time is None else time
     if n < 3 or not (np.isfinite(motion).all() and np.isfinite(clock).all()) or np.ptp(clock) <= 0.0:
         return labels
-    noise = _NOISE * _noise(motion)
-    tolerance = max(_TOLERANCE * float(np.ptp(motion)), noise)
-    if np.ptp(motion) <= 2.0 * noise:  # no more than noise swings to both sides
+    noise = _noise(motion)
+    extent = float(np.ptp(motion))
+    if extent <= 2.0 * _NOISE * noise:  # no more than noise swings to both sides
         labels[:] = HOLD
         return labels
+    wanted = (_NOISE * noise / (_TOLERANCE * extent)) ** 2
+    width = int(min(wanted, n / _SMOOTHED))
+    if width > 1:
+        motion, noise = _moving_mean(motion, width), noise / np.sqrt(width)
+    tolerance = max(_TOLERANCE * extent, _NOISE * noise)
     corners = _polyline(clock, motion, tolerance)
     wobble = _wobble(motion[corners])
     if wobble > tolerance:
@@ -114,6 +122,15 @@ def _noise(motion: FloatArray) -> float:
     """Standard deviation of white noise, from second differences: a smooth motion leaves none."""
     second = np.diff(motion, 2)
     return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
+
+
+def _moving_mean(motion: FloatArray, width: int) -> FloatArray:
+    """Mean over `width` points about each, with the ends held."""
+    before = width // 2
+    padded = np.pad(motion, (before, width - 1 - before), mode="edge")
+    total = np.cumsum(np.concatenate(([0.0], padded)))
+    mean: FloatArray = (total[width:] - total[:-width]) / width
+    return mean
 
 
 def _wobble(heights: FloatArray) -> float:

@@ -13,10 +13,10 @@ from underlay.data.noise import Noise
 from underlay.data.readers import read
 from underlay.errors import CurveError, InputError
 from underlay.inference.priors import prior_from_numbers
-from underlay.inference.problem import Problem
+from underlay.inference.problem import Given, Problem
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
-__all__ = ["load_problem", "problem_from", "read_for"]
+__all__ = ["chosen_part", "free_of", "load_problem", "problem_from", "read_for"]
 
 
 def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -> Problem:
@@ -35,7 +35,7 @@ def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -
         If a file cannot be read, or its content cannot be used; the message says which and why.
     """
     file = read_scene_file(scene)
-    return problem_from(file, read_for(file, curve))
+    return problem_from(file, read_for(file, curve).with_metadata(scene_path=str(file.path)))
 
 
 def read_for(file: SceneFile, path: str | os.PathLike[str]) -> Curve:
@@ -53,6 +53,7 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
         "loading": curve.loading,
         "unloading": curve.unloading,
         "hold": curve.hold,
+        "equilibrium": curve.equilibrium,
     }[segment]()
     low, high = choice.get("min_depth", -np.inf), choice.get("max_depth", np.inf)
     inside = (part.depth >= low) & (part.depth <= high)
@@ -78,9 +79,13 @@ def problem_from(file: SceneFile, curve: Curve) -> Problem:
             f"{file.path.name} says nothing to fit: add a [fit] section such as layer.E = {{}} with "
             'bounds like { min = "1 kPa", max = "10 MPa" }'
         )
-    free = {
+    noise = Noise(**file.noise) if file.noise else None
+    return Problem(file.scene, curve, free_of(file), noise, **file.solver)
+
+
+def free_of(file: SceneFile) -> dict[str, Given]:
+    """Priors of what a scene file frees, by path; empty if it frees nothing."""
+    return {
         entry.path: prior_from_numbers(entry.prior, entry.low, entry.high, entry.numbers)
         for entry in file.free
     }
-    noise = Noise(**file.noise) if file.noise else None
-    return Problem(file.scene, curve, free, noise, **file.solver)

@@ -15,13 +15,13 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError
-from underlay.inference.assembly import assemble
-from underlay.inference.fit_result import Fit, FitStatistics, FitWarning
-from underlay.inference.law_bias import law_bias
-from underlay.inference.noise_estimate import first_noises, renew
-from underlay.inference.objective import Minimum, Objective, weights_at
+from underlay.inference.fitting.assembly import assemble
+from underlay.inference.fitting.fit_result import Fit, FitStatistics, FitWarning
+from underlay.inference.fitting.law_bias import law_bias
+from underlay.inference.fitting.noise_estimate import first_noises, renew
+from underlay.inference.fitting.objective import Minimum, Objective, weights_at
+from underlay.inference.fitting.start import scan_starts, thinned
 from underlay.inference.problem import Problem
-from underlay.inference.start import scan_starts, thinned
 from underlay.mechanics.accuracy import Accuracy
 
 __all__ = ["Fit", "FitStatistics", "FitWarning", "fit", "minimise"]

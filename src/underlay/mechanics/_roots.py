@@ -10,7 +10,8 @@ from underlay._arrays import FloatArray
 
 __all__ = ["invert_increasing"]
 
-# Newton takes 4 to 8 steps; at a turning point, where the slope vanishes, it halves the error each step.
+# Newton takes 4 to 8 steps. At a turning point, where the slope vanishes, each step halves the error and
+# rounding of y leaves 1e-8 of x, which 30 steps reach: there x has no more digits to give.
 _MAX_STEPS = 80
 
 
@@ -52,7 +53,8 @@ def invert_increasing(
         rate = slope * radius / value
         # A flat spot (rate near zero, at a turning point) must not throw the step out of all bounds.
         step = error / np.maximum(rate, 1e-3)
-        proposal = x - np.clip(step, -1.0, 1.0)
+        # No step beyond a factor e: the bracket may still be open.
+        proposal = x - np.sign(step) * np.minimum(np.abs(step), 1.0)
         middle = 0.5 * (low + high)
         outside = (proposal >= high) | (proposal <= low)
         proposal = np.where(outside & np.isfinite(middle), middle, np.minimum(proposal, high))

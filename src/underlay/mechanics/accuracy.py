@@ -8,17 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from underlay._arrays import finite
 from underlay.errors import InputError
-from underlay.mechanics.asymptotic import asymptotic_law
+from underlay.mechanics.asymptotic.law import asymptotic_law
+from underlay.mechanics.automatic import automatic_law, halfspace_law
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact import exact_law
-from underlay.mechanics.halfspace import HalfspaceLaw, largest_halfspace_depth
+from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Layer, Substrate
-from underlay.mechanics.published import published_law, published_names
+from underlay.mechanics.published import PublishedCorrection, published_law, published_names
 
 __all__ = ["Accuracy", "contact_law"]
 
@@ -52,7 +50,7 @@ def contact_law(
     *,
     max_depth: float,
     accuracy: Accuracy | None = None,
-    method: str = "auto",
+    method: str | PublishedCorrection = "auto",
     order: int = 4,
     form: str = "auto",
 ) -> ContactLaw:
@@ -70,9 +68,9 @@ def contact_law(
         Largest indentation depth (m) that will be asked.
     accuracy : Accuracy, optional
         How close to the exact contact problem; used by ``"exact"`` and ``"auto"``.
-    method : str, default "auto"
+    method : str or PublishedCorrection, default "auto"
         ``"halfspace"``, ``"asymptotic"``, ``"exact"``, the name of a published correction (see
-        `published_corrections`), or ``"auto"``: the cheapest that keeps `accuracy`.
+        `published_corrections`) or one of your own, or ``"auto"``: the cheapest that keeps `accuracy`.
     order, form
         Of the asymptotic law; see `asymptotic_law`.
 
@@ -90,25 +88,18 @@ def contact_law(
     """
     wanted = accuracy or Accuracy()
     deepest = finite(max_depth, "max_depth", "m")
-    no_layer = substrate is None or substrate == layer.material or not np.isfinite(layer.thickness)
-    if method == "halfspace" or (method == "auto" and no_layer):
+    if method == "auto":
+        return automatic_law(indenter, layer, substrate, deepest, wanted.rtol)
+    if method == "halfspace":
         return halfspace_law(indenter, layer)
     if method == "asymptotic":
         return asymptotic_law(indenter, layer, substrate, deepest, order=order, form=form)
-    if method in ("auto", "exact"):
+    if method == "exact":
         return exact_law(indenter, layer, substrate, max_depth=deepest, rtol=wanted.rtol)
-    if method in published_names():
+    if isinstance(method, PublishedCorrection) or method in published_names():
+        if substrate is None:
+            raise InputError(
+                f"{method} needs a substrate; got None. method='halfspace' is the law without one"
+            )
         return published_law(method, indenter, layer, substrate, deepest)
     raise InputError(f"unknown method {method!r}; known: {', '.join((*METHODS, *published_names()))}")
-
-
-def halfspace_law(indenter: Indenter, layer: Layer) -> HalfspaceLaw:
-    """Build the law of a half-space of the layer's material."""
-    return HalfspaceLaw(
-        method="halfspace",
-        reason="no layer effect: the layer is a half-space",
-        max_depth=largest_halfspace_depth(indenter),
-        error_estimate=0.0,
-        indenter=indenter,
-        theta=layer.material.theta,
-    )

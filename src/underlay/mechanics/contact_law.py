@@ -17,7 +17,10 @@ import numpy as np
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError, RangeError
 
-__all__ = ["ContactLaw"]
+__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw"]
+
+#: Why a law ends at the depth it was built for; completes the sentence of a RangeError.
+CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; build it with a larger max_depth"
 
 # Newton in log-log coordinates on a smooth increasing law: quadratic after the first steps.
 _MAX_NEWTON_STEPS = 60
@@ -141,7 +144,9 @@ class ContactLaw(ABC):
             low = np.where(error < 0.0, np.maximum(low, x), low)
             step = error * force / (self._stiffness(w) * w)
             proposal = x - step
-            outside = (proposal > high) | (proposal < low)
+            # At the end of an asymptotic law the stiffness is infinite and Newton's step zero: halve instead.
+            stuck = (np.abs(step) < 1e-12) & (np.abs(error) > 1e-9)
+            outside = (proposal > high) | (proposal < low) | stuck
             proposal = np.where(outside, 0.5 * (low + high), proposal)
             if (np.abs(proposal - x) <= 4.0 * np.finfo(float).eps * (1.0 + np.abs(x))).all():
                 return np.exp(proposal)

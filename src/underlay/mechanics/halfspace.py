@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
 
 __all__ = ["HalfspaceLaw", "largest_halfspace_depth"]
@@ -42,6 +42,8 @@ class HalfspaceLaw(ContactLaw):
 
     @property
     def _beyond(self) -> str:
+        if self.max_depth < largest_halfspace_depth(self.indenter):
+            return CHOSEN_FOR_DEPTH
         return "the contact would reach the end of the indenter's shape; use a larger radius or less depth"
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:

@@ -290,19 +290,16 @@ class Sphere(Indenter):
         """First and second moment of H: the second and third identities of section 6, by (3.2)."""
         alpha = np.asarray(radius, dtype=np.float64) / self.radius
         small = np.minimum(alpha, _SERIES_LIMIT)
-        large = np.maximum(alpha, _SERIES_LIMIT)
         square = small * small
-        artanh = np.arctanh(large)
-        first = np.where(
-            alpha <= _SERIES_LIMIT,
-            small**3 * np.polynomial.polynomial.polyval(square, _FIRST),
-            0.5 * (large - (1.0 - large**2) * artanh),
-        )
-        second = np.where(
-            alpha <= _SERIES_LIMIT,
-            small**5 * np.polynomial.polynomial.polyval(square, _SECOND),
-            0.25 * large + large**3 / 12.0 - 0.25 * (1.0 - large**4) * artanh,
-        )
+        first = small**3 * _even_series(_FIRST, square)
+        second = small**5 * _even_series(_SECOND, square)
+        if (alpha > _SERIES_LIMIT).any():
+            large = np.maximum(alpha, _SERIES_LIMIT)
+            artanh = np.arctanh(large)
+            closed = 0.5 * (large - (1.0 - large**2) * artanh)
+            first = np.where(alpha <= _SERIES_LIMIT, first, closed)
+            closed = 0.25 * large + large**3 / 12.0 - 0.25 * (1.0 - large**4) * artanh
+            second = np.where(alpha <= _SERIES_LIMIT, second, closed)
         return self.radius**2 * first, self.radius**4 * second
 
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
@@ -318,3 +315,14 @@ class Sphere(Indenter):
 # The start sqrt(y + y^2) is within 20 % of the root for every y = w/R; quadratic convergence from there
 # reaches 1e-16 in five steps, and one more costs nothing.
 _NEWTON_STEPS = 6
+
+
+def _even_series(coefficients: FloatArray, square: FloatArray) -> FloatArray:
+    """Sum of coefficients * square^n; the terms below 1e-17 of the first, at the largest square, are left."""
+    largest = max(float(np.max(square, initial=0.0)), 1e-17)
+    count = min(1 + int(np.log(1e-17) / np.log(largest)), coefficients.size)
+    total = np.full_like(square, coefficients[count - 1])
+    for coefficient in coefficients[count - 2 :: -1] if count > 1 else ():
+        total *= square
+        total += coefficient
+    return total

@@ -17,7 +17,7 @@ from scipy import optimize
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, positive
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.asymptotic import kernel_moments, punch_factor
+from underlay.mechanics.asymptotic.law import kernel_moments, punch_factor
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate
 
 __all__ = ["PunchFactor", "modulus_from_stiffness"]

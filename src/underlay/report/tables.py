@@ -1,36 +1,57 @@
-"""Tables and sentences of results, in units for people."""
+"""Tables of results, in units for people."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import hashlib
+import math
+import platform
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from underlay.errors import FileAccessError
+from underlay.inference.fitting.provenance import version_record
+from underlay.mechanics.materials import Rigid
+from underlay.report.intervals import estimates
+from underlay.report.words import deepest_point, label, quantity_with_interval, strong_pairs
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.least_squares import Fit
+    from underlay.inference.fitting.fit_result import Fit
+    from underlay.inference.identifiability import Identifiability
+    from underlay.inference.profiles import Profile
+    from underlay.inference.sampling.posterior import Posterior
+    from underlay.scene.scene import Scene
 
-__all__ = ["correlated_pairs", "fit_table", "headline"]
+__all__ = [
+    "combinations_table",
+    "correlated_pairs",
+    "diagnostics_table",
+    "effects_table",
+    "facts_table",
+    "file_hash",
+    "fit_table",
+    "interval_table",
+    "labelled_table",
+    "posterior_diagnostics_table",
+    "posterior_table",
+    "prior_table",
+    "provenance_table",
+    "reservations_table",
+    "scene_table",
+    "source_rows",
+]
 
-#: Above this, two parameters are not known one by one, only together.
-_STRONG = 0.9
-#: What the parameters are called in a sentence.
-_NAMES = {
-    "layer.E": "Layer modulus",
-    "layer.thickness": "Layer thickness",
-    "layer.nu": "Layer Poisson's ratio",
-    "substrate.E": "Substrate modulus",
-    "indenter.radius": "Indenter radius",
-    "instrument.contact_depth": "Contact point",
-    "instrument.baseline": "Baseline",
-}
+_MEGABYTE = 1 << 20
 
 
 def fit_table(result: Fit) -> pd.DataFrame:
-    """Return one row per fitted parameter.
+    """Return one row per fitted parameter, as numbers.
 
     Returns
     -------
@@ -57,25 +78,317 @@ def fit_table(result: Fit) -> pd.DataFrame:
 
 def correlated_pairs(result: Fit) -> pd.DataFrame:
     """Return the pairs of parameters whose correlation is above 0.9 in size, strongest first."""
-    matrix = result.correlations
-    names = list(matrix.columns)
     rows = [
-        {"parameters": f"{first} and {second}", "correlation": matrix.loc[first, second]}
-        for i, first in enumerate(names)
-        for second in names[i + 1 :]
-        if abs(matrix.loc[first, second]) > _STRONG
+        {"parameters": f"{first} and {second}", "correlation": value}
+        for first, second, value in strong_pairs(result)
     ]
-    table = pd.DataFrame(rows, columns=["parameters", "correlation"])
-    return table.sort_values("correlation", key=np.abs, ascending=False, ignore_index=True)
+    return pd.DataFrame(rows, columns=["parameters", "correlation"])
 
 
-def headline(result: Fit) -> str:
-    """Return the result in one sentence per parameter that matters."""
-    sentences = []
-    for name, value in result.values.items():
-        if name not in _NAMES or name.startswith("instrument."):
-            continue
-        error = result.stderr[name]
-        text = format_quantity(value, kind_of(name), error if np.isfinite(error) else None)
-        sentences.append(f"{_NAMES[name]} {text}.")
-    return " ".join(sentences)
+def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -> pd.DataFrame:
+    """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
+
+    Intervals are those of `profiles`, by name of the parameter, where there are some.
+    """
+    rows = []
+    for entry in estimates(result, profiles):
+        kind = kind_of(entry.path)
+        rows.append(
+            {
+                "parameter": label(entry.name),
+                "value (95 % interval)": (
+                    f"{format_quantity(entry.value, kind)}, not fixed"
+                    if entry.not_fixed
+                    else quantity_with_interval(entry.value, entry.low, entry.high, kind)
+                ),
+                "standard error": _error_text(result, entry.name, entry.value, kind),
+                "before the test": _prior_text(result, entry.name, kind),
+                "path": entry.name,
+            }
+        )
+    return labelled_table(rows)
+
+
+def _error_text(result: Fit, name: str, value: float, kind: str) -> str:
+    """In per cent of a quantity that is positive by nature; an offset near zero has no meaningful per cent."""
+    error = result.stderr[name]
+    if not math.isfinite(error):
+        return "none"
+    coordinate = next(entry for entry in result.problem.coordinates if entry.name == name)
+    if coordinate.scale is None:
+        return f"{100.0 * error / value:.2g} %"
+    unit, factor = human_unit(error, kind)
+    return f"{error / factor:.2g} {unit}".rstrip()
+
+
+def _prior_text(result: Fit, name: str, kind: str) -> str:
+    prior = result.problem.priors[name]
+    low, high = prior.support
+    bounds = [
+        f"{word} {format_quantity(end, kind)}"
+        for word, end in (("from", low), ("up to", high))
+        if math.isfinite(end)
+    ]
+    shape = type(prior).__name__ if prior.informative else ""
+    return ", ".join(part for part in (shape, " ".join(bounds)) if part) or "free"
+
+
+def scene_table(*scenes: Scene) -> pd.DataFrame:
+    """Return scenes, one row per number: part, quantity, and the value in each of them."""
+    tables = [_scene_rows(scene) for scene in scenes]
+    if len(tables) == 1:
+        return tables[0]
+    keyed = [table.set_index("quantity", append=True)["value"] for table in tables]
+    side_by_side = pd.concat(keyed, axis=1, keys=[f"curve {n}" for n in range(1, len(keyed) + 1)])
+    return side_by_side.fillna("").reset_index(level=1, names=["part", "quantity"])
+
+
+def _scene_rows(scene: Scene) -> pd.DataFrame:
+    rows = [{"part": "indenter", "quantity": "shape", "value": scene.indenter.shape.replace("_", " ")}]
+    rows += _numbers("indenter", scene.indenter)
+    rows += _numbers("layer", scene.layer.material)
+    thick = scene.layer.thickness
+    rows.append(
+        {
+            "part": "layer",
+            "quantity": "thickness",
+            "value": format_quantity(thick, "length") if math.isfinite(thick) else "infinite (a half-space)",
+        }
+    )
+    if isinstance(scene.substrate, Rigid):
+        rows.append({"part": "substrate", "quantity": "material", "value": "rigid, bonded to the layer"})
+    elif scene.substrate is not None:
+        rows += _numbers("substrate", scene.substrate)
+    ideal = [row for row in _numbers("instrument", scene.instrument) if not row["value"].startswith("0 ")]
+    rows += ideal or [{"part": "instrument", "quantity": "effects", "value": "none"}]
+    return labelled_table(rows)
+
+
+def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
+    if not is_dataclass(owner):
+        return []
+    rows = []
+    for field in fields(owner):
+        value = getattr(owner, field.name)
+        kind = kind_of(f"{part}.{field.name}")
+        name = {"E": "Young's modulus E", "nu": "Poisson's ratio"}.get(
+            field.name, field.name.replace("_", " ")
+        )
+        if isinstance(value, float):
+            text = f"{math.degrees(value):.4g} deg" if kind == "angle" else format_quantity(value, kind)
+        else:
+            text = f"{np.size(value)} values"
+        rows.append({"part": part, "quantity": name, "value": text})
+    return rows
+
+
+def effects_table(result: Fit, curve: int = 0) -> pd.DataFrame:
+    """Return the ledger of effects at the deepest point of a curve, as text; see `Scene.effects`."""
+    scene = result.scenes[curve]
+    ledger = scene.effects(deepest_point(result, curve), result.solver["accuracy"])
+    rows = [
+        {
+            "effect": str(row["effect"]),
+            "changes the force by": (
+                "not in this scene" if math.isnan(row["size_percent"]) else f"{row['size_percent']:+.3g} %"
+            ),
+            "simulated": "yes" if row["simulated"] else "no",
+            "adds to the time": f"{row['cost_percent']:+.0f} %" if row["simulated"] else "nothing",
+            "note": str(row["note"]),
+        }
+        for _, row in ledger.iterrows()
+    ]
+    return labelled_table(rows)
+
+
+def diagnostics_table(result: Fit) -> pd.DataFrame:
+    """Return how well and how the fit was reached, and what the residuals look like, as text."""
+    s = result.statistics
+    rows = {
+        "points, parameters": f"{s.points}, {s.parameters}",
+        "noise": "; ".join(_noise_text(noise) for noise in result.noises)
+        + (" (estimated from the scatter)" if s.noise_estimated else " (given or fitted)"),
+        "chi-square": f"{s.chi_square:.6g} (reduced {s.reduced_chi_square:.4g})",
+        "AIC, BIC": f"{s.aic:.6g}, {s.bic:.6g}",
+        "contact law": f"{s.law_method}: {s.law_reason}",
+        "its estimated error": f"{s.law_error:.1e} of the force",
+        "minimiser": f"{s.method}: {s.stopped}",
+        "effort": f"{s.evaluations} evaluations, {s.laws_built} contact laws, {1e3 * s.seconds:.0f} ms",
+    }
+    for number, d in enumerate(result.diagnostics):
+        which = f" of curve {number + 1}" if len(result.diagnostics) > 1 else ""
+        rows[f"residuals{which}"] = (
+            f"rms {format_quantity(d.rms, 'force')}, lag-one correlation {d.lag_one:+.2f}, "
+            f"{d.runs} runs where {d.expected_runs:.0f} are expected"
+        )
+        rows[f"independent points{which}"] = f"{d.effective_points:.0f} of {d.points}"
+    return facts_table(rows)
+
+
+def _noise_text(noise: Any) -> str:
+    parts = [f"{format_quantity(noise.force, 'force')} on the force"] if noise.force else []
+    if noise.relative:
+        parts.append(f"{100.0 * noise.relative:.3g} % of the force")
+    if noise.correlation_time:
+        parts.append(f"correlated over {format_quantity(noise.correlation_time, 'time')}")
+    if noise.depth:
+        parts.append(f"{format_quantity(noise.depth, 'length')} on the depth")
+    return ", ".join(parts) or "none"
+
+
+def reservations_table(result: Fit) -> pd.DataFrame:
+    """Return what to beware of, one row each: what the reader of the file said, then the fit."""
+    rows = [
+        {"from": "reading the file", "reservation": str(note)}
+        for curve in result.curves
+        for note in curve.metadata.get("notes", ())
+    ]
+    rows += [{"from": "the fit", "reservation": warning.message} for warning in result.warnings]
+    return labelled_table(rows or [{"from": "the fit", "reservation": "none"}])
+
+
+def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: str) -> pd.DataFrame:
+    """Return what the result came from: the given facts, hashes of files, versions, as text.
+
+    Parameters
+    ----------
+    result : Fit or Posterior
+        Its own record is part of the table.
+    facts : mapping of str to str
+        What the caller knows, e.g. the command that repeats it.
+    *files : path
+        Files whose SHA-256 is listed.
+
+    Raises
+    ------
+    FileAccessError
+        If one of the files cannot be read.
+    """
+    rows = {f"file {name}": f"SHA-256 {file_hash(name)}" for name in files}
+    record = getattr(result, "provenance", {})
+    for number, curve in enumerate(record.get("curves", ())):
+        which = f" {number + 1}" if len(record["curves"]) > 1 else ""
+        rows[f"points used{which}"] = f"{curve['points']}, SHA-256 {curve['data_sha256']}"
+    versions = dict(record.get("versions", {}) or result.diagnostics.versions)  # type: ignore[union-attr]  # a posterior keeps them there
+    versions |= {"python": platform.python_version(), "system": platform.platform(terse=True)}
+    rows["versions"] = ", ".join(f"{name} {version}" for name, version in versions.items())
+    return facts_table({**rows, **facts})
+
+
+def file_hash(path: str | Path) -> str:
+    """SHA-256 of a file, read in pieces.
+
+    Raises
+    ------
+    FileAccessError
+        If it cannot be read.
+    """
+    digest = hashlib.sha256()
+    try:
+        with Path(path).open("rb") as file:
+            while piece := file.read(_MEGABYTE):
+                digest.update(piece)
+    except OSError as error:
+        raise FileAccessError(f"cannot read {path}: {error.strerror or error}") from error
+    return digest.hexdigest()
+
+
+def combinations_table(told: Identifiability) -> pd.DataFrame:
+    """Return which products of parameters the data fix, best first, as text."""
+    rows = [
+        {
+            "product": entry.formula,
+            "verdict": entry.verdict,
+            "relative error": f"{100.0 * entry.relative_sd:.2g} %",
+        }
+        for entry in told.combinations
+    ]
+    return labelled_table(rows or [{"product": "none", "verdict": "", "relative error": ""}])
+
+
+def posterior_table(posterior: Posterior) -> pd.DataFrame:
+    """Return one row per parameter and derived quantity: median, intervals, what the data told; as text."""
+    rows = []
+    for name, row in posterior.summary(derived=True).iterrows():
+        kind = _derived_kind(str(name))
+        rows.append(
+            {
+                "parameter": label(str(name)),
+                "median (95 % interval)": quantity_with_interval(
+                    row["median"], row["hdi95_low"], row["hdi95_high"], kind
+                ),
+                "68 % interval": _span(row["hdi68_low"], row["hdi68_high"], kind),
+                "effective draws": f"{row['ess']:.0f}",
+                "R-hat": f"{row['rhat']:.4f}",
+                "data": row["informed"],
+            }
+        )
+    return labelled_table(rows)
+
+
+def _span(low: float, high: float, kind: str) -> str:
+    return f"{format_quantity(low, kind)} to {format_quantity(high, kind)}"
+
+
+def _derived_kind(name: str) -> str:
+    path = name.partition("[")[0]
+    if path == "stiffness":
+        return "stiffness"
+    return "pressure" if path.endswith("modulus") else kind_of(path)
+
+
+def prior_table(posterior: Posterior) -> pd.DataFrame:
+    """Return each parameter before and after the test, and what the data told, as text."""
+    rows = []
+    for name, row in posterior.prior_comparison().iterrows():
+        kind = kind_of(str(name).partition("[")[0])
+        spans = {
+            when: _span(row[f"{key}_low"], row[f"{key}_high"], kind)
+            for when, key in (("before (95 %)", "prior"), ("after (95 %)", "posterior"))
+        }
+        narrowed = f"{100.0 * row['narrowing']:.0f} %"
+        rows.append(
+            {"parameter": label(str(name)), **spans, "narrowed by": narrowed, "data": row["informed"]}
+        )
+    return labelled_table(rows)
+
+
+def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
+    """Return how the sampling went, as text."""
+    d = posterior.diagnostics
+    rows = {
+        "converged": "yes" if d.converged else "NO",
+        "why it stopped": d.reason,
+        "steps, walkers": f"{d.steps}, {d.walkers} ({d.burn_in} dropped, every {d.thin}th kept)",
+        "autocorrelation time": ", ".join(f"{t:.0f}" for t in d.autocorrelation_time) + " steps",
+        "R-hat": ", ".join(f"{r:.4f}" for r in d.rhat),
+        "acceptance": f"{100.0 * d.acceptance:.0f} %",
+        "evaluations": f"{d.evaluations}, of which {d.failures} failed",
+        "model error": f"{d.model_error:.1e} of the force",
+        "data in the 95 % band": ", ".join(
+            f"{100.0 * band.coverage():.1f} %" for band in posterior.predictive
+        ),
+        "seed": "not given" if d.seed is None else str(d.seed),
+        "time": f"{d.seconds:.1f} s",
+    }
+    return facts_table(rows)
+
+
+def source_rows(files: Iterable[str]) -> dict[str, str]:
+    """Return rows for `facts_table`: hashes of files, and versions of what computed."""
+    rows = {f"file {name}": f"SHA-256 {file_hash(name)}" for name in files}
+    own = {"python": platform.python_version(), "system": platform.platform(terse=True)}
+    versions = version_record(("underlay", "numpy", "scipy", "pandas")) | own
+    return rows | {"versions": ", ".join(f"{name} {version}" for name, version in versions.items())}
+
+
+def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
+    """Make a table whose first column labels the rows."""
+    frame = pd.DataFrame(rows)
+    # The first column's name goes beside the others': pandas would give the index a header row of its own.
+    return frame.set_index(frame.columns[0]).rename_axis(index=None, columns=frame.columns[0])
+
+
+def facts_table(rows: Mapping[str, str]) -> pd.DataFrame:
+    """Make a table of one value per row."""
+    return labelled_table([{"": name, "value": text} for name, text in rows.items()])

@@ -1,44 +1,68 @@
 """Which effects a scene calls for: how large each one is, whether it is simulated, what it costs.
 
-An effect is measured by leaving it out: the force at the deepest point with it and without it. What the
-scene does not declare, or what changes the force by less than the accuracy asked, runs none of its code.
+An effect is measured by leaving it out: the force with it and without it. What a scene does not declare, and
+a layer that changes the contact by less than the accuracy asked, runs none of its code.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import pandas as pd
 
+from underlay._arrays import FloatArray, positive
+from underlay.errors import RangeError
 from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Rigid, TransverselyIsotropic
 
 if TYPE_CHECKING:
     from underlay.scene.scene import Scene
 
-__all__ = ["effects_table"]
+__all__ = ["Effect", "EffectRule", "effect_sizes", "effects_table"]
 
-# Depths at which the cost of an effect is timed, and how often: the median of a few calls, a few ms each.
+_COLUMNS = ("effect", "size_percent", "simulated", "cost_percent", "note")
+# The cost of an effect is timed on curves of this many depths, from cold, with and without it in turns.
 _COST_POINTS = 200
-_COST_CALLS = 5
+# The shortest of many rounds counts, in processor time.
+_COST_ROUNDS = 25
 
 
 @dataclass(frozen=True)
-class _Effect:
-    """One effect: the scene without it, and whether this scene has it switched on."""
+class Effect:
+    """One effect: the scene with it and without it.
+
+    Parameters
+    ----------
+    name : str
+        What it is called.
+    with_it, without : Scene or None
+        The two scenes; None where the scene says too little to build one.
+    simulated : bool
+        Whether the scene as it stands runs the effect's code.
+    note : str
+        What the size is measured against, or why there is none.
+    """
 
     name: str
-    without: Scene
-    declared: bool
+    with_it: Scene | None
+    without: Scene | None
+    simulated: bool
     note: str
 
 
-def effects_table(scene: Scene, max_depth: float, accuracy: Accuracy | None = None) -> pd.DataFrame:
+#: How an effect is found: from a scene and the law of its contact.
+EffectRule: TypeAlias = "Callable[[Scene, ContactLaw], Effect]"
+
+
+def effects_table(
+    scene: Scene, max_depth: float, accuracy: Accuracy | None = None, further: Iterable[EffectRule] = ()
+) -> pd.DataFrame:
     """List every effect of `scene` at tip depth `max_depth` (m).
 
     Parameters
@@ -46,98 +70,191 @@ def effects_table(scene: Scene, max_depth: float, accuracy: Accuracy | None = No
     scene : Scene
         The test.
     max_depth : float
-        Deepest tip depth (m).
+        Deepest point (m) since contact, positive.
     accuracy : Accuracy, optional
-        Below its rtol an effect need not be simulated.
+        How close to the exact contact problem; a layer that changes less is not simulated.
+    further : iterable of callable
+        Effects of your own: each takes the scene and its law and returns an `Effect`.
 
     Returns
     -------
     pandas.DataFrame
-        One row per effect: ``effect``, ``size_percent`` (change of the force at the deepest point when the
-        effect is put in, in per cent of the force without it; NaN where the scene says nothing of it),
-        ``simulated`` (bool), ``cost_percent`` (time it adds to a force curve of 200 depths, in per cent of
-        the curve without it), ``note``.
+        One row per effect: ``effect``; ``size_percent``, the change of the force at the deepest point when
+        the effect is put in, in per cent of the force without it (NaN where the scene says nothing of it);
+        ``simulated`` (bool), whether its code runs for this scene; ``cost_percent``, the time it adds to a
+        curve of 200 depths from cold, in per cent of the curve without it; ``note``. Size and cost are NaN
+        too where the scene to compare with cannot go as deep. The law that is taken and its reason stand in
+        ``.attrs["law"]``.
+
+    Raises
+    ------
+    InputError
+        If `max_depth` is not positive.
+    RangeError
+        If no law reaches `max_depth`.
     """
     wanted = accuracy or Accuracy()
-    deepest = max_depth + scene.instrument.contact_depth
-    rows = [_row(effect, scene, deepest, wanted) for effect in _effects(scene)]
-    return pd.DataFrame(rows, columns=["effect", "size_percent", "simulated", "cost_percent", "note"])
+    deepest = positive(max_depth, "max_depth", "m")
+    law = scene.contact_law(deepest, accuracy=wanted)
+    found = (*_effects(scene, law), *(rule(scene, law) for rule in further))
+    table = pd.DataFrame([_row(effect, deepest, wanted) for effect in found])
+    table.attrs["law"] = f"{law.method}: {law.reason}"
+    return table
 
 
-def _effects(scene: Scene) -> list[_Effect]:
-    bare = replace(scene, instrument=replace(scene.instrument, compliance=0.0))
+def effect_sizes(scene: Scene, depth: FloatArray, accuracy: Accuracy | None = None) -> pd.DataFrame:
+    """Size of every effect the scene gives numbers for, against depth.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test.
+    depth : ndarray, shape (n,)
+        Depths (m) since contact, positive and increasing.
+    accuracy : Accuracy, optional
+        How close to the exact contact problem.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``depth`` (m) and one column per effect: the relative change of the force when it is put in.
+    """
+    wanted = accuracy or Accuracy()
+    law = scene.contact_law(float(depth[-1]), accuracy=wanted)
+    known = {}
+    for effect in _effects(scene, law):
+        try:
+            size = _size(effect, depth, wanted)
+        except RangeError:
+            continue  # the scene to compare with ends before: there is no size along the whole curve
+        if np.isfinite(size).all():
+            known[effect.name] = size
+    return pd.DataFrame({"depth": depth, **known})
+
+
+def _row(effect: Effect, deepest: float, accuracy: Accuracy) -> dict[str, object]:
+    row = {"effect": effect.name, "simulated": effect.simulated, "note": effect.note}
+    try:
+        size = float(_size(effect, np.array([deepest]), accuracy)[0])
+        cost = _added_cost(effect, deepest, accuracy) if effect.simulated else 0.0
+    except RangeError as error:
+        size, cost, row["note"] = np.nan, np.nan, f"not measured: {error}"
+    if effect.simulated and abs(size) < accuracy.rtol:
+        row["note"] = f"{effect.note}; below rtol = {accuracy.rtol:g} here"
+    numbers = {"size_percent": 100.0 * size, "cost_percent": cost}
+    return {key: (row | numbers)[key] for key in _COLUMNS}
+
+
+def _effects(scene: Scene, law: ContactLaw) -> list[Effect]:
+    """Every effect there is, for a scene whose contact is simulated by `law`.
+
+    All but the baseline are measured without it: a per cent of the force is one of the contact force.
+    """
     level = replace(scene, instrument=replace(scene.instrument, baseline=0.0, baseline_slope=0.0))
-    finite = scene.substrate is not None and np.isfinite(scene.layer.thickness)
     return [
-        _Effect(
-            "finite thickness",
-            replace(scene, layer=Layer(scene.layer.material), substrate=None),
-            finite,
-            "against a half-space of the layer",
-        ),
-        _Effect(
-            "substrate compliance",
-            replace(scene, substrate=RIGID) if finite else scene,
-            finite and not isinstance(scene.substrate, Rigid),
-            "against a rigid base",
-        ),
-        _Effect("anisotropy", _isotropic(scene), _anisotropic(scene), "against the isotropic part"),
-        _Effect(
-            "true sphere", _paraboloid(scene), isinstance(scene.indenter, Sphere), "against a paraboloid"
-        ),
-        _Effect("instrument compliance", bare, bare != scene, "against a stiff instrument"),
-        _Effect("baseline", level, level != scene, "against no baseline"),
+        *_layer_effects(level, layered=law.method != "halfspace"),
+        _sphere_effect(level),
+        _compliance_effect(level),
+        _baseline_effect(scene, level),
     ]
 
 
-def _row(effect: _Effect, scene: Scene, deepest: float, accuracy: Accuracy) -> dict[str, object]:
-    if not effect.declared:
-        note = "not in this scene: none of its code runs"
-        return {
-            "effect": effect.name,
-            "size_percent": np.nan,
-            "simulated": False,
-            "cost_percent": 0.0,
-            "note": note,
-        }
-    depth = np.array([deepest])
-    with_it = float(scene.force(depth, accuracy=accuracy)[0])
-    without = float(effect.without.force(depth, accuracy=accuracy)[0])
-    size = with_it / without - 1.0
-    simulated = abs(size) >= accuracy.rtol
-    return {
-        "effect": effect.name,
-        "size_percent": 100.0 * size,
-        "simulated": simulated,
-        "cost_percent": _added_cost(scene, effect.without, deepest, accuracy) if simulated else 0.0,
-        "note": effect.note if simulated else f"below rtol = {accuracy.rtol:g}: left out where a law allows",
-    }
+def _layer_effects(scene: Scene, *, layered: bool) -> list[Effect]:
+    return [
+        _thickness_effect(scene, layered=layered),
+        _substrate_effect(scene, layered=layered),
+        _anisotropy_effect(scene, layered=layered),
+    ]
 
 
-def _added_cost(scene: Scene, without: Scene, deepest: float, accuracy: Accuracy) -> float:
-    depth = np.linspace(0.0, deepest, _COST_POINTS)
-    with_it = _seconds(lambda: scene.force(depth, accuracy=accuracy))
-    return 100.0 * (with_it / _seconds(lambda: without.force(depth, accuracy=accuracy)) - 1.0)
+def _thickness_effect(scene: Scene, *, layered: bool) -> Effect:
+    name = "finite thickness"
+    if not _has_base(scene):
+        return Effect(name, None, None, simulated=False, note="no substrate at a finite depth is declared")
+    halfspace = replace(scene, layer=Layer(scene.layer.material), substrate=None)
+    return Effect(name, scene, halfspace, simulated=layered, note="against a half-space of the layer")
 
 
-def _seconds(call: Callable[[], object]) -> float:
-    call()
-    times = []
-    for _ in range(_COST_CALLS):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return float(np.median(times))
+def _substrate_effect(scene: Scene, *, layered: bool) -> Effect:
+    name = "substrate compliance"
+    if not _has_base(scene) or isinstance(scene.substrate, Rigid):
+        return Effect(name, None, None, simulated=False, note="no elastic substrate is declared")
+    rigid = replace(scene, substrate=RIGID)
+    return Effect(name, scene, rigid, simulated=layered, note="against a rigid base")
 
 
-def _paraboloid(scene: Scene) -> Scene:
-    if not isinstance(scene.indenter, Sphere):
-        return scene
-    return replace(scene, indenter=Paraboloid(scene.indenter.radius))
+def _anisotropy_effect(scene: Scene, *, layered: bool) -> Effect:
+    name = "anisotropy"
+    isotropic = _isotropic(scene)
+    if isotropic == scene:
+        return Effect(name, None, None, simulated=False, note="the materials are isotropic")
+    used = layered or isinstance(scene.layer.material, TransverselyIsotropic)
+    note = "against isotropic materials of the in-plane E and nu"
+    return Effect(name, scene, isotropic, simulated=used, note=note)
 
 
-def _anisotropic(scene: Scene) -> bool:
-    return TransverselyIsotropic in (type(scene.layer.material), type(scene.substrate))
+def _has_base(scene: Scene) -> bool:
+    return scene.substrate is not None and bool(np.isfinite(scene.layer.thickness))
+
+
+def _sphere_effect(scene: Scene) -> Effect:
+    name, tip = "true sphere", scene.indenter
+    if isinstance(tip, Sphere):
+        return Effect(
+            name,
+            scene,
+            replace(scene, indenter=Paraboloid(tip.radius)),
+            simulated=True,
+            note="against the paraboloid of the same radius",
+        )
+    if isinstance(tip, Paraboloid):
+        return Effect(
+            name,
+            replace(scene, indenter=Sphere(tip.radius)),
+            scene,
+            simulated=False,
+            note="the tip is declared a paraboloid; Sphere(radius) would put this in",
+        )
+    return Effect(name, None, None, simulated=False, note="the tip is not a sphere")
+
+
+def _compliance_effect(scene: Scene) -> Effect:
+    name = "instrument compliance"
+    if not scene.instrument.compliance:
+        return Effect(name, None, None, simulated=False, note="the instrument is declared stiff")
+    stiff = replace(scene, instrument=replace(scene.instrument, compliance=0.0))
+    return Effect(name, scene, stiff, simulated=True, note="against a stiff instrument")
+
+
+def _baseline_effect(scene: Scene, level: Scene) -> Effect:
+    if scene == level:
+        return Effect("baseline", None, None, simulated=False, note="no baseline is declared")
+    return Effect("baseline", scene, level, simulated=True, note="against no baseline")
+
+
+def _size(effect: Effect, depth: FloatArray, accuracy: Accuracy) -> FloatArray:
+    """Relative change of the force at tip depths `depth` when the effect is put in; NaN where unknown."""
+    if effect.with_it is None or effect.without is None:
+        return np.full(depth.shape, np.nan)
+    readings = depth + effect.with_it.instrument.contact_depth
+    with_it = effect.with_it.force(readings, accuracy=accuracy)
+    return np.asarray(with_it / effect.without.force(readings, accuracy=accuracy) - 1.0)
+
+
+def _added_cost(effect: Effect, deepest: float, accuracy: Accuracy) -> float:
+    """Time of the scene with the effect over that without, less one, in per cent."""
+    if effect.with_it is None or effect.without is None:
+        return 0.0
+    depth = np.linspace(0.0, deepest, _COST_POINTS) + effect.with_it.instrument.contact_depth
+    with_it = without = np.inf
+    for _ in range(_COST_ROUNDS):
+        start = time.process_time()
+        effect.with_it.force(depth, accuracy=accuracy)
+        middle = time.process_time()
+        effect.without.force(depth, accuracy=accuracy)
+        with_it = min(with_it, middle - start)
+        without = min(without, time.process_time() - middle)
+    return 100.0 * (with_it / without - 1.0)
 
 
 def _isotropic(scene: Scene) -> Scene:

@@ -91,7 +91,7 @@ class CurveSection(_Section):
 
     format: str | None = None
     test: int | None = Field(default=None, ge=1)
-    segment: Literal["all", "loading", "unloading", "hold"] = "loading"
+    segment: Literal["all", "loading", "unloading", "hold", "equilibrium"] = "loading"
     columns: dict[str, str] | None = None
     calibration: dict[str, str] | None = None
     min_depth: Annotated[float, _quantity("length")] = -np.inf

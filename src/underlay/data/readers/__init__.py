@@ -51,7 +51,7 @@ _LISTED = 12
 
 def read(
     path: str | os.PathLike[str],
-    format: str | None = None,  # noqa: A002  the name users know from other readers
+    format: str | Format | None = None,  # noqa: A002  the name users know from other readers
     columns: Mapping[str, str] | None = None,
     *,
     test: int | None = None,
@@ -63,8 +63,8 @@ def read(
     ----------
     path : str or path
         The file.
-    format : str, optional
-        Name of a format in `FORMATS`; recognised from the content by default.
+    format : str or Format, optional
+        Name of a format in `FORMATS`, or one of your own; recognised from the content by default.
     columns : mapping, optional
         For plain tables, which column is what: ``{"depth": "h (nm)", "force": "-Fz (mN)"}``. A unit in the
         name overrides the file's; a minus sign turns the direction.
@@ -99,7 +99,7 @@ def read(
 
 def read_all(
     path: str | os.PathLike[str],
-    format: str | None = None,  # noqa: A002  as in read
+    format: str | Format | None = None,  # noqa: A002  as in read
     columns: Mapping[str, str] | None = None,
     *,
     calibration: Mapping[str, str | float] | None = None,
@@ -117,6 +117,10 @@ def read_all(
         if columns is not None and not reader.takes_columns:
             raise InputError(
                 f"a column mapping does not apply to {part.name}, a file of format {reader.name!r}"
+            )
+        if options.calibration and not reader.takes_calibration:
+            raise InputError(
+                f"{part.name}, of format {reader.name!r}, holds its calibration; none can be given"
             )
         curves.extend(_stamp(curve, part, reader) for curve in reader.read_all(part, options))
     if not curves:
@@ -139,7 +143,9 @@ def recognise(source: Source) -> Format:
     raise FileFormatError(f"{source.name} is not recognised as any known format ({names})")
 
 
-def _format_named(name: str) -> Format:
+def _format_named(name: str | Format) -> Format:
+    if isinstance(name, Format):
+        return name
     for candidate in FORMATS:
         if candidate.name == name:
             return candidate

@@ -18,8 +18,9 @@ __all__ = ["OLE_MAGIC", "Sheet", "is_xls", "is_xlsx", "sheets_of", "xlsx_text"]
 #: First bytes of a compound file, the container of .xls.
 OLE_MAGIC = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 _WORKBOOK = "xl/workbook.xml"
-# A sheet may name a cell in row 1048576 and nothing else; empty rows before it are counted too.
 _MAX_ROWS = 1_048_576
+# A sheet may name a cell in row 1048576 and nothing else. What comes after so many empty rows is left.
+_MAX_GAP = 10_000
 _MAX_CELLS = 8_000_000
 _MAX_COLUMNS = 256
 
@@ -115,7 +116,7 @@ def _read_xlsx(source: Source) -> list[Sheet]:
 def _check_members(archive: zipfile.ZipFile) -> None:
     """Unpack every part once, so that none is larger than it claims."""
     for info in archive.infolist():
-        if not info.is_dir():
+        if not info.filename.endswith("/"):
             read_member(archive, info.filename)
 
 
@@ -157,6 +158,8 @@ def _rows(source: Source, rows: Iterator[Sequence[Any]]) -> Iterator[list[str]]:
             yield texts
         else:
             empty += 1
+            if empty > _MAX_GAP:
+                return
 
 
 def _text(cell: Any) -> str:

@@ -85,9 +85,7 @@ def load(path: str | os.PathLike[str]) -> Source:
         except OSError as error:
             raise FileAccessError(f"cannot read {str(file)!r}: {error.strerror}") from error
     if len(data) > MAX_BYTES:
-        raise FileFormatError(
-            f"{file.name} holds more than the {MAX_BYTES // _MB} MB that are read; split it first"
-        )
+        raise FileFormatError(_too_large(file))
     if not data:
         raise FileFormatError(f"{file.name} is empty")
     return Source(file, data, hashlib.sha256(data).hexdigest())
@@ -102,12 +100,20 @@ def _open_regular(path: str | os.PathLike[str]) -> tuple[Path, int]:
     except (OSError, ValueError, TypeError) as error:
         reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
         raise FileAccessError(f"cannot open {str(path)!r:.200}: {reason}") from error
-    mode = os.fstat(descriptor).st_mode
+    status = os.fstat(descriptor)
+    mode = status.st_mode
     if not stat.S_ISREG(mode):
         os.close(descriptor)
         what = "a directory; name one file in it" if stat.S_ISDIR(mode) else "a pipe or device, not a file"
         raise FileAccessError(f"cannot read {str(file)!r}: it is {what}")
+    if status.st_size > MAX_BYTES:
+        os.close(descriptor)
+        raise FileFormatError(_too_large(file))
     return file, descriptor
+
+
+def _too_large(file: Path) -> str:
+    return f"{file.name} holds more than the {MAX_BYTES // _MB} MB that are read; split it first"
 
 
 def _read_up_to(stream: io.FileIO, limit: int) -> bytes:
@@ -185,7 +191,8 @@ def unpack(source: Source) -> list[Source]:
     if not source.is_zip or source.member:
         return [source]
     with open_zip(source) as archive:
-        names = [info.filename for info in archive.infolist() if not info.is_dir()]
+        # Not ZipInfo.is_dir(), which fails on a member without a name.
+        names = [info.filename for info in archive.infolist() if not info.filename.endswith("/")]
         if _OFFICE_MEMBER in names or _JPK_MEMBER in names:
             return [source]
         if not names:

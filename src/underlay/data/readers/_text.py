@@ -69,8 +69,17 @@ def decode(source: Source) -> str:
 
 
 def lines_of(source: Source) -> list[str]:
-    r"""Return the lines that hold something, whatever mixture of \n, \r\n, \r and \n\r ends them."""
-    return [line for line in re.split(r"[\r\n]+", decode(source)) if line.strip()]
+    r"""Return the lines that hold something, whatever mixture of \n, \r\n, \r and \n\r ends them.
+
+    Raises
+    ------
+    FileFormatError
+        If there is none, or the file is not text.
+    """
+    lines = [line for line in re.split(r"[\r\n]+", decode(source)) if line.strip()]
+    if not lines:
+        raise FileFormatError(f"{source.name} holds nothing but blank lines")
+    return lines
 
 
 def split_label(label: str) -> tuple[str, str]:

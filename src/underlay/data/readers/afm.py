@@ -10,7 +10,9 @@ holds the bending of the cantilever: a note says so.
 from __future__ import annotations
 
 import io
+import math
 import re
+import struct
 from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
@@ -21,8 +23,9 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._hdf5 import HDF5_MAGIC, is_own, open_checked
-from underlay.data.readers._source import Source, open_zip
+from underlay.data.readers._source import Source
 from underlay.data.readers._text import decode
+from underlay.data.readers.jpk import JpkCurve, check_claims, read_jpk
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
 from underlay.errors import FileFormatError, InputError, MissingExtraError, UnderlayError
 
@@ -31,8 +34,10 @@ __all__ = ["FORMAT"]
 _WORKSHOP = "Force-Distance Curve"
 _JPK = b"header.properties"
 # Igor binary waves begin with their version, in either byte order; the note names the spring constant.
-_IGOR_VERSIONS = frozenset({b"\x05\x00", b"\x00\x05", b"\x02\x00", b"\x00\x02"})
+_IGOR_ORDERS = {b"\x05\x00": "<", b"\x00\x05": ">"}
 _IGOR_NOTE = b"SpringConstant"
+# Both headers of version 5: sizes of the parts from byte 4 on, points at 76, dimensions at 132.
+_IGOR_HEADERS = 384
 # NT-MDT: no header, three columns with decimal commas.
 _NTMDT_ROW = re.compile(r"-?\d+,\d+\t-?\d+,\d+\t-?\d+,\d+")
 # By kind of file: what afmformats calls a calibration, and the kind of quantity we ask for. NT-MDT records
@@ -63,7 +68,7 @@ def _kind(source: Source) -> str:
         return "jpk" if _JPK in data else ""
     if data.startswith(HDF5_MAGIC):
         return "" if is_own(source) else "hdf5"
-    if data[:2] in _IGOR_VERSIONS and _IGOR_NOTE in data:
+    if data[:2] in _IGOR_ORDERS and _IGOR_NOTE in data:
         return "igor"
     head = source.head(2000)
     if head.startswith(_WORKSHOP) and "File Format" in head:
@@ -77,6 +82,26 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     if not kind:
         raise FileFormatError(f"{source.name} is none of JPK, NT-MDT, AFM Workshop, Igor or HDF5")
     override = _override(source, kind, options.calibration)
+    if kind == "jpk":
+        return _read_jpk(source, override, options)
+    return _guarded(source, kind, override)
+
+
+def _read_jpk(source: Source, override: Mapping[str, float], options: Options) -> list[Curve]:
+    """Through afmformats, else by our own reader, with the reason noted."""
+    check_claims(source)
+    try:
+        return _guarded(source, "jpk", override)
+    except (FileFormatError, MissingExtraError) as error:
+        refusal = str(error)
+    return [
+        _own_curve(source, number, curve, refusal)
+        for number, curve in enumerate(read_jpk(source, options.calibration), start=1)
+    ]
+
+
+def _guarded(source: Source, kind: str, override: Mapping[str, float]) -> list[Curve]:
+    """Call a loader of afmformats and turn its errors into ours."""
     formats = _afmformats()
     try:
         return _LOADERS[kind](formats, source, override)
@@ -113,7 +138,6 @@ def _afmformats() -> Any:
 
 
 def _load_jpk(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
-    open_zip(source).close()  # refuses an archive that unpacks to too much
     stream = _NamedStream(source.data, str(source.path))
     cache = formats.fmt_jpk.jpk_reader.ArchiveCache.open_archives
     try:
@@ -125,14 +149,34 @@ def _load_jpk(formats: Any, source: Source, override: Mapping[str, float]) -> li
 
 
 def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
+    if override:
+        raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
     with open_checked(source) as file:
-        return _curves(source, formats.fmt_hdf5.load_hdf5(file, meta_override=dict(override)))
+        return _curves(source, formats.fmt_hdf5.load_hdf5(file))
 
 
 def _load_igor(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
     if override:
         raise InputError(f"{source.name} holds its own calibration; it cannot be given")
+    _check_igor(source)
     return _curves(source, formats.fmt_igor.load_igor(_NamedStream(source.data, str(source.path))))
+
+
+def _check_igor(source: Source) -> None:
+    """Refuse a wave whose header claims more than the file holds."""
+    data = source.data
+    order = _IGOR_ORDERS[data[:2]]
+    if len(data) < _IGOR_HEADERS:
+        raise FileFormatError(f"{source.name} ends within its header")
+    sizes = struct.unpack_from(f"{order}13i", data, 4)
+    points, dimensions = (
+        struct.unpack_from(f"{order}i", data, 76)[0],
+        struct.unpack_from(f"{order}4i", data, 132),
+    )
+    product = math.prod(size for size in dimensions if size)
+    claims = (*sizes, points, *dimensions, product)
+    if min(claims) < 0 or max(claims) > len(data):
+        raise FileFormatError(f"{source.name} claims {max(claims)} points or bytes; it has {len(data)} bytes")
 
 
 def _load_workshop(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
@@ -186,7 +230,7 @@ def _curve(source: Source, number: int, data: Any, found: Any) -> Curve:
         force,
         time,
         _segments(data, height, time),
-        name=source.path.stem if number == 1 else f"{source.path.stem}, curve {number}",
+        name=_name(source, number),
         header={key: str(found[key]) for key in found if key not in {"path", "z range"}},
         units={"height": "m", "force": "N", "time": "s"},
         sign_rules={
@@ -197,6 +241,30 @@ def _curve(source: Source, number: int, data: Any, found: Any) -> Curve:
         notes=notes,
         **known,
     )
+
+
+def _own_curve(source: Source, number: int, curve: JpkCurve, refusal: str) -> Curve:
+    return make_curve(
+        source,
+        -(curve.height + curve.force / curve.stiffness),
+        curve.force,
+        curve.time,
+        np.array(curve.segment, dtype="<U9"),
+        name=_name(source, number),
+        units={"height": "m", "force": "N", "time": "s"},
+        sign_rules={
+            "depth": "minus (height + force / spring constant)",
+            "force": "positive in compression, as the file's calibration gives it",
+            "segment": "from the file's segments",
+        },
+        spring_constant=curve.stiffness,
+        position=curve.position,
+        notes=[f"read by underlay's own reader, because: {refusal}"],
+    )
+
+
+def _name(source: Source, number: int) -> str:
+    return source.path.stem if number == 1 else f"{source.path.stem}, curve {number}"
 
 
 def _column(data: Any, name: str) -> FloatArray:

@@ -38,6 +38,8 @@ _NEEDED = ("time", "load", "cantilever", "piezo")
 _BLANK_SEPARATED = re.compile(r"(.*?(?:\)|:))\s*(.*)")
 # Load = k * cantilever holds to the last digit written (3e-7 uN) in every file seen.
 _CLOSURE = 1e-3
+# An indentation that is zero at more of the points than this was cut by the software.
+_CUT_SHARE = 0.05
 
 
 def _sniff(source: Source) -> bool:
@@ -136,8 +138,12 @@ def _software_contact(depth: FloatArray, indentation: FloatArray | None) -> dict
     """Depth at which the software set contact, if its indentation is cut to zero before that."""
     if indentation is None:
         return {}
+    cut = indentation == 0.0
+    # Some versions write Piezo - Cantilever as it is; a zero in it is then a chance.
+    if cut.mean() < _CUT_SHARE or cut.all():
+        return {}
     pressed = indentation > 0.0
-    if not pressed.any() or pressed.mean() > 0.99:  # not cut: this generation writes Piezo - Cantilever
+    if not pressed.any():
         return {}
     return {"software_contact_depth": float(np.median((depth - indentation)[pressed]))}
 

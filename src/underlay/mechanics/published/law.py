@@ -17,7 +17,7 @@ from underlay.mechanics.published.correction import ELASTIC, PublishedCorrection
 from underlay.mechanics.published.factor import Factor
 from underlay.mechanics.published.layer_contact import LayerContact, tip_of
 from underlay.mechanics.published.limits import OutOfRange
-from underlay.mechanics.published.registry import find_correction
+from underlay.mechanics.published.registry import fitting_correction
 
 __all__ = ["PublishedLaw", "published_law"]
 
@@ -68,14 +68,18 @@ class PublishedLaw(ContactLaw):
 
 
 def published_law(
-    name: str, indenter: Indenter, layer: Layer, substrate: Substrate, max_depth: float
+    name: str | PublishedCorrection,
+    indenter: Indenter,
+    layer: Layer,
+    substrate: Substrate,
+    max_depth: float,
 ) -> PublishedLaw:
     """Build the contact law of a published correction.
 
     Parameters
     ----------
-    name : str
-        One of the names of `published_corrections`, e.g. ``"garcia2018"``.
+    name : str or PublishedCorrection
+        One of the names of `published_corrections`, e.g. ``"garcia2018"``, or a correction of your own.
     indenter : Paraboloid, Sphere, Cone or FlatPunch
         A true sphere is taken as the paraboloid of its radius, as the sources do; what that costs is
         added to the error estimate.
@@ -113,7 +117,7 @@ def published_law(
     >>> round(float(law.force(1e-6) / law.contact.halfspace.force(1e-6)), 3)
     1.347
     """
-    correction = find_correction(name, indenter)
+    correction = fitting_correction(name, indenter)
     contact = _layer_contact(correction, indenter, layer, substrate)
     deepest = positive(max_depth, "max_depth", "m")
     out_of_range = tuple(
@@ -121,7 +125,7 @@ def published_law(
     )
     error = correction.measured_error.up_to(contact, deepest) + _sphere_excess(indenter, contact, deepest)
     law = PublishedLaw(
-        method=name,
+        method=correction.name,
         reason=f"asked for by name: {correction.source} ({correction.indenter}; base {correction.substrate})",
         max_depth=deepest,
         error_estimate=error,
@@ -133,7 +137,7 @@ def published_law(
     _require_growth(law)
     if out_of_range:
         warnings.warn(
-            f"{name} is used outside its range ({correction.range_basis}): "
+            f"{correction.name} is used outside its range ({correction.range_basis}): "
             + "; ".join(str(broken) for broken in out_of_range),
             UnderlayWarning,
             stacklevel=2,

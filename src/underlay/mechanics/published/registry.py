@@ -22,7 +22,7 @@ from underlay.mechanics.published import (
 from underlay.mechanics.published.correction import PublishedCorrection
 from underlay.mechanics.published.layer_contact import KINDS, kind_of
 
-__all__ = ["find_correction", "published_corrections", "published_names"]
+__all__ = ["fitting_correction", "published_corrections", "published_names"]
 
 _CORRECTIONS = (
     dimitriadis2002.BONDED,
@@ -58,15 +58,17 @@ def published_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys(correction.name for correction in _CORRECTIONS))
 
 
-def find_correction(name: str, indenter: Indenter) -> PublishedCorrection:
-    """Find the correction called `name` for this kind of indenter.
+def fitting_correction(name: str | PublishedCorrection, indenter: Indenter) -> PublishedCorrection:
+    """Find the correction called `name` for this kind of indenter, or check one that was handed in.
 
     Raises
     ------
     InputError
         If there is no such name, or it holds for other indenters.
     """
-    named = {c.indenter: c for c in _CORRECTIONS if c.name == name}
+    known = (name,) if isinstance(name, PublishedCorrection) else _CORRECTIONS
+    name = name.name if isinstance(name, PublishedCorrection) else name
+    named = {c.indenter: c for c in known if c.name == name}
     if not named:
         near = get_close_matches(name, published_names(), n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""

@@ -1,6 +1,34 @@
 """Pictures: each function takes ``ax=`` (or makes one), draws, and returns the axes; none shows a window."""
 
+from underlay.report.plots.accuracy import accuracy_cost
+from underlay.report.plots.corner import corner
+from underlay.report.plots.correlations import correlations
+from underlay.report.plots.effects import effects
 from underlay.report.plots.fit import fit
+from underlay.report.plots.histogram import histogram
+from underlay.report.plots.identifiability import identifiability
+from underlay.report.plots.map import map  # noqa: A004  the public name
+from underlay.report.plots.plan import plan
+from underlay.report.plots.predictive import predictive
+from underlay.report.plots.profile import profile
+from underlay.report.plots.scene import scene
 from underlay.report.plots.style import save
+from underlay.report.plots.survey import survey, verdicts
 
-__all__ = ["fit", "save"]
+__all__ = [
+    "accuracy_cost",
+    "corner",
+    "correlations",
+    "effects",
+    "fit",
+    "histogram",
+    "identifiability",
+    "map",
+    "plan",
+    "predictive",
+    "profile",
+    "save",
+    "scene",
+    "survey",
+    "verdicts",
+]

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay.mechanics.materials import Layer
-from underlay.report.plots.style import DATA, FIT, REFERENCE, axes, style, unit_for
+from underlay.report.plots.style import DATA, FIT, REFERENCE, axes, style, unit_for, with_strip
 from underlay.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     curve : int, default 0
         Which curve of a joint fit.
     ax : matplotlib Axes, optional
-        Where to draw; the residuals get a strip below it.
+        Where to draw; its lower part becomes a strip of residuals.
 
     Returns
     -------
@@ -43,9 +43,7 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     load, mN = unit_for(measured.force, "force")
     step = max(1, len(measured.depth) // _MOST_POINTS)
     with style():
-        upper = axes(ax, height=3.4)
-        # A strip below the axes, in their own coordinates: layouts of the figure count it in.
-        lower = upper.inset_axes((0.0, -0.42, 1.0, 0.36), sharex=upper)
+        upper, lower = with_strip(axes(ax, height=3.4))
         upper.plot(
             measured.depth[::step] / mm,
             measured.force[::step] / mN,
@@ -61,7 +59,7 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         upper.set_ylabel(f"force ({load})")
         upper.tick_params(labelbottom=False)
         upper.legend(loc="upper left")
-        residual = measured.force - scene.force(measured.depth, **result.solver)
+        residual = result.residuals[curve]
         small, uN = unit_for(residual, "force")
         lower.axhline(0.0, color=FIT, lw=1.0)
         lower.plot(measured.depth[::step] / mm, residual[::step] / uN, ".", ms=1.8, color=DATA)

@@ -20,7 +20,29 @@ from underlay._files import write_atomic
 from underlay.errors import InputError
 from underlay.units import human_unit
 
-__all__ = ["COLUMN", "DATA", "FIT", "GREY", "REFERENCE", "axes", "save", "style", "unit_for"]
+__all__ = [
+    "ACCENT",
+    "COLUMN",
+    "DATA",
+    "DIVERGING",
+    "FIT",
+    "GREY",
+    "INK",
+    "LAYER",
+    "METAL",
+    "PAGE",
+    "PURPLE",
+    "REFERENCE",
+    "SEQUENTIAL",
+    "SKY",
+    "SUBSTRATE",
+    "YELLOW",
+    "axes",
+    "save",
+    "style",
+    "unit_for",
+    "with_strip",
+]
 
 #: Width of one journal column, and of the full page (inches).
 COLUMN, PAGE = 3.5, 7.2
@@ -36,8 +58,15 @@ DATA, FIT, REFERENCE, ACCENT, PURPLE, SKY, YELLOW = (
 )
 CYCLE = (FIT, REFERENCE, ACCENT, PURPLE, SKY, YELLOW, DATA)
 GREY = "#b0b0b0"
+#: What a scene is drawn with.
+INK, METAL, LAYER, SUBSTRATE = "#1b1f24", "#9aa5b1", "#cfe5f5", "#c9b79c"
+#: Blue for negative, orange for positive, distinguishable with every common colour vision.
+DIVERGING = "PuOr_r"
+#: Dark to light in even steps, also without colour.
+SEQUENTIAL = "viridis"
 
-_STYLE: dict[str, Any] = {
+# Any: the names of all settings differ between versions of matplotlib.
+_STYLE: Any = {
     "font.size": 8.0,
     "axes.titlesize": 8.5,
     "axes.labelsize": 8.0,
@@ -61,8 +90,14 @@ _FORMATS = {"png", "svg", "pdf"}
 @contextmanager
 def style() -> Iterator[None]:
     """Draw with the project's look, without touching the caller's settings."""
-    with mpl.rc_context(_STYLE):
+    # Not rc_context: it puts everything back, also that the session is interactive, which matplotlib notes at
+    # the first figure; a notebook would then show that one and no later one.
+    before = {name: mpl.rcParams[name] for name in _STYLE}
+    mpl.rcParams.update(_STYLE)
+    try:
         yield
+    finally:
+        mpl.rcParams.update(before)
 
 
 def axes(ax: Axes | None, *, width: float = COLUMN, height: float = 2.7) -> Axes:
@@ -70,6 +105,22 @@ def axes(ax: Axes | None, *, width: float = COLUMN, height: float = 2.7) -> Axes
     if ax is not None:
         return ax
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
+
+
+def with_strip(ax: Axes, share: float = 0.3) -> tuple[Axes, Axes]:
+    """Give the lower `share` of `ax` to a strip with the same x axis; return the upper axes and the strip."""
+    figure = ax.get_figure(root=False)
+    spec = ax.get_subplotspec()
+    if figure is None:
+        raise InputError("these axes belong to no figure")
+    if spec is not None:
+        parts = spec.subgridspec(2, 1, height_ratios=(1.0 - share, share), hspace=0.08)
+        ax.set_subplotspec(parts[0])
+        return ax, figure.add_subplot(parts[1], sharex=ax)
+    # Axes placed by hand keep their box: the strip takes its lower part.
+    box = ax.get_position()
+    ax.set_position((box.x0, box.y0 + share * box.height, box.width, (0.95 - share) * box.height))
+    return ax, figure.add_axes((box.x0, box.y0, box.width, (share - 0.05) * box.height), sharex=ax)
 
 
 def unit_for(values: FloatArray, kind: str) -> tuple[str, float]:

@@ -1,0 +1,59 @@
+"""`underlay bench`: what the forward models cost, and the README's table of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from underlay._files import require_writable_folder, write_atomic
+from underlay.cli.console import say, say_table
+from underlay.cli.options import OutputFolder
+from underlay.errors import FileAccessError, FileFormatError
+from underlay.report.bench import bench_markdown, bench_table, depth_table
+
+__all__ = ["bench"]
+
+_START, _END = "<!-- bench:start -->", "<!-- bench:end -->"
+
+
+def bench(
+    readme: Annotated[
+        Path | None,
+        typer.Option(
+            "--readme", help=f"Markdown file whose table, between {_START} and {_END}, is replaced."
+        ),
+    ] = None,
+    output: OutputFolder = None,
+) -> None:
+    """Time the forward models against the explicit formula, in one process.
+
+    Example: `underlay bench --readme README.md`
+    """
+    page = None if readme is None else _read(readme)
+    if output is not None:
+        require_writable_folder(output)
+    table, curve = bench_table(), depth_table()
+    say_table(table, "Times in units of the explicit formula, 1000 depths")
+    say_table(curve, "Against the number of depths")
+    if output is not None:
+        say(f"wrote {write_atomic(output / 'bench.csv', table.to_csv(index=False))}")
+        say(f"wrote {write_atomic(output / 'bench.depths.csv', curve.to_csv(index=False))}")
+    if readme is not None and page is not None:
+        before, after = page
+        text = f"{before}{_START}\n{bench_markdown(table, curve)}\n{_END}{after}"
+        say(f"wrote {write_atomic(readme, text)}")
+
+
+def _read(readme: Path) -> tuple[str, str]:
+    """Return what stands before and after the table."""
+    try:
+        text = readme.read_text(encoding="utf-8")
+    except OSError as error:
+        raise FileAccessError(f"cannot read {readme}: {error.strerror}") from error
+    before, start, rest = text.partition(_START)
+    _, end, after = rest.partition(_END)
+    if not (start and end):
+        raise FileFormatError(f"{readme.name} has no place for the table: put {_START} and {_END} in it")
+    return before, after

@@ -1,0 +1,119 @@
+"""`underlay map`: a folder of curves in, one table and a map out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pandas as pd
+import typer
+
+from underlay._files import require_writable_folder
+from underlay.cli.console import say, say_error, say_table
+from underlay.cli.options import SceneOption, Seed
+from underlay.errors import InputError
+from underlay.inference.batch.fit_many import fit_many
+from underlay.inference.batch.model import Sampling
+from underlay.report import plots
+from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity
+
+__all__ = ["map_curves"]
+
+_LISTED = 10
+_INTERRUPTED = 130  # what shells give a command that Ctrl-C ended
+
+
+def map_curves(
+    curves: Annotated[Path, typer.Argument(help="Folder with a curve per file, or one file of many tests.")],
+    scene: SceneOption,
+    manifest: Annotated[
+        Path | None,
+        typer.Option(help="CSV with a row per curve: file, name, x, y, thickness, radius, any parameter."),
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Folder for table, journal and pictures; made if absent.")
+    ] = Path("underlay-map"),
+    table_format: Annotated[str, typer.Option("--format", help="Of the table: csv or parquet.")] = "csv",
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the run in the output folder; compute nothing again.")
+    ] = False,
+    workers: Annotated[int | None, typer.Option(help="Processes; as many as processors by default.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Dask scheduler whose workers to use, e.g. tcp://10.0.0.1:8786.")
+    ] = None,
+    check: Annotated[bool, typer.Option("--check", help="Judge the quality of every curve first.")] = False,
+    sample: Annotated[bool, typer.Option("--sample", help="Sample the posterior of every curve.")] = False,
+    max_steps: Annotated[int, typer.Option(help="Most steps of each sampling.")] = 20_000,
+    seed: Seed = 0,
+) -> None:
+    """Fit every curve of a folder into one table; a curve that fails is a row with its reason.
+
+    An interrupted run (Ctrl-C, a lost machine, a full disk) continues with --resume.
+
+    Example: `underlay map curves --scene scene.toml --manifest manifest.csv --output results`
+    """
+    if table_format not in ("csv", "parquet"):
+        raise InputError(f"--format must be csv or parquet; got {table_format!r}")
+    folder = require_writable_folder(output)
+    path = folder / f"map.{table_format}"
+    try:
+        table = fit_many(
+            curves,
+            scene,
+            manifest=manifest,
+            quality=check,
+            sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
+            workers=workers,
+            scheduler=scheduler,
+            output=path,
+            resume=resume,
+        )
+    except KeyboardInterrupt:
+        say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")
+        raise typer.Exit(_INTERRUPTED) from None
+    _show(table)
+    say(f"wrote {path}")
+    for picture in _draw(table, folder):
+        say(f"wrote {picture}")
+
+
+def _show(table: pd.DataFrame) -> None:
+    """Print what was found: counts, the spread of every parameter, the failures."""
+    counts = table["verdict"].value_counts()
+    words = ", ".join(f"{counts.get(verdict, 0)} {verdict}" for verdict in ("good", "doubtful", "refused"))
+    say(f"{len(table)} curves: {words}")
+    fitted = [
+        str(name).removesuffix(".stderr")
+        for name in table.columns
+        if str(name).endswith(".stderr") and table[name].notna().any()
+    ]
+    rows = []
+    for name in fitted:
+        middle, low, high = table[name].quantile([0.5, 0.05, 0.95])
+        errors = table[f"{name}.stderr"].to_numpy(dtype=float)
+        kind = kind_of(name)
+        rows.append(
+            {
+                "parameter": name,
+                "median": format_quantity(middle, kind),
+                "5 to 95 % of curves": f"{format_quantity(low, kind)} to {format_quantity(high, kind)}",
+                "median standard error": format_quantity(float(np.nanmedian(errors)), kind),
+            }
+        )
+    if rows:
+        say_table(pd.DataFrame(rows), "Over all curves")
+    failed = table[table["status"] == "failed"]
+    for name, reason in zip(failed["name"].head(_LISTED), failed["reason"].head(_LISTED), strict=True):
+        say(f"failed: {name}: {reason}")
+    if len(failed) > _LISTED:
+        say(f"and {len(failed) - _LISTED} more; see the column 'reason'")
+
+
+def _draw(table: pd.DataFrame, folder: Path) -> list[Path]:
+    names = ("layer.E", *map(str, table.columns))
+    parameter = next((name for name in names if f"{name}.stderr" in table.columns), None)
+    if parameter is None or not table[parameter].notna().any():
+        return []
+    return [plots.save(plots.survey(table, parameter), folder / "map.png")]

@@ -1,0 +1,76 @@
+"""`underlay sample`: the posterior of a curve, by Markov chain Monte Carlo."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from underlay._files import require_writable_folder, write_atomic
+from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
+from underlay.cli.options import CurveFile, OutputFolder, SceneOption, Seed
+from underlay.errors import InputError
+from underlay.inference.from_files import load_problem
+from underlay.inference.sampling.posterior import Posterior
+from underlay.inference.sampling.run import sample as sample_posterior
+from underlay.report import plots
+from underlay.report.tables import posterior_table, prior_table
+
+__all__ = ["sample"]
+
+
+def sample(
+    curve: CurveFile,
+    scene: SceneOption,
+    output: OutputFolder = None,
+    walkers: Annotated[int, typer.Option(help="Walkers of the ensemble.")] = 64,
+    max_steps: Annotated[int, typer.Option(help="Most steps; it stops earlier once converged.")] = 20_000,
+    seed: Seed = 0,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the chain in the output folder where it stopped.")
+    ] = False,
+) -> None:
+    """Sample the posterior of the free parameters; each needs a prior or bounds in the scene file.
+
+    With --output the chain is kept step by step, so that an interrupted run continues with --resume.
+
+    Example: `underlay sample curve.csv --scene scene.toml --output results --max-steps 400`
+    """
+    chain = _chain_file(output, curve.stem, resume=resume)
+    with gathered_warnings() as notes:
+        posterior = sample_posterior(
+            load_problem(curve, scene), walkers, max_steps, seed, backend=chain, resume=resume
+        )
+    say_table(posterior_table(posterior), f"Posterior of {curve.name}")
+    say_table(prior_table(posterior), "What the data told")
+    say(posterior.diagnostics.reason)
+    say_warnings(notes)
+    if output is not None:
+        for path in _write(posterior, output, curve.stem):
+            say(f"wrote {path}")
+
+
+def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
+    if output is None:
+        if resume:
+            raise InputError("--resume continues the chain of an output folder: name it with --output")
+        return None
+    require_writable_folder(output)
+    if importlib.util.find_spec("h5py") is None and not resume:
+        say("note: h5py is not installed, so this run cannot be resumed (pip install 'underlay[uq]')")
+        return None
+    return output / f"{stem}.chain.h5"
+
+
+def _write(posterior: Posterior, folder: Path, stem: str) -> list[Path]:
+    """Write table, draws and pictures; return the files."""
+    draws = folder / f"{stem}.posterior.npz"
+    posterior.save(draws)
+    return [
+        write_atomic(folder / f"{stem}.posterior.csv", posterior.summary().to_csv(index_label="parameter")),
+        draws,
+        plots.save(plots.corner(posterior), folder / f"{stem}.corner.png"),
+        plots.save(plots.predictive(posterior), folder / f"{stem}.predictive.png"),
+    ]

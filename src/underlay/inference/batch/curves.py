@@ -1,0 +1,132 @@
+"""Where the curves of a map come from: a folder, a list of files, one file of many tests, or memory."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from underlay.data.curve import Curve
+from underlay.data.readers import read_all
+from underlay.errors import FileAccessError, InputError
+
+__all__ = ["CurvePlace", "Curves", "list_curves"]
+
+#: What `list_curves` takes.
+Curves = str | os.PathLike[str] | Iterable[Curve | str | os.PathLike[str]]
+
+# Files that stand beside curves and are none.
+_NOT_CURVES = frozenset(
+    {".toml", ".md", ".png", ".svg", ".pdf", ".html", ".parquet", ".journal", ".ipynb", ".py"}
+)
+_LISTED = 3
+
+
+@dataclass(frozen=True, eq=False)
+class CurvePlace:
+    """One curve to be fitted.
+
+    Parameters
+    ----------
+    index : int
+        Row of the table.
+    name : str
+        What the table calls it, distinct from all others.
+    path : str
+        Its file, or the empty string for a curve in memory.
+    curve : Curve or None
+        The curve in memory; None is read where it is fitted.
+    x, y : float or None
+        Position (m).
+    values : mapping
+        Numbers of its own scene (SI), by path.
+    sha256 : str
+        Hash of a curve in memory, where it is known already.
+    """
+
+    index: int
+    name: str
+    path: str = ""
+    curve: Curve | None = None
+    x: float | None = None
+    y: float | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
+    sha256: str = ""
+
+
+def list_curves(curves: Curves, leave_out: Iterable[Path] = ()) -> list[CurvePlace]:
+    """List curves in the order of their names (a folder) or as given; no curve of a folder is read yet.
+
+    Parameters
+    ----------
+    curves : path, or iterable of Curve or path
+        A folder (its files, hidden ones and folders left out), one file that may hold many tests, or several.
+    leave_out : iterable of Path
+        Files of the folder that are no curves, such as the manifest.
+
+    Raises
+    ------
+    InputError
+        If there is none, or two have the same name.
+    FileAccessError
+        If a folder or file is not there.
+    """
+    if isinstance(curves, str | os.PathLike):
+        places = _of_path(Path(curves), {path.resolve() for path in leave_out})
+    elif isinstance(curves, Curve):
+        places = _of_several([curves])
+    else:
+        places = _of_several(curves)
+    if not places:
+        raise InputError(f"no curve in {curves!r:.200}: give a folder with curve files, files, or curves")
+    twice = [name for name, count in Counter(place.name for place in places).items() if count > 1]
+    if twice:
+        raise InputError(
+            f"{len(twice)} names are given twice ({', '.join(map(repr, twice[:_LISTED]))}): the rows of the "
+            "table could not be told apart; give each curve a name of its own"
+        )
+    return places
+
+
+def _of_path(path: Path, leave_out: set[Path]) -> list[CurvePlace]:
+    if path.is_dir():
+        try:
+            names = sorted(entry.name for entry in os.scandir(path) if entry.is_file())
+        except OSError as error:
+            raise FileAccessError(f"cannot list the folder {path}: {error.strerror or error}") from error
+        folder = path.resolve()
+        files = [
+            name
+            for name in names
+            if not name.startswith(".")
+            and Path(name).suffix.lower() not in _NOT_CURVES
+            and folder / name not in leave_out
+        ]
+        return [CurvePlace(index, name, str(folder / name)) for index, name in enumerate(files)]
+    if not path.exists():
+        raise FileAccessError(f"there is no folder or file {path}")
+    tests = read_all(path)
+    if len(tests) == 1:
+        return [CurvePlace(0, path.name, str(path.resolve()))]
+    return [
+        CurvePlace(number, f"{path.name}#{number + 1}", str(path.resolve()), test)
+        for number, test in enumerate(tests)
+    ]
+
+
+def _of_several(curves: Iterable[Curve | str | os.PathLike[str]]) -> list[CurvePlace]:
+    places = []
+    for index, entry in enumerate(curves):
+        if isinstance(entry, Curve):
+            name = str(entry.metadata.get("name") or f"curve {index}")
+            places.append(CurvePlace(index, name, str(entry.metadata.get("path") or ""), entry))
+        elif isinstance(entry, str | os.PathLike):
+            path = Path(entry)
+            if not path.is_file():
+                raise FileAccessError(f"curve {index}: there is no file {path}")
+            places.append(CurvePlace(index, path.name, str(path.resolve())))
+        else:
+            raise InputError(f"curve {index} must be a Curve or the path of one; got {entry!r:.100}")
+    return places

@@ -1,0 +1,229 @@
+"""What a manifest says of every curve: its file, a name, where it was taken, and numbers of its scene.
+
+A manifest is a table with one row per curve. ``file`` says which; ``name``, ``x`` and ``y`` are optional; any
+other column is a parameter path (``layer.thickness``) or one of the short names ``thickness`` and ``radius``.
+In a file, lengths and moduli carry units, in the header (``thickness (mm)``) or in the cell (``1.5 mm``). In
+a table made in Python a bare number is SI.
+"""
+
+from __future__ import annotations
+
+import difflib
+import io
+import os
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
+from underlay.scene.parameters import kind_of, unknown_parameter
+from underlay.scene.scene import Scene
+from underlay.units import parse_quantity
+
+__all__ = ["Entry", "Manifest", "read_manifest"]
+
+_SHORT = {"thickness": "layer.thickness", "radius": "indenter.radius"}
+_FILE = ("file", "path", "curve")
+_PLACES = ("x", "y")
+_WORDS = (*_FILE, "name", *_PLACES)
+_HEADER = re.compile(r"\s*(?P<name>[^()\[\]]+?)\s*(?:[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]])?\s*")
+_LARGEST = 256_000_000  # bytes: a million curves with ten numbers each
+_LISTED = 5
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One row: which curve, where (m), and the numbers of its scene (SI) by path."""
+
+    file: str
+    name: str = ""
+    x: float | None = None
+    y: float | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """The rows of a manifest by the curve they belong to, and the parameter paths it gives."""
+
+    entries: Mapping[str, Entry]
+    paths: tuple[str, ...]
+    source: str
+
+    def for_curves(self, names: Sequence[str]) -> list[Entry]:
+        """One entry per curve, in the order of `names`.
+
+        Raises
+        ------
+        InputError
+            If a row has no curve or a curve no row.
+        """
+        keys = self._keys(names)
+        missing = [name for name in names if keys[name] not in self.entries]
+        known = set(keys.values())
+        extra = [file for file in self.entries if file not in known]
+        if missing:
+            raise InputError(
+                f"{self.source} has no row for {_listed(missing)}: add what is missing, or move the file away"
+            )
+        if extra:
+            raise InputError(f"{self.source} names {_listed(extra)}, but there is no such curve")
+        return [self.entries[keys[name]] for name in names]
+
+    def _keys(self, names: Sequence[str]) -> dict[str, str]:
+        """What the manifest may call each curve: its name, or the last part of it where that is its own."""
+        short = Counter(_last(name) for name in names)
+        return {
+            name: _last(name) if name not in self.entries and short[_last(name)] == 1 else name
+            for name in names
+        }
+
+
+def read_manifest(
+    manifest: str | os.PathLike[str] | pd.DataFrame | Sequence[Mapping[str, Any]], scene: Scene
+) -> Manifest:
+    """Read and check a manifest.
+
+    Parameters
+    ----------
+    manifest : path, DataFrame, or sequence of mappings
+        A CSV file (or one with tabs or semicolons), or a table in memory with SI numbers.
+    scene : Scene
+        What the curves have in common; every row must make a possible scene of it.
+
+    Raises
+    ------
+    FileAccessError, FileFormatError
+        If the file cannot be read, or is no table.
+    InputError
+        If a column is unknown, a unit is missing, a file is named twice, or the numbers of a row make no
+        scene; the message says which row.
+    """
+    if isinstance(manifest, str | os.PathLike):
+        source, frame, from_file = Path(manifest).name, _read(Path(manifest)), True
+    else:
+        source, frame, from_file = "the manifest", pd.DataFrame(manifest), False
+    columns = [_column(str(name), scene, source) for name in frame.columns]
+    _require_distinct([column.name for column in columns], source)
+    if not any(column.name == "file" for column in columns):
+        raise InputError(f"{source} has no column 'file' that says which curve each row belongs to")
+    if frame.empty:
+        raise InputError(f"{source} has no rows")
+    entries: dict[str, Entry] = {}
+    names: dict[str, int] = {}
+    rows = zip(*(frame.iloc[:, i].tolist() for i in range(len(columns))), strict=True)
+    for number, cells in enumerate(rows, start=2 if from_file else 0):
+        where = f"{source}, {'line' if from_file else 'row'} {number}"
+        entry = _entry(columns, cells, where, from_file=from_file)
+        if entry.file in entries:
+            raise InputError(f"{where}: {entry.file!r} has a row already; each curve has one")
+        if entry.name in names:
+            raise InputError(f"{where}: the name {entry.name!r} is taken by row {names[entry.name]}")
+        if entry.name:
+            names[entry.name] = number
+        try:
+            scene.with_values(entry.values)
+        except UnderlayError as error:
+            raise InputError(f"{where} ({entry.file}): {error}") from error
+        entries[entry.file] = entry
+    paths = tuple(column.name for column in columns if "." in column.name)
+    return Manifest(entries, paths, source)
+
+
+@dataclass(frozen=True)
+class _Column:
+    name: str
+    unit: str
+
+
+def _read(path: Path) -> pd.DataFrame:
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise FileFormatError(f"{path.name} is larger than a manifest can be (256 MB)")
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise FileAccessError(f"cannot read the manifest {path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path.name} is not a text file in UTF-8") from error
+    head = text.partition("\n")[0]
+    separator = max((",", ";", "\t"), key=head.count)
+    try:
+        return pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, comment="#")
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
+        raise FileFormatError(f"{path.name} is not a table: {error}") from error
+
+
+def _column(header: str, scene: Scene, source: str) -> _Column:
+    match = _HEADER.fullmatch(header)
+    if match is None:
+        raise InputError(f"{source}: column {header!r} is not a name with a unit, such as 'thickness (mm)'")
+    name, unit = match["name"], match["unit"] or ""
+    if name in _FILE:
+        return _Column("file", "")
+    if name in _WORDS:
+        return _Column(name, unit)
+    path = _SHORT.get(name, name)
+    if path in scene.parameters:
+        return _Column(path, unit)
+    if "." in path:
+        error = unknown_parameter(path, scene.parameters)
+        raise InputError(f"{source}, column {header!r}: {error}")
+    near = difflib.get_close_matches(name, [*_WORDS, *_SHORT], n=1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise InputError(
+        f"{source} has an unknown column {header!r}{hint} Known are {', '.join(_WORDS)}, {', '.join(_SHORT)} "
+        "and every parameter path, such as layer.thickness"
+    )
+
+
+def _require_distinct(names: Sequence[str], source: str) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise InputError(f"{source} has two columns for {twice[0]!r}")
+
+
+def _entry(columns: Sequence[_Column], cells: Sequence[Any], where: str, *, from_file: bool) -> Entry:
+    texts: dict[str, str] = {}
+    numbers: dict[str, float] = {}
+    for column, cell in zip(columns, cells, strict=True):
+        blank = bool(pd.isna(cell)) or (isinstance(cell, str) and not cell.strip())
+        if column.name in ("file", "name"):
+            texts[column.name] = "" if blank else str(cell).strip()
+        elif not blank:
+            try:
+                numbers[column.name] = _number(cell, column, from_file=from_file)
+            except UnderlayError as error:
+                raise InputError(f"{where}, column {column.name}: {error}") from error
+        elif column.name not in _PLACES:
+            raise InputError(f"{where}: no {column.name}; every row needs one, or leave the column out")
+    if not texts["file"]:
+        raise InputError(f"{where}: no file")
+    x, y = numbers.pop("x", None), numbers.pop("y", None)
+    return Entry(texts["file"].replace("\\", "/").removeprefix("./"), texts.get("name", ""), x, y, numbers)
+
+
+def _number(cell: Any, column: _Column, *, from_file: bool) -> float:
+    kind = "length" if column.name in _PLACES else kind_of(column.name)
+    if isinstance(cell, str):
+        text = cell.strip()
+        bare = re.fullmatch(r"[-+0-9.eE]+", text) is not None
+        return parse_quantity(f"{text} {column.unit}" if bare and column.unit else text, kind)
+    if column.unit:
+        return parse_quantity(f"{float(cell)!r} {column.unit}", kind)
+    if from_file:
+        return parse_quantity(cell, kind)
+    return float(cell)
+
+
+def _last(name: str) -> str:
+    return name.rpartition("/")[2]
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return ", ".join(repr(name) for name in names[:_LISTED]) + more

@@ -1,0 +1,174 @@
+"""What all curves of a map have in common: said once, checked before any work, sent once to every worker."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from underlay.data.curve import Curve
+from underlay.data.noise import Noise
+from underlay.errors import InputError
+from underlay.inference.from_files import free_of
+from underlay.inference.priors import Prior
+from underlay.inference.problem import Given, Problem
+from underlay.mechanics.accuracy import Accuracy
+from underlay.scene.scene import Scene
+from underlay.scene.scene_file import SceneFile, read_scene_file
+
+__all__ = ["BatchModel", "Sampling", "batch_model"]
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How posteriors are sampled; every curve draws from a stream of its own, named by seed and curve.
+
+    Parameters
+    ----------
+    walkers, max_steps : int
+        As in `sample`.
+    seed : int
+        Seed of the whole map.
+    """
+
+    walkers: int = 64
+    max_steps: int = 20_000
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class BatchModel:
+    """The common part of a map.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test; rows of a manifest replace some of its numbers.
+    free : mapping of path to prior
+        As in `Problem`.
+    noise : Noise or None
+        As in `Problem`.
+    solver : mapping
+        Keywords of `Problem`: accuracy, method, order, form.
+    file : SceneFile or None
+        Says how a curve file is read and which part of it is used; None reads the loading part.
+    quality : bool
+        Whether each curve is judged by `check_quality` before it is fitted.
+    sampling : Sampling or None
+        Whether the posterior is sampled after the fit.
+    """
+
+    scene: Scene
+    free: Mapping[str, Given]
+    noise: Noise | None
+    solver: Mapping[str, Any]
+    file: SceneFile | None = None
+    quality: bool = False
+    sampling: Sampling | None = None
+
+    def problem(self, scene: Scene, curve: Curve) -> Problem:
+        """Build the problem of one curve."""
+        return Problem(scene, curve, self.free, self.noise, **self.solver)
+
+    @property
+    def template(self) -> Problem:
+        """The problem of a made-up curve: what is wrong with the model is wrong here already.
+
+        Raises
+        ------
+        InputError
+            As `Problem` does.
+        """
+        ramp = np.linspace(0.0, 1.0, 256)
+        scale = 1e-6
+        shift = max(self.scene.instrument.contact_depth, 0.0)
+        return self.problem(self.scene, Curve(shift + scale * (ramp - 0.1), ramp**1.5, ramp))
+
+    def check_starts(self, starts: Iterable[tuple[str, Mapping[str, float]]]) -> None:
+        """Refuse starts of free parameters, (where, values by path), that are outside their bounds."""
+        coordinates = self.template.coordinates
+        for where, values in starts:
+            for coordinate in coordinates:
+                start = values.get(coordinate.path)
+                if start is not None and not coordinate.low <= start <= coordinate.high:
+                    raise InputError(
+                        f"{where}: {coordinate.path} = {start:.6g} is outside its bounds "
+                        f"[{coordinate.low:.6g}, {coordinate.high:.6g}] (SI)"
+                    )
+
+    def hashes(self) -> dict[str, str]:
+        """SHA-256 of everything that decides the numbers of the table, by what it is."""
+        file = self.file
+        return {
+            "scene": _hash(self.scene, sorted(self.scene.parameters.items())),
+            "fit": _hash(sorted(self.free.items())),
+            "noise": _hash(self.noise),
+            "solver": _hash(sorted(self.solver.items())),
+            "curve section": _hash(sorted(file.curve.items()) if file is not None else None),
+            "sampling": _hash(self.sampling, self.quality),
+        }
+
+
+def batch_model(
+    scene: Scene | SceneFile | str | os.PathLike[str],
+    free: Mapping[str, Given] | Iterable[str] | None,
+    noise: Noise | None,
+    *,
+    accuracy: Accuracy | None,
+    method: str | None,
+    order: int | None,
+    form: str | None,
+    quality: bool,
+    sampling: Sampling | None,
+) -> BatchModel:
+    """Join what a scene file says and what the caller says, who has the last word, and check it.
+
+    Raises
+    ------
+    InputError
+        If nothing is free, or as `Problem` does.
+    FileAccessError, FileFormatError
+        If a scene file cannot be read.
+    """
+    file = scene if isinstance(scene, SceneFile) else None
+    if isinstance(scene, str | os.PathLike):
+        file = read_scene_file(scene)
+    given = {"accuracy": accuracy, "method": method, "order": order, "form": form}
+    solver = {key: value for key, value in given.items() if value is not None}
+    if file is not None:
+        solver = {**file.solver, **solver}
+        noise = Noise(**file.noise) if noise is None and file.noise else noise
+        free = free_of(file) if free is None else free
+        scene = file.scene
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene must be a Scene or the path of a scene file; got {scene!r:.100}")
+    if free is None:
+        raise InputError(
+            "nothing is free: pass free={'layer.E': (1e4, 1e8), ...}, or a scene file with [fit]"
+        )
+    paths = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    model = BatchModel(scene, paths, noise, solver, file, quality, sampling)
+    template = model.template
+    if sampling is not None:
+        _require_proper(template.priors)
+    return model
+
+
+def _require_proper(priors: Mapping[str, Prior]) -> None:
+    improper = [name for name, prior in priors.items() if not prior.proper]
+    if improper:
+        raise InputError(
+            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give finite bounds or a "
+            "prior such as LogUniform(low, high) or Normal(mean, sd)"
+        )
+
+
+def _hash(*parts: object) -> str:
+    # The reprs of frozen dataclasses and floats say every bit; arrays are cut short by repr, so they are
+    # written out.
+    with np.printoptions(threshold=10**9, floatmode="unique"):
+        return hashlib.sha256("\n".join(map(repr, parts)).encode()).hexdigest()

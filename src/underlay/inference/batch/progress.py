@@ -1,0 +1,61 @@
+"""A line that says how far a map is; silent when nobody looks."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+__all__ = ["MapProgress"]
+
+
+class _Speed(ProgressColumn):
+    """Curves per second."""
+
+    def render(self, task: Task) -> Text:
+        """Text of the column."""
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.3g} curves/s")
+
+
+class MapProgress:
+    """Curves done, curves per second and time left, on the terminal.
+
+    Parameters
+    ----------
+    total, done : int
+        Curves of the map, and those that were there before.
+    shown : bool or None
+        None shows the line if standard error is a terminal.
+    """
+
+    def __init__(self, total: int, done: int, *, shown: bool | None) -> None:
+        console = Console(stderr=True)
+        self._bar = Progress(
+            TextColumn("fitting"),
+            BarColumn(),
+            TextColumn("{task.completed} of {task.total} curves"),
+            _Speed(),
+            TimeRemainingColumn(),
+            console=console,
+            transient=True,
+            disable=not (console.is_terminal if shown is None else shown),
+            refresh_per_second=4,
+        )
+        self._task = self._bar.add_task("fitting", total=total, completed=done)
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def advance(self, count: int) -> None:
+        """Tell that `count` more curves are done."""
+        self._bar.advance(self._task, count)

@@ -1,0 +1,183 @@
+"""The table of a map: its columns, a row as text, and the whole as CSV, Parquet or DataFrame."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from itertools import chain, islice, repeat
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from underlay.errors import FileAccessError, InputError, MissingExtraError
+
+__all__ = ["FAILED", "FITTED", "Layout", "require_format", "to_frame", "write_table"]
+
+#: What the column ``status`` says.
+FITTED, FAILED = "fitted", "failed"
+
+_TEXT, _NUMBER, _COUNT = "text", "number", "count"
+_BEFORE = (
+    ("name", _TEXT),
+    ("path", _TEXT),
+    ("x", _NUMBER),
+    ("y", _NUMBER),
+    ("status", _TEXT),
+    ("verdict", _TEXT),
+    ("reason", _TEXT),
+)
+_AFTER = (
+    ("law", _TEXT),
+    ("reduced_chi_square", _NUMBER),
+    ("rms", _NUMBER),
+    ("warnings", _COUNT),
+    ("seconds", _NUMBER),
+    ("sha256", _TEXT),
+)
+_SAMPLED = (("converged", _COUNT), ("seed", _COUNT))
+_SUFFIXES = (".csv", ".parquet")
+_ROWS_AT_A_TIME = 20_000
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Columns of a table and what they hold, in order.
+
+    Parameters
+    ----------
+    kinds : mapping of str to str
+        ``"text"``, ``"number"`` or ``"count"`` by column.
+    """
+
+    kinds: Mapping[str, str]
+
+    @classmethod
+    def of(cls, parameters: Sequence[str], given: Sequence[str], *, sampled: bool) -> Layout:
+        """Columns for fitted `parameters` and, of the manifest, `given` ones."""
+        ends = ("", ".stderr", ".low", ".high") if sampled else ("", ".stderr")
+        fitted = [(f"{path}{end}", _NUMBER) for path in parameters for end in ends]
+        known = [(path, _NUMBER) for path in given if path not in parameters]
+        columns = (*_BEFORE, *fitted, *known, *_AFTER, *(_SAMPLED if sampled else ()))
+        return cls(dict(columns))
+
+    @property
+    def header(self) -> str:
+        """First line of the CSV, without its end."""
+        return ",".join(self.kinds)
+
+    def cells(self, line: str) -> dict[str, str]:
+        """Columns of one line of CSV, as text."""
+        return dict(zip(self.kinds, next(csv.reader([line])), strict=True))
+
+    def text(self, row: Mapping[str, Any]) -> str:
+        """One line of CSV, without its end; what `row` does not hold stays empty."""
+        return ",".join([_cell(row.get(name)) for name in self.kinds])
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return repr(float(value)) if not math.isnan(value) else ""
+    if isinstance(value, str):
+        # One row is one line, whatever a message or a file name holds.
+        text = " ".join(value.split()) if not value.isprintable() else value
+        return '"' + text.replace('"', '""') + '"' if any(mark in text for mark in ',"') else text
+    return str(int(value))
+
+
+def require_format(path: Path) -> None:
+    """Refuse a table that could not be written at the end.
+
+    Raises
+    ------
+    InputError
+        If the ending is neither .csv nor .parquet.
+    MissingExtraError
+        If it is .parquet and pyarrow is not installed.
+    """
+    if path.suffix.lower() not in _SUFFIXES:
+        raise InputError(f"a table ends in {' or '.join(_SUFFIXES)}; got {path.name!r}")
+    if path.suffix.lower() == ".parquet":
+        _pyarrow()
+
+
+def to_frame(layout: Layout, lines: Iterable[str]) -> pd.DataFrame:
+    """Return the rows as a table, every float as it was to the last bit."""
+    rows = list(csv.reader(lines))
+    columns = zip(*rows, strict=True) if rows else repeat(())
+    return pd.DataFrame(
+        {
+            name: _series(cells, kind)
+            for (name, kind), cells in zip(layout.kinds.items(), columns, strict=False)
+        }
+    )
+
+
+def _series(cells: Sequence[str], kind: str) -> pd.Series[Any]:
+    # Python's own conversion is exact; that of a table reader need not be.
+    if kind == _NUMBER:
+        return pd.Series([float(cell) if cell else math.nan for cell in cells], dtype="float64")
+    if kind == _COUNT:
+        return pd.Series([int(cell) if cell else None for cell in cells], dtype="Int64")
+    return pd.Series(cells, dtype="str")
+
+
+def write_table(path: Path, layout: Layout, lines: Iterable[str]) -> Path:
+    """Write rows to a CSV or Parquet file, whole or not at all, without holding them all.
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be written; an older one stays as it was.
+    """
+    temporary: Path | None = None
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        os.close(handle)
+        temporary = Path(name)
+        if path.suffix.lower() == ".parquet":
+            _write_parquet(temporary, layout, lines)
+        else:
+            with temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as stream:
+                stream.writelines(f"{line}\n" for line in chain((layout.header,), lines))
+                stream.flush()
+                os.fsync(stream.fileno())
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    except OSError as error:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+        raise FileAccessError(f"cannot write {path}: {error.strerror or error}") from error
+    return path
+
+
+def _write_parquet(path: Path, layout: Layout, lines: Iterable[str]) -> None:
+    arrow, parquet = _pyarrow()
+    types = {_TEXT: arrow.string(), _NUMBER: arrow.float64(), _COUNT: arrow.int64()}
+    schema = arrow.schema([(name, types[kind]) for name, kind in layout.kinds.items()])
+    with parquet.ParquetWriter(path, schema) as writer:
+        for group in _groups(lines):
+            frame = to_frame(layout, group)
+            writer.write_table(arrow.Table.from_pandas(frame, schema=schema, preserve_index=False))
+
+
+def _groups(lines: Iterable[str]) -> Iterator[Sequence[str]]:
+    rest = iter(lines)
+    while group := list(islice(rest, _ROWS_AT_A_TIME)):
+        yield group
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        return import_module("pyarrow"), import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise MissingExtraError(
+            'a Parquet table needs the package pyarrow: pip install "underlay[cluster]", or write a .csv'
+        ) from error

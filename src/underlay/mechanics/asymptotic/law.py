@@ -1,0 +1,281 @@
+"""The fourth-order asymptotic law of a layer on a substrate: orders 0 to 4, three forms, every shape.
+
+Formula: the curves of `asymptotic_series`, from the kernel's moments a_0 and a_1 (1.8). Assumes a
+frictionless, rigid, axisymmetric, convex indenter and a contact radius below the layer's thickness; the
+error grows as (a/h)^(order + 1). Source: Argatov and Sabina, asymptotic analysis of the substrate effect for
+an arbitrary indenter, sections 4 to 9.
+
+Which form. Relative error of the force, fourth order, paraboloid, against the exact contact problem:
+
+===================  =========  ==============  ==============  ==============
+substrate            a/h        explicit        parametric      compliance
+===================  =========  ==============  ==============  ==============
+rigid, nu = 0.5      0.2, 0.6   4e-5, 1e-2      2e-4, 2e-2      2e-4, 7e-2
+E2 = 10 E1           0.2, 0.6   2e-4, 2e-2      1e-4, 2e-2      2e-4, 6e-2
+E2 = 0.9 E1          0.2, 0.6   7e-6, 1e-3      8e-6, 2e-3      8e-6, 2e-3
+E2 = 0.5 E1          0.2, 0.6   8e-5, 2e-2      5e-5, 1e-2      4e-5, 6e-3
+E2 = 0.1 E1          0.2, 0.6   5, 2e3          1e-4, no root   6e-5, 3e-3
+E2 = 0.001 E1        0.2, 0.6   2e10, 2e13      4e-5, no root   3e-6, 1e-3
+===================  =========  ==============  ==============  ==============
+
+So ``form="auto"`` takes the compliance form where a_0 < 0 (the substrate softens the contact; the series in
+eps has a radius of convergence of about h/|b|), and where a_0 >= 0 the explicit form for a power law, the
+parametric one for any other shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from underlay._arrays import FloatArray, positive
+from underlay.errors import InputError, RangeError
+from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.asymptotic.error import Moments, force_error, punch_error
+from underlay.mechanics.asymptotic.power_law_series import power_law_series
+from underlay.mechanics.asymptotic.series import ContactSeries, PunchSeries
+from underlay.mechanics.asymptotic.shape_series import ShapeSeries
+from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
+from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
+from underlay.mechanics.kernel import SubstrateKernel
+from underlay.mechanics.materials import Layer, Substrate
+
+__all__ = [
+    "FORMS",
+    "AsymptoticLaw",
+    "asymptotic_law",
+    "choose_form",
+    "contact_series",
+    "kernel_moments",
+    "punch_factor",
+]
+
+FORMS = ("auto", "explicit", "parametric", "compliance")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AsymptoticLaw(ContactLaw):
+    """Force against depth by the asymptotic model; built by `asymptotic_law`.
+
+    `max_depth` is the turning point: the largest depth at which depth and force still increase together,
+    infinite where there is none. `error_estimate` holds up to `error_depth`.
+
+    Parameters
+    ----------
+    order : int
+        Terms kept: up to (a/h)^order.
+    form : str
+        ``"explicit"``, ``"parametric"`` or ``"compliance"``.
+    error_depth : float
+        Depth (m) up to which `error_estimate` holds: the one the law was built for.
+    max_radius_depth : float
+        Largest depth (m) at which `contact_radius` may be asked: beyond, its series decreases.
+    series : ContactSeries
+        The curve (w, P, a)(s).
+    series_end : float
+        Largest s (m) that is looked at: depth and force increase up to there.
+    """
+
+    order: int
+    form: str
+    error_depth: float
+    max_radius_depth: float
+    series: ContactSeries
+    series_end: float
+
+    @property
+    def _beyond(self) -> str:
+        if self.max_depth < _depth_at(self.series, self.series_end):
+            return CHOSEN_FOR_DEPTH
+        form = f"the {self.form} form of order {self.order}"
+        return f'there {form} has no root or stops increasing; use method="exact"'
+
+    def _force(self, depth: FloatArray) -> FloatArray:
+        return self.series.load(depth, self.series.parameter(depth, self.series_end))
+
+    def _contact_radius(self, depth: FloatArray) -> FloatArray:
+        if not (depth <= self.max_radius_depth).all():
+            raise RangeError(
+                f"contact radius at depth {depth.max():.6g} m: the series of the {self.form} form of order "
+                f'{self.order} decreases beyond {self.max_radius_depth:.6g} m; use method="exact"',
+                max_depth=self.max_radius_depth,
+            )
+        return self.series.radius(self.series.parameter(depth, self.series_end))
+
+    def _stiffness(self, depth: FloatArray) -> FloatArray:
+        s = self.series.parameter(depth, self.series_end)
+        return self.series.force(s)[1] / self.series.depth(s)[1]
+
+
+def asymptotic_law(
+    indenter: Indenter,
+    layer: Layer,
+    substrate: Substrate | None,
+    max_depth: float,
+    *,
+    order: int = 4,
+    form: str = "auto",
+) -> AsymptoticLaw:
+    """Build the asymptotic law of an indenter on a layer on a substrate.
+
+    Parameters
+    ----------
+    indenter : Indenter
+        Any shape; the explicit form needs a power law (or a flat punch).
+    layer : Layer
+        Material and thickness.
+    substrate : material, RIGID or None
+        What is under the layer; None, the layer's own material or an infinite thickness mean a half-space,
+        for which no kernel is computed.
+    max_depth : float
+        Largest depth (m) that will be asked; the error is estimated for it.
+    order : int, default 4
+        0 to 4: terms kept, up to (a/h)^order.
+    form : str, default "auto"
+        ``"explicit"`` (5.9), ``"parametric"`` (4.14)/(4.15), ``"compliance"`` (8.4), or ``"auto"``.
+
+    Returns
+    -------
+    AsymptoticLaw
+
+    Raises
+    ------
+    RangeError
+        If the form stops working before `max_depth`; `max_depth` of the error is where.
+    InputError
+        If `order` or `form` is unknown, or the form does not exist for the shape.
+
+    Examples
+    --------
+    >>> from underlay.mechanics.indenters import Paraboloid
+    >>> from underlay.mechanics.materials import RIGID, Isotropic
+    >>> law = asymptotic_law(Paraboloid(1e-3), Layer(Isotropic(1e4, 0.5), 1e-3), RIGID, 2e-5)
+    >>> law.form, f"{law.force(2e-5):.4e}"
+    ('explicit', '6.0016e-05')
+    """
+    _check(order, form)
+    deepest = positive(max_depth, "max_depth", "m")
+    moments = kernel_moments(layer, substrate)
+    chosen, reason = choose_form(indenter, form, moments[0])
+    series = contact_series(indenter, layer, moments, order, chosen)
+    end = series.end
+    last = _depth_at(series, end)
+    if deepest > last:
+        raise RangeError(
+            f"max_depth {deepest:.6g} m is beyond {last:.6g} m, the largest depth that the {chosen} form of "
+            f'order {order} reaches here; use method="exact" or less depth',
+            max_depth=last,
+        )
+    return AsymptoticLaw(
+        method="asymptotic",
+        reason=reason,
+        max_depth=last,
+        error_estimate=_error(series, indenter, layer, moments, deepest),
+        order=order,
+        form=chosen,
+        error_depth=deepest,
+        max_radius_depth=_depth_at(series, min(end, series.radius_end)),
+        series=series,
+        series_end=end,
+    )
+
+
+def _check(order: int, form: str) -> None:
+    if form not in FORMS:
+        raise InputError(f"unknown form {form!r}; known: {', '.join(FORMS)}")
+    if order not in range(5):
+        raise InputError(f"order must be 0, 1, 2, 3 or 4; got {order!r}")
+
+
+def kernel_moments(layer: Layer, substrate: Substrate | None) -> Moments:
+    """Return (a_0, a_1, a_2) of (1.8): zero, and no kernel computed, where the layer is a half-space."""
+    if substrate is None or substrate == layer.material or not np.isfinite(layer.thickness):
+        return 0.0, 0.0, 0.0
+    a_0, a_1, a_2 = SubstrateKernel(layer.material, substrate).coefficients(3)
+    return float(a_0), float(a_1), float(a_2)
+
+
+def choose_form(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
+    """Return the form to use and why."""
+    closed = isinstance(indenter, PowerLawShape | FlatPunch)
+    if form == "explicit" and not closed:
+        raise InputError(
+            f"the explicit form needs a power-law shape or a flat punch; for {type(indenter).__name__} use "
+            'form="parametric", "compliance" or "auto"'
+        )
+    if form != "auto":
+        return form, f"the {form} form was asked for"
+    if a_0 == 0.0:
+        return "explicit" if closed else "parametric", "no layer effect: a half-space"
+    if a_0 < 0.0:
+        return "compliance", (
+            f"the substrate softens the contact (a_0 = {a_0:.4g} < 0): the compliance form is closest"
+        )
+    if closed:
+        return "explicit", (
+            f"the substrate does not soften the contact (a_0 = {a_0:.4g}): the explicit form is closest"
+        )
+    return "parametric", (
+        f"the substrate does not soften the contact (a_0 = {a_0:.4g}) and the shape is not a power law: the "
+        "parametric form is closest"
+    )
+
+
+def contact_series(
+    indenter: Indenter, layer: Layer, moments: Moments, order: int, form: str
+) -> ContactSeries:
+    """Build the curve of the chosen form and order."""
+    a_0, a_1, _ = moments
+    if a_0 == 0.0 and a_1 == 0.0:
+        # A half-space: the corrections are zeros, and order 0 solves nothing.
+        order = 0
+    theta, h = layer.material.theta, layer.thickness
+    if isinstance(indenter, FlatPunch):
+        kappa = punch_factor(indenter.radius / h, a_0, a_1, order=order, form=form)
+        return PunchSeries(indenter, theta, kappa)
+    if isinstance(indenter, PowerLawShape):
+        return power_law_series(indenter, theta, h, (a_0, a_1), order=order, form=form)
+    b, c = (float(term) for term in blunt.kernel_terms(a_0, a_1))
+    b, c = b if order >= 1 else 0.0, c if order >= 3 else 0.0
+    by_force = form == "compliance"
+    cross = b * c if order == 4 and not by_force else 0.0
+    return ShapeSeries(indenter, theta, h, b, c, cross, by_force)
+
+
+def punch_factor(eps: float, a_0: float, a_1: float, *, order: int = 4, form: str = "auto") -> float:
+    """kappa_inf (9.5) at eps = a/h in one order and form.
+
+    Raises
+    ------
+    RangeError
+        If the form gives no positive stiffness there.
+    InputError
+        If `order` or `form` is unknown.
+    """
+    _check(order, form)
+    if form == "auto":
+        form = "compliance" if a_0 < 0.0 else "explicit"
+    kappa = float(blunt.kappa_infinity(eps, a_0, a_1, order=order, form=form))
+    if not 0.0 < kappa < np.inf:
+        raise RangeError(
+            f"the {form} form of order {order} gives no positive stiffness for a flat punch with "
+            f'a/h = {eps:.4g}; use method="exact"',
+            max_depth=0.0,
+        )
+    return kappa
+
+
+def _depth_at(series: ContactSeries, s: float) -> float:
+    """Depth (m) at the end of a curve."""
+    return float(series.depth(np.array([s]))[0][0]) if np.isfinite(s) else np.inf
+
+
+def _error(series: ContactSeries, indenter: Indenter, layer: Layer, moments: Moments, depth: float) -> float:
+    """Estimate the relative error in force up to `depth`; a half-space needs none."""
+    if moments == (0.0, 0.0, 0.0):
+        return 0.0
+    if isinstance(series, PunchSeries):
+        return punch_error(series.kappa, series.shape.radius / layer.thickness, moments)
+    compliance = contact_series(indenter, layer, moments, 4, "compliance")
+    return force_error(series, compliance, layer.thickness, moments, depth)

@@ -1,0 +1,357 @@
+"""From a shape, a thickness and two materials to the master curve: places the radii and checks the errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Self
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import RangeError
+from underlay.mechanics.exact.gauss import EvenRule, even_legendre, legendre_rule
+from underlay.mechanics.exact.master_curve import (
+    MOST_TERMS,
+    Factor,
+    MasterCurve,
+    Stretch,
+    chebyshev_angles,
+    chebyshev_coefficients,
+)
+from underlay.mechanics.exact.nodes import Pair, Resolution, curve_terms, series_terms
+from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
+from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, PowerLawShape, Sphere, abel_factor
+from underlay.mechanics.materials import PlaneConstants, Real
+
+__all__ = [
+    "LARGEST_EPS",
+    "SHARE_OF_NODES",
+    "ContactProblem",
+    "RadiusGuess",
+    "SolvedCurve",
+    "contact_factors",
+    "depth_measure",
+    "solve_curve",
+]
+
+#: Largest contact radius over thickness that is solved for.
+LARGEST_EPS = 20.0
+
+# The node counts of `exact_nodes` keep their share of the error, measured: a tenth of rtol where the fit is
+# tightest, three tenths claimed.
+SHARE_OF_NODES = 0.3
+_SHARE_OF_CURVE = 0.6
+# Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
+_SHORT = 0.99
+# Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
+_SOFT = 0.3
+# There a coarse solution comes first.
+_COARSE = 1e-2
+_MOST_SERIES_TERMS = 400
+# Beyond this growth of errors, at a fold, the radius is not asked for more digits; below this the solution is
+# rounding.
+_LARGEST_GAIN = 30.0
+_FINEST = 1e-12
+# Gauss nodes of int H p dx for a shape that is not a power law: the sphere's H is analytic, a measured tip's
+# has corners in its derivatives.
+_SMOOTH_NODES, _MEASURED_NODES = 40, 240
+
+
+@dataclass(frozen=True)
+class ContactProblem:
+    """A shape over a thickness, and what the solver needs of the materials.
+
+    Parameters
+    ----------
+    indenter : Indenter
+        Any shape but the flat punch.
+    measure : PowerLawShape
+        Power law that measures depth: varpi is its half-space radius over the thickness.
+    thickness : float
+        Of the layer (m).
+    inner, outer : PlaneConstants
+        Of layer and substrate; `outer` None is rigid.
+    pair : Pair
+        What the node counts depend on.
+    """
+
+    indenter: Indenter
+    measure: PowerLawShape
+    thickness: float
+    inner: PlaneConstants
+    outer: PlaneConstants | None
+    pair: Pair
+
+    @classmethod
+    def of(
+        cls, indenter: Indenter, thickness: float, inner: PlaneConstants, outer: PlaneConstants | None
+    ) -> Self:
+        """Build the problem."""
+        return cls(indenter, depth_measure(indenter), thickness, inner, outer, Pair.of(inner, outer))
+
+    @property
+    def end(self) -> float:
+        """Largest chi: a/h = 20, or the end of the shape."""
+        return self.chi(min(self.indenter.max_radius / self.thickness, LARGEST_EPS))
+
+    def chi(self, eps: float) -> float:
+        """Radius over thickness at which the measure has the half-space depth H(a) of the indenter.
+
+        It stands for the contact radius in every expansion: where a sphere's H grows without bound, chi does
+        too, and varpi(chi) stays smooth.
+        """
+        if self.indenter is self.measure:
+            return eps
+        depth = self.indenter.abel(np.array([eps * self.thickness]))
+        return float(self.measure.halfspace_radius(depth)[0]) / self.thickness
+
+    def eps(self, chi: FloatArray) -> FloatArray:
+        """Contact radius over thickness at `chi`, within the shape."""
+        if self.indenter is self.measure:
+            return chi
+        deepest = self.indenter.abel(np.array(self.indenter.max_radius))
+        depth = np.minimum(self.measure.abel(chi * self.thickness), deepest)
+        return np.minimum(self.indenter.halfspace_radius(depth), self.indenter.max_radius) / self.thickness
+
+    def resolution(self, chi: float, rtol: float) -> Resolution:
+        """Nodes for radii up to `chi`."""
+        return Resolution.choose(self.pair, float(self.eps(np.array([chi]))[0]), rtol)
+
+    def solve(self, chi: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
+        """Varpi (radii,) and the logarithms of the three factors (radii, 3) at radii `chi`."""
+        punch = PunchSolution.solve(self.inner, self.outer, self.eps(chi), resolution)
+        return contact_factors(punch, self.indenter, self.measure, self.thickness)
+
+
+@dataclass(frozen=True)
+class SolvedCurve:
+    """A master curve and how it was found.
+
+    Parameters
+    ----------
+    curve : MasterCurve
+        The relation.
+    resolution : Resolution
+        Nodes of the solution behind it.
+    radii : int
+        Contact radii solved for.
+    eps : float
+        The largest of them, over the thickness.
+    error_estimate : float
+        Relative error of the three factors.
+    """
+
+    curve: MasterCurve
+    resolution: Resolution
+    radii: int
+    eps: float
+    error_estimate: float
+
+
+def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
+    """Solve for varpi in [0, `top`] at relative error `rtol`.
+
+    Raises
+    ------
+    RangeError
+        If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
+    """
+    guess = RadiusGuess.of(problem.pair, problem.measure.exponent)
+    last = float(guess.radius(np.array([top]))[0])
+    if last >= problem.end:
+        last = problem.end
+        _check_reach(problem, top, rtol)
+    place, last, gain = _placement(problem, guess, top, last)
+    found = None if place is None else _direct(problem, place, top, last, rtol, gain)
+    return found if found is not None else _by_branches(problem, top, last, rtol, gain)
+
+
+def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, gain: float) -> SolvedCurve:
+    """Expand in the radius first, then invert: works for any varpi(chi), folds included."""
+    fine = max(rtol / gain, _FINEST)
+    series, resolution = _series(problem, last, fine)
+    while last < problem.end and (reached := float(series.varpi(np.array([last]))[0])) < top:
+        last = min(1.02 * last * top / reached, problem.end)
+        series, resolution = _series(problem, last, fine)
+    curve = series.inverted(top, 0.25 * rtol)
+    error = gain * (SHARE_OF_NODES * fine + series.error_estimate) + curve.error_estimate
+    eps = float(problem.eps(np.array([last]))[0])
+    return SolvedCurve(curve, resolution, series.coefficients.shape[0], eps, error)
+
+
+def contact_factors(
+    punch: PunchSolution, indenter: Indenter, measure: PowerLawShape, thickness: Real
+) -> tuple[FloatArray, FloatArray]:
+    """Varpi (..., radii) and the logarithms of the three factors (..., radii, 3).
+
+    `thickness` (m) is a float, or (batch, 1) with a batch of solutions.
+    """
+    exponent = measure.exponent
+    factors = np.empty((*punch.kappa.shape, len(Factor)))
+    factors[..., Factor.STIFFNESS] = punch.kappa
+    if indenter is measure:
+        depth, force = punch.depth_and_force(punch.rule.power_weights(exponent))
+        swell = depth ** (1.0 / exponent)
+        factors[..., Factor.RADIUS] = 1.0 / swell
+        factors[..., Factor.FORCE] = (1.0 + 1.0 / exponent) * force / (depth * swell)
+        return punch.eps * swell, np.log(factors, out=factors)
+    lengths = punch.eps * thickness
+    shape = indenter.abel(lengths)
+    depth, force = punch.depth_and_force(_shape_weights(indenter, punch.rule, lengths) / shape[..., None])
+    depth = depth * shape
+    radius = measure.halfspace_radius(depth)
+    factors[..., Factor.RADIUS] = lengths / radius
+    factors[..., Factor.FORCE] = (1.0 + 1.0 / exponent) * force * shape * lengths / (depth * radius)
+    return radius / thickness, np.log(factors, out=factors)
+
+
+@dataclass(frozen=True)
+class RadiusGuess:
+    """Contact radius against varpi, a little too large: chi = varpi (1 + gain rate varpi/(1 + rate varpi)).
+
+    The gain is that of a thin incompressible layer on a rigid base, a = (F_2 (lambda+2)/2)^(1/lambda) a_half,
+    and two thirds of it for a compressible one; the rate is fitted. A layer on a rigid base is met within
+    5 %; an elastic substrate stays below.
+    """
+
+    gain: float
+    rate: float
+
+    @classmethod
+    def of(cls, pair: Pair, exponent: float) -> Self:
+        """Guess for one pair of materials and one shape exponent."""
+        gain = float((0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent)) - 1.0
+        gain *= (0.66 + 0.34 * pair.firmness) * max(0.0, 1.0 - 1.0 / pair.ratio)
+        return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
+
+    def radius(self, varpi: FloatArray) -> FloatArray:
+        """Chi at `varpi`."""
+        share = self.rate * varpi
+        return varpi * (1.0 + self.gain * share / (1.0 + share))
+
+
+def _placement(
+    problem: ContactProblem, guess: RadiusGuess, top: float, last: float
+) -> tuple[Callable[[FloatArray], FloatArray] | None, float, float]:
+    """Where to put the radii for given varpi, the largest, and how errors of depth grow in the radius.
+
+    The guess will do unless the substrate is much softer than the layer: then a coarse solution tells. Where
+    varpi(chi) folds, or stops short, there is no placing beforehand (None). The growth is the largest slope
+    d ln chi/d ln varpi: one, but near a fold.
+    """
+    if problem.pair.ratio > _SOFT:
+        return guess.radius, last, 1.0
+    branches = _series(problem, last, _COARSE)[0].branches()
+    gain = min(max(_steepest(branch) for branch in branches), _LARGEST_GAIN)
+    if len(branches) > 1 or branches[0].varpi[-1] < top:
+        return None, last, gain
+    last = 1.02 * float(np.interp(top, branches[0].varpi, branches[0].chi))
+    return partial(_interpolated, branches[0]), min(last, problem.end), gain
+
+
+def _interpolated(branch: Branch, varpi: FloatArray) -> FloatArray:
+    return np.interp(varpi, branch.varpi, branch.chi)
+
+
+def _steepest(branch: Branch) -> float:
+    slope = np.diff(np.log(branch.chi[1:])) / np.diff(np.log(branch.varpi[1:]))
+    return max(1.0, float(slope.max(initial=1.0)))
+
+
+def _direct(
+    problem: ContactProblem,
+    place: Callable[[FloatArray], FloatArray],
+    top: float,
+    last: float,
+    rtol: float,
+    gain: float,
+) -> SolvedCurve | None:
+    """One polynomial through radii placed beforehand; None where that does not reach `rtol`."""
+    softness = problem.pair.softness
+    fine = max(rtol / gain, _FINEST)
+    widen = last / float(place(np.array([top]))[0])
+    terms = curve_terms(problem.pair, top, problem.measure.exponent, rtol)
+    while terms <= MOST_TERMS:
+        resolution = problem.resolution(last, fine)
+        targets = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
+        varpi, logarithms = problem.solve(place(targets) * widen, resolution)
+        if varpi[-1] < _SHORT * targets[-1] and last < problem.end:
+            wider = min(1.05 * last * float(targets[-1] / varpi[-1]), problem.end)
+            widen, last = widen * wider / last, wider
+            continue
+        curve = MasterCurve.through(varpi, logarithms, top, softness)
+        if curve.error_estimate <= _SHARE_OF_CURVE * rtol:
+            error = gain * SHARE_OF_NODES * fine + curve.error_estimate
+            return SolvedCurve(curve, resolution, terms, float(problem.eps(np.array([last]))[0]), error)
+        terms += 4
+    return None
+
+
+def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
+    """Solve at Chebyshev points up to `last` and expand in chi, with as many terms as it takes."""
+    stretch = Stretch.to(last, problem.pair.softness)
+    resolution = problem.resolution(last, rtol)
+    terms = series_terms(problem.pair, last, rtol)
+    while True:
+        angles = chebyshev_angles(terms)
+        chi = stretch.v(np.cos(angles))
+        varpi, logarithms = problem.solve(chi, resolution)
+        values = np.column_stack((logarithms, np.log(varpi / chi)))
+        # What is left of the radius is ln(eps/chi): smooth, and zero for a power law.
+        values[:, Factor.RADIUS] += values[:, -1]
+        series = RadiusSeries(stretch, chebyshev_coefficients(values, angles))
+        if series.error_estimate <= SHARE_OF_NODES * rtol or 2 * terms > _MOST_SERIES_TERMS:
+            return series, resolution
+        terms += terms // 2
+
+
+def _check_reach(problem: ContactProblem, top: float, rtol: float) -> None:
+    """Raise if varpi = `top` asks for a contact radius beyond the end."""
+    end = problem.end
+    last = float(problem.solve(np.array([end]), problem.resolution(end, rtol))[0][0])
+    if last >= top:
+        return
+    asked, deepest = problem.measure.abel(np.array([top, last]) * problem.thickness).tolist()
+    if problem.indenter.max_radius < LARGEST_EPS * problem.thickness:
+        why = "there the contact reaches the end of the indenter's shape; use a larger radius or less depth"
+    else:
+        why = (
+            f"there the contact radius is {LARGEST_EPS:g} thicknesses; use less depth or, for contacts wider "
+            "still, the half-space law of the substrate"
+        )
+    raise RangeError(
+        f"depth {asked:.6g} m is beyond the largest that works here, {deepest:.6g} m: {why}",
+        max_depth=deepest,
+    )
+
+
+def depth_measure(indenter: Indenter) -> PowerLawShape:
+    """Power law whose half-space radius measures depth: the indenter itself, or the apex of another shape."""
+    if isinstance(indenter, PowerLawShape):
+        return indenter
+    if isinstance(indenter, Sphere):
+        return Paraboloid(indenter.radius)
+    near, far = indenter.abel(indenter.max_radius * np.array([1e-6, 2e-6])).tolist()
+    exponent = max(1.0, round(float(np.log2(far / near))))
+    deepest = float(indenter.abel(np.array(indenter.max_radius)))
+    return PowerLaw(exponent, deepest / (abel_factor(exponent) * indenter.max_radius**exponent))
+
+
+def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> FloatArray:
+    """Weights (..., radii, nodes) of int_0^1 H(a x) p(x) dx for any shape, at contact radii `lengths` (m).
+
+    A smooth step bunches the nodes at both ends, where H may be |x|^lambda or nearly singular; p has degree
+    2 n - 2, up to n half waves squeezed by two, and takes its share of them.
+    """
+    count = rule.nodes.size
+    s, weights = legendre_rule(
+        (_SMOOTH_NODES if isinstance(indenter, Sphere) else _MEASURED_NODES) + 4 * count
+    )
+    s = 0.5 * (s + 1.0)
+    fine = s**3 * (10.0 - s * (15.0 - 6.0 * s))
+    weights = 15.0 * weights * (s * (1.0 - s)) ** 2
+    project = even_legendre(fine, count) @ rule.projection
+    return (indenter.abel(np.multiply.outer(lengths, fine)) * weights) @ project

@@ -1,0 +1,214 @@
+"""The exact contact problem: the Fredholm equation of a layer on a substrate, solved spectrally.
+
+Formula: `punch_solution` has the equation, `master_curve` the relation it gives. Assumes a frictionless,
+rigid, axisymmetric indenter whose contact is one disc, small strains, and a bonded interface. Range: contact
+radii up to 20 thicknesses, and up to the end of the indenter's shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import RangeError
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.exact.contact_curve import LARGEST_EPS, ContactProblem, solve_curve
+from underlay.mechanics.exact.master_curve import Factor, MasterCurve
+from underlay.mechanics.exact.nodes import Pair, Resolution
+from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
+from underlay.mechanics.materials import Layer, PlaneConstants, Rigid, Substrate
+
+__all__ = ["ExactLaw", "ExactPunchLaw", "exact_law"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExactLaw(ContactLaw):
+    """The exact contact problem of a rounded or pointed indenter.
+
+    Parameters
+    ----------
+    measure : PowerLawShape
+        Shape whose half-space law the factors of the curve multiply: the indenter, where it is a power law.
+    theta : float
+        Elastic constant of the layer (Pa).
+    thickness : float
+        Length (m) that makes varpi of the measure's radius: the layer's thickness.
+    curve : MasterCurve
+        The dimensionless relation. It holds for any `theta`, and any `thickness` if the indenter is a power
+        law: replace those to use it again.
+    resolution : Resolution
+        Nodes of the solution behind the curve.
+    radii : int
+        Contact radii solved for.
+    """
+
+    measure: PowerLawShape
+    theta: float
+    thickness: float
+    curve: MasterCurve
+    resolution: Resolution
+    radii: int
+
+    @property
+    def _beyond(self) -> str:
+        return "the law was solved up to there; build it with a larger max_depth"
+
+    def _force(self, depth: FloatArray) -> FloatArray:
+        radius = self.measure.halfspace_radius(depth)
+        force = self.curve.factor(Factor.FORCE, radius / self.thickness)
+        force *= radius
+        force *= depth
+        force *= 4.0 * self.theta * self.measure.exponent / (self.measure.exponent + 1.0)
+        return force
+
+    def _contact_radius(self, depth: FloatArray) -> FloatArray:
+        radius = self.measure.halfspace_radius(depth)
+        return radius * self.curve.factor(Factor.RADIUS, radius / self.thickness)
+
+    def _stiffness(self, depth: FloatArray) -> FloatArray:
+        radius = self.measure.halfspace_radius(depth)
+        varpi = radius / self.thickness
+        kappa = self.curve.factor(Factor.STIFFNESS, varpi) * self.curve.factor(Factor.RADIUS, varpi)
+        return (4.0 * self.theta) * radius * kappa
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExactPunchLaw(ContactLaw):
+    """The exact contact problem of a flat punch: force proportional to depth, P = 4 theta a kappa_inf w.
+
+    Parameters
+    ----------
+    radius : float
+        Of the punch (m).
+    incremental : float
+        dP/dw (N/m), (9.1).
+    resolution : Resolution
+        Nodes of the solution.
+    """
+
+    radius: float
+    incremental: float
+    resolution: Resolution
+
+    @property
+    def _beyond(self) -> str:
+        return "the law was asked for up to there; build it with a larger max_depth"
+
+    def _force(self, depth: FloatArray) -> FloatArray:
+        return self.incremental * depth
+
+    def _contact_radius(self, depth: FloatArray) -> FloatArray:
+        return np.full_like(depth, self.radius)
+
+    def _stiffness(self, depth: FloatArray) -> FloatArray:
+        return np.full_like(depth, self.incremental)
+
+
+def exact_law(
+    indenter: Indenter,
+    layer: Layer,
+    substrate: Substrate | None,
+    *,
+    max_depth: float,
+    rtol: float = 1e-6,
+) -> ContactLaw:
+    """Solve the contact problem for depths up to `max_depth`.
+
+    Parameters
+    ----------
+    indenter : Indenter
+        Any shape.
+    layer : Layer
+        Infinitely thick: the half-space, through the same equations with a kernel of zero.
+    substrate : Isotropic, TransverselyIsotropic, RIGID or None
+        None continues the layer.
+    max_depth : float
+        Largest depth (m), positive.
+    rtol : float, default 1e-6
+        Relative error allowed in force, contact radius and stiffness.
+
+    Returns
+    -------
+    ExactLaw or ExactPunchLaw
+
+    Raises
+    ------
+    RangeError
+        If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
+
+    Examples
+    --------
+    >>> from underlay.mechanics.indenters import Paraboloid
+    >>> from underlay.mechanics.materials import RIGID, Isotropic, Layer
+    >>> law = exact_law(Paraboloid(1e-3), Layer(Isotropic(3e6, 0.5), 1e-3), RIGID, max_depth=6e-4)
+    >>> f"{law.force(5.594154855625e-4):.5f}"  # a/h = 1: P = 7.522667... theta A a^3
+    '7.52267'
+    """
+    inner, outer = _constants(layer, substrate)
+    if isinstance(indenter, FlatPunch):
+        return _punch_law(indenter, layer.thickness, inner, outer, max_depth, rtol)
+    length = layer.thickness
+    if length == np.inf:
+        length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
+    problem = ContactProblem.of(indenter, length, inner, outer)
+    top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
+    solved = solve_curve(problem, top, rtol)
+    reason = (
+        f"exact contact problem, a/h up to {solved.eps:.3g}, {solved.resolution.radial} nodes"
+        if layer.thickness < np.inf
+        else "exact contact problem of a half-space"
+    )
+    if solved.curve.jumps:
+        first = float(problem.measure.abel(np.array([solved.curve.jumps[0] * length]))[0])
+        reason += (
+            f"; the film wraps the indenter in a jump at depth {first:.4g} m, near which one disc is rough"
+        )
+    return ExactLaw(
+        method="exact",
+        reason=reason,
+        max_depth=max_depth,
+        error_estimate=solved.error_estimate,
+        measure=problem.measure,
+        theta=float(inner.theta),
+        thickness=length,
+        curve=solved.curve,
+        resolution=solved.resolution,
+        radii=solved.radii,
+    )
+
+
+def _constants(layer: Layer, substrate: Substrate | None) -> tuple[PlaneConstants, PlaneConstants | None]:
+    inner = layer.material.plane_constants
+    if substrate is None or layer.thickness == np.inf:
+        return inner, inner
+    return inner, None if isinstance(substrate, Rigid) else substrate.plane_constants
+
+
+def _punch_law(
+    indenter: FlatPunch,
+    thickness: float,
+    inner: PlaneConstants,
+    outer: PlaneConstants | None,
+    max_depth: float,
+    rtol: float,
+) -> ExactPunchLaw:
+    eps = indenter.radius / thickness
+    if eps > LARGEST_EPS:
+        raise RangeError(
+            f"the punch's radius is {eps:.4g} layer thicknesses, and {LARGEST_EPS:g} is the most that works "
+            "here: use a smaller punch or, for contacts wider still, the half-space law of the substrate"
+        )
+    resolution = Resolution.choose(Pair.of(inner, outer), eps, rtol)
+    kappa = float(PunchSolution.solve(inner, outer, np.array([eps]), resolution).kappa[0])
+    return ExactPunchLaw(
+        method="exact",
+        reason=f"exact contact problem, a/h = {eps:.3g}, {resolution.radial} nodes",
+        max_depth=max_depth,
+        error_estimate=0.3 * rtol,
+        radius=indenter.radius,
+        incremental=4.0 * float(inner.theta) * indenter.radius * kappa,
+        resolution=resolution,
+    )

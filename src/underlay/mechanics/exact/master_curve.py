@@ -1,0 +1,257 @@
+"""The whole relation of one indenter on one pair of materials, without dimensions.
+
+With varpi = a_half(w)/h, a_half the contact radius on a half-space at the same depth (5.8), three factors
+say all: a/a_half, P/P_half and kappa_inf = (dP/dw)/(4 theta a). They are 1 at varpi = 0. For a power-law
+shape they depend on varpi, lambda and the ratios of the materials only: one curve serves any modulus, any
+thickness and any number of depths.
+
+The logarithms of the factors are smooth, and are held as polynomials in
+
+    t(v) = arcsinh(v) + ln(1 + softness v),
+
+which straightens both the growth at large v and, for a substrate softer than the layer, the rapid change at
+v = 1/softness.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from itertools import pairwise
+from math import asinh, cos, log1p, pi
+from typing import Self
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+
+__all__ = [
+    "MOST_TERMS",
+    "Factor",
+    "MasterCurve",
+    "Stretch",
+    "chebyshev_angles",
+    "chebyshev_coefficients",
+    "in_powers",
+    "polynomial",
+    "truncation_error",
+]
+
+# Coefficients per row of the evaluated polynomial: sum_j z^(4j) (c_j0 + c_j1 z + c_j2 z^2 + c_j3 z^3).
+_BLOCK = 4
+# Depths evaluated at a time: the powers of so many fit the processor's cache.
+_CHUNK = 2048
+
+
+class Factor(IntEnum):
+    """Column of the curve."""
+
+    RADIUS = 0
+    FORCE = 1
+    STIFFNESS = 2
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The variable t(v) = arcsinh(v) + ln(1 + softness v) on [0, length], mapped to z in [-1, 1]."""
+
+    length: float
+    softness: float
+
+    @classmethod
+    def to(cls, top: float, softness: float) -> Self:
+        """Cover v in [0, top]."""
+        return cls(asinh(top) + log1p(softness * top), softness)
+
+    def z(self, v: FloatArray) -> FloatArray:
+        """Map v to z."""
+        t = np.arcsinh(v)
+        if self.softness > 0.0:
+            t += np.log1p(self.softness * v)
+        t *= 2.0 / self.length
+        t -= 1.0
+        return t
+
+    def dz(self, v: FloatArray) -> FloatArray:
+        """dz/dv."""
+        return (2.0 / self.length) * (1.0 / np.sqrt(1.0 + v * v) + self.softness / (1.0 + self.softness * v))
+
+    def v(self, z: FloatArray) -> FloatArray:
+        """Inverse of `z`."""
+        target = (0.5 * self.length) * (z + 1.0)
+        if self.softness == 0.0:
+            return np.sinh(target)
+        # Newton in y = arcsinh(v), from above: either term of t alone bounds y. t is concave in y, so that
+        # the steps approach from below after the first.
+        y = np.minimum(target, np.arcsinh(np.expm1(target) / self.softness))
+        for _ in range(_NEWTON_STEPS):
+            v = np.sinh(y)
+            slope = 1.0 + self.softness * np.cosh(y) / (1.0 + self.softness * v)
+            step = (y + np.log1p(self.softness * v) - target) / slope
+            y = np.maximum(y - step, 0.0)
+            if (np.abs(step) <= 1e-15 * self.length).all():
+                break
+        return np.asarray(np.sinh(y), dtype=np.float64)
+
+
+_NEWTON_STEPS = 30
+
+
+def chebyshev_angles(count: int) -> FloatArray:
+    """Angles of the Chebyshev points z = cos(angle), from z near -1 to z near 1."""
+    return np.asarray((np.pi / (2 * count)) * np.arange(2 * count - 1, 0, -2), dtype=np.float64)
+
+
+def chebyshev_coefficients(values: FloatArray, angles: FloatArray) -> FloatArray:
+    """Coefficients (count, columns) of the interpolant of `values` at the Chebyshev points."""
+    count = angles.size
+    scale = np.full((count, 1), 2.0 / count)
+    scale[0] = 1.0 / count
+    return np.asarray(scale * (np.cos(np.arange(count)[:, None] * angles) @ values), dtype=np.float64)
+
+
+def _monomial_table(count: int) -> FloatArray:
+    """Row k: the coefficients of T_k in powers of z."""
+    table = np.zeros((count, count))
+    table[0, 0] = table[1, 1] = 1.0
+    for k in range(2, count):
+        table[k, 1:] = 2.0 * table[k - 1, :-1]
+        table[k] -= table[k - 2]
+    return table
+
+
+# Powers of z lose (1 + sqrt 2)^n / rho^n of relative accuracy against Chebyshev polynomials, rho > 1.8 the
+# rate at which a piece's coefficients fall: below 1e-12 for 24 terms, and far below with the usual rho > 3.
+MOST_TERMS = 24
+_MONOMIALS = _monomial_table(MOST_TERMS)
+
+
+def in_powers(coefficients: FloatArray) -> FloatArray:
+    """Turn Chebyshev coefficients (..., terms, 3) into powers of z (..., 3, rows, 4) for `polynomial`."""
+    terms = coefficients.shape[-2]
+    rows = -(-terms // _BLOCK)
+    table = np.swapaxes(coefficients, -1, -2) @ _MONOMIALS[:terms, : rows * _BLOCK]
+    return table.reshape(*table.shape[:-1], rows, _BLOCK)
+
+
+def truncation_error(coefficients: FloatArray) -> FloatArray:
+    """Error of a Chebyshev interpolant, from how its coefficients (..., terms, columns) fall.
+
+    The last four give the rate, pair against pair; the terms left out, and their aliases, are then within
+    three times the sum of a geometric series. A rate of 0.9 and more is taken as 0.9.
+    """
+    first, second, third, fourth = np.moveaxis(np.abs(coefficients[..., -4:, :]).max(axis=-1), -1, 0)
+    last, before = third + fourth, first + second
+    # last/(last + before) is rate/(1 + rate): no division by zero but where all four vanish, exactly.
+    share = np.minimum(last / np.maximum(last + before, np.finfo(float).tiny), 0.9 / 1.9)
+    rate = share / (1.0 - share)
+    return np.asarray(3.0 * last * rate / (1.0 - rate))
+
+
+@dataclass(frozen=True)
+class MasterCurve:
+    """The three factors against varpi.
+
+    Parameters
+    ----------
+    stretch : Stretch
+        Of varpi, up to the largest.
+    edges : tuple of pieces + 1 floats
+        Ends of the pieces in z, from -1 to 1.
+    coefficients : ndarray (pieces, 3, rows, 4)
+        Of each factor's logarithm, in powers of the piece's own variable in [-1, 1]: entry (j, i) of the last
+        two axes goes with power 4 j + i.
+    error_estimate : float
+        Largest truncation error of the logarithms.
+    jumps : tuple of floats
+        Varpi at which the contact radius jumps; nearly always none.
+    """
+
+    stretch: Stretch
+    edges: tuple[float, ...]
+    coefficients: FloatArray
+    error_estimate: float
+    jumps: tuple[float, ...] = ()
+
+    @classmethod
+    def constant(cls, top: float, logarithms: FloatArray) -> MasterCurve:
+        """Return the curve of factors that do not depend on varpi."""
+        table = np.zeros((1, len(Factor), 1, _BLOCK))
+        table[0, :, 0, 0] = logarithms
+        return cls(Stretch.to(top, 0.0), (-1.0, 1.0), table, 0.0)
+
+    @classmethod
+    def through(cls, varpi: FloatArray, logarithms: FloatArray, top: float, softness: float) -> MasterCurve:
+        """Return the polynomial through given points, for varpi in [0, `top`].
+
+        Parameters
+        ----------
+        varpi : ndarray (n,)
+            Increasing, and in z close to Chebyshev points: others make the interpolation unstable, which the
+            error estimate then shows.
+        logarithms : ndarray (n, 3)
+            Of the factors.
+        """
+        # The last Chebyshev point stands at z = cos(pi/2n): points that go beyond it lengthen the interval.
+        stretch = Stretch.to(top, softness)
+        reach = Stretch.to(float(varpi[-1]), softness).length * 2.0 / (1.0 + cos(0.5 * pi / varpi.size))
+        if reach > stretch.length:
+            stretch = Stretch(reach, softness)
+        angles = np.arccos(stretch.z(varpi))
+        basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
+        return cls.of_pieces(
+            stretch, [-1.0, 1.0], [np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)]
+        )
+
+    @classmethod
+    def of_pieces(
+        cls,
+        stretch: Stretch,
+        edges: list[float],
+        pieces: list[FloatArray],
+        jumps: tuple[float, ...] = (),
+    ) -> MasterCurve:
+        """Return the curve of the given Chebyshev coefficients (terms, 3), one array per piece."""
+        stacked = np.array(pieces)
+        table = in_powers(stacked)
+        table.flags.writeable = False
+        return cls(stretch, tuple(edges), table, float(truncation_error(stacked).max()), jumps)
+
+    def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
+        """One of the factors at `varpi` (n,)."""
+        if varpi.size <= _CHUNK:
+            return self._factor(which, varpi)
+        result = np.empty_like(varpi)
+        for start in range(0, varpi.size, _CHUNK):
+            result[start : start + _CHUNK] = self._factor(which, varpi[start : start + _CHUNK])
+        return result
+
+    def _factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
+        z = self.stretch.z(varpi)
+        if len(self.edges) == 2:
+            logarithm = polynomial(self.coefficients[0, which], z)
+        else:
+            logarithm = np.empty_like(z)
+            piece = np.searchsorted(self.edges[1:-1], z)
+            for index, (low, high) in enumerate(pairwise(self.edges)):
+                here = piece == index
+                local = (z[here] - 0.5 * (low + high)) * (2.0 / (high - low))
+                logarithm[here] = polynomial(self.coefficients[index, which], local)
+        return np.exp(logarithm, out=logarithm)
+
+
+def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
+    """Evaluate sum_j z^(4j) sum_i table[..., j, i] z^i at z (..., n): one product, then Horner in z^4."""
+    powers = np.empty((*z.shape[:-1], _BLOCK, z.shape[-1]))
+    powers[..., 0, :] = 1.0
+    powers[..., 1, :] = z
+    np.multiply(z, z, out=powers[..., 2, :])
+    np.multiply(powers[..., 2, :], z, out=powers[..., 3, :])
+    rows = table @ powers
+    total = rows[..., -1, :]
+    if table.shape[-2] > 1:
+        fourth = powers[..., 2, :] * powers[..., 2, :]
+        for row in range(table.shape[-2] - 2, -1, -1):
+            total *= fourth
+            total += rows[..., row, :]
+    return total

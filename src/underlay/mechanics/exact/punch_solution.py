@@ -1,0 +1,90 @@
+"""The flat punch on the layer at many contact radii: the one solution that serves every indenter.
+
+With eps = a/h, x = r/a and K(s, t) = int_0^inf [1 - L(u)] cos(su) cos(tu) du, the contact problem is
+
+    f(x) = w - H(ax) + (2 eps/pi) int_0^1 K(eps x, eps y) f(y) dy,   f(1) = 0,   P = 4 theta a int_0^1 f dx.
+
+The operator is self-adjoint and does not know the shape. Let g solve it with right-hand side 1 (the flat
+punch) and rho with right-hand side (2 eps/pi) K(eps, eps x), the row of the resolvent at the edge. For every
+shape with half-space depth function H,
+
+    f_H(1) = H(a) + int rho H dx,   g(1) = 1 + int rho dx,   w = f_H(1)/g(1),
+    P = 4 theta a [w int g dx - int H(ax) g dx],   dP/dw = 4 theta a int g dx = 4 theta a kappa_inf(eps).
+
+The kernel is smooth and even, so Nystrom's method on the positive half of a Gauss-Legendre rule converges
+geometrically; it factorises over the wavenumbers u, so that a matrix product builds it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.mechanics.exact.gauss import EvenRule, even_rule
+from underlay.mechanics.exact.nodes import Resolution
+from underlay.mechanics.kernel import one_minus_L
+from underlay.mechanics.materials import PlaneConstants
+
+__all__ = ["PunchSolution"]
+
+
+@dataclass(frozen=True)
+class PunchSolution:
+    """The flat punch at contact radii eps = a/h, on one pair of materials.
+
+    Parameters
+    ----------
+    eps : ndarray (radii,)
+        Contact radii over the layer's thickness.
+    rule : EvenRule
+        Nodes r/a and weights.
+    g, rho : ndarray (..., radii, nodes)
+        Solution for a unit right-hand side, and the resolvent's row at the edge.
+    kappa : ndarray (..., radii)
+        kappa_inf(eps) = int_0^1 g dx, the flat punch's factor (9.5).
+    """
+
+    eps: FloatArray
+    rule: EvenRule
+    g: FloatArray
+    rho: FloatArray
+    kappa: FloatArray
+
+    @classmethod
+    def solve(
+        cls, layer: PlaneConstants, substrate: PlaneConstants | None, eps: FloatArray, resolution: Resolution
+    ) -> Self:
+        """Solve for all `eps` in one batch."""
+        rule = even_rule(resolution.radial)
+        u, weights = resolution.wavenumber_rule()
+        count = resolution.radial
+        waves = np.cos(np.multiply.outer(np.multiply.outer(eps, rule.with_edge), u))
+        strength = (2.0 / np.pi) * weights * one_minus_L(u, layer, substrate)
+        kernel = (waves * np.multiply.outer(eps, strength)[:, None, :]) @ waves.transpose(0, 2, 1)
+        matrix = kernel[:, :count, :count] * -rule.weights
+        matrix.reshape(eps.size, count * count)[:, :: count + 1] += 1.0
+        sides = np.ones((eps.size, count, 2))
+        sides[:, :, 1] = kernel[:, :count, count]
+        solved: FloatArray = np.asarray(np.linalg.solve(matrix, sides), dtype=np.float64)
+        g = solved[:, :, 0]
+        return cls(eps=eps, rule=rule, g=g, rho=solved[:, :, 1], kappa=g @ rule.weights)
+
+    def depth_and_force(self, shape_weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """w/H(a) and P/(4 theta a H(a)) for a shape, each (..., radii).
+
+        Parameters
+        ----------
+        shape_weights : ndarray (nodes,) or (radii, nodes)
+            Weights v with sum v_i p(x_i) = int_0^1 H(a x)/H(a) p(x) dx for smooth even p.
+        """
+        edge = 1.0 + self.rho @ self.rule.weights
+        if shape_weights.ndim == 1:
+            rho_shape, g_shape = self.rho @ shape_weights, self.g @ shape_weights
+        else:
+            rho_shape = (self.rho * shape_weights).sum(axis=-1)
+            g_shape = (self.g * shape_weights).sum(axis=-1)
+        depth = (1.0 + rho_shape) / edge
+        return depth, depth * self.kappa - g_shape

@@ -1,0 +1,159 @@
+"""The relation with the contact radius as the variable, and its inversion into a `MasterCurve`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, log10
+from typing import NamedTuple
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.mechanics.exact.master_curve import (
+    MOST_TERMS,
+    Factor,
+    MasterCurve,
+    Stretch,
+    chebyshev_angles,
+    chebyshev_coefficients,
+    truncation_error,
+)
+
+__all__ = ["Branch", "RadiusSeries"]
+
+_NEWTON_STEPS = 60
+_BISECTIONS = 50
+# Points of the table per term of the series.
+_TABLE_POINTS = 6
+# A piece this narrow in z that still has not converged sits on a kink: there the estimate says so.
+_NARROWEST = 2.0**-12
+
+
+class Branch(NamedTuple):
+    """A stretch of the table of varpi(chi) on which both increase."""
+
+    chi: FloatArray
+    varpi: FloatArray
+
+
+@dataclass(frozen=True)
+class RadiusSeries:
+    """The relation with the contact radius as the variable: what the solver gives.
+
+    Parameters
+    ----------
+    stretch : Stretch
+        Of chi: a/h, or for a shape that is not a power law the radius over h at which the shape that measures
+        depth has the same H(a).
+    coefficients : ndarray (terms, 4)
+        Chebyshev coefficients in z(chi) of ln(eps/chi), ln(P/P_half), ln(kappa_inf) and ln(varpi/chi).
+    """
+
+    stretch: Stretch
+    coefficients: FloatArray
+
+    @property
+    def error_estimate(self) -> float:
+        """Truncation error of the logarithms."""
+        return float(truncation_error(self.coefficients))
+
+    def values(self, chi: FloatArray) -> FloatArray:
+        """The four logarithms (n, 4) at `chi` (n,)."""
+        angle = np.arccos(np.minimum(self.stretch.z(chi), 1.0))
+        return np.cos(np.multiply.outer(angle, np.arange(self.coefficients.shape[0]))) @ self.coefficients
+
+    def varpi(self, chi: FloatArray) -> FloatArray:
+        """Depth measure varpi at `chi`."""
+        return chi * np.exp(self.values(chi)[:, -1])
+
+    def radius(self, varpi: FloatArray, branch: Branch) -> FloatArray:
+        """Eps at `varpi` on a branch: Newton on ln varpi(chi), inside the bracket of its table."""
+        orders = np.arange(self.coefficients.shape[0])
+        series = self.coefficients[:, -1]
+        derivative = np.polynomial.chebyshev.chebder(series)
+        index = np.searchsorted(branch.varpi, varpi).clip(1, branch.chi.size - 1)
+        low, high = branch.chi[index - 1], branch.chi[index]
+        chi = np.interp(varpi, branch.varpi, branch.chi)
+        for _ in range(_NEWTON_STEPS):
+            angle = np.arccos(np.minimum(self.stretch.z(chi), 1.0))
+            phase = np.multiply.outer(angle, orders)
+            slope = np.cos(phase[:, :-1]) @ derivative
+            error = np.cos(phase) @ series + np.log(chi / varpi)
+            low, high = np.where(error < 0.0, chi, low), np.where(error > 0.0, chi, high)
+            proposal = chi - error * chi / (1.0 + chi * slope * self.stretch.dz(chi))
+            proposal = np.where((proposal > low) & (proposal < high), proposal, 0.5 * (low + high))
+            step = np.abs(proposal - chi)
+            chi = proposal
+            if (step <= 1e-13 * chi).all():
+                break
+        return chi
+
+    def branches(self) -> list[Branch]:
+        """Stretches of the table of varpi(chi) on which it increases: one, but for folds."""
+        count = _TABLE_POINTS * self.coefficients.shape[0]
+        chi = np.append(0.0, self.stretch.v(np.linspace(-1.0, 1.0, count)[1:]))
+        varpi = np.append(0.0, self.varpi(chi[1:]))
+        rising = np.diff(varpi) > 0.0
+        turns = np.flatnonzero(np.diff(rising.astype(np.int8)))
+        bounds = [0, *(int(turn) + 1 for turn in turns), chi.size - 1]
+        return [
+            Branch(chi[start : stop + 1], varpi[start : stop + 1])
+            for start, stop in pairwise(bounds)
+            if rising[start]
+        ]
+
+    def inverted(self, top: float, rtol: float) -> MasterCurve:
+        """Turn the relation round: the curve for varpi in [0, `top`], in as many pieces as it takes.
+
+        A cone on a stiff film over a soft base folds: over some depths three contact radii satisfy the
+        equations. The contact then jumps from disc to disc where both carry the same force, since of all
+        contact areas the true one carries the largest load (Barber 1974, doi:10.1243/03093247V094230).
+        """
+        stretch = Stretch.to(top, self.stretch.softness)
+        ends, branches = [0.0], self.branches()
+        for lower, upper in pairwise(branches):
+            ends.append(self._crossing(lower, upper))
+        jumps = [end for end in ends[1:] if end < top]
+        spans = zip([*ends[: len(jumps) + 1]], [*jumps, top], branches, strict=False)
+        pieces: list[tuple[float, FloatArray]] = []
+        for start, stop, branch in spans:
+            low, high = stretch.z(np.array([start, stop]))
+            pieces += self._pieces(stretch, float(low), float(high), branch, rtol)
+        return MasterCurve.of_pieces(
+            stretch, [*(low for low, _ in pieces), 1.0], [piece for _, piece in pieces], tuple(jumps)
+        )
+
+    def _crossing(self, lower: Branch, upper: Branch) -> float:
+        """Varpi at which two overlapping branches carry the same force: there the radius jumps."""
+        low, high = float(upper.varpi[0]), float(lower.varpi[-1])
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            at = np.array([middle])
+            forces = [self.values(self.radius(at, branch))[0, Factor.FORCE] for branch in (lower, upper)]
+            low, high = (low, middle) if forces[1] > forces[0] else (middle, high)
+        return 0.5 * (low + high)
+
+    def _pieces(
+        self, stretch: Stretch, start: float, stop: float, branch: Branch, rtol: float
+    ) -> list[tuple[float, FloatArray]]:
+        """Start in z and Chebyshev coefficients of each piece of one branch, halved until they converge."""
+        length = 0.5 * (stop - start) * stretch.length
+        count = ceil((1.0 - log10(rtol) * (1.2 + 0.75 * length)) / MOST_TERMS)
+        angles = chebyshev_angles(MOST_TERMS)
+        points = np.cos(angles)
+        todo = list(pairwise(np.linspace(start, stop, count + 1).tolist()))
+        done: dict[float, FloatArray] = {}
+        while todo:
+            low, high = todo.pop()
+            varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * points)
+            chi = self.radius(varpi, branch)
+            logarithms = self.values(chi)[:, :-1]
+            logarithms[:, Factor.RADIUS] += np.log(chi / varpi)
+            piece = chebyshev_coefficients(logarithms, angles)
+            if truncation_error(piece) > rtol and high - low > _NARROWEST:
+                middle = 0.5 * (low + high)
+                todo += [(low, middle), (middle, high)]
+            else:
+                done[low] = piece
+        return sorted(done.items())

@@ -1,0 +1,233 @@
+"""What the forward models cost: the cases of the README's table, timed in one process and one unit.
+
+The unit is the explicit fourth-order formula (5.9) in plain numpy on the same depths. It is timed in turns
+with each case and every ratio is the median over the rounds. Times are processor times: a busy machine makes
+calls wait, and the longer a call the more of it is waiting. To add a case: one line in `CASES`; its `prepare`
+takes the depths and returns the call that is timed.
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from underlay._arrays import FloatArray
+from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.exact.batch import ExactBatch
+from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.materials import RIGID, Isotropic, Layer, isotropic_constants
+from underlay.scene.accuracy_cost import explicit_formula
+from underlay.scene.scene import Scene
+
+__all__ = ["CASES", "BenchCase", "bench_markdown", "bench_table", "depth_table"]
+
+#: A call that is timed.
+Call = Callable[[], object]
+
+_GEL = Layer(Isotropic(3e6, 0.5), 1e-3)
+_TIP = Paraboloid(1e-3)
+_RIGID_BASE = Scene(_TIP, _GEL, RIGID)
+_STIFF_BASE = Scene(_TIP, _GEL, Isotropic(3e7, 0.3))
+_SOFT_BASE = Scene(_TIP, _GEL, Isotropic(3e5, 0.3))
+_BALL = Scene(Sphere(4e-3), _GEL, RIGID)
+# a/h = 2 on the rigid base; a fiftieth of it is a/h = 0.2, where every asymptotic form answers.
+_DEEPEST, _SHALLOW = 1.8e-3, 0.02
+# The ball is larger: a fifth of the depth gives it a/h = 1.6.
+_BALL_SHARE = 0.2
+_POINTS, _SETS, _ROUNDS = 1000, 256, 41
+_COUNTS = (10, 100, 1000, 10_000, 100_000, 1_000_000)
+
+
+@dataclass(frozen=True)
+class BenchCase:
+    """One row of the table.
+
+    Parameters
+    ----------
+    name : str
+        What is computed.
+    prepare : callable
+        Depths (m, shape (n,)) to the call that is timed.
+    sets : int, default 1
+        Parameter sets per call: the time is given for one.
+    """
+
+    name: str
+    prepare: Callable[[FloatArray], Call]
+    sets: int = 1
+
+
+def _cold(
+    scene: Scene, rtol: float, method: str = "exact", share: float = 1.0
+) -> Callable[[FloatArray], Call]:
+    """From the materials to the forces, at `share` of the depths."""
+    accuracy = Accuracy(rtol)
+
+    def prepare(depth: FloatArray) -> Call:
+        asked, deepest = share * depth, share * float(depth[-1])
+        return lambda: scene.contact_law(deepest, method=method, accuracy=accuracy).force(asked)
+
+    return prepare
+
+
+def _held(scene: Scene, *, share: float = 1.0, **law: object) -> Callable[[FloatArray], Call]:
+    """Forces from a law that is there already."""
+
+    def prepare(depth: FloatArray) -> Call:
+        built = scene.contact_law(share * float(depth[-1]), **law)  # type: ignore[arg-type]  # its keywords
+        shallow = share * depth
+        return lambda: built.force(shallow)
+
+    return prepare
+
+
+def _asymptotic_cold(depth: FloatArray) -> Call:
+    asked, deepest = _SHALLOW * depth, _SHALLOW * float(depth[-1])
+    return lambda: _RIGID_BASE.contact_law(deepest, method="asymptotic", form="explicit").force(asked)
+
+
+def _batched(depth: FloatArray) -> Call:
+    """Parameter sets that differ in both materials and in thickness, from materials to forces."""
+    rng = np.random.default_rng(0)
+    modulus = 3e6 * np.exp(0.1 * rng.standard_normal((_SETS, 1)))
+    nu = rng.uniform(0.4, 0.5, (_SETS, 1))
+    thickness = 1e-3 * rng.uniform(0.95, 1.05, _SETS)
+    layer, base = isotropic_constants(modulus, nu), isotropic_constants(10.0 * modulus, nu - 0.1)
+    batch = ExactBatch.compile(
+        _TIP,
+        isotropic_constants(3e6, 0.45),
+        isotropic_constants(3e7, 0.35),
+        thickness=float(thickness.min()),
+        max_depth=float(depth[-1]),
+        rtol=1e-6,
+    )
+    theta = np.ravel(layer.theta)
+    return lambda: batch.curves(layer, base).force(depth, theta, thickness)
+
+
+#: The rows of the table.
+CASES = (
+    BenchCase("half-space, law held", _held(_RIGID_BASE, method="halfspace")),
+    BenchCase("asymptotic, explicit form, from cold", _asymptotic_cold),
+    BenchCase(
+        "asymptotic, explicit form, law held",
+        _held(_RIGID_BASE, share=_SHALLOW, method="asymptotic", form="explicit"),
+    ),
+    BenchCase(
+        "asymptotic, parametric form, law held",
+        _held(_RIGID_BASE, share=_SHALLOW, method="asymptotic", form="parametric"),
+    ),
+    BenchCase(
+        "asymptotic, compliance form, law held",
+        _held(_RIGID_BASE, share=_SHALLOW, method="asymptotic", form="compliance"),
+    ),
+    BenchCase("exact to 1e-6, rigid base, from cold", _cold(_RIGID_BASE, 1e-6)),
+    BenchCase("exact to 1e-6, base ten times stiffer, from cold", _cold(_STIFF_BASE, 1e-6)),
+    BenchCase("exact to 1e-6, base ten times softer, from cold", _cold(_SOFT_BASE, 1e-6)),
+    BenchCase("exact to 1e-6, true sphere, a/R up to 0.4, from cold", _cold(_BALL, 1e-6, share=_BALL_SHARE)),
+    BenchCase("exact to 1e-10, rigid base, from cold", _cold(_RIGID_BASE, 1e-10)),
+    BenchCase("auto to 1e-6, a/h up to 0.2, from cold", _cold(_RIGID_BASE, 1e-6, "auto", _SHALLOW)),
+    BenchCase("exact to 1e-6, law held", _held(_RIGID_BASE, method="exact", accuracy=Accuracy(1e-6))),
+    BenchCase(
+        "exact to 1e-6, true sphere, a/R up to 0.4, law held",
+        _held(_BALL, share=_BALL_SHARE, method="exact", accuracy=Accuracy(1e-6)),
+    ),
+    BenchCase(f"exact to 1e-6, {_SETS} sets of materials at once, per set", _batched, _SETS),
+)
+
+
+def bench_table(cases: tuple[BenchCase, ...] = CASES, rounds: int = _ROUNDS) -> pd.DataFrame:
+    """Time the cases on 1000 depths up to a/h = 2.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``case``, ``ratio`` (median over the rounds of its time over that of the explicit formula), ``us``
+        (median time in microseconds); the formula itself is the first row.
+    """
+    depth = _depths(_POINTS)
+    formula = _formula(depth)
+    rows, units = [], []
+    for case in cases:
+        unit, taken = _in_turns(formula, case.prepare(depth), rounds)
+        units.append(unit)
+        per_set = taken / case.sets
+        rows.append((case.name, float(np.median(per_set / unit)), 1e6 * float(np.median(per_set))))
+    first = ("explicit formula, coefficients at hand", 1.0, 1e6 * float(np.median(units)))
+    return pd.DataFrame([first, *rows], columns=["case", "ratio", "us"])
+
+
+def depth_table(counts: tuple[int, ...] = _COUNTS, rounds: int = _ROUNDS) -> pd.DataFrame:
+    """Time formula and exact law (1e-6, rigid base) against the number of depths.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``depths``, ``formula us``, ``cold us``, ``held us`` (medians, microseconds), ``cold ratio`` and
+        ``held ratio`` (to the formula on the same depths).
+    """
+    rows = []
+    for count in counts:
+        depth = _depths(count)
+        held = _held(_RIGID_BASE, method="exact", accuracy=Accuracy(1e-6))(depth)
+        few = max(5, min(rounds, 2_000_000 // count))
+        row = {"depths": float(count)}
+        for name, call in (("cold", _cold(_RIGID_BASE, 1e-6)(depth)), ("held", held)):
+            unit, taken = _in_turns(_formula(depth), call, few)
+            row |= {
+                "formula us": 1e6 * float(np.median(unit)),
+                f"{name} us": 1e6 * float(np.median(taken)),
+                f"{name} ratio": float(np.median(taken / unit)),
+            }
+        rows.append(row)
+    columns = ["depths", "formula us", "cold us", "held us", "cold ratio", "held ratio"]
+    return pd.DataFrame(rows)[columns]
+
+
+def bench_markdown(table: pd.DataFrame, curve: pd.DataFrame) -> str:
+    """Return both tables as Markdown, with what they were measured with."""
+    made_with = f"Python {platform.python_version()}, numpy {np.__version__}, {platform.machine()}"
+    cells = curve[["depths", "formula us", "cold us", "held us", "held ratio"]].to_numpy()
+    unit = f"{table['us'].iloc[0]:.0f} us for 1000"
+    lines = [
+        f"Times in units of the explicit fourth-order formula in plain numpy on the same depths ({unit}):",
+        f"medians of processor time in one process, {made_with}.",
+        "",
+        "| Paraboloid, 1000 depths, a/h up to 2 | time |",
+        "|---|---:|",
+        *(f"| {case} | {_short(ratio)} |" for case, ratio in zip(table["case"], table["ratio"], strict=True)),
+        "",
+        "| Depths | formula (us) | exact, from cold (us) | exact, law held (us) | held / formula |",
+        "|---:|---:|---:|---:|---:|",
+        *("| " + " | ".join(map(_short, row)) + " |" for row in cells),
+    ]
+    return "\n".join(lines)
+
+
+def _short(value: float) -> str:
+    return f"{value:.2g}" if value < 10.0 else f"{value:,.0f}"
+
+
+def _depths(count: int) -> FloatArray:
+    return np.linspace(_DEEPEST / count, _DEEPEST, count)
+
+
+def _formula(depth: FloatArray) -> Call:
+    formula = explicit_formula(_RIGID_BASE)
+    return lambda: formula(depth)
+
+
+def _in_turns(unit: Call, call: Call, rounds: int) -> tuple[FloatArray, FloatArray]:
+    """Processor times (s) of the unit and of the call, each (rounds,), after a round that does not count."""
+    taken = np.empty((2, rounds + 1))
+    for turn in range(rounds + 1):
+        for row, timed in enumerate((unit, call)):
+            start = time.process_time()
+            timed()
+            taken[row, turn] = time.process_time() - start
+    return taken[0, 1:], taken[1, 1:]

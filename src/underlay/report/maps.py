@@ -1,0 +1,161 @@
+"""A map of many curves in words and tables; `table` is the result of `fit_many`, or what `read_map` read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from underlay.errors import FileAccessError, FileFormatError
+from underlay.inference.batch.results_table import FITTED
+from underlay.report.tables import facts_table, labelled_table, source_rows
+from underlay.report.words import label, quantity_with_interval, start
+from underlay.scene.parameters import kind_of
+
+__all__ = [
+    "columns_to_draw",
+    "failure_table",
+    "has_positions",
+    "is_map",
+    "map_provenance_table",
+    "map_summary",
+    "parameter_table",
+    "read_map",
+    "sample_parameters",
+    "verdict_table",
+]
+
+_ERROR = ".stderr"
+_NEEDED = ("name", "status", "verdict", "reason")
+_HEADER = "name,path,x,y,status,verdict,reason"
+# More rows than this are looked up in the table itself.
+_LISTED = 50
+_MIDDLE = (0.5, 0.16, 0.84)
+
+
+def is_map(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is the table of a map: Parquet, or a CSV with its header."""
+    source = Path(path)
+    if source.suffix.lower() == ".parquet":
+        return True
+    try:
+        with source.open("rb") as file:
+            return file.read(len(_HEADER)) == _HEADER.encode()
+    except OSError as error:
+        raise FileAccessError(f"cannot open {str(source)!r}: {error.strerror or error}") from error
+
+
+def read_map(path: str | os.PathLike[str]) -> pd.DataFrame:
+    """Read the table of a map, CSV or Parquet.
+
+    Raises
+    ------
+    FileAccessError
+        If it cannot be read.
+    FileFormatError
+        If it is not such a table.
+    """
+    try:
+        if Path(path).suffix.lower() == ".parquet":
+            table = pd.read_parquet(path)
+        else:
+            table = pd.read_csv(path, dtype={"reason": "str"})
+    except OSError as error:
+        raise FileAccessError(f"cannot read {os.fspath(path)}: {error.strerror or error}") from error
+    except (ValueError, UnicodeDecodeError) as error:
+        raise FileFormatError(f"{os.fspath(path)} is not the table of a map: {error}") from error
+    missing = [name for name in _NEEDED if name not in table.columns]
+    if missing:
+        raise FileFormatError(f"{os.fspath(path)} is not the table of a map: it has no column {missing[0]!r}")
+    return table
+
+
+def sample_parameters(table: pd.DataFrame) -> list[str]:
+    """Fitted parameters of layer and substrate."""
+    names = [str(name).removesuffix(_ERROR) for name in table.columns if str(name).endswith(_ERROR)]
+    return [name for name in names if name.startswith(("layer.", "substrate."))]
+
+
+def has_positions(table: pd.DataFrame) -> bool:
+    """Whether some sites have a position."""
+    return {"x", "y"} <= set(table.columns) and bool((table["x"].notna() & table["y"].notna()).any())
+
+
+def columns_to_draw(table: pd.DataFrame) -> list[str]:
+    """Columns of which there is a map: what was fitted of the sample, and its error."""
+    if not has_positions(table):
+        return []
+    columns = [name for fitted in sample_parameters(table) for name in (fitted, f"{fitted}{_ERROR}")]
+    return [name for name in columns if np.isfinite(table[name].to_numpy(dtype=float)).any()]
+
+
+def map_summary(table: pd.DataFrame) -> str:
+    """Return the map as Markdown: the middle and the spread of each parameter, and how many sites failed."""
+    fitted = table[table["status"] == FITTED]
+    sentences = [f"**{_sentence(name, fitted[name])}**" for name in sample_parameters(table) if len(fitted)]
+    doubtful = int((fitted["verdict"] == "doubtful").sum())
+    counts = f"{len(fitted)} of {len(table)} curves were fitted"
+    if doubtful:
+        counts += f", {doubtful} of them with reservations"
+    return "\n\n".join([" ".join(sentences), f"{counts}."])
+
+
+def _sentence(name: str, values: pd.Series) -> str:
+    middle, low, high = np.nanquantile(values.to_numpy(dtype=float), _MIDDLE)
+    text = quantity_with_interval(float(middle), float(low), float(high), kind_of(name))
+    return f"{start(label(name))} {text.removesuffix(')')}, two thirds of the sites)."
+
+
+def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per fitted parameter of the sample: median, spread between sites, median error; text."""
+    rows = []
+    for name in sample_parameters(table):
+        values = table[name].to_numpy(dtype=float)
+        known = values[np.isfinite(values)]
+        if not known.size:
+            continue
+        middle, low, high = (float(value) for value in np.quantile(known, _MIDDLE))
+        share = np.nanmedian(table[f"{name}{_ERROR}"].to_numpy(dtype=float) / np.abs(values))
+        rows.append(
+            {
+                "parameter": label(name),
+                "median (two thirds of the sites)": quantity_with_interval(middle, low, high, kind_of(name)),
+                "median standard error": f"{100.0 * share:.2g} %",
+            }
+        )
+    return labelled_table(rows or [{"parameter": "none", "median (two thirds of the sites)": ""}])
+
+
+def verdict_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return how many curves got which verdict."""
+    counts = table["verdict"].value_counts()
+    return labelled_table([{"verdict": str(name), "curves": str(count)} for name, count in counts.items()])
+
+
+def failure_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the curves without a fit, each with its reason."""
+    failed = table[table["status"] != FITTED]
+    rows = [
+        {"curve": str(name), "reason": str(reason)}
+        for name, reason in zip(failed["name"][:_LISTED], failed["reason"][:_LISTED], strict=True)
+    ]
+    if len(failed) > _LISTED:
+        rows.append({"curve": f"and {len(failed) - _LISTED} more", "reason": "see the table"})
+    return labelled_table(rows or [{"curve": "none", "reason": "every curve was fitted"}])
+
+
+def map_provenance_table(table: pd.DataFrame, facts: Mapping[str, str], *files: str) -> pd.DataFrame:
+    """Return what a map came from: hashes of files, how many curves, versions, and the given facts.
+
+    Raises
+    ------
+    FileAccessError
+        If one of the files cannot be read.
+    """
+    rows = source_rows(files) | {"curves": str(len(table))}
+    if "seconds" in table.columns:
+        rows["time of all fits"] = f"{float(table['seconds'].sum()):.3g} s"
+    return facts_table({**rows, **facts})

@@ -1,0 +1,151 @@
+"""A posterior parameter by parameter and pair by pair."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+from scipy import ndimage
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.report.plots.style import FIT, GREY, REFERENCE, YELLOW, axes, style
+from underlay.report.words import label
+from underlay.scene.parameters import kind_of
+from underlay.units import human_unit
+
+if TYPE_CHECKING:
+    from underlay.inference.sampling.posterior import Posterior
+
+__all__ = ["corner"]
+
+_BINS = 32
+_MASSES = (0.95, 0.68)
+# Standard deviation, in bins, of the smoothing that makes contours of a finite number of draws.
+_SMOOTHING = 1.0
+_MARGIN = 0.003  # share of the draws left out of the picture on either side
+
+
+def corner(posterior: Posterior, *, names: Sequence[str] | None = None, ax: Axes | None = None) -> Axes:
+    """Draw the marginal distributions of a posterior and the 68 % and 95 % regions of every pair.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        What `sample` returned.
+    names : sequence of str, optional
+        Parameters or derived quantities with as many draws; all parameters by default.
+    ax : matplotlib Axes, optional
+        A place in a grid of axes; it is divided and itself left empty.
+
+    Returns
+    -------
+    matplotlib Axes
+        The divided axes. Priors are orange, true values (of made data) dashed.
+
+    Raises
+    ------
+    InputError
+        If `ax` was placed by hand and cannot be divided, or there is nothing of a name.
+    """
+    chosen = list(posterior.names if names is None else names)
+    columns = [_Column(posterior, name) for name in chosen]
+    count = len(columns)
+    with style():
+        side = max(2.4, 1.15 * count + 0.6)
+        ax = axes(ax, width=side, height=side)
+        figure, spec = ax.get_figure(root=False), ax.get_subplotspec()
+        if figure is None or spec is None:
+            raise InputError("corner divides its axes: pass one made by plt.subplots, or none")
+        ax.set_axis_off()
+        grid = spec.subgridspec(count, count, hspace=0.06, wspace=0.06)
+        for i in range(count):
+            for j in range(i + 1):
+                cell = figure.add_subplot(grid[i, j])
+                if i == j:
+                    columns[i].draw(cell)
+                else:
+                    _pair(cell, columns[j], columns[i])
+                _ticks(cell, columns[j], columns[i], i=i, j=j, last=count - 1)
+    return ax
+
+
+class _Column:
+    """Draws of one quantity in the unit people use."""
+
+    def __init__(self, posterior: Posterior, name: str) -> None:
+        values = posterior.of(name).ravel()
+        path = name.partition("[")[0]
+        kind = "stiffness" if path == "stiffness" else kind_of(path)
+        unit, self.factor = human_unit(float(np.median(values)), kind)
+        self.label = f"{label(name)}\n({unit})" if unit else label(name)
+        self.draws = values / self.factor
+        self.prior: FloatArray | None = None
+        if name in posterior.names:
+            self.prior = posterior.prior_quantiles[:, posterior.names.index(name)] / self.factor
+        true = posterior.truth.get(name)
+        self.truth = None if true is None else true / self.factor
+        low, high = np.quantile(self.draws, (_MARGIN, 1.0 - _MARGIN))
+        room = 0.05 * (high - low)
+        self.window = (float(low - room), float(high + room))
+
+    def draw(self, cell: Axes) -> None:
+        """Histogram, prior, median and truth."""
+        heights, _, _ = cell.hist(
+            self.draws,
+            bins=_BINS,
+            range=self.window,
+            density=True,
+            histtype="stepfilled",
+            color=FIT,
+            alpha=0.8,
+        )
+        if self.prior is not None:
+            # Each quantile stands for an equal share of the prior, most of which may lie outside the picture.
+            edges = np.linspace(*self.window, _BINS + 1)
+            below = np.interp(edges, self.prior, (np.arange(len(self.prior)) + 0.5) / len(self.prior))
+            cell.stairs(np.diff(below) / np.diff(edges), edges, color=YELLOW, lw=1.2, baseline=None)
+        cell.axvline(float(np.median(self.draws)), color="white", lw=0.8)
+        if self.truth is not None:
+            cell.axvline(self.truth, color=REFERENCE, ls="--", lw=1.0)
+        cell.set_ylim(0.0, 1.1 * float(np.max(heights)))
+
+
+def _pair(cell: Axes, across: _Column, up: _Column) -> None:
+    counts, x, y = np.histogram2d(across.draws, up.draws, bins=_BINS, range=(across.window, up.window))
+    smooth = ndimage.gaussian_filter(counts.T, _SMOOTHING)
+    ordered = np.sort(smooth, axis=None)[::-1]
+    mass = np.cumsum(ordered) / ordered.sum()
+    levels = [float(ordered[np.searchsorted(mass, share)]) for share in _MASSES]
+    middle = (0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1]))
+    if levels[0] < levels[1] < ordered[0]:
+        cell.contourf(*middle, smooth, levels=[*levels, float(ordered[0])], colors=["#a6cde4", FIT])
+    else:
+        cell.plot(across.draws, up.draws, ",", color=FIT)
+    for value, line in ((across.truth, cell.axvline), (up.truth, cell.axhline)):
+        if value is not None:
+            line(value, color=REFERENCE, ls="--", lw=0.9)
+
+
+def _ticks(cell: Axes, across: _Column, up: _Column, *, i: int, j: int, last: int) -> None:
+    cell.set_xlim(across.window)
+    cell.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
+    if i == j:
+        cell.set_yticks([])
+        cell.spines["left"].set_visible(False)
+    else:
+        cell.set_ylim(up.window)
+        cell.yaxis.set_major_locator(MaxNLocator(3, prune="both"))
+        cell.grid(color=GREY, lw=0.3, alpha=0.5)
+    if i == last:
+        cell.set_xlabel(across.label)
+        cell.tick_params(axis="x", rotation=45)
+    else:
+        cell.tick_params(labelbottom=False)
+    if j == 0 and i > 0:
+        cell.set_ylabel(up.label)
+    else:
+        cell.tick_params(labelleft=False)

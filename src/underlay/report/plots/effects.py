@@ -1,0 +1,83 @@
+"""The picture of a scene's effects: how large each one is at every depth, beside the accuracy asked."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.indenters import FlatPunch
+from underlay.report.plots.style import GREY, axes, style, unit_for
+from underlay.scene.effects import effect_sizes
+from underlay.scene.scene import Scene
+
+__all__ = ["effects"]
+
+_POINTS = 120
+# Three decades of depth show where an effect sets in.
+_SHALLOWEST = 1e-3
+
+
+def effects(
+    scene: Scene,
+    max_depth: float | None = None,
+    accuracy: Accuracy | None = None,
+    *,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the size of each effect of a scene against depth.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test.
+    max_depth : float, optional
+        Deepest point (m) since contact; by default where the contact radius on a half-space is the layer's
+        thickness, or half the tip's radius where that comes first.
+    accuracy : Accuracy, optional
+        Drawn as a line: what lies below it need not be simulated.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    wanted = accuracy or Accuracy()
+    deepest = _usual_depth(scene) if max_depth is None else max_depth
+    sizes = effect_sizes(scene, deepest * np.geomspace(_SHALLOWEST, 1.0, _POINTS), wanted)
+    depth = sizes.pop("depth").to_numpy()
+    length, unit = unit_for(depth, "length")
+    with style():
+        drawn = axes(ax, height=3.2)
+        for name, size in sizes.items():
+            drawn.loglog(
+                depth / unit, 100.0 * np.abs(size.to_numpy()), label=_label(str(name), size.iloc[-1])
+            )
+        drawn.axhline(100.0 * wanted.rtol, color=GREY, ls=":", lw=1.0)
+        drawn.annotate(
+            f"rtol = {wanted.rtol:g}",
+            (0.01, 100.0 * wanted.rtol),
+            xycoords=("axes fraction", "data"),
+            va="bottom",
+            fontsize=7.0,
+        )
+        drawn.set_xlabel(f"depth since contact ({length})")
+        drawn.set_ylabel("change of the force (%)")
+        if len(sizes.columns):
+            drawn.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+    return drawn
+
+
+def _label(name: str, size: float) -> str:
+    return f"{name} ({100.0 * size:+.3g} %)"
+
+
+def _usual_depth(scene: Scene) -> float:
+    tip = scene.indenter
+    if isinstance(tip, FlatPunch):
+        return 0.1 * tip.radius
+    reach = min(scene.layer.thickness, 0.5 * tip.max_radius)
+    if not np.isfinite(reach):
+        reach = float(getattr(tip, "radius", 1e-6))
+    return float(tip.abel(np.array(reach)))

@@ -1,0 +1,151 @@
+"""The test drawn to scale: indenter, layer, substrate and contact at one depth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from underlay._arrays import FloatArray
+from underlay.mechanics.materials import Material, Rigid
+from underlay.report.plots.style import COLUMN, INK, LAYER, METAL, SUBSTRATE, axes, style
+from underlay.scene.scene import Scene
+from underlay.units import format_quantity, human_unit
+
+__all__ = ["scene"]
+
+# The picture is at least this many contact radii wide on either side, and a thickness deeper than so many
+# contact radii is cut off at the bottom, and said so.
+_WIDTH, _DEEPEST = 2.6, 5.0
+_POINTS = 400
+# A layer thinner than this share of the picture has no room for words.
+_THIN = 0.2
+
+
+def scene(test: Scene, *, depth: float, ax: Axes | None = None, **solver: Any) -> Axes:
+    """Draw a scene to scale.
+
+    Parameters
+    ----------
+    test : Scene
+        What to draw.
+    depth : float
+        Depth reading (m) at which it is drawn.
+    ax : matplotlib Axes, optional
+        Where to draw.
+    **solver
+        Which contact law gives the contact radius: accuracy, method, order, form; see `Scene.contact_law`.
+
+    Returns
+    -------
+    matplotlib Axes
+        Both axes in the same unit, the undeformed surface at height zero. The surface outside the contact is
+        sketched.
+    """
+    pressed = max(float(depth) - test.instrument.contact_depth, 0.0)
+    law = test.contact_law(pressed, **solver)
+    tip = float(test.instrument.tip_depth(law, np.array([float(depth)]))[0])
+    radius = float(law.contact_radius(np.array([max(tip, 0.0)]))[0])
+    size = radius or max(tip, 1e-3 * _length_of(test))
+    thick = test.layer.thickness
+    shown = min(thick, _DEEPEST * size)
+    half = max(_WIDTH * size, 0.9 * shown)
+    unit, factor = human_unit(max(half, shown), "length")
+    with style():
+        ax = axes(ax, width=COLUMN, height=2.6)
+        top = 0.55 * half
+        bottom = -shown - (0.35 * half if shown == thick else 0.0)
+        ax.set(xlim=(-half / factor, half / factor), ylim=(bottom / factor, top / factor))
+        ax.set_aspect("equal")
+        _draw_layer(ax, test, tip, radius, half, shown, factor)
+        if shown == thick:
+            ax.fill_between(
+                [-half / factor, half / factor], bottom / factor, -thick / factor, color=SUBSTRATE
+            )
+            ax.axhline(-thick / factor, color=INK, lw=0.9)
+        _draw_indenter(ax, test, tip, half, top, factor)
+        _write(ax, test, tip, radius, (half, shown, bottom, top), factor)
+        ax.set_xlabel(f"distance from the axis ({unit})")
+        ax.set_ylabel(f"height ({unit})")
+    return ax
+
+
+def _length_of(test: Scene) -> float:
+    finite = test.layer.thickness if np.isfinite(test.layer.thickness) else test.indenter.max_radius
+    return float(finite) if np.isfinite(finite) else 1e-3
+
+
+def _draw_layer(
+    ax: Axes, test: Scene, tip: float, radius: float, half: float, shown: float, factor: float
+) -> None:
+    r = np.linspace(0.0, half, _POINTS)
+    surface = np.zeros_like(r)
+    if radius > 0.0:
+        inside = r <= radius
+        surface[inside] = test.indenter.surface(r[inside]) - tip
+        edge = float(test.indenter.surface(np.array([radius]))[0]) - tip
+        # Outside the contact: the form of a flat punch on a half-space, from the edge of the contact on.
+        surface[~inside] = edge * (2.0 / np.pi) * np.arcsin(radius / r[~inside])
+    both, height = _mirrored(r, surface)
+    ax.fill_between(both / factor, -shown / factor, height / factor, color=LAYER, lw=0.0)
+    ax.plot(both / factor, height / factor, color=INK, lw=0.9)
+
+
+def _draw_indenter(ax: Axes, test: Scene, tip: float, half: float, top: float, factor: float) -> None:
+    reach = min(half, test.indenter.max_radius)
+    r = np.linspace(0.0, reach, _POINTS)
+    both, height = _mirrored(r, test.indenter.surface(r) - tip)
+    ax.fill_between(both / factor, height / factor, top / factor, where=height < top, color=METAL, lw=0.0)
+    inside = height < top
+    ax.plot(both[inside] / factor, height[inside] / factor, color=INK, lw=0.9)
+
+
+def _write(
+    ax: Axes,
+    test: Scene,
+    tip: float,
+    radius: float,
+    window: tuple[float, float, float, float],
+    factor: float,
+) -> None:
+    half, shown, bottom, top = window
+    left = -0.96 * half / factor
+    ax.text(0.0, 0.9 * top / factor, test.indenter.shape.replace("_", " "), ha="center", va="top")
+    layer = f"layer, {_material(test.layer.material)}"
+    thick = test.layer.thickness
+    if shown < thick:
+        below = f"goes on to {format_quantity(thick, 'length')}" if np.isfinite(thick) else "a half-space"
+        ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
+        ax.text(left, -0.94 * shown / factor, below, va="center", ha="left", style="italic")
+    else:
+        base = test.substrate
+        words = f"substrate, {'rigid' if isinstance(base, Rigid) or base is None else _material(base)}"
+        if shown < _THIN * (top - bottom):
+            # No room for words in a thin layer: they stand below it.
+            words = f"{layer}, {format_quantity(thick, 'length')} thick\n{words}"
+        else:
+            ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
+            _write_thickness(ax, thick, 0.86 * half, factor)
+        ax.text(left, 0.5 * (bottom - shown) / factor, words, va="center", ha="left")
+    if radius > 0.0:
+        edge = float(test.indenter.surface(np.array([radius]))[0]) - tip
+        ax.plot([-radius / factor, radius / factor], [edge / factor] * 2, "o", color=INK, ms=2.5)
+        ax.set_title(
+            f"depth {format_quantity(tip, 'length')}, contact radius {format_quantity(radius, 'length')}"
+        )
+
+
+def _write_thickness(ax: Axes, thick: float, x: float, factor: float) -> None:
+    arrow = {"arrowstyle": "<->", "color": INK, "lw": 0.8}
+    ax.annotate("", (x / factor, 0.0), (x / factor, -thick / factor), arrowprops=arrow)
+    words = format_quantity(thick, "length")
+    ax.text(0.965 * x / factor, -0.5 * thick / factor, words, ha="right", va="center")
+
+
+def _material(material: Material) -> str:
+    return f"E = {format_quantity(material.E, 'pressure')}, $\\nu$ = {material.nu:.3g}"
+
+
+def _mirrored(r: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return np.concatenate([-r[:0:-1], r]), np.concatenate([values[:0:-1], values])

@@ -1,0 +1,223 @@
+"""Results in sentences: what was found, how sure it is, and what the test does not tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from underlay.report.intervals import Estimate, estimates
+from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity, human_unit
+
+if TYPE_CHECKING:
+    from underlay.inference.fitting.fit_result import Fit
+    from underlay.inference.profiles import Profile
+    from underlay.inference.sampling.posterior import Posterior
+
+__all__ = [
+    "deepest_point",
+    "headline",
+    "label",
+    "posterior_summary",
+    "quantity_with_interval",
+    "start",
+    "strong_pairs",
+    "summary",
+]
+
+#: What the parameters are called in a sentence.
+_LABELS = {
+    "layer.E": "layer modulus",
+    "layer.E_axial": "axial modulus of the layer",
+    "layer.G_axial": "axial shear modulus of the layer",
+    "layer.nu": "Poisson's ratio of the layer",
+    "layer.thickness": "layer thickness",
+    "layer.reduced_modulus": "reduced modulus of the layer",
+    "layer.oedometric_modulus": "oedometric modulus of the layer",
+    "substrate.E": "substrate modulus",
+    "substrate.nu": "Poisson's ratio of the substrate",
+    "indenter.radius": "indenter radius",
+    "indenter.half_angle": "half-angle of the indenter",
+    "instrument.contact_depth": "contact point",
+    "instrument.baseline": "baseline",
+    "instrument.baseline_slope": "baseline slope",
+    "instrument.compliance": "instrument compliance",
+    "noise.force": "noise of the force",
+    "noise.relative": "relative noise",
+    "noise.correlation_time": "correlation time of the noise",
+    "noise.depth": "noise of the depth",
+    "stiffness": "contact stiffness at the deepest point",
+}
+#: Above this, two parameters are not known one by one, only together.
+STRONG = 0.9
+# A change of the force below this is not worth a sentence.
+_NOTICEABLE = 0.01
+
+
+def label(name: str) -> str:
+    """Return what a parameter is called in a sentence: ``"layer.E[1]"`` -> ``"layer modulus (curve 2)"``.
+
+    ``"layer.E.stderr"``, a column of a map, is the ``"standard error of the layer modulus"``.
+    """
+    if name.endswith(".stderr"):
+        return f"standard error of the {label(name.removesuffix('.stderr'))}"
+    path, _, number = name.partition("[")
+    words = _LABELS.get(path, path)
+    return f"{words} (curve {int(number.rstrip(']')) + 1})" if number else words
+
+
+def quantity_with_interval(value: float, low: float, high: float, kind: str) -> str:
+    """Return ``"0.42 MPa (0.40 to 0.44)"``; two digits of the interval's half-width are shown."""
+    unit, factor = human_unit(value, kind)
+    suffix = f" {unit}" if unit else ""
+    widths = [abs(end - value) / factor for end in (low, high) if math.isfinite(end)]
+    width = min((w for w in widths if w > 0.0), default=0.0)
+    decimals = min(12, max(0, 1 - math.floor(math.log10(width)))) if width > 0.0 else 4
+    middle = f"{value / factor:.{decimals}f}{suffix}"
+    if math.isfinite(low) and math.isfinite(high):
+        return f"{middle} ({low / factor:.{decimals}f} to {high / factor:.{decimals}f})"
+    if math.isfinite(low):
+        return f"{middle} (at least {low / factor:.{decimals}f})"
+    if math.isfinite(high):
+        return f"{middle} (at most {high / factor:.{decimals}f})"
+    return middle
+
+
+def headline(result: Fit) -> str:
+    """Return the result in one sentence per parameter of the sample.
+
+    Examples
+    --------
+    ``"Layer modulus 0.42 MPa (0.40 to 0.44, 95 %). Layer thickness is not fixed by this test."``
+    """
+    return " ".join(_sentence(entry) for entry in estimates(result) if _is_of_the_sample(entry.name))
+
+
+def summary(result: Fit, profiles: Mapping[str, Profile] | None = None) -> str:
+    """Return the result as Markdown: the numbers, what holds them together, the substrate, the reservations.
+
+    Intervals are those of `profiles`, by name of the parameter, where there are some.
+    """
+    found = [entry for entry in estimates(result, profiles) if _is_of_the_sample(entry.name)]
+    lines = [f"**{_sentence(entry)}**" for entry in found]
+    paragraphs = [" ".join(lines)]
+    paragraphs += [
+        f"{start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): "
+        f"if one is wrong, so is the other."
+        for first, second, value in strong_pairs(result)
+        if _is_of_the_sample(first) and _is_of_the_sample(second)
+    ]
+    paragraphs += [
+        text
+        for text in (_substrate_sentence(result), _narrowness_sentence(result), _reservation_sentence(result))
+        if text
+    ]
+    return "\n\n".join(paragraphs)
+
+
+def posterior_summary(posterior: Posterior) -> str:
+    """Return a posterior as Markdown: medians, 95 % intervals, and what the data did not inform."""
+    table = posterior.summary()
+    parts = []
+    for name, row in table.iterrows():
+        text = quantity_with_interval(
+            row["median"], row["hdi95_low"], row["hdi95_high"], kind_of(str(name).partition("[")[0])
+        )
+        sentence = f"{start(label(str(name)))} {_with_level(text)}."
+        if row["informed"] == "not informed by these data":
+            sentence = (
+                f"{start(label(str(name)))} is not informed by these data: {_with_level(text)} is what was "
+                "known before."
+            )
+        if _is_of_the_sample(str(name)):
+            parts.append(f"**{sentence}**")
+    d = posterior.diagnostics
+    state = "The sampling converged" if posterior.converged else "**The sampling did not converge**"
+    reason = d.reason.removeprefix("converged: ").rstrip(".")
+    return "\n\n".join([" ".join(parts), f"{state}: {reason}."])
+
+
+def deepest_point(result: Fit, curve: int = 0) -> float:
+    """Return how deep the tip went since contact (m); zero where it never touched."""
+    scene, depth = result.scenes[curve], result.curves[curve].depth
+    return max(float(depth.max()) - scene.instrument.contact_depth, 0.0)
+
+
+def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
+    """Pairs of parameters whose correlation is above 0.9 in size, strongest first."""
+    frame = result.correlations
+    matrix, names = frame.to_numpy(), [str(name) for name in frame.columns]
+    pairs = [
+        (names[j], names[i], float(matrix[i, j]))
+        for i in range(len(names))
+        for j in range(i)
+        if abs(matrix[i, j]) > STRONG
+    ]
+    return sorted(pairs, key=lambda pair: -abs(pair[2]))
+
+
+def _is_of_the_sample(name: str) -> bool:
+    return not name.startswith(("instrument.", "noise."))
+
+
+def start(text: str) -> str:
+    """Return `text` as it begins a sentence."""
+    return text[:1].upper() + text[1:]
+
+
+def _with_level(text: str) -> str:
+    return f"{text[:-1]}, 95 %)" if text.endswith(")") else text
+
+
+def _sentence(entry: Estimate) -> str:
+    if entry.not_fixed:
+        return f"{start(label(entry.name))} is not fixed by this test ({entry.not_fixed})."
+    kind, words = kind_of(entry.path), start(label(entry.name))
+    if math.isinf(entry.high):
+        return f"{words} is at least {format_quantity(entry.low, kind)} (95 %); the data set no upper end."
+    if math.isinf(entry.low):
+        return f"{words} is at most {format_quantity(entry.high, kind)} (95 %); the data set no lower end."
+    return f"{words} {_with_level(quantity_with_interval(entry.value, entry.low, entry.high, kind))}."
+
+
+def _substrate_sentence(result: Fit) -> str:
+    """How much the substrate does at the deepest point of the first curve."""
+    scene = result.scene
+    if scene.substrate is None:
+        return "The sample is taken as a half-space: no substrate was declared."
+    deepest = deepest_point(result)
+    if not deepest > 0.0:
+        return ""
+    law = scene.contact_law(deepest, **result.solver)
+    bare = scene.contact_law(deepest, method="halfspace")
+    ratio = float(law.force(np.array([deepest]))[0] / bare.force(np.array([deepest]))[0])
+    if abs(ratio - 1.0) < _NOTICEABLE:
+        return "The substrate changes the force at the deepest point by less than 1 %."
+    wrong = "large" if ratio > 1.0 else "small"
+    contact = float(law.contact_radius(np.array([deepest]))[0])
+    which = " of the first curve" if len(result.curves) > 1 else ""
+    return (
+        f"At the deepest point{which} ({format_quantity(deepest, 'length')} into the sample, contact radius "
+        f"{contact / scene.layer.thickness:.2f} of the thickness) the force is {ratio:.3g} times that on a "
+        f"half-space of the same modulus: a half-space formula would make the modulus too {wrong}."
+    )
+
+
+def _narrowness_sentence(result: Fit) -> str:
+    worst = max((d.too_narrow_by for d in result.diagnostics if d.correlated), default=0.0)
+    if not worst:
+        return ""
+    return (
+        f"**The intervals above are too narrow, by a factor of about {worst:.1f}**: the residuals hang "
+        "together, so the points tell less than their number."
+    )
+
+
+def _reservation_sentence(result: Fit) -> str:
+    count = len(result.warnings)
+    if not count:
+        return ""
+    return f"There {'is one reservation' if count == 1 else f'are {count} reservations'}, listed below."

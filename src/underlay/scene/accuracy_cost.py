@@ -1,0 +1,275 @@
+"""What accuracy costs: one scene under every method, its error against its time.
+
+The error is the largest relative difference from the exact contact problem solved to 1e-12, over the depths
+of the curve. Times are processor times in this process, "cold" from the materials to the forces and "held"
+from a law that is there already; ratios are to the explicit fourth-order formula (5.9) in plain numpy on the
+same depths, timed in turns with everything else. Of many rounds the shortest counts.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay.errors import InputError, RangeError, UnderlayWarning
+from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.asymptotic import blunt
+from underlay.mechanics.automatic import has_layer_effect
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.exact.law import ExactLaw
+from underlay.mechanics.indenters import PowerLawShape, abel_factor
+from underlay.mechanics.kernel import SubstrateKernel
+from underlay.mechanics.published import published_names
+
+if TYPE_CHECKING:
+    from underlay.scene.scene import Scene
+
+__all__ = ["accuracy_cost", "explicit_formula"]
+
+_REFERENCE = Accuracy(1e-12)
+_EXACT_RTOLS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
+_AUTO_RTOLS = (1e-2, 1e-4, 1e-6)
+_ROUNDS = 15
+_POINTS = 1000
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """One way to compute the curve: what it is called, and the keywords of `Scene.contact_law`."""
+
+    method: str
+    form: str = ""
+    order: int | None = None
+    rtol: float | None = None
+
+    @property
+    def keywords(self) -> dict[str, object]:
+        keywords: dict[str, object] = {"method": self.method}
+        if self.order is not None:
+            keywords |= {"order": self.order, "form": self.form or "auto"}
+        if self.rtol is not None:
+            keywords["accuracy"] = Accuracy(self.rtol)
+        return keywords
+
+
+@dataclass
+class _Trial:
+    """A candidate at work: its law, or why there is none, and its times."""
+
+    candidate: _Candidate
+    law: ContactLaw | None = None
+    note: str = ""
+    cold: float = np.inf
+    held: float = np.inf
+
+
+def accuracy_cost(scene: Scene, depth: ArrayLike, *, rounds: int = _ROUNDS) -> pd.DataFrame:
+    """Compute one curve by every method and say how far off each is and how long it takes.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test; only its contact counts, not its instrument.
+    depth : float or array_like, shape (n,)
+        Depths (m) since contact, positive; a single number stands for 1000 depths up to it.
+    rounds : int, default 15
+        How often each is timed; the shortest is reported.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per method, sorted by error: ``method``, ``form``, ``order``, ``rtol`` (asked), ``nodes`` (of
+        the exact law), ``error``, ``error_radius``, ``error_stiffness`` (largest relative error of force,
+        contact radius and stiffness; NaN where the method has no answer), ``error_estimate`` (the law's own),
+        ``cold_seconds``, ``held_seconds``, ``cold_ratio``, ``held_ratio`` (to the explicit formula),
+        ``pareto`` (no other method is both closer and faster from cold), ``pareto_held``, ``note``.
+        ``.attrs`` holds ``unit_seconds``, ``points`` and ``a_over_h``.
+
+    Raises
+    ------
+    InputError
+        If the scene has no layer effect, or a depth is not positive.
+    RangeError
+        If the exact law cannot reach the deepest point.
+    """
+    depths = _depths(depth)
+    if not has_layer_effect(scene.layer, scene.substrate):
+        raise InputError("this scene is a half-space: every method is the same formula and costs the same")
+    deepest = float(depths.max())
+    reference = scene.contact_law(deepest, method="exact", accuracy=_REFERENCE)
+    trials = [_Trial(candidate) for candidate in _candidates()]
+    for trial in trials:
+        _build(trial, scene, deepest)
+    # A correction that is for another tip or base says nothing about this scene.
+    trials = [trial for trial in trials if trial.law is not None or trial.note]
+    formula = explicit_formula(scene)
+    unit = _time_in_turns(trials, scene, depths, formula, rounds)
+    table = pd.DataFrame([_row(trial, reference, depths, unit) for trial in trials])
+    table["pareto"] = _pareto(table["error"], table["cold_ratio"])
+    table["pareto_held"] = _pareto(table["error"], table["held_ratio"])
+    table = table.sort_values("error", ignore_index=True)
+    table.attrs |= {
+        "unit_seconds": unit,
+        "points": depths.size,
+        "a_over_h": float(reference.contact_radius(deepest)) / scene.layer.thickness,
+    }
+    return table
+
+
+def explicit_formula(scene: Scene) -> Callable[[FloatArray], FloatArray]:
+    """Return the explicit formula (5.9) in plain numpy, as it is printed: the unit of time.
+
+    A shape that is no power law takes the formula of a paraboloid one thickness in radius: the same work.
+    """
+    tip = scene.indenter
+    exponent, coefficient = (
+        (tip.exponent, tip.coefficient)
+        if isinstance(tip, PowerLawShape)
+        else (2.0, 0.5 / scene.layer.thickness)
+    )
+    a_0, a_1 = (
+        SubstrateKernel(scene.layer.material, scene.substrate).coefficients(2)
+        if scene.substrate is not None
+        else (0.0, 0.0)
+    )
+    c_1, c_2, c_3, c_4 = (float(c) for c in blunt.force_coefficients(exponent, float(a_0), float(a_1)))
+    scale = float(
+        scene.layer.material.theta * coefficient ** (-1.0 / exponent) * blunt.force_factor(exponent)
+    )
+    abel, thickness = coefficient * float(abel_factor(exponent)), scene.layer.thickness
+
+    def force(depth: FloatArray) -> FloatArray:
+        varpi = (depth / abel) ** (1.0 / exponent) / thickness
+        factor = 1.0 + c_1 * varpi + c_2 * varpi**2 + c_3 * varpi**3 + c_4 * varpi**4
+        return np.asarray(scale * depth ** (1.0 + 1.0 / exponent) * factor)
+
+    return force
+
+
+def _depths(depth: ArrayLike) -> FloatArray:
+    given = as_finite(depth, "depth")
+    if not (given > 0.0).all():
+        raise InputError(f"accuracy_cost needs positive depths since contact; got {given.min():.6g} m")
+    return np.linspace(0.0, float(given), _POINTS + 1)[1:] if given.ndim == 0 else given.ravel()
+
+
+def _candidates() -> list[_Candidate]:
+    return [
+        _Candidate("halfspace"),
+        *(
+            _Candidate("asymptotic", form, order)
+            for form in ("explicit", "parametric", "compliance")
+            for order in (1, 2, 3, 4)
+        ),
+        *(_Candidate("exact", rtol=rtol) for rtol in _EXACT_RTOLS),
+        *(_Candidate("auto", rtol=rtol) for rtol in _AUTO_RTOLS),
+        *(_Candidate(name) for name in published_names()),
+    ]
+
+
+def _build(trial: _Trial, scene: Scene, deepest: float) -> None:
+    """Build the law of a trial, or note why it has none; neither where it is not for this tip and base."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UnderlayWarning)
+        try:
+            trial.law = _law(trial.candidate, scene, deepest)
+        except RangeError as error:
+            trial.note = str(error)
+        except InputError:
+            return
+    trial.note = trial.note or "; ".join(str(entry.message) for entry in caught)
+
+
+def _law(candidate: _Candidate, scene: Scene, deepest: float) -> ContactLaw:
+    return scene.contact_law(deepest, **candidate.keywords)  # type: ignore[arg-type]  # built by `keywords`
+
+
+def _time_in_turns(
+    trials: list[_Trial],
+    scene: Scene,
+    depths: FloatArray,
+    formula: Callable[[FloatArray], FloatArray],
+    rounds: int,
+) -> float:
+    """Fill the shortest times (s) of the trials; returns that of the formula."""
+    deepest = float(depths.max())
+    unit = np.inf
+    with warnings.catch_warnings():
+        # They were gathered when the laws were built.
+        warnings.simplefilter("ignore", UnderlayWarning)
+        for _ in range(rounds):
+            unit = min(unit, _seconds(lambda: formula(depths)))
+            for trial in trials:
+                if (law := trial.law) is not None:
+                    trial.cold = min(trial.cold, _seconds(_cold(trial.candidate, scene, deepest, depths)))
+                    trial.held = min(trial.held, _seconds(partial(law.force, depths)))
+    return unit
+
+
+def _cold(
+    candidate: _Candidate, scene: Scene, deepest: float, depths: FloatArray
+) -> Callable[[], FloatArray]:
+    return lambda: _law(candidate, scene, deepest).force(depths)
+
+
+def _seconds(call: Callable[[], object]) -> float:
+    start = time.process_time()
+    call()
+    return time.process_time() - start
+
+
+def _row(trial: _Trial, reference: ContactLaw, depths: FloatArray, unit: float) -> dict[str, object]:
+    candidate, law = trial.candidate, trial.law
+    cold, held = (np.nan, np.nan) if law is None else (trial.cold, trial.held)
+    return {
+        "method": candidate.method,
+        "form": candidate.form,
+        "order": candidate.order,
+        "rtol": candidate.rtol,
+        "nodes": law.resolution.radial if isinstance(law, ExactLaw) and law.resolution is not None else None,
+        "error": _error(law, reference, depths, ContactLaw.force),
+        "error_radius": _error(law, reference, depths, ContactLaw.contact_radius),
+        "error_stiffness": _error(law, reference, depths, ContactLaw.stiffness),
+        "error_estimate": np.nan if law is None else law.error_estimate,
+        "cold_seconds": cold,
+        "held_seconds": held,
+        "cold_ratio": cold / unit,
+        "held_ratio": held / unit,
+        "note": trial.note or (law.reason if law is not None else ""),
+    }
+
+
+def _error(
+    law: ContactLaw | None,
+    reference: ContactLaw,
+    depths: FloatArray,
+    quantity: Callable[[ContactLaw, FloatArray], FloatArray],
+) -> float:
+    """Largest relative error over the depths; NaN where the law has no answer."""
+    if law is None:
+        return np.nan
+    try:
+        found = quantity(law, depths)
+    except RangeError:
+        return np.nan
+    return float(np.abs(found / quantity(reference, depths) - 1.0).max())
+
+
+def _pareto(error: pd.Series[float], cost: pd.Series[float]) -> pd.Series[bool]:
+    """Whether no other row is both closer and faster."""
+    best = np.inf
+    front = pd.Series(data=False, index=error.index)
+    known = error.notna()
+    for index in cost[known].sort_values().index:
+        if error[index] < best:
+            best = error[index]
+            front[index] = True
+    return front

@@ -1,0 +1,19 @@
+"""What is made once for all tests because it takes seconds: the pages of a fit and of a posterior."""
+
+import pytest
+
+import underlay as ul
+from support.reports import SAMPLES, small_posterior
+
+
+@pytest.fixture(scope="session")
+def report_pages(tmp_path_factory):
+    """``{"fit": (fit, page), "posterior": (posterior, page)}``, the pages written."""
+    folder = tmp_path_factory.mktemp("pages")
+    problem = ul.load_problem(SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml")
+    fit = ul.fit(problem)
+    sampled, posterior = small_posterior()
+    return {
+        "fit": (fit, ul.report(fit, folder / "fit.html")),
+        "posterior": (posterior, ul.report(posterior, folder / "posterior.html", problem=sampled)),
+    }

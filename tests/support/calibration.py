@@ -1,0 +1,132 @@
+"""Simulation-based calibration: do posteriors of simulated data hold the truth as often as they say?
+
+Talts, Betancourt, Simpson, Vehtari and Gelman (2018), arXiv:1804.06788. Parameters are drawn from the prior,
+a curve is made from them, and its posterior is sampled; the rank of each true value among independent draws
+of its posterior is then uniform, whatever the data, if generator, likelihood and sampler belong together.
+"""
+
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from underlay.data.noise import Noise
+from underlay.data.synthetic import synthesize
+from underlay.errors import UnderlayWarning
+from underlay.inference.priors import LogNormal, Normal
+from underlay.inference.problem import Problem
+from underlay.inference.sampling.run import sample
+from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.indenters import Paraboloid
+from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.scene.scene import Scene
+
+#: Draws a true value is ranked among: ranks are 0 .. DRAWS, in BINS bins of equal width.
+DRAWS = 99
+BINS = 20
+ACCURACY = Accuracy(1e-4)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One scene of the study: what is free, with its prior, and what disturbs the force."""
+
+    title: str
+    scene: Scene
+    depth: np.ndarray
+    free: dict
+    noise: Noise
+    sampling_rate: float = 100.0
+
+    def problem(self, curve, noise=None):
+        return Problem(self.scene, curve, self.free, noise or self.noise, accuracy=ACCURACY)
+
+    def draw(self, rng):
+        """A curve made with numbers from the prior."""
+        truth = {path: float(prior.sample(rng, 1)[0]) for path, prior in self.free.items()}
+        numbers = {path: value for path, value in truth.items() if not path.startswith("noise.")}
+        noise = replace(
+            self.noise,
+            **{path.partition(".")[2]: value for path, value in truth.items() if path.startswith("noise.")},
+        )
+        scene = self.scene.with_values(numbers)
+        return synthesize(scene, self.depth, noise, rng, sampling_rate=self.sampling_rate, accuracy=ACCURACY)
+
+
+def cases():
+    """The scenes of the study by name."""
+    depth = np.linspace(-5e-6, 1e-4, 50)
+    tip = Paraboloid(1e-3)
+    contact = {"instrument.contact_depth": Normal(0.0, 1e-6)}
+    soft, layer = Isotropic(1e5, 0.45), Layer(Isotropic(1e6, 0.45), 5e-4)
+    return {
+        "half-space": Case(
+            "gel without an end",
+            Scene(tip, Layer(soft)),
+            depth,
+            {"layer.E": LogNormal(1e5, 0.5), **contact, "noise.force": LogNormal(5e-5, 0.3)},
+            Noise(),
+        ),
+        "rigid base": Case(
+            "cartilage on bone",
+            Scene(tip, layer, RIGID),
+            depth,
+            {"layer.E": LogNormal(1e6, 0.5), "layer.thickness": LogNormal(5e-4, 0.3), **contact},
+            Noise(force=2e-3, relative=0.01),
+        ),
+        "elastic base": Case(
+            "layer on a softer or stiffer base, its thickness measured by a needle",
+            Scene(tip, layer, Isotropic(3e6, 0.45)),
+            depth,
+            {
+                "layer.E": LogNormal(1e6, 0.5),
+                "layer.thickness": Normal(5e-4, 2.5e-5),
+                "substrate.E": LogNormal(3e6, 0.8),
+                **contact,
+            },
+            Noise(force=2e-3),
+        ),
+        "correlated": Case(
+            "cartilage on bone, correlated noise of unknown size, an uncertain tip",
+            Scene(tip, layer, RIGID),
+            depth,
+            {
+                "layer.E": LogNormal(1e6, 0.5),
+                "layer.thickness": Normal(5e-4, 2.5e-5),
+                "indenter.radius": Normal(1e-3, 2e-5),
+                "noise.force": LogNormal(2e-3, 0.3),
+                "noise.correlation_time": LogNormal(0.03, 0.4),
+            },
+            Noise(correlation_time=0.03),
+        ),
+    }
+
+
+def replica(case, seed, *, walkers=32, max_steps=2000, understated=1.0):
+    """Rank of each true value, and whether its 90 % interval holds it, for one simulated curve.
+
+    `understated` divides the noise the likelihood believes in: the control that must fail.
+    """
+    rng = np.random.default_rng(seed)
+    curve = case.draw(rng)
+    noise = case.noise if understated == 1.0 else replace(case.noise, force=case.noise.force / understated)
+    with warnings.catch_warnings():
+        # A chain that did not meet the stop rule is counted, not hidden.
+        warnings.simplefilter("ignore", UnderlayWarning)
+        posterior = sample(case.problem(curve, noise), walkers=walkers, max_steps=max_steps, rng=rng)
+    rows = {}
+    for name in posterior.names:
+        draws = posterior.of(name).ravel()
+        few = rng.choice(draws, size=DRAWS, replace=False)
+        low, high = np.quantile(draws, [0.05, 0.95])
+        truth = curve.truth[name]
+        rows[name] = {"rank": int((few < truth).sum()), "inside90": bool(low <= truth <= high)}
+    return rows, posterior.diagnostics
+
+
+def uniformity(ranks):
+    """Chi-squared statistic and p-value of ranks 0 .. DRAWS against a uniform distribution in BINS bins."""
+    counts, _ = np.histogram(ranks, bins=np.linspace(-0.5, DRAWS + 0.5, BINS + 1))
+    result = stats.chisquare(counts)
+    return float(result.statistic), float(result.pvalue)

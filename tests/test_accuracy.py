@@ -1,0 +1,300 @@
+"""`Accuracy` keeps its promise with method="auto", says how far it may be off, and decides cheaply.
+
+The reference is the exact law at 1e-11, itself held to independent solutions in test_exact.py.
+"""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from support.call_counter import count_calls
+from underlay.errors import InputError, RangeError
+from underlay.mechanics import automatic, kernel
+from underlay.mechanics.accuracy import Accuracy, contact_law
+from underlay.mechanics.asymptotic import law as asymptotic
+from underlay.mechanics.asymptotic.series_error import EXTENDED, relation, series_error
+from underlay.mechanics.automatic import compliance_contrast
+from underlay.mechanics.exact.law import exact_law
+from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
+from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.profile import Profile
+
+RTOLS = (1e-2, 1e-3, 1e-4, 1e-6)
+#: Relative error of the reference.
+REFERENCE = 1e-11
+VARPI = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 8.0)
+#: Depths asked of every law, as fractions of the deepest.
+FRACTIONS = np.array([1e-3, 0.1, 0.5, 1.0])
+
+ZINC = TransverselyIsotropic.from_stiffness(A11=161e9, A12=34.2e9, A13=50.1e9, A33=61.0e9, A44=38.3e9)
+SOFT_AXIS = TransverselyIsotropic(E=5.8e6, E_axial=0.46e6, nu=0.3, nu_axial=0.02, G_axial=0.37e6)
+STIFF_AXIS = TransverselyIsotropic(E=1e6, E_axial=20e6, nu=0.3, nu_axial=0.25, G_axial=0.5e6)
+
+PAIRS = {
+    **{f"rigid, nu = {nu}": (Isotropic(1.0, nu), RIGID) for nu in (0.1, 0.3, 0.4, 0.45, 0.5)},
+    **{
+        f"E2/E1 = {ratio:g}, nu = {nu1} on {nu2}": (Isotropic(1.0, nu1), Isotropic(ratio, nu2))
+        for ratio, nu1, nu2 in (
+            (1e-3, 0.5, 0.3),
+            (1e-2, 0.3, 0.3),
+            (0.1, 0.5, 0.5),
+            (0.5, 0.3, 0.4),
+            (0.9, 0.45, 0.45),
+            (0.999, 0.4, 0.4),
+            (1.0, 0.5, 0.2),
+            (1.0, 0.1, 0.45),
+            (1.1, 0.3, 0.3),
+            (2.0, 0.5, 0.5),
+            (10.0, 0.3, 0.2),
+            (1e3, 0.5, 0.3),
+        )
+    },
+    "zinc on rigid": (ZINC, RIGID),
+    "zinc on steel": (ZINC, Isotropic(210e9, 0.3)),
+    "soft axis on stiff axis": (SOFT_AXIS, STIFF_AXIS),
+    "stiff axis on soft axis": (STIFF_AXIS, SOFT_AXIS),
+}
+
+SHAPES = {
+    "flat": FlatPunch,
+    "cone": lambda _: Cone(1.2),
+    "lambda 1.5": lambda _: PowerLaw(1.5, 0.7),
+    "paraboloid": lambda _: Paraboloid(2.0),
+    "lambda 4": lambda _: PowerLaw(4.0, 0.3),
+    "sphere, a = R/2": lambda radius: Sphere(2.0 * radius),
+    "sphere, a = R/5": lambda radius: Sphere(5.0 * radius),
+}
+
+
+def deepest(indenter, varpi):
+    """Depth (m) at which the half-space radius is `varpi` on a layer 1 m thick; 1 m for a flat punch."""
+    return 1.0 if isinstance(indenter, FlatPunch) else float(indenter.abel(np.array(varpi)))
+
+
+def answers(law, depth):
+    return np.array([law.force(depth), law.contact_radius(depth), law.stiffness(depth)])
+
+
+#: Every pair with two shapes and every shape with four pairs: each effect of either is met, in a few seconds.
+CASES = [
+    (pair, shape)
+    for pair, shape in itertools.product(PAIRS, SHAPES)
+    if shape in ("paraboloid", "flat")
+    or pair
+    in ("rigid, nu = 0.5", "E2/E1 = 0.001, nu = 0.5 on 0.3", "E2/E1 = 10, nu = 0.3 on 0.2", "zinc on steel")
+]
+
+
+@pytest.mark.parametrize(("pair", "shape"), CASES)
+def test_auto_keeps_its_promise_and_its_estimate_is_honest(pair, shape):
+    material, substrate = PAIRS[pair]
+    layer = Layer(material, 1.0)
+    broken, dishonest = [], []
+    for varpi in VARPI:
+        indenter = SHAPES[shape](varpi)
+        deep = deepest(indenter, varpi)
+        depth = deep * FRACTIONS
+        reference = answers(exact_law(indenter, layer, substrate, max_depth=deep, rtol=REFERENCE), depth)
+        for rtol in RTOLS:
+            law = contact_law(indenter, layer, substrate, max_depth=deep, accuracy=Accuracy(rtol))
+            error = float(np.abs(answers(law, depth) / reference - 1.0).max())
+            case = f"a/h {varpi:g}, rtol {rtol:g}: error {error:.2e}, {law.error_estimate:.2e}, {law.reason}"
+            if error > rtol:
+                broken.append(case)
+            if law.error_estimate < error / 3.0 - REFERENCE:
+                dishonest.append(case)
+    assert not broken, "\n".join(broken)
+    assert not dishonest, "\n".join(dishonest)
+
+
+def test_auto_keeps_its_promise_where_it_leaves_the_exact_law_out_of_it():
+    # Random pairs, exponents and depths; the cases that go to the exact law are tested with it.
+    rng = np.random.default_rng(3)
+    tried = 0
+    while tried < 150:
+        nu1, nu2 = rng.uniform(0.0, 0.5, 2)
+        substrate = RIGID if rng.random() < 0.2 else Isotropic(10.0 ** rng.uniform(-3, 3), nu2)
+        layer = Layer(Isotropic(1.0, nu1), 1.0)
+        indenter = PowerLaw(rng.uniform(1.0, 6.0), 1.0)
+        rtol = 10.0 ** rng.uniform(-6, -1.5)
+        deep = deepest(indenter, 10.0 ** rng.uniform(-3, 0))
+        law = contact_law(indenter, layer, substrate, max_depth=deep, accuracy=Accuracy(rtol))
+        if law.method == "exact":
+            continue
+        tried += 1
+        depth = deep * FRACTIONS
+        reference = answers(exact_law(indenter, layer, substrate, max_depth=deep, rtol=REFERENCE), depth)
+        error = float(np.abs(answers(law, depth) / reference - 1.0).max())
+        assert error <= rtol, (indenter, layer, substrate, law.reason)
+        assert law.error_estimate >= error / 3.0 - REFERENCE, (indenter, layer, substrate, law.reason)
+        # Not so careful that it would be useless: within a factor of 30 wherever there is an error to see.
+        assert law.error_estimate <= 30.0 * error + 1e-10, (indenter, layer, substrate, law.reason)
+
+
+def test_auto_serves_a_measured_tip():
+    r = np.linspace(0.0, 2.0, 81)
+    blunted_cone = Profile(r, np.sqrt(r**2 + 0.3**2) - 0.3)
+    layer = Layer(Isotropic(1.0, 0.45), 1.0)
+    deep = float(blunted_cone.abel(np.array(1e-5)))
+    law = contact_law(blunted_cone, layer, RIGID, max_depth=deep, accuracy=Accuracy(1e-4))
+    assert law.method == "halfspace"
+    # The largest effect is that on the stiffness, b varpi (lambda+2)/(lambda+1), 1 <= lambda <= 2.
+    b = 2.0 / np.pi * asymptotic.kernel_moments(layer, RIGID)[0]
+    assert 4.0 / 3.0 * b * 1e-5 <= law.error_estimate <= 1.01 * 3.0 / 2.0 * b * 1e-5
+
+
+# --- which law, and why ------------------------------------------------------------------------------------
+
+GEL = Layer(Isotropic(1e4, 0.5), 1e-3)
+BALL = Paraboloid(1e-3)
+
+
+@pytest.mark.parametrize(
+    ("layer", "substrate", "depth", "method", "words"),
+    [
+        (Layer(GEL.material), None, 1e-4, "halfspace", "no layer effect"),
+        (Layer(GEL.material), RIGID, 1e-4, "halfspace", "no layer effect"),
+        (GEL, Isotropic(1e4, 0.5), 1e-4, "halfspace", "no layer effect"),
+        (GEL, Isotropic(1e4 * (1.0 + 1e-7), 0.5), 1e-4, "halfspace", "differ by 1e-07 in compliance"),
+        (GEL, RIGID, 1e-16, "halfspace", "a/h = 3.2e-07: the layer changes the contact by at most 5e-07"),
+        (GEL, RIGID, 2e-6, "asymptotic", "a/h = 0.045, fourth order, estimated error 2e-07"),
+        (GEL, Isotropic(5e3, 0.5), 2e-6, "asymptotic", "a/h = 0.045, fourth order"),
+        # On a base this soft the explicit series has ended; what has not costs more than the exact law.
+        (GEL, Isotropic(1e2, 0.5), 2e-6, "exact", "exact contact problem"),
+        (GEL, RIGID, 1e-4, "exact", "exact contact problem"),
+        (GEL, RIGID, 1e-2, "exact", "exact contact problem"),
+        (GEL, RIGID, 0.0, "halfspace", "no contact"),
+        (GEL, RIGID, -1e-3, "halfspace", "no contact"),
+    ],
+)
+def test_auto_takes_the_cheapest_law_and_says_why(layer, substrate, depth, method, words):
+    law = contact_law(BALL, layer, substrate, max_depth=depth)
+    assert law.method == method
+    assert words in law.reason
+
+
+def test_a_looser_tolerance_reaches_deeper_before_the_exact_law_is_needed():
+    def last_depth(rtol):
+        depths = np.geomspace(1e-9, 1e-3, 200)
+        cheap = [
+            contact_law(BALL, GEL, RIGID, max_depth=d, accuracy=Accuracy(rtol)).method != "exact"
+            for d in depths
+        ]
+        assert cheap == sorted(cheap, reverse=True)
+        return depths[sum(cheap) - 1]
+
+    reached = np.array([last_depth(rtol) for rtol in (1e-6, 1e-4, 1e-2)])
+    # The first term left out is of order (a/h)^5, and a^2 = R depth: 100 times the error, 10^(4/5) the depth.
+    assert reached[1:] / reached[:-1] == pytest.approx(10.0**0.8, rel=0.25)
+
+
+def test_a_law_chosen_for_a_depth_ends_there_and_says_so():
+    for depth in (1e-16, 2e-6):
+        law = contact_law(BALL, GEL, RIGID, max_depth=depth)
+        assert law.method != "exact"
+        assert law.max_depth == depth
+        assert law.force(0.0) == 0.0
+        with pytest.raises(RangeError, match="build it with a larger max_depth"):
+            law.force(1.01 * depth)
+
+
+def test_no_layer_effect_computes_no_kernel(monkeypatch):
+    kernels = count_calls(monkeypatch, kernel, "_interface")
+    for layer, substrate in (
+        (Layer(GEL.material), None),
+        (Layer(GEL.material), RIGID),
+        (GEL, GEL.material),
+        (GEL, Isotropic(1e4 * (1.0 + 1e-8), 0.5)),
+    ):
+        contact_law(BALL, layer, substrate, max_depth=1e-4).force(1e-4)
+    assert kernels.calls == 0
+    contact_law(BALL, GEL, RIGID, max_depth=2e-6)
+    assert kernels.calls == 1
+
+
+def test_where_no_series_can_help_none_is_tried(monkeypatch):
+    moments = count_calls(monkeypatch, automatic, "kernel_moments")
+    for depth in (1e-4, 1e-3, 5e-3):
+        assert contact_law(BALL, GEL, RIGID, max_depth=depth).method == "exact"
+    assert moments.calls == 0
+
+
+def test_a_shape_that_ends_too_early_is_refused_as_by_the_exact_law():
+    with pytest.raises(RangeError, match="end of the indenter's shape"):
+        contact_law(Sphere(1e-4), GEL, RIGID, max_depth=1e-3)
+
+
+# --- what the decision rests on ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("form", "order"), [("explicit", 5), ("compliance", 5), (EXTENDED, 6)])
+@pytest.mark.parametrize("exponent", [1.0, 2.0, 4.0])
+def test_each_relation_converges_at_its_order(form, order, exponent):
+    # Errors of force, radius and stiffness fall as eps^order or faster: so the added terms are right.
+    layer, indenter = Layer(Isotropic(1.0, 0.4), 1.0), PowerLaw(exponent, 1.0)
+    substrate = Isotropic(3.0, 0.3)
+    moments = asymptotic.kernel_moments(layer, substrate)
+    law = exact_law(indenter, layer, substrate, max_depth=deepest(indenter, 0.15), rtol=1e-12)
+    halfspace = automatic.halfspace_law(indenter, Layer(layer.material))
+    varpi = np.array([0.05, 0.1])
+    depth = indenter.abel(varpi)
+    truth = answers(law, depth) / answers(halfspace, depth)
+    found = np.array([relation(exponent, form, moments, float(v)) for v in varpi]).T
+    small, large = np.abs(found / truth - 1.0).max(axis=0)
+    assert np.log2(large / small) > order - 0.3
+
+
+def test_the_flat_punch_is_the_limit_of_a_large_exponent():
+    moments = asymptotic.kernel_moments(Layer(Isotropic(1.0, 0.4), 1.0), RIGID)
+    for form in ("explicit", "compliance", "parametric", EXTENDED):
+        punch = relation(np.inf, form, moments, 0.1)
+        blunt = relation(1e5, form, moments, 0.1)
+        assert blunt == pytest.approx(punch, rel=1e-4)
+
+
+def test_an_expansion_that_has_ended_is_infinitely_wrong():
+    moments = asymptotic.kernel_moments(Layer(Isotropic(1.0, 0.5), 1.0), RIGID)
+    assert series_error("compliance", (2.0,), moments, 5.0) == np.inf
+
+
+@pytest.mark.parametrize("varpi", [0.1, 1.0, 5.0])
+def test_the_contrast_bounds_the_layer_effect(varpi):
+    # Force: a theorem (energy is monotone in the stiffness of a part). Radius, stiffness: measured, within 4.
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        nu1 = rng.uniform(0.0, 0.5)
+        nu2 = float(np.clip(nu1 + rng.uniform(-0.05, 0.05), 0.0, 0.5))
+        layer, substrate = Layer(Isotropic(1.0, nu1), 1.0), Isotropic(np.exp(rng.uniform(-0.1, 0.1)), nu2)
+        indenter = PowerLaw(rng.uniform(1.0, 4.0), 1.0)
+        depth = np.array([deepest(indenter, varpi)])
+        law = exact_law(indenter, layer, substrate, max_depth=float(depth[0]), rtol=1e-9)
+        change = answers(law, depth) / answers(
+            automatic.halfspace_law(indenter, Layer(layer.material)), depth
+        )
+        delta = compliance_contrast(layer.material, substrate)
+        assert 1.0 / (1.0 + delta) - 1e-9 <= change[0, 0] <= 1.0 / (1.0 - delta) + 1e-9
+        assert np.abs(change - 1.0).max() <= 4.0 * delta
+
+
+def test_contrast_of_equal_scaled_and_rigid_materials():
+    assert compliance_contrast(ZINC, ZINC) == 0.0
+    assert compliance_contrast(Isotropic(1.0, 0.3), Isotropic(2.0, 0.3)) == pytest.approx(0.5)
+    assert compliance_contrast(Isotropic(1.0, 0.3), Isotropic(0.5, 0.3)) == pytest.approx(1.0)
+    assert compliance_contrast(ZINC, RIGID) == 1.0
+
+
+# --- the door -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rtol", [0.0, -1e-3, 0.6, 1e-13, np.nan, np.inf, "tight"])
+def test_an_impossible_accuracy_is_refused(rtol):
+    with pytest.raises(InputError, match="rtol"):
+        Accuracy(rtol)
+
+
+def test_unknown_methods_and_missing_substrates_are_named():
+    with pytest.raises(InputError, match="halfspace, asymptotic, exact"):
+        contact_law(BALL, GEL, RIGID, max_depth=1e-5, method="magic")
+    with pytest.raises(InputError, match="garcia2018 needs a substrate"):
+        contact_law(BALL, Layer(GEL.material), None, max_depth=1e-5, method="garcia2018")

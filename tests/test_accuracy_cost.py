@@ -1,0 +1,198 @@
+"""What accuracy costs: the table, its front, its picture, the commands that make them and the README."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from underlay.cli.app import app
+from underlay.errors import FileAccessError, FileFormatError, InputError, RangeError
+from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.report import bench, plots
+from underlay.report.accuracy_table import accuracy_summary
+from underlay.scene.accuracy_cost import accuracy_cost, explicit_formula
+from underlay.scene.scene import Scene
+
+GEL = Scene(Paraboloid(5e-6), Layer(Isotropic(2e3, 0.5), 6e-6), RIGID)
+DEEPEST = 1e-6
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="module")
+def table():
+    return accuracy_cost(GEL, DEEPEST, rounds=2)
+
+
+def row(table, **wanted):
+    found = table
+    for column, value in wanted.items():
+        found = found[found[column] == value]
+    assert len(found) == 1, wanted
+    return found.iloc[0]
+
+
+def test_every_method_order_and_form_is_there(table):
+    assert {"halfspace", "asymptotic", "exact", "auto", "garcia2018", "dimitriadis2002"} <= set(
+        table["method"]
+    )
+    series = table[table["method"] == "asymptotic"]
+    assert {(f, o) for f in ("explicit", "parametric", "compliance") for o in (1, 2, 3, 4)} == set(
+        zip(series["form"], series["order"], strict=True)
+    )
+    # For another tip or another base: not in the table, rather than wrong in it.
+    assert {"hayes1972", "clifford2009", "hay2011"}.isdisjoint(table["method"])
+
+
+def test_errors_are_those_against_the_exact_law(table):
+    depth = np.linspace(0.0, DEEPEST, 1001)[1:]
+    exact = GEL.contact_law(DEEPEST, method="exact")
+    for method in ("halfspace", "garcia2018"):
+        law = GEL.contact_law(DEEPEST, method=method)
+        error = np.abs(law.force(depth) / exact.force(depth) - 1.0).max()
+        assert row(table, method=method).error == pytest.approx(error, rel=1e-4)
+    radius = np.abs(
+        GEL.contact_law(DEEPEST, method="halfspace").contact_radius(depth) / exact.contact_radius(depth)
+    )
+    assert row(table, method="halfspace").error_radius == pytest.approx(np.abs(radius - 1.0).max(), rel=1e-4)
+
+
+def test_more_accuracy_is_more_accurate(table):
+    exact = table[table["method"] == "exact"].sort_values("rtol", ascending=False)
+    kept = exact[["error", "error_radius", "error_stiffness"]].max(axis=1)
+    assert (kept.to_numpy() <= exact["rtol"].to_numpy()).all()
+    assert (np.diff(exact["nodes"].to_numpy(dtype=float)) >= 0.0).all()
+    for form in ("explicit", "parametric", "compliance"):
+        first, fourth = (row(table, method="asymptotic", form=form, order=order).error for order in (1, 4))
+        assert fourth < first
+    auto = table[table["method"] == "auto"]
+    assert (auto["error"] <= auto["rtol"]).all()
+
+
+@pytest.mark.parametrize("times", ["cold", "held"])
+def test_nothing_beats_the_front_and_the_front_beats_the_rest(table, times):
+    flag = "pareto" if times == "cold" else "pareto_held"
+    cost, error = table[f"{times}_ratio"], table["error"]
+    for index in table.index[error.notna()]:
+        beaten = ((cost < cost[index]) & (error <= error[index])).any()
+        assert table.loc[index, flag] == (not beaten)
+
+
+def test_a_form_that_ends_before_the_deepest_point_says_where():
+    soft = replace(GEL, substrate=Isotropic(1e2, 0.5))
+    table = accuracy_cost(soft, 3e-5, rounds=1)
+    ended = row(table, method="asymptotic", form="parametric", order=4)
+    assert np.isnan(ended.error)
+    assert np.isnan(ended.cold_ratio)
+    assert "largest depth" in ended.note
+    assert not ended.pareto
+    assert "parametric 4" not in set(accuracy_summary(table)["law"])
+
+
+def test_a_correction_outside_its_range_is_kept_with_a_note():
+    ball_on_compressible_gel = replace(GEL, indenter=Sphere(5e-6), layer=Layer(Isotropic(2e3, 0.2), 6e-6))
+    table = accuracy_cost(ball_on_compressible_gel, 2e-6, rounds=1)
+    assert "nu of the layer is 0.2, outside" in row(table, method="long2011").note
+
+
+def test_the_unit_is_the_explicit_law():
+    depth = np.linspace(1e-8, 1e-7, 5)
+    law = GEL.contact_law(1e-7, method="asymptotic", form="explicit")
+    assert explicit_formula(GEL)(depth) == pytest.approx(law.force(depth), rel=1e-12)
+
+
+def test_what_cannot_be_compared_is_refused():
+    with pytest.raises(InputError, match="half-space"):
+        accuracy_cost(Scene(Paraboloid(1e-3), Layer(Isotropic(1e4, 0.5))), 1e-5)
+    with pytest.raises(InputError, match="positive depths"):
+        accuracy_cost(GEL, [0.0, 1e-6])
+    with pytest.raises(RangeError):
+        accuracy_cost(GEL, 1e-2)
+
+
+def test_the_picture_shows_every_method_that_answers(table):
+    drawn = plots.accuracy_cost(table)
+    labels = {text.get_text() for text in drawn.get_legend().get_texts()}
+    assert {"exact", "auto", "half-space", "asymptotic, explicit", "garcia2018", "best"} <= labels
+    assert drawn.get_xscale() == drawn.get_yscale() == "log"
+    plt.close(drawn.figure)
+    with pytest.raises(InputError, match="'cold' or 'held'"):
+        plots.accuracy_cost(table, times="warm")
+
+
+SCENE_FILE = """
+[indenter]
+shape = "paraboloid"
+radius = "5 um"
+
+[layer]
+E = "2 kPa"
+nu = 0.5
+thickness = "6 um"
+
+[substrate]
+rigid = true
+
+[simulate]
+max_depth = "1 um"
+"""
+
+
+def test_the_command_writes_table_and_pictures(tmp_path):
+    scene = tmp_path / "gel.toml"
+    scene.write_text(SCENE_FILE)
+    out = tmp_path / "out"
+    result = CliRunner().invoke(app, ["accuracy", str(scene), "--output", str(out)], env={"COLUMNS": "160"})
+    assert result.exit_code == 0, result.output
+    assert "garcia2018" in result.output
+    assert (out / "gel.accuracy.csv").read_text().startswith("method,form,order,rtol,nodes,error")
+    for times in ("cold", "held"):
+        assert (out / f"gel.accuracy.{times}.png").read_bytes().startswith(b"\x89PNG")
+
+
+# --- the README's table -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def quick_bench(monkeypatch):
+    """The real cases, each timed twice, and three numbers of depths."""
+    monkeypatch.setattr("underlay.cli.bench.bench_table", lambda: bench.bench_table(rounds=2))
+    monkeypatch.setattr(
+        "underlay.cli.bench.depth_table", lambda: bench.depth_table((10, 100, 1000), rounds=2)
+    )
+
+
+@pytest.mark.usefixtures("quick_bench")
+def test_bench_replaces_the_table_and_nothing_else(tmp_path):
+    readme = tmp_path / "README.md"
+    readme.write_text("# before\n\n<!-- bench:start -->\nold\n<!-- bench:end -->\n\nafter\n")
+    arguments = ["bench", "--readme", str(readme), "--output", str(tmp_path)]
+    result = CliRunner().invoke(app, arguments, env={"COLUMNS": "160"})
+    assert result.exit_code == 0, result.output
+    text = readme.read_text()
+    assert text.startswith("# before\n\n<!-- bench:start -->\n")
+    assert text.endswith("\n<!-- bench:end -->\n\nafter\n")
+    assert "\nold\n" not in text
+    for case in bench.CASES:
+        assert f"| {case.name} | " in text
+    assert "| 1,000 | " in text
+    assert len((tmp_path / "bench.csv").read_text().splitlines()) == len(bench.CASES) + 2
+    assert (tmp_path / "bench.depths.csv").is_file()
+
+
+def test_bench_refuses_a_page_without_a_place_before_it_measures(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("no markers")
+    assert isinstance(CliRunner().invoke(app, ["bench", "--readme", str(page)]).exception, FileFormatError)
+    missing = CliRunner().invoke(app, ["bench", "--readme", str(tmp_path / "none.md")]).exception
+    assert isinstance(missing, FileAccessError)
+
+
+def test_the_readme_has_the_place_and_its_rows_are_the_cases():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    inside = text.partition("<!-- bench:start -->")[2].partition("<!-- bench:end -->")[0]
+    for case in bench.CASES:
+        assert f"| {case.name} | " in inside, "run: underlay bench --readme README.md"

@@ -1,0 +1,487 @@
+"""Many curves: each once, whatever fails, whatever ends the run, and the same to the last bit."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import underlay as ul
+from support.maps import ACCURACY, FREE, SCENE, SCENE_TOML, made_curve, made_manifest, truth, write_folder
+from underlay.errors import FileAccessError, InputError, SchedulerError
+from underlay.inference.batch import start as batch_start
+from underlay.inference.batch import work as batch_work
+from underlay.inference.batch.curves import CurvePlace
+from underlay.inference.batch.journal import Journal
+from underlay.inference.batch.model import BatchModel
+from underlay.inference.batch.processes import through_processes
+from underlay.inference.batch.results_table import Layout
+
+COUNT = 24
+
+
+def run(curves, manifest=None, **options):
+    options.setdefault("workers", 0)
+    return ul.fit_many(curves, SCENE, FREE, manifest, accuracy=ACCURACY, **options)
+
+
+def numbers(table):
+    """The table without the one column that differs from run to run."""
+    return table.drop(columns="seconds")
+
+
+@pytest.fixture(scope="module")
+def curves():
+    return [made_curve(index) for index in range(COUNT)]
+
+
+@pytest.fixture(scope="module")
+def manifest():
+    return made_manifest(COUNT)
+
+
+@pytest.fixture(scope="module")
+def serial(curves, manifest):
+    return run(curves, manifest)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return write_folder(tmp_path_factory.mktemp("map") / "curves", COUNT)
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE_TOML, encoding="utf-8")
+    return path
+
+
+def test_the_truth_is_found_with_its_uncertainty(serial):
+    assert (serial["status"] == "fitted").all()
+    true = pd.DataFrame([truth(index) for index in range(COUNT)])
+    for path in FREE:
+        pull = (serial[path] - true[path]) / serial[f"{path}.stderr"]
+        # 24 standard normal numbers: beyond 4.2 once in two thousand runs.
+        assert np.abs(pull).max() < 4.2
+        assert 0.5 < pull.std() < 1.7
+    np.testing.assert_array_equal(serial["layer.thickness"], true["layer.thickness"])
+
+
+def test_every_number_is_that_of_a_single_fit(curves, manifest, serial):
+    for index in (0, 7, COUNT - 1):
+        scene = SCENE.with_values({"layer.thickness": manifest[index]["layer.thickness"]})
+        single = ul.fit(ul.Problem(scene, curves[index], FREE, accuracy=ul.Accuracy(1e-4)))
+        row = serial.iloc[index]
+        # Laws of a problem and of a map are solved over other ranges: each is within its tolerance of the
+        # exact one.
+        assert row["layer.E"] == pytest.approx(single.values["layer.E"], rel=1e-4)
+        assert row["layer.E.stderr"] == pytest.approx(single.stderr["layer.E"], rel=1e-3)
+        assert row["rms"] == pytest.approx(np.sqrt(np.mean(single.residuals[0] ** 2)), rel=1e-4)
+
+
+def test_any_number_of_workers_gives_the_same_bits(curves, manifest, serial):
+    for workers in (1, 2):
+        pd.testing.assert_frame_equal(
+            numbers(run(curves, manifest, workers=workers)), numbers(serial), check_exact=True
+        )
+
+
+def test_fresh_processes_give_the_same_bits_as_forks(curves, manifest, serial, monkeypatch):
+    monkeypatch.setattr("underlay.inference.batch.processes.can_fork", lambda: False)
+    pd.testing.assert_frame_equal(
+        numbers(run(curves, manifest, workers=2)), numbers(serial), check_exact=True
+    )
+
+
+def test_the_order_of_the_curves_leaves_no_trace(curves, manifest, serial):
+    turned = run(curves[::-1], manifest)
+    pd.testing.assert_frame_equal(
+        numbers(turned).iloc[::-1].reset_index(drop=True), numbers(serial), check_exact=True
+    )
+
+
+def test_a_folder_a_list_of_files_and_memory_agree(folder, scene_file, serial):
+    from_folder = ul.fit_many(folder, scene_file, manifest=folder / "manifest.csv", workers=0)
+    files = sorted(folder.glob("site-*.csv"))
+    from_files = ul.fit_many(files, scene_file, manifest=folder / "manifest.csv", workers=0)
+    pd.testing.assert_frame_equal(numbers(from_folder), numbers(from_files), check_exact=True)
+    assert list(from_folder["name"]) == list(serial["name"])
+    assert np.allclose(from_folder["x"], serial["x"])
+    # The same site with fewer points and rounded to seven digits: within its errors.
+    pull = (from_folder["layer.E"] - serial["layer.E"]) / from_folder["layer.E.stderr"]
+    assert np.abs(pull).max() < 5.0
+
+
+def test_the_table_may_stand_among_its_curves(tmp_path, scene_file):
+    folder = write_folder(tmp_path / "curves", 3)
+    options = {"manifest": folder / "manifest.csv", "workers": 0, "output": folder}
+    first = ul.fit_many(folder, scene_file, **options)
+    pd.testing.assert_frame_equal(ul.fit_many(folder, scene_file, resume=True, **options), first)
+
+
+DAMAGE = {
+    "site-0003.csv": (lambda text: text.replace(text.splitlines()[60], "nan,nan"), "nan"),
+    "site-0007.csv": (lambda _: "", "empty"),
+    "site-0011.csv": (lambda text: text.replace("(um)", "(N)"), "unit|length|depth"),
+    "site-0015.csv": (lambda _: noise_only(), "no contact"),
+    "site-0019.csv": (lambda text: "\n".join(text.splitlines()[:5]), "points"),
+    "site-0020.csv": (lambda _: "once upon a time there was a gel", "not recognised|no "),
+}
+
+
+def noise_only():
+    rng = np.random.default_rng(8)
+    rows = zip(np.linspace(-20.0, 80.0, 120), rng.normal(0.0, 0.2, 120), strict=True)
+    return "depth (um),force (mN)\n" + "\n".join(f"{d:.5g},{f:.5g}" for d, f in rows)
+
+
+def test_damaged_curves_are_rows_with_reasons_and_harm_no_other(tmp_path, scene_file, folder):
+    whole = ul.fit_many(folder, scene_file, manifest=folder / "manifest.csv", workers=0)
+    broken = write_folder(tmp_path / "curves", COUNT)
+    for name, (damage, _) in DAMAGE.items():
+        path = broken / name
+        path.write_text(damage(path.read_text(encoding="utf-8")), encoding="utf-8")
+    table = ul.fit_many(broken, scene_file, manifest=broken / "manifest.csv", workers=2)
+    failed = table[table["status"] == "failed"]
+    assert sorted(failed["name"]) == sorted(DAMAGE)
+    for name, reason in failed.set_index("name")["reason"].items():
+        assert pd.Series([reason]).str.contains(DAMAGE[name][1]).all(), (name, reason)
+    assert (failed["verdict"] == "refused").all()
+    assert failed["layer.E"].isna().all()
+    kept = ~whole["name"].isin(DAMAGE)
+    pd.testing.assert_frame_equal(
+        numbers(table)[kept].drop(columns="path"), numbers(whole)[kept].drop(columns="path"), check_exact=True
+    )
+
+
+def test_laws_are_shared_between_curves_of_other_thickness(curves, manifest, monkeypatch):
+    built = []
+    original = ul.Scene.contact_law
+    monkeypatch.setattr(
+        ul.Scene, "contact_law", lambda *given, **named: built.append(1) or original(*given, **named)
+    )
+    run(curves, manifest)
+    # Thickness between 0.65 and 1.35 of the middle: depth over thickness squared spans 4.3.
+    assert len(built) <= 4
+
+
+def test_the_verdict_speaks_of_what_the_fit_says(curves):
+    bent = ul.Curve(curves[0].depth, curves[0].force + 5e-4 * np.sin(curves[0].depth / 4e-6))
+    table = run([bent])
+    assert table.loc[0, "verdict"] == "doubtful"
+    assert "residuals" in table.loc[0, "reason"]
+    assert table.loc[0, "warnings"] >= 1
+
+
+def test_the_quality_check_can_be_asked_for(curves):
+    table = run(curves[:2], quality=True)
+    assert set(table["verdict"]) <= {"good", "doubtful"}
+    flat = ul.Curve(curves[0].depth, np.random.default_rng(1).normal(0, 1e-4, len(curves[0])))
+    assert run([flat], quality=True).loc[0, "status"] == "failed"
+
+
+# --- what ends a run ---------------------------------------------------------------------------------
+
+
+def test_resume_computes_nothing_again(curves, manifest, serial, tmp_path, monkeypatch):
+    output = tmp_path / "out"
+    first = interrupted_after(5, curves, manifest, output, monkeypatch)
+    assert first == 5
+    fitted = count_fits(monkeypatch)
+    table = run(curves, manifest, output=output, resume=True)
+    assert len(fitted) == COUNT - 5
+    pd.testing.assert_frame_equal(numbers(table), numbers(serial), check_exact=True)
+    again = run(curves, manifest, output=output, resume=True)
+    assert len(fitted) == COUNT - 5
+    pd.testing.assert_frame_equal(again, table, check_exact=True)
+
+
+def interrupted_after(count, curves, manifest, output, monkeypatch):
+    """Press Ctrl-C after so many rows; rows in the table that is left."""
+    original = batch_work.Workshop._row
+    calls = []
+
+    def row(self, place):
+        if len(calls) == count:
+            raise KeyboardInterrupt
+        calls.append(place.index)
+        return original(self, place)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(batch_work.Workshop, "_row", row)
+        with pytest.raises(KeyboardInterrupt):
+            run(curves, manifest, output=output)
+    return len(pd.read_csv(output / "map.csv"))
+
+
+def count_fits(monkeypatch):
+    original = batch_work.Workshop._row
+    calls = []
+    monkeypatch.setattr(
+        batch_work.Workshop, "_row", lambda self, place: calls.append(place.index) or original(self, place)
+    )
+    return calls
+
+
+SCRIPT = """
+import sys
+sys.path[:0] = {path!r}
+import time
+from support.maps import *
+import underlay as ul
+from underlay.inference.batch import work as batch_work
+row = batch_work.Workshop._row
+batch_work.Workshop._row = lambda self, place: time.sleep(0.02) or row(self, place)
+curves = [made_curve(i) for i in range({count})]
+ul.fit_many(curves, SCENE, FREE, made_manifest({count}), accuracy=ACCURACY, workers={workers},
+            output={output!r}, resume=True)
+"""
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_killed_at_any_time_each_curve_is_there_once(tmp_path, workers, serial):
+    """kill -9 again and again at random times, then let it end: the table is the serial one."""
+    output = tmp_path / "out"
+    script = SCRIPT.format(path=sys.path, count=COUNT, workers=workers, output=str(output))
+    rng = np.random.default_rng(workers)
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    journal = output / "map.csv.journal"
+    lines = [0]
+    for _ in range(2):
+        process = subprocess.Popen([sys.executable, "-c", script], env=environment)
+        wait_for(lambda: journal.exists() and len(journal.read_bytes().splitlines()) > lines[-1], process)
+        time.sleep(rng.uniform(0.0, 0.05))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        lines.append(len(journal.read_bytes().splitlines()))
+    # Each run was cut short, and each began where the one before had ended.
+    assert 1 <= lines[1] < lines[2] < COUNT + 1
+    curves = [made_curve(index) for index in range(COUNT)]
+    table = run(curves, made_manifest(COUNT), output=output, resume=True)
+    pd.testing.assert_frame_equal(numbers(table), numbers(serial), check_exact=True)
+
+
+def wait_for(condition, process, most=60.0):
+    end = time.monotonic() + most
+    while not condition() and process.poll() is None:
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def test_a_killed_worker_costs_no_curve(curves, manifest, serial, monkeypatch):
+    """Every first worker is killed when it has answered once."""
+    original = batch_start.Worker.receive
+    victims = []
+
+    def receive(self):
+        answer = original(self)
+        if answer is not None and len(victims) < 2 and self.number not in victims:
+            victims.append(self.number)
+            os.kill(self.number, signal.SIGKILL)
+        return answer
+
+    monkeypatch.setattr(batch_start.Worker, "receive", receive)
+    table = run(curves, manifest, workers=2)
+    assert len(victims) == 2
+    pd.testing.assert_frame_equal(numbers(table), numbers(serial), check_exact=True)
+
+
+def test_a_curve_that_kills_its_worker_is_a_row(curves, monkeypatch):
+    """A worker that dies on one curve is replaced; the curve is given up after the second death."""
+    original = batch_work.Workshop._row
+
+    def row(self, place):
+        if place.index == 2:
+            os._exit(9)
+        return original(self, place)
+
+    monkeypatch.setattr(batch_work.Workshop, "_row", row)
+    # Forks carry the patch; their successors must too.
+    monkeypatch.setattr("underlay.inference.batch.processes.start_worker", batch_start.fork_worker)
+    monkeypatch.setattr("underlay.inference.batch.processes.can_fork", lambda: True)
+    table = run(curves[:5], workers=1)
+    assert list(table["status"]) == ["fitted", "fitted", "failed", "fitted", "fitted"]
+    assert "died" in table.loc[2, "reason"]
+
+
+def test_workers_that_do_not_start_are_one_error(curves, monkeypatch):
+    monkeypatch.setattr("underlay.inference.batch.processes.can_fork", lambda: False)
+    monkeypatch.setattr(batch_start.sys, "executable", "/bin/false")
+    with pytest.raises(ul.UnderlayError, match="did not start"):
+        run(curves[:3], workers=2)
+
+
+def test_leaving_early_ends_the_processes(curves):
+    model = BatchModel(SCENE, FREE, None, {"accuracy": ACCURACY})
+    layout = Layout.of(list(FREE), (), sampled=False)
+    places = [CurvePlace(i, f"c{i}", curve=curve) for i, curve in enumerate(curves)]
+    batches = through_processes(model, layout, ([place] for place in places), 2)
+    next(batches)
+    before = time.monotonic()
+    batches.close()
+    assert time.monotonic() - before < 5.0
+
+
+def test_a_full_disk_keeps_what_was_written(curves, manifest, serial, tmp_path, monkeypatch):
+    output = tmp_path / "out"
+    original = Journal._write
+    calls = []
+
+    def write(self, data):
+        calls.append(len(data))
+        if len(calls) == 8:
+            self._file = HalfFull(self._file)
+        original(self, data)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Journal, "_write", write)
+        with pytest.raises(FileAccessError, match=r"No space left.*resume"):
+            run(curves, manifest, output=output)
+    assert len(pd.read_csv(output / "map.csv")) == 6
+    table = run(curves, manifest, output=output, resume=True)
+    pd.testing.assert_frame_equal(numbers(table), numbers(serial), check_exact=True)
+
+
+class HalfFull:
+    """A file on a disk with ten bytes left."""
+
+    def __init__(self, file):
+        self._inner, self._left = file, 10
+
+    def write(self, data):
+        if self._left == 0:
+            raise OSError(28, os.strerror(28))
+        written = self._inner.write(bytes(data[: self._left]))
+        self._left -= written
+        return written
+
+    def __getattr__(self, name):
+        return getattr(self._inner, name)
+
+
+# --- what is refused before any work -----------------------------------------------------------------
+
+
+def test_another_run_in_the_same_place_is_refused(curves, manifest, tmp_path):
+    output = tmp_path / "out"
+    run(curves, manifest, output=output)
+    with pytest.raises(InputError, match="holds a run already"):
+        run(curves, manifest, output=output)
+    other = [dict(row) for row in manifest]
+    other[3]["layer.thickness"] *= 1.0 + 1e-15
+    for change, what in (
+        (lambda: run(curves, other, output=output, resume=True), "the manifest changed"),
+        (lambda: run([*curves[1:], curves[0]], manifest, output=output, resume=True), "curves"),
+        (
+            lambda: ul.fit_many(
+                curves,
+                SCENE.with_values({"layer.nu": 0.46}),
+                FREE,
+                manifest,
+                accuracy=ACCURACY,
+                workers=0,
+                output=output,
+                resume=True,
+            ),
+            "the scene changed",
+        ),
+        (
+            lambda: ul.fit_many(
+                curves,
+                SCENE,
+                {**FREE, "layer.E": (1e4, 1e7)},
+                manifest,
+                accuracy=ACCURACY,
+                workers=0,
+                output=output,
+                resume=True,
+            ),
+            "the fit changed",
+        ),
+    ):
+        with pytest.raises(InputError, match=what):
+            change()
+
+
+def test_a_changed_curve_file_is_not_mixed_in(tmp_path, scene_file):
+    folder = write_folder(tmp_path / "curves", 4)
+    output = tmp_path / "out"
+    options = {"manifest": folder / "manifest.csv", "workers": 0, "output": output}
+    ul.fit_many(folder, scene_file, **options)
+    path = folder / "site-0002.csv"
+    path.write_text(path.read_text(encoding="utf-8") + "81,1\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"site-0002\.csv"):
+        ul.fit_many(folder, scene_file, resume=True, **options)
+
+
+def test_bad_input_is_refused_before_any_work(curves, manifest, tmp_path, monkeypatch):
+    fitted = count_fits(monkeypatch)
+    a_file = tmp_path / "a file"
+    a_file.write_text("x", encoding="utf-8")
+    with pytest.raises(InputError, match="given twice"):
+        run([curves[0], curves[0]])
+    with pytest.raises(InputError, match=r"no row for 'site-0023\.csv'"):
+        run(curves, manifest[:-1])
+    with pytest.raises(InputError, match="no such curve"):
+        run(curves[:-1], manifest)
+    with pytest.raises(FileAccessError):
+        run(curves, output=a_file / "below")
+    with pytest.raises(InputError, match="xlsx"):
+        run(curves, output=tmp_path / "table.xlsx")
+    with pytest.raises(InputError, match="outside its bounds"):
+        run(curves[:1], [{"file": "site-0000.csv", "layer.E": 1.0}])
+    with pytest.raises(ul.UnderlayError, match="no folder or file"):
+        run(tmp_path / "nowhere")
+    (tmp_path / "void").mkdir()
+    with pytest.raises(InputError, match="no curve"):
+        run(tmp_path / "void")
+    with pytest.raises(ul.UnderlayError, match=r"layer\.thicknes"):
+        ul.fit_many(curves, SCENE, {"layer.thicknes": None}, workers=0)
+    with pytest.raises(InputError, match="nothing is free"):
+        ul.fit_many(curves, SCENE, workers=0)
+    with pytest.raises(InputError, match="workers"):
+        run(curves, workers=-1)
+    with pytest.raises(InputError, match="improper"):
+        ul.fit_many(curves, SCENE, {"layer.E": None}, workers=0, sampling=True)
+    assert not fitted
+
+
+def test_a_scheduler_that_does_not_answer_times_out_with_its_address(curves):
+    pytest.importorskip("distributed")
+    address = "tcp://127.0.0.1:9"
+    before = time.monotonic()
+    with pytest.raises(SchedulerError, match=address):
+        run(curves, scheduler=address, timeout=1.0)
+    assert time.monotonic() - before < 20.0
+
+
+def test_parquet_holds_the_same_table(curves, manifest, serial, tmp_path):
+    pytest.importorskip("pyarrow")
+    run(curves, manifest, output=tmp_path / "table.parquet")
+    written = pd.read_parquet(tmp_path / "table.parquet")
+    pd.testing.assert_frame_equal(numbers(written), numbers(serial), check_exact=True, check_dtype=False)
+
+
+def test_posteriors_have_their_own_seeds_whatever_the_number_of_workers(curves):
+    """Too few steps to converge: said in the row, and the same draws from one worker and from two."""
+    options = {"sampling": ul.Sampling(walkers=8, max_steps=120, seed=3)}
+    one = run(curves[:3], workers=0, **options)
+    two = run(curves[2::-1], workers=2, **options)
+    pd.testing.assert_frame_equal(
+        numbers(one), numbers(two).iloc[::-1].reset_index(drop=True), check_exact=True
+    )
+    assert one["seed"].is_unique
+    assert list(one["converged"]) == [0, 0, 0]
+    assert one["reason"].str.contains("more steps").all()
+    best = run(curves[:3])
+    for path in FREE:
+        assert (one[f"{path}.low"] < one[path]).all()
+        assert (one[path] < one[f"{path}.high"]).all()
+        assert (np.abs(one[path] - best[path]) < 3.0 * best[f"{path}.stderr"]).all()
+    other = run(curves[:1], workers=0, sampling=ul.Sampling(walkers=8, max_steps=120, seed=4))
+    assert other.loc[0, "layer.E"] != one.loc[0, "layer.E"]

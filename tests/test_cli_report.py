@@ -1,0 +1,112 @@
+"""`underlay report`: each kind of result finds its page, and each mistake its one clear line."""
+
+import json
+import shutil
+import sys
+
+import pytest
+
+from support.reports import SAMPLES, cells_of, page_text, small_posterior
+from underlay.cli.app import main
+
+
+@pytest.fixture
+def run(capsys, monkeypatch, tmp_path):
+    """Call the entry point in a folder with a curve and a scene: (exit code, stdout, stderr)."""
+    shutil.copy(SAMPLES / "cartilage_on_bone.csv", tmp_path / "curve.csv")
+    shutil.copy(SAMPLES / "cartilage_on_bone.toml", tmp_path / "scene.toml")
+    monkeypatch.chdir(tmp_path)
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["underlay", *words])
+        code = 0
+        try:
+            main()
+        except SystemExit as stop:
+            code = stop.code or 0
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
+
+
+def test_page_of_a_kept_fit(run, tmp_path):
+    assert run("fit", "curve.csv", "--scene", "scene.toml", "--output", "results")[0] == 0
+    code, out, _ = run("report", "results/curve.fit.json", "--output", "results/page.html")
+    assert code == 0
+    assert "page.html" in out
+    found = json.loads((tmp_path / "results" / "curve.fit.json").read_text())
+    text = page_text(tmp_path / "results" / "page.html")
+    assert f"{found['values']['layer.E'] / 1e6:.4f} MPa" in text
+    assert "underlay report results/curve.fit.json --output results/page.html" in text
+    # The notebook names the files from where it stands.
+    assert "ul.load_problem('../curve.csv', '../scene.toml')" in json.dumps(
+        cells_of(tmp_path / "results" / "page.ipynb")
+    )
+
+
+def test_page_of_a_kept_posterior(run, tmp_path):
+    small_posterior()[1].save(tmp_path / "draws.npz")
+    assert run("report", "draws.npz")[0] == 0
+    text = page_text(tmp_path / "report.html")
+    assert "Uncertainty of an indentation test" in text
+    assert "The test" not in text  # no scene was named, so none is shown
+
+
+def test_new_notebook_is_ready_and_keeps_what_is_there(run, tmp_path):
+    words = ("report", "--new-notebook", "mine.ipynb", "curve.csv", "scene.toml")
+    code, out, _ = run(*words)
+    assert code == 0
+    assert "jupyter lab mine.ipynb" in out
+    cells = cells_of(tmp_path / "mine.ipynb")
+    assert "ul.load_problem('curve.csv', 'scene.toml')" in json.dumps(cells)
+    assert not any(cell.get("outputs") for cell in cells)
+    before = (tmp_path / "mine.ipynb").read_bytes()
+    code, _, err = run(*words)
+    assert code == 2
+    assert "may hold your work" in err
+    assert (tmp_path / "mine.ipynb").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("curve.csv",), "add --scene SCENE.toml for curve.csv"),
+        (("none.csv", "--scene", "scene.toml"), "cannot open 'none.csv'"),
+        (("curve.csv", "--scene", "none.toml"), "scene file none.toml does not exist"),
+        (("curve.csv", "curve.csv", "--scene", "scene.toml"), "one page is of one curve"),
+        (("curve.csv", "--scene", "scene.toml", "--output", "page.pdf"), "a report is an HTML file"),
+        (
+            ("curve.csv", "--scene", "scene.toml", "--output", "scene.toml/page.html"),
+            "cannot write into folder",
+        ),
+        (("scene.toml",), "nothing to report"),
+        (("bad.json",), "bad.json is not a result of underlay fit"),
+        (("bad.npz",), "bad.npz is not a saved posterior"),
+        (("bad.parquet",), "bad.parquet is not the table of a map"),
+        (("--new-notebook", "mine.txt", "curve.csv", "scene.toml"), "a notebook ends in .ipynb"),
+    ],
+)
+def test_mistakes_are_one_line(run, tmp_path, words, line):
+    (tmp_path / "bad.json").write_text('{"values": {}}')
+    (tmp_path / "bad.npz").write_text("no archive")
+    (tmp_path / "bad.parquet").write_text("no table")
+    code, _, err = run("report", *words)
+    assert code == 2
+    assert line in err
+    assert len(err.strip().splitlines()) == 1
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_a_record_whose_files_changed_is_refused(run, tmp_path):
+    assert run("fit", "curve.csv", "--scene", "scene.toml", "--output", ".")[0] == 0
+    scene = tmp_path / "scene.toml"
+    scene.write_text(scene.read_text().replace("nu = 0.46", "nu = 0.3"))
+    code, _, err = run("report", "curve.fit.json")
+    assert code == 2
+    assert "is not the fit of curve.csv with this scene file" in err
+    curve = tmp_path / "curve.csv"
+    curve.write_text(curve.read_text().replace("0.001436591", "0.001536591"))
+    code, _, err = run("report", "curve.fit.json")
+    assert code == 2
+    assert "curve.csv has changed since curve.fit.json was made" in err

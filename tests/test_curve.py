@@ -1,0 +1,123 @@
+"""The curve: read-only, SI, checked once, and refused in one clear line when it cannot be fitted."""
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from underlay.data.curve import Curve, check_fittable
+from underlay.data.metadata import Metadata
+from underlay.errors import CurveError, InputError
+
+
+def ramp(points=20):
+    depth = np.linspace(0.0, 1e-6, points)
+    return Curve(depth, 1e-3 * depth**1.5, time=np.arange(points) * 0.1, metadata={"name": "ramp"})
+
+
+def test_arrays_are_copies_and_read_only():
+    depth = np.linspace(0.0, 1e-6, 5)
+    curve = Curve(depth, depth)
+    depth[0] = 7.0
+    assert curve.depth[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        curve.depth[0] = 1.0
+    with pytest.raises(AttributeError):
+        curve.depth = depth
+
+
+def test_a_series_is_as_good_as_an_array():
+    series = pd.Series([0.0, 1.0, 2.0], index=[5, 6, 7])
+    curve = Curve(series, series * 2, time=series, segment=pd.Series(["loading", "hold", "unloading"]))
+    np.testing.assert_array_equal(curve.force, [0.0, 2.0, 4.0])
+    assert len(curve) == 3
+
+
+@pytest.mark.parametrize(
+    ("columns", "told"),
+    [
+        (([1.0, 2.0], [1.0]), "force has 1 points but depth has 2"),
+        (([[1.0, 2.0]], [1.0]), r"shape \(1, 2\)"),
+        ((["a"], [1.0]), "depth must hold numbers"),
+        (([1.0], [1.0], [1.0, 2.0]), "time has 2 points"),
+        (([1.0], [1.0], None, ["up"]), "segment holds 'up'; allowed are loading, hold, unloading"),
+        (([1.0], [1.0], None, ["unloading again"]), "unloading again"),
+        (([1.0], [1.0], None, ["hold", "hold"]), "segment has 2 points"),
+    ],
+)
+def test_what_is_no_curve_is_refused(columns, told):
+    with pytest.raises(CurveError, match=told):
+        Curve(*columns)
+
+
+def test_metadata_are_plain_immutable_and_travel():
+    curve = ramp().with_metadata(position=[1.0, 2.0], header={"a": np.float64(1.5)}, truth_is=None)
+    assert curve.metadata["position"] == (1.0, 2.0)
+    with pytest.raises(TypeError):
+        curve.metadata["name"] = "other"
+    again = pickle.loads(pickle.dumps(curve))  # noqa: S301  our own bytes
+    assert again.metadata == curve.metadata
+    assert Metadata(again.metadata).to_dict()["header"] == {"a": 1.5}
+    with pytest.raises(InputError, match="must be text, a number"):
+        curve.with_metadata(file=open)
+
+
+def test_frames_go_both_ways():
+    curve = Curve([0.0, 1.0], [2.0, 3.0], [0.0, 0.1], ["loading", "hold"], {"name": "x"})
+    frame = curve.to_frame()
+    again = Curve.from_frame(frame)
+    for column in ("depth", "force", "time", "segment"):
+        np.testing.assert_array_equal(getattr(again, column), getattr(curve, column))
+    assert again.metadata["name"] == "x"
+    frame.loc[0, "depth"] = 9.0  # a copy: the curve does not change
+    assert curve.depth[0] == 0.0
+
+
+def test_a_missing_column_names_those_that_are_there():
+    with pytest.raises(CurveError, match="no column 'force'; it has 'depth', 'load'"):
+        Curve.from_frame(pd.DataFrame({"depth": [1.0], "load": [2.0]}))
+
+
+def test_points_are_selected_by_mask_slice_and_index():
+    curve = ramp(10)
+    assert len(curve.select(curve.depth > 5e-7)) == 5
+    assert len(curve.select(slice(2, 4))) == 2
+    np.testing.assert_array_equal(curve.select([3, 1]).time, curve.time[[3, 1]])
+    assert len(curve.select([])) == 0
+    with pytest.raises(CurveError, match="cannot select"):
+        curve.select([99])
+
+
+def test_a_given_segment_is_used_and_else_the_motion():
+    depth = np.concatenate((np.linspace(0, 1, 50), np.ones(50), np.linspace(1, 0, 50))) * 1e-6
+    moved = Curve(depth, depth, time=np.arange(150) * 0.1)
+    # The first and the last point at rest belong to either side.
+    assert [len(part) for part in (moved.loading(), moved.hold(), moved.unloading())] == [50, 51, 49]
+    named = Curve(depth, depth, segment=["hold"] * 150)
+    assert len(named.loading()) == 0
+    assert len(named.hold()) == 150
+
+
+@pytest.mark.parametrize(
+    ("curve", "told"),
+    [
+        (ramp(7), "has 7 points; at least 8"),
+        (Curve(np.append(np.arange(9.0), np.nan), np.ones(10)), "depth holds nan at point 9"),
+        (Curve(np.arange(10.0), np.append(np.ones(9), np.inf)), "force holds inf at point 9"),
+        (Curve(-np.arange(10.0), np.ones(10)), "depth never increases"),
+        (Curve(np.ones(10), np.ones(10)), "depth never increases"),
+        (Curve(np.arange(10.0), np.zeros(10)), "force is zero at every point"),
+    ],
+)
+def test_a_curve_that_cannot_be_fitted_says_why_in_one_line(curve, told):
+    with pytest.raises(CurveError, match=told) as refusal:
+        check_fittable(curve)
+    assert "\n" not in str(refusal.value)
+
+
+def test_no_point_beyond_a_known_contact():
+    check_fittable(ramp())
+    check_fittable(ramp(), contact_depth=0.5e-6)
+    with pytest.raises(CurveError, match="no point beyond contact"):
+        check_fittable(ramp(), contact_depth=2e-6)

@@ -1,0 +1,127 @@
+"""Hard cases of the exact law, each with a law or a reference it must meet: run with -s for the digits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from support import reference_contact
+from support.hard_case_table import HardCaseTable, Row
+from underlay.mechanics.exact.law import exact_law
+from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
+from underlay.mechanics.materials import RIGID, Isotropic, Layer
+
+INCOMPRESSIBLE = Isotropic(1.0, 0.5)
+# Shape, layer, substrate, contact radius over thickness, nodes of the reference, relative error allowed. The
+# reference is brute force in doubles: its error is the condition number of its system times 1e-16, and the
+# relative rounding of its kernel, 1e-16 per unit of softness, where that is larger.
+AGAINST_BRUTE_FORCE = (
+    ("a/h = 20, rigid, nu = 0.5", Paraboloid(1e3), INCOMPRESSIBLE, RIGID, 20.0, 260, 1e-7),
+    ("a/h = 20, rigid, nu = 0.5, cone", Cone(1.5), INCOMPRESSIBLE, RIGID, 20.0, 420, 1e-7),
+    ("E2/E1 = 1e8, a/h = 1", Paraboloid(20.0), INCOMPRESSIBLE, Isotropic(1e8, 0.3), 1.0, 60, 1e-8),
+    ("E2/E1 = 1e8, a/h = 5", Paraboloid(20.0), INCOMPRESSIBLE, Isotropic(1e8, 0.3), 5.0, 120, 1e-8),
+    ("E2/E1 = 1e-8, a/h = 0.01", Paraboloid(20.0), Isotropic(1.0, 0.3), Isotropic(1e-8, 0.3), 0.01, 40, 1e-7),
+    ("E2/E1 = 1e-8, a/h = 1", Paraboloid(20.0), Isotropic(1.0, 0.3), Isotropic(1e-8, 0.3), 1.0, 60, 1e-6),
+    ("lambda = 200, a/h = 1", PowerLaw(200.0, 1.0), INCOMPRESSIBLE, RIGID, 1.0, 200, 1e-8),
+    (
+        "lambda = 200, a/h = 1, E2/E1 = 0.1",
+        PowerLaw(200.0, 1.0),
+        INCOMPRESSIBLE,
+        Isotropic(0.1, 0.3),
+        1.0,
+        200,
+        1e-8,
+    ),
+    ("sphere a/R = 0.999, a/h = 1", Sphere(1.0 / 0.999), INCOMPRESSIBLE, RIGID, 1.0, 300, 1e-8),
+    (
+        "sphere a/R = 0.999, a/h = 1, E2/E1 = 10",
+        Sphere(1.0 / 0.999),
+        INCOMPRESSIBLE,
+        Isotropic(10.0, 0.3),
+        1.0,
+        300,
+        1e-8,
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def table():
+    return HardCaseTable("Exact law: force, radius and stiffness against a brute-force solution, rtol = 1e-9")
+
+
+@pytest.mark.parametrize(
+    ("case", "shape", "layer", "base", "eps", "nodes", "limit"),
+    AGAINST_BRUTE_FORCE,
+    ids=[c[0] for c in AGAINST_BRUTE_FORCE],
+)
+def test_holds_against_brute_force(case, shape, layer, base, eps, nodes, limit, table):
+    contact = reference_contact.solve(shape, eps, 1.0, layer, base, nodes=nodes)
+    law = exact_law(shape, Layer(layer, 1.0), base, max_depth=contact.depth * (1.0 - 1e-12), rtol=1e-9)
+    depth = law.max_depth
+    expected = np.array([contact.force, eps, 4.0 * layer.theta * eps * contact.kappa_inf])
+    got = np.array([law.force(depth), law.contact_radius(depth), law.stiffness(depth)])
+    relative = float(np.abs(got / expected - 1.0).max())
+    table.add(Row(case, float(np.abs(got - expected).max()), relative, "relative", relative, limit))
+    assert relative <= limit
+    assert law.error_estimate < 1e-8
+
+
+def test_an_exponent_just_above_one_continues_the_cone(table):
+    # F(1 + d) = F(1) + d F' + O(d^2): the middle of F(1) and F(1.0002) misses F(1.0001) by about 1e-8.
+    layer, depth = Layer(INCOMPRESSIBLE, 1.0), 0.3
+    one, middle, two = (
+        float(exact_law(PowerLaw(1.0 + d, 0.4), layer, RIGID, max_depth=depth, rtol=1e-10).force(depth))
+        for d in (0.0, 1e-4, 2e-4)
+    )
+    relative = abs(0.5 * (one + two) / middle - 1.0)
+    table.add(Row("lambda = 1.0001", abs(0.5 * (one + two) - middle), relative, "relative", relative, 5e-8))
+    assert one != middle
+    assert relative <= 5e-8
+
+
+@pytest.mark.parametrize("thickness", [1e-12, 1e6])
+def test_any_unit_of_length_will_do(thickness, table):
+    # The same problem in other units: what is left is the rounding of powers of the thickness.
+    layer, base = Isotropic(2e6, 0.45), Isotropic(5e7, 0.3)
+    depth = 0.2 * np.array([1e-3, 0.1, 1.0])
+    plain = exact_law(Paraboloid(2.0), Layer(layer, 1.0), base, max_depth=0.2, rtol=1e-8)
+    other = exact_law(
+        Paraboloid(2.0 * thickness), Layer(layer, thickness), base, max_depth=0.2 * thickness, rtol=1e-8
+    )
+    force = other.force(depth * thickness * (1.0 - 1e-15)) / thickness**2
+    relative = float(np.abs(force / plain.force(depth) - 1.0).max())
+    table.add(Row(f"thickness {thickness:g} m", 0.0, relative, "relative", relative, 1e-13))
+    assert relative <= 1e-13
+
+
+def test_a_layer_far_thinner_than_the_contact_says_how_deep_it_works():
+    # A micrometre of indentation on a picometre of layer: a/h = 1e7 is no contact problem of a layer.
+    from underlay.errors import RangeError  # noqa: PLC0415 - one test raises it
+
+    with pytest.raises(RangeError, match="thicknesses") as caught:
+        exact_law(Paraboloid(1e-3), Layer(INCOMPRESSIBLE, 1e-12), RIGID, max_depth=1e-6)
+    deepest = 0.99 * caught.value.max_depth
+    law = exact_law(Paraboloid(1e-3), Layer(INCOMPRESSIBLE, 1e-12), RIGID, max_depth=deepest)
+    assert 19.0 < law.contact_radius(deepest) / 1e-12 < 20.0
+
+
+def test_a_very_thick_layer_is_a_half_space():
+    law = exact_law(Paraboloid(1e-3), Layer(INCOMPRESSIBLE, 1e6), RIGID, max_depth=1e-4, rtol=1e-9)
+    # a/h = 3e-10: the layer changes the force by 4e-10 of itself (first order in a_0 eps).
+    hertz = 4.0 / 3.0 * (1.0 / 0.75) * np.sqrt(1e-3) * (1e-4) ** 1.5
+    assert law.force(1e-4) == pytest.approx(hertz, rel=2e-9)
+
+
+@pytest.mark.parametrize("shape", [Cone(1.2), Paraboloid(1.0), Sphere(1.0), FlatPunch(1.0)], ids=repr)
+def test_depths_at_and_below_the_smallest(shape, table):
+    law = exact_law(shape, Layer(INCOMPRESSIBLE, 1.0), RIGID, max_depth=0.1)
+    none = np.array([-0.1, -5e-324, 0.0])
+    for answer in (law.force(none), law.stiffness(none), law.contact_radius(none)):
+        np.testing.assert_array_equal(answer, 0.0)
+    smallest = 5e-324
+    for answer in (law.force(smallest), law.stiffness(smallest), law.contact_radius(smallest)):
+        assert np.isfinite(answer)
+        assert answer >= 0.0
+    table.add(Row(f"denormal depth, {type(shape).__name__}", 0.0, 0.0, "absolute", 0.0, 1e-300))
+    assert law.force(smallest) < 1e-300

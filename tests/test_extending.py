@@ -1,0 +1,202 @@
+"""The house takes additions: an indenter, a published correction, a reader and an effect from outside it.
+
+Each class or record below is all that its file would hold; the README says where the file goes.
+"""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+import underlay as ul
+from underlay.data.readers import Format
+from underlay.data.readers._format import make_curve
+from underlay.data.readers._text import lines_of
+from underlay.errors import InputError
+from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.published.correction import MEASURED_RANGE, RIGID_BONDED, PublishedCorrection
+from underlay.mechanics.published.factor import PolynomialFactor
+from underlay.mechanics.published.measured_error import MeasuredError
+from underlay.mechanics.published.quantities import LAYER_NU
+from underlay.scene.effects import Effect, effects_table
+
+# --- an indenter -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Hyperboloid(Indenter):
+    """A worn cone, Phi = cot(half_angle) (sqrt(r^2 + b^2) - b), b = tip_radius cot(half_angle)."""
+
+    shape: ClassVar[str] = "hyperboloid"
+
+    half_angle: float
+    tip_radius: float
+
+    @property
+    def slope(self):
+        return 1.0 / np.tan(self.half_angle)
+
+    @property
+    def length(self):
+        return self.tip_radius * self.slope
+
+    @property
+    def max_radius(self):
+        return 50.0 * self.tip_radius  # where the shank begins
+
+    def surface(self, radius):
+        return self.slope * radius**2 / (np.sqrt(radius**2 + self.length**2) + self.length)
+
+    def abel(self, radius):
+        # r int_0^r s ds / (sqrt(s^2 + b^2) sqrt(r^2 - s^2)) = r arctan(r/b)
+        return self.slope * radius * np.arctan(radius / self.length)
+
+    def abel_slope(self, radius):
+        x = radius / self.length
+        return self.slope * (np.arctan(x) + x / (1.0 + x * x))
+
+    def abel_moments(self, radius):
+        b, x = self.length, radius / self.length
+        first = 0.5 * ((1.0 + x * x) * np.arctan(x) - x)
+        second = 0.25 * ((x**4 - 1.0) * np.arctan(x) + x - x**3 / 3.0)
+        return self.slope * b**2 * first, self.slope * b**4 * second
+
+    def halfspace_radius(self, depth):
+        # arctan(x) >= x/(1+x): depth >= slope r^2/(r + b), which bounds r from above.
+        high = 0.5 * (depth + np.sqrt(depth**2 + 4.0 * self.slope * depth * self.length)) / self.slope
+        low = np.zeros_like(depth)
+        for _ in range(200):
+            middle = 0.5 * (low + high)
+            short = self.abel(middle) < depth
+            low, high = np.where(short, middle, low), np.where(short, high, middle)
+        return 0.5 * (low + high)
+
+
+WORN = Hyperboloid(half_angle=np.deg2rad(70.0), tip_radius=5e-6)
+
+
+# Gauss-Legendre: the integrands are analytic within a distance of the order of the interval.
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(80)
+
+
+def test_indenter_meets_the_laws_every_indenter_must():
+    for a in (1e-7, 2e-6, 5e-5):
+        # H(a) = a int_0^(pi/2) Phi'(a sin t) dt
+        s = a * np.sin(0.25 * np.pi * (1.0 + NODES))
+        expected = 0.25 * np.pi * a * float(WEIGHTS @ (WORN.slope * s / np.hypot(s, WORN.length)))
+        assert float(WORN.abel(a)) == pytest.approx(expected, rel=1e-9)
+        step = 1e-4 * a
+        central = (WORN.abel(a + step) - WORN.abel(a - step)) / (2 * step)
+        assert float(WORN.abel_slope(a)) == pytest.approx(float(central), rel=1e-7)
+        first, second = WORN.abel_moments(np.array([a]))
+        r = 0.5 * a * (1.0 + NODES)
+        assert first[0] == pytest.approx(0.5 * a * float(WEIGHTS @ WORN.abel(r)), rel=1e-9)
+        assert second[0] == pytest.approx(0.5 * a * float(WEIGHTS @ (WORN.abel(r) * r**2)), rel=1e-9)
+        assert WORN.halfspace_radius(WORN.abel(np.array([a])))[0] == pytest.approx(a, rel=1e-12)
+
+
+def test_indenter_works_everywhere(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        '[indenter]\nshape = "hyperboloid"\nhalf_angle = "70 deg"\ntip_radius = "5 um"\n'
+        '[layer]\nE = "10 kPa"\nnu = 0.5\nthickness = "10 um"\n[substrate]\nrigid = true\n'
+    )
+    scene = ul.load_scene(path)
+    assert isinstance(scene.indenter, Hyperboloid)
+    scene.save(path)
+    assert ul.load_scene(path) == scene
+    depth = np.linspace(-1e-6, 3e-6, 200)
+    curve = ul.synthesize(scene, depth, noise=ul.Noise(force=1e-11), rng=0)
+    fit = ul.fit(ul.Problem(scene, curve, free={"layer.E": (1e2, 1e6), "indenter.tip_radius": (2e-7, 5e-5)}))
+    for name, true in (("layer.E", 1e4), ("indenter.tip_radius", 5e-6)):
+        assert abs(fit.values[name] - true) < 4.0 * fit.stderr[name]
+    # dP/dw = 4 theta a kappa_inf(a/h) for every shape, kappa_inf the flat punch's: it tests the new shape.
+    law = scene.contact_law(3e-6, method="exact")
+    radius = float(law.contact_radius(2e-6))
+    punch = ul.contact_law(ul.FlatPunch(radius), scene.layer, ul.RIGID, max_depth=1e-6, method="exact")
+    assert float(law.stiffness(2e-6)) == pytest.approx(float(punch.stiffness(1e-6)), rel=1e-4)
+    ul.plots.save(ul.plots.scene(scene, depth=3e-6), tmp_path / "scene.png")
+
+
+# --- a published correction ------------------------------------------------------------------------------
+
+FIRST_ORDER = PublishedCorrection(
+    name="first-order",
+    indenter="sphere",
+    substrate=RIGID_BONDED,
+    equation="P/P_Hertz = 1 + (2 a_0/pi) x, x = sqrt(R d)/h",
+    valid_range=(0.0, 0.1),
+    range_basis=MEASURED_RANGE,
+    nu_range=(0.5, 0.5),
+    assumptions=("linear elasticity, no friction under the tip",),
+    source="the first order of Argatov & Sabina's expansion, as an example",
+    doi=None,
+    # The force of order one: 1 + (2 a_0/pi) X, a_0 of a rigid base at nu = 0.5.
+    factor=lambda contact: PolynomialFactor((1.0, 2.0 * 1.77021677337 / np.pi)),  # noqa: ARG005
+    measured_error=MeasuredError.from_table((LAYER_NU,), "\n 0.05 0.1\n0.5 0.4 1.6"),
+)
+
+
+def test_correction_works_everywhere():
+    layer = ul.Layer(ul.Isotropic(1e4, 0.5), 1e-5)
+    given = {"max_depth": 1e-8, "method": FIRST_ORDER}
+    law = ul.contact_law(ul.Paraboloid(5e-6), layer, ul.RIGID, **given)
+    exact = ul.contact_law(ul.Paraboloid(5e-6), layer, ul.RIGID, max_depth=1e-8, method="exact")
+    assert law.method == "first-order"
+    measured = abs(float(law.force(1e-8) / exact.force(1e-8)) - 1.0)
+    assert measured <= law.error_estimate
+    scene = ul.Scene(ul.Paraboloid(5e-6), layer, ul.RIGID)
+    assert scene.force(1e-8, method=FIRST_ORDER) == law.force(1e-8)
+    with pytest.raises(InputError, match="first-order needs a sphere"):
+        ul.contact_law(ul.Cone.berkovich(), layer, ul.RIGID, **given)
+
+
+# --- a reader --------------------------------------------------------------------------------------------
+
+
+def _read_pipes(source, options):
+    del options
+    rows = [line.split("|") for line in lines_of(source)[1:]]
+    depth, force = (np.array([float(row[column]) for row in rows]) for column in (0, 1))
+    return [make_curve(source, depth * 1e-6, force * 1e-3, name=source.path.stem)]
+
+
+PIPES = Format(
+    name="pipes",
+    description="depth in um and force in mN between pipes, as an example",
+    sniff=lambda source: source.head(16).startswith("PIPES"),
+    read_all=_read_pipes,
+)
+
+
+def test_reader_works(tmp_path):
+    path = tmp_path / "curve.pip"
+    path.write_text("PIPES 1\n" + "\n".join(f"{d}|{0.1 * d}" for d in range(20)))
+    curve = ul.read(path, format=PIPES)
+    assert curve.depth[-1] == pytest.approx(19e-6)
+    assert curve.force[-1] == pytest.approx(1.9e-3)
+    assert curve.metadata["format"] == "pipes"
+    assert len(curve.metadata["sha256"]) == 64
+
+
+# --- an effect -------------------------------------------------------------------------------------------
+
+
+def blunting(scene, law):
+    """What the wear of the tip does: against the sharp cone it was."""
+    del law
+    if not isinstance(scene.indenter, Hyperboloid):
+        return Effect("blunting", None, None, simulated=False, note="the tip is not a worn cone")
+    sharp = replace(scene, indenter=ul.Cone(scene.indenter.half_angle))
+    return Effect("blunting", scene, sharp, simulated=True, note="against a sharp cone")
+
+
+def test_effect_stands_in_the_ledger():
+    layer = ul.Layer(ul.Isotropic(1e4, 0.5))
+    table = effects_table(ul.Scene(WORN, layer), 3e-6, further=[blunting]).set_index("effect")
+    worn = float(ul.Scene(WORN, layer).force(3e-6) / ul.Scene(ul.Cone(WORN.half_angle), layer).force(3e-6))
+    assert table.loc["blunting", "size_percent"] == pytest.approx(100.0 * (worn - 1.0), rel=1e-9)
+    assert table.loc["blunting", "simulated"]
+    other = effects_table(ul.Scene(ul.Sphere(1e-5), layer), 1e-6, further=[blunting]).set_index("effect")
+    assert not other.loc["blunting", "simulated"]

@@ -1,0 +1,79 @@
+"""What `--help` promises: each command has examples, and each works as written; the shell completes words."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+
+import pytest
+import typer
+
+from support.reports import SAMPLES
+from underlay.cli.app import app, main
+
+COMMANDS = typer.main.get_command(app).commands
+EXAMPLE = re.compile(r"`(underlay [^`]+)`")
+
+
+def examples():
+    for name, command in COMMANDS.items():
+        for text in EXAMPLE.findall(command.help or ""):
+            if text.split()[1] == name:
+                yield pytest.param(text, id=text)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Return a folder with files of the names the examples use."""
+    curve, scene = tmp_path / "curve.csv", tmp_path / "scene.toml"
+    shutil.copy(SAMPLES / "cartilage_on_bone.csv", curve)
+    text = (SAMPLES / "cartilage_on_bone.toml").read_text(encoding="utf-8")
+    # Sampling needs proper priors, planning and simulating a noise and depths.
+    text = text.replace("instrument.baseline = {}", 'instrument.baseline = { min = "-10 mN", max = "10 mN" }')
+    text += '\n[noise]\nforce = "0.6 mN"\n\n[simulate]\nmax_depth = "0.3 mm"\npoints = 60\n'
+    scene.write_text(text, encoding="utf-8")
+    shutil.copy(SAMPLES.parent / "README.md", tmp_path)
+    (tmp_path / "curves").mkdir()
+    for number in (1, 2):
+        shutil.copy(curve, tmp_path / "curves" / f"site{number}.csv")
+    (tmp_path / "manifest.csv").write_text(
+        "file,x (mm),y (mm)\nsite1.csv,0,0\nsite2.csv,1,0\n", encoding="utf-8"
+    )
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", list(COMMANDS))
+def test_every_command_has_an_example(name):
+    assert f"underlay {name}" in (COMMANDS[name].help or "")
+
+
+@pytest.mark.parametrize("example", list(examples()))
+def test_example_works_as_written(example, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", shlex.split(example))
+    code = 0
+    try:
+        main()
+    except SystemExit as stop:
+        code = stop.code or 0
+    assert code == 0, capsys.readouterr().err
+    for output in re.findall(r"--(?:output|new-notebook) (\S+)", example):
+        assert (folder / output).exists(), output
+
+
+def test_shell_completes_commands(folder):
+    code = "import sys; sys.argv = ['underlay']; from underlay.cli import main; main()"
+    asked = {"_UNDERLAY_COMPLETE": "complete_bash", "COMP_WORDS": "underlay re", "COMP_CWORD": "1"}
+    path = os.pathsep.join(filter(None, sys.path))
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path, **asked},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.stdout.split() == ["report"], done

@@ -1,0 +1,96 @@
+"""`underlay map` as a user meets it."""
+
+import sys
+
+import pandas as pd
+import pytest
+
+from support.maps import SCENE_TOML, write_folder
+from underlay.cli.app import main
+from underlay.inference.batch import work as batch_work
+
+COUNT = 12
+
+
+@pytest.fixture
+def run(capsys, monkeypatch):
+    """Call the entry point as the shell would: (exit code, stdout, stderr)."""
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["underlay", "map", *map(str, words)])
+        code = 0
+        try:
+            main()
+        except SystemExit as stop:
+            code = stop.code or 0
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def site(tmp_path):
+    """Arguments of a run, all but the output, and the folder of the curves."""
+    folder = write_folder(tmp_path / "curves", COUNT)
+    (folder / "site-0005.csv").write_text("", encoding="utf-8")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE_TOML, encoding="utf-8")
+    words = (folder, "--scene", scene, "--manifest", folder / "manifest.csv", "--workers", 0)
+    return words, folder
+
+
+def test_it_writes_a_table_and_a_picture_and_names_what_failed(run, site, tmp_path):
+    words, _ = site
+    code, out, _ = run(*words, "--output", tmp_path / "new" / "out")
+    assert code == 0
+    assert "12 curves: 11 good, 0 doubtful, 1 refused" in out
+    assert "failed: site-0005.csv: site-0005.csv is empty" in out
+    table = pd.read_csv(tmp_path / "new" / "out" / "map.csv")
+    assert list(table["name"]) == [f"site-{index:04d}.csv" for index in range(COUNT)]
+    assert table["layer.thickness"].between(0.9e-3, 2.1e-3).all()
+    assert (tmp_path / "new" / "out" / "map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_ctrl_c_keeps_everything_and_resume_goes_on(run, site, tmp_path, monkeypatch):
+    words, _ = site
+    original = batch_work.Workshop._row
+    fitted = []
+
+    def row(self, place):
+        if len(fitted) == 4:
+            raise KeyboardInterrupt
+        fitted.append(place.index)
+        return original(self, place)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(batch_work.Workshop, "_row", row)
+        code, _, err = run(*words, "--output", tmp_path / "out")
+    assert code == 130
+    assert "what was finished is kept" in err
+    assert len(pd.read_csv(tmp_path / "out" / "map.csv")) == 4
+    code, _, err = run(*words, "--output", tmp_path / "out")
+    assert code == 2
+    assert "--resume" in err
+    code, out, _ = run(*words, "--output", tmp_path / "out", "--resume")
+    assert code == 0
+    assert "12 curves" in out
+
+
+def test_bad_input_is_one_line(run, site, tmp_path):
+    words, folder = site
+    a_file = tmp_path / "a file"
+    a_file.write_text("x", encoding="utf-8")
+    manifest = folder / "manifest.csv"
+    manifest.write_text(manifest.read_text(encoding="utf-8") + "ghost.csv,1,0,0\n", encoding="utf-8")
+    for given, message in (
+        ((*words, "--output", tmp_path / "out"), "ghost.csv"),
+        ((*words, "--output", a_file), "cannot write"),
+        ((*words, "--format", "xlsx"), "csv or parquet"),
+        ((tmp_path / "nowhere", *words[1:], "--output", tmp_path / "out"), "nowhere"),
+    ):
+        code, _, err = run(*given)
+        assert code == 2
+        assert message in err
+        assert err.count("\n") == 1
+    assert not (tmp_path / "out" / "map.csv").exists()

@@ -1,0 +1,71 @@
+"""Comparing models of one curve, and stating a model's error."""
+
+import numpy as np
+import pytest
+
+from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
+from underlay.data.noise import Noise
+from underlay.data.synthetic import synthesize
+from underlay.errors import InputError
+from underlay.inference.priors import LogUniform
+from underlay.inference.problem import Problem
+from underlay.inference.sampling.model_comparison import (
+    compare_models,
+    pointwise_log_likelihood,
+    with_model_error,
+)
+from underlay.inference.sampling.run import sample
+from underlay.mechanics.indenters import Paraboloid
+from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.scene.scene import Scene
+
+LAYERED = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.45), 5e-4), RIGID)
+DEPTH = np.linspace(0.0, 5e-5, 60)
+NOISE = Noise(force=2e-4)
+
+
+@pytest.mark.parametrize(
+    "noise", [Noise(force=WHITE), Noise(force=WHITE, relative=0.01, correlation_time=0.05)]
+)
+def test_points_add_up_to_the_likelihood(noise):
+    problem = halfspace_problem(noise=noise)
+    vectors = np.random.default_rng(0).normal(scale=0.01, size=(5, 2))
+    points = pointwise_log_likelihood(problem, problem.physical(vectors))
+    assert points.shape == (5, 40)
+    np.testing.assert_allclose(points.sum(axis=1), problem.log_likelihood(vectors), rtol=1e-10)
+
+
+def test_the_right_model_wins_and_its_error_is_stated():
+    curve = synthesize(LAYERED, DEPTH, NOISE, 1)
+    free = {"layer.E": LogUniform(1e4, 1e8)}
+    models = {}
+    for name, method in (("no layer effect", "halfspace"), ("exact", "exact")):
+        problem = Problem(LAYERED, curve, free, NOISE, method=method)
+        models[name] = (problem, sample(problem, walkers=16))
+    table = compare_models(models)
+    assert list(table.index) == ["exact", "no layer effect"]
+    assert table.loc["no layer effect", "elpd_diff"] > 5.0 * table.loc["no layer effect", "dse"] > 0.0
+    assert table.loc["exact", "p_loo"] == pytest.approx(1.0, abs=0.6)
+    assert table.loc["exact", "model_error"] < 1e-4
+    assert table.loc["exact", "weight"] > 0.95
+
+
+def test_a_stated_model_error_widens_the_interval():
+    curve = synthesize(LAYERED, DEPTH, NOISE, 1)
+    problem = Problem(LAYERED, curve, {"layer.E": LogUniform(1e4, 1e8)}, Noise(force=2e-4, relative=0.003))
+    assert with_model_error(problem, 0.004).members[0].noise.relative == pytest.approx(0.005)
+    wider = with_model_error(problem, 0.03)
+    widths = [sample(p, walkers=16).samples["layer.E"].std() for p in (problem, wider)]
+    assert widths[1] > 1.5 * widths[0]
+    with pytest.raises(InputError, match="zero or more"):
+        with_model_error(problem, -0.1)
+
+
+def test_models_of_different_data_are_refused():
+    one, other = halfspace_problem(), halfspace_problem(halfspace_curve(seed=2))
+    posterior = sample(one, walkers=8)
+    with pytest.raises(InputError, match="other curves"):
+        compare_models({"a": (one, posterior), "b": (other, posterior)})
+    with pytest.raises(InputError, match="at least two"):
+        compare_models({"a": (one, posterior)})
+    assert halfspace_scene().substrate is None

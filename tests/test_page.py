@@ -1,0 +1,108 @@
+"""The report's page in a browser: every picture there, nothing fetched, readable narrow or wide, light or dark."""
+
+import pytest
+
+from support.chromium import browser, chromium
+
+pytestmark = pytest.mark.skipif(
+    chromium() is None, reason="no Chromium on this machine: the page is not opened"
+)
+
+WIDTHS, SCHEMES = (400, 1400), ("light", "dark")
+
+OVERFLOW = """
+[...document.querySelectorAll('body *')].filter(e => {
+  if (e.closest('.table, pre')) return false;   // these scroll by themselves
+  return e.getBoundingClientRect().right > document.documentElement.clientWidth + 1;
+}).map(e => e.tagName + '.' + e.className)
+"""
+
+# Contrast of every text against the nearest ground behind it (WCAG 2.1, relative luminance).
+CONTRAST = """
+(() => {
+  const rgb = c => c.match(/[\\d.]+/g).map(Number);
+  const lum = c => { const [r, g, b] = rgb(c).slice(0, 3).map(v => (v /= 255) <= 0.03928 ? v / 12.92
+    : ((v + 0.055) / 1.055) ** 2.4); return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const ground = e => { for (; e; e = e.parentElement) { const c = getComputedStyle(e).backgroundColor;
+    const p = rgb(c); if (p.length < 4 || p[3] > 0) return c; } return 'rgb(255, 255, 255)'; };
+  const found = [];
+  for (const e of document.querySelectorAll('body *')) {
+    const own = [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim());
+    if (!own || !e.getClientRects().length) continue;
+    const a = lum(getComputedStyle(e).color), b = lum(ground(e));
+    found.push([(Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05), parseFloat(getComputedStyle(e).fontSize),
+      e.tagName + ': ' + e.textContent.trim().slice(0, 40)]);
+  }
+  return found;
+})()
+"""
+
+PICTURES = """
+[...document.images].map(i => ({alt: i.alt, src: i.src.slice(0, 22), complete: i.complete,
+  natural: i.naturalWidth, shown: i.getBoundingClientRect().width}))
+"""
+
+
+@pytest.fixture(scope="module")
+def tab():
+    with browser() as opened:
+        yield opened
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("kind", ["fit", "posterior"])
+def test_page(report_pages, tab, kind, width, scheme):
+    events = tab.open(report_pages[kind][1].as_uri(), width=width, scheme=scheme)
+
+    errors = [e for e in events if e["method"] in {"Runtime.exceptionThrown", "Log.entryAdded"}]
+    assert not errors, errors
+    requests = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
+    assert requests[0].startswith("file:")
+    assert all(url.startswith("data:") for url in requests[1:]), requests
+    assert tab.evaluate("document.scripts.length") == 0
+
+    pictures = tab.evaluate(PICTURES)
+    assert len(pictures) >= (5 if kind == "fit" else 3)
+    for picture in pictures:
+        assert picture["complete"], picture
+        assert picture["natural"] > 300, picture
+        assert picture["src"].startswith("data:image/png;base64"), picture
+        assert len(picture["alt"]) > 20, picture
+        # Pictures are drawn a journal column wide: shown at less than 70 % their letters get too small.
+        assert picture["shown"] > 240, picture
+
+    assert tab.evaluate("document.documentElement.scrollWidth") <= width
+    assert tab.evaluate(OVERFLOW) == []
+
+    texts = tab.evaluate(CONTRAST)
+    assert len(texts) > 50
+    for contrast, size, text in texts:
+        assert contrast >= 4.5, (contrast, text)
+        assert size >= 12.0, (size, text)
+
+    ground = tab.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert ground == ("rgb(255, 255, 255)" if scheme == "light" else "rgb(20, 23, 27)")
+    assert tab.evaluate("document.documentElement.lang") == "en"
+    assert len(tab.evaluate("document.title")) > 10
+    assert tab.evaluate("document.querySelectorAll('h1').length") == 1
+
+
+def test_the_checks_see_what_is_wrong(tab, tmp_path):
+    page = tmp_path / "bad.html"
+    page.write_text(
+        "<p style='color:#ccc;background:#fff'>pale</p><div style='width:3000px'>wide</div>"
+        "<img src='https://127.0.0.1:9/x.png'><script>undefined_name</script>",
+        encoding="utf-8",
+    )
+    events = tab.open(page.as_uri(), width=400, scheme="light")
+    assert any(e["method"] == "Runtime.exceptionThrown" for e in events)
+    assert any(
+        e["params"]["request"]["url"].startswith("https:")
+        for e in events
+        if e["method"] == "Network.requestWillBeSent"
+    )
+    assert tab.evaluate("document.documentElement.scrollWidth") > 400
+    assert "DIV." in tab.evaluate(OVERFLOW)
+    assert min(contrast for contrast, _, _ in tab.evaluate(CONTRAST)) < 2.0
+    assert tab.evaluate(PICTURES)[0]["natural"] == 0

@@ -1,0 +1,240 @@
+"""Pictures: each takes ``ax=`` and returns it, shows what it was given, and touches nothing else."""
+
+import struct
+import xml.etree.ElementTree as ET
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+
+import underlay as ul
+from support.reports import SAMPLES, small_posterior
+from underlay.errors import InputError
+from underlay.report.plots import style
+from underlay.report.plots.map import _squares
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return ul.fit(ul.load_problem(SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml"))
+
+
+@pytest.fixture(scope="module")
+def planned():
+    scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3), ul.RIGID)
+    return ul.plan(
+        scene,
+        free=["layer.E", "layer.thickness"],
+        noise=ul.Noise(force=1e-3),
+        radii=np.geomspace(2e-4, 2e-3, 4),
+        depths=np.geomspace(2e-5, 2e-4, 3),
+    )
+
+
+def site_table():
+    x, y = np.meshgrid(np.arange(4) * 1e-3, np.arange(3) * 1e-3)
+    modulus = 1e6 + 1e8 * x
+    modulus[1, 2] = np.nan
+    return pd.DataFrame({"x": x.ravel(), "y": y.ravel(), "layer.E": modulus.ravel()})
+
+
+@pytest.fixture
+def pictures(fit, planned):
+    posterior = small_posterior()[1]
+    return {
+        "fit": lambda ax=None: ul.plots.fit(fit, ax=ax),
+        "scene": lambda ax=None: ul.plots.scene(fit.scene, depth=3e-4, ax=ax),
+        "correlations": lambda ax=None: ul.plots.correlations(fit, ax=ax),
+        "identifiability": lambda ax=None: ul.plots.identifiability(ul.identifiability(fit), ax=ax),
+        "profile": lambda ax=None: ul.plots.profile(ul.profile(fit, "layer.E"), ax=ax),
+        "plan": lambda ax=None: ul.plots.plan(planned, ax=ax),
+        "corner": lambda ax=None: ul.plots.corner(posterior, ax=ax),
+        "predictive": lambda ax=None: ul.plots.predictive(posterior, ax=ax),
+        "map": lambda ax=None: ul.plots.map(site_table(), ax=ax),
+        "verdicts": lambda ax=None: ul.plots.verdicts(site_table().assign(verdict="good"), ax=ax),
+        "histogram": lambda ax=None: ul.plots.histogram(site_table(), ax=ax),
+    }
+
+
+NAMES = (
+    "fit",
+    "scene",
+    "correlations",
+    "identifiability",
+    "profile",
+    "plan",
+    "corner",
+    "predictive",
+    "map",
+    "verdicts",
+    "histogram",
+)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_picture_keeps_to_the_rules(pictures, name, tmp_path, monkeypatch):
+    monkeypatch.setattr(plt, "show", lambda *_, **__: pytest.fail("a picture called plt.show"))
+    before = mpl.rcParams.copy()
+    _, (left, right) = plt.subplots(1, 2, figsize=(9.0, 4.0), layout="constrained")
+    assert pictures[name](left) is left
+    assert right.has_data() is False
+    plt.close("all")
+    own = pictures[name]()
+    width = own.get_figure(root=True).get_figwidth()
+    assert style.COLUMN <= width <= style.PAGE or name == "corner"
+    data = ul.plots.save(own, tmp_path / f"{name}.png").read_bytes()
+    wide, high = struct.unpack(">II", data[16:24])
+    assert wide >= 480
+    assert high >= 300
+    # The backend is chosen by matplotlib itself at the first picture.
+    changed = {key for key, value in mpl.rcParams.items() if before[key] != value}
+    assert changed <= {"backend"}
+
+
+def test_saving_writes_each_format_closes_the_figure_and_refuses_others(fit, tmp_path):
+    plt.close("all")
+    starts = {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}
+    for ending, start in starts.items():
+        path = ul.plots.save(ul.plots.fit(fit), tmp_path / f"a.{ending}")
+        assert path.read_bytes().startswith(start)
+    # Text in a vector picture stays text.
+    words = [node.text for node in ET.parse(tmp_path / "a.svg").iter() if node.text]  # noqa: S314  our own
+    assert any("force (N)" in text for text in words)
+    assert plt.get_fignums() == []
+    ax = ul.plots.fit(fit)
+    with pytest.raises(InputError, match=r"\.png, \.svg or \.pdf"):
+        ul.plots.save(ax, tmp_path / "a.jpg")
+    plt.close("all")
+
+
+def test_fit_shows_the_data_the_law_and_the_half_space(fit):
+    upper = ul.plots.fit(fit)
+    lines = {line.get_label(): line for line in upper.get_lines()}
+    assert set(lines) == {"measured", "fit", "half-space, same modulus"}
+    assert upper.get_ylabel() == "force (N)"
+    # 0.3 mm: the largest unit in which the number is at least a tenth.
+    x, y = lines["measured"].get_data()
+    assert x.max() == pytest.approx(fit.curves[0].depth.max() / 1e-3)
+    assert y.max() == pytest.approx(fit.curves[0].force.max())
+    # The half-space of the same modulus carries less than the layer on bone.
+    assert lines["half-space, same modulus"].get_ydata()[-1] < 0.8 * lines["fit"].get_ydata()[-1]
+    strip = upper.get_figure(root=True).axes[1]
+    residual = strip.get_lines()[1].get_ydata()
+    np.testing.assert_allclose(residual * 1e-3, fit.residuals[0], rtol=1e-12)
+    plt.close("all")
+
+
+@pytest.mark.parametrize(
+    "indenter",
+    [
+        ul.FlatPunch(5e-4),
+        ul.Paraboloid(1e-3),
+        ul.Sphere(1e-3),
+        ul.Cone.berkovich(),
+        ul.PowerLaw(3.0, 1e5),
+        ul.Profile([0.0, 2e-4, 6e-4, 1e-3], [0.0, 2e-5, 2e-4, 7e-4]),
+    ],
+    ids=lambda indenter: indenter.shape,
+)
+@pytest.mark.parametrize("substrate", [None, ul.RIGID, ul.Isotropic(1e5, 0.4)], ids=["none", "rigid", "soft"])
+def test_scene_is_drawn_to_scale(indenter, substrate):
+    layer = ul.Layer(ul.Isotropic(1e6, 0.45), np.inf if substrate is None else 1e-3)
+    test = ul.Scene(indenter, layer, substrate, ul.Instrument(contact_depth=1e-5))
+    ax = ul.plots.scene(test, depth=9e-5)
+    assert ax.get_aspect() == 1.0
+    depth = 9e-5 - 1e-5
+    radius = float(test.contact_law(depth).contact_radius(np.array([depth]))[0])
+    dots = next(line for line in ax.get_lines() if line.get_marker() == "o")
+    unit = {"um": 1e-6, "mm": 1e-3}[ax.get_xlabel().rpartition("(")[2].rstrip(")")]
+    assert dots.get_xdata()[1] * unit == pytest.approx(radius)
+    edge = float(indenter.surface(np.array([radius]))[0]) - depth
+    assert dots.get_ydata()[1] * unit == pytest.approx(edge, abs=1e-12)
+    plt.close("all")
+
+
+def test_scene_before_contact_can_be_drawn():
+    test = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.RIGID)
+    ax = ul.plots.scene(test, depth=-1e-5)
+    assert not [line for line in ax.get_lines() if line.get_marker() == "o"]
+    plt.close("all")
+
+
+def test_corner_marks_the_truth_and_needs_axes_it_can_divide():
+    _, posterior = small_posterior()
+    ax = ul.plots.corner(posterior, names=["layer.E", "instrument.contact_depth"])
+    cells = ax.get_figure(root=True).axes[1:]
+    assert len(cells) == 3
+    assert [cell.get_xlabel() for cell in cells if cell.get_xlabel()] == [
+        "layer modulus\n(MPa)",
+        "contact point\n(um)",
+    ]
+    dashed = [line for line in cells[0].get_lines() if line.get_linestyle() == "--"]
+    assert dashed[0].get_xdata()[0] == pytest.approx(1.0)
+    by_hand = plt.figure().add_axes((0.1, 0.1, 0.8, 0.8))
+    with pytest.raises(InputError, match="divides its axes"):
+        ul.plots.corner(posterior, ax=by_hand)
+    plt.close("all")
+
+
+def test_profile_shades_its_own_interval(fit):
+    walk = ul.profile(fit, "layer.thickness")
+    ax = ul.plots.profile(walk)
+    box = ax.patches[0].get_extents().transformed(ax.transData.inverted())
+    assert (box.x0, box.x1) == pytest.approx(
+        (walk.interval().low / 1e-3, walk.interval().high / 1e-3), rel=1e-9
+    )
+    plt.close("all")
+
+
+def test_plan_puts_its_star_on_the_recommendation(planned):
+    ax = ul.plots.plan(planned)
+    star = next(line for line in ax.get_lines() if line.get_label() == "recommended")
+    assert star.get_xdata()[0] * 1e-3 == pytest.approx(planned.best[0])
+    plt.close("all")
+
+
+def test_map_shows_every_site_and_says_what_is_missing():
+    table = site_table()
+    ax = ul.plots.map(table)
+    missing, shown = ax.collections
+    assert len(missing.get_paths()) == 1
+    assert len(shown.get_paths()) == 11
+    np.testing.assert_allclose(shown.get_array() * 1e6, table["layer.E"].dropna())
+    with pytest.raises(InputError, match=r"no column 'height'; it has x, y, layer\.E"):
+        ul.plots.map(table, "height")
+    with pytest.raises(InputError, match="no site of the map"):
+        ul.plots.map(table.assign(**{"layer.E": np.nan}))
+    alone = _squares(np.array([0.0]), np.array([0.0]))
+    assert np.ptp(alone) > 0.0
+    plt.close("all")
+
+
+def test_verdicts_have_a_colour_a_shape_and_a_count_each():
+    table = site_table().assign(verdict=["good"] * 9 + ["doubtful"] * 2 + ["refused"])
+    ax = ul.plots.verdicts(table)
+    words = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert words == ["good (9)", "doubtful (2)", "refused (1)"]
+    assert len({line.get_marker() for line in ax.get_lines()}) == 3
+    with pytest.raises(InputError, match="'verdict' holds words"):
+        ul.plots.map(table, "verdict")
+    plt.close("all")
+
+
+def test_histogram_counts_every_curve_once():
+    ax = ul.plots.histogram(site_table())
+    assert sum(bar.get_height() for bar in ax.patches) == 11
+    with pytest.raises(InputError, match="no column 'height'"):
+        ul.plots.histogram(site_table(), "height")
+    plt.close("all")
+
+
+def test_strip_in_axes_placed_by_hand_keeps_their_box(fit):
+    ax = plt.figure().add_axes((0.2, 0.2, 0.6, 0.7))
+    upper = ul.plots.fit(fit, ax=ax)
+    boxes = [each.get_position() for each in upper.get_figure(root=True).axes]
+    assert min(box.y0 for box in boxes) == pytest.approx(0.2)
+    assert max(box.y1 for box in boxes) == pytest.approx(0.2 + 0.7, abs=0.05)
+    assert boxes[1].y1 < boxes[0].y0
+    plt.close("all")

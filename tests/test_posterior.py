@@ -1,0 +1,261 @@
+"""The frozen result: its table, its derived quantities, its bands, and its way to disk and to others."""
+
+import sys
+import warnings
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
+from underlay.data.noise import Noise
+from underlay.data.synthetic import synthesize
+from underlay.errors import FileAccessError, FileFormatError, InputError, MissingExtraError
+from underlay.inference.priors import LogUniform, Normal, Uniform
+from underlay.inference.problem import Problem
+from underlay.inference.sampling import arviz_bridge
+from underlay.inference.sampling.convergence import highest_density_interval
+from underlay.inference.sampling.informed import (
+    INFORMED,
+    NOT_INFORMED,
+    WEAKLY_INFORMED,
+    compare_with_prior,
+    prior_levels,
+)
+from underlay.inference.sampling.posterior import PREDICTIVE_LEVELS, Posterior
+from underlay.inference.sampling.run import sample
+from underlay.mechanics.indenters import Paraboloid
+from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.scene.scene import Scene
+
+
+@pytest.fixture(scope="module")
+def posterior():
+    return sample(halfspace_problem(halfspace_curve(points=80)), walkers=32)
+
+
+# --- the table --------------------------------------------------------------------------------------------
+
+
+def test_summary_is_that_of_the_draws(posterior):
+    summary = posterior.summary()
+    assert list(summary.index) == list(posterior.names) == ["layer.E", "instrument.contact_depth"]
+    draws = posterior.samples["layer.E"].to_numpy()
+    row = summary.loc["layer.E"]
+    assert row["median"] == np.median(draws)
+    assert (row["hdi95_low"], row["hdi95_high"]) == highest_density_interval(draws, 0.95)
+    assert row["hdi95_low"] < row["hdi68_low"] < row["median"] < row["hdi68_high"] < row["hdi95_high"]
+    assert 500 < row["ess"] <= draws.size
+    assert 0 < row["mcse"] < 0.1 * draws.std()
+    assert row["informed"] == INFORMED
+    assert abs(row["median"] - posterior.truth["layer.E"]) < 4.0 * draws.std()
+
+
+def test_the_result_cannot_be_changed(posterior):
+    with pytest.raises(FrozenInstanceError):
+        posterior.names = ()
+    with pytest.raises(ValueError, match="read-only"):
+        posterior.chain[0, 0, 0] = 1.0
+
+
+def test_an_unknown_quantity_names_the_known(posterior):
+    with pytest.raises(InputError, match=r"no 'layer\.nu' here; there are layer\.E, .*stiffness"):
+        posterior.of("layer.nu")
+
+
+def test_prior_against_posterior(posterior):
+    table = posterior.prior_comparison()
+    row = table.loc["instrument.contact_depth"]
+    # Uniform on +-1e-5: every 68 % is as short; the widths are what counts.
+    assert row["prior"] == "Uniform(low=-1e-05, high=1e-05)"
+    assert row["prior_high"] - row["prior_low"] == pytest.approx(0.95 * 2e-5, rel=2e-3)
+    width = np.subtract(*highest_density_interval(posterior.of("instrument.contact_depth"), 0.68)[::-1])
+    assert row["narrowing"] == pytest.approx(1.0 - width / (0.68 * 2e-5), abs=1e-3)
+    assert row["distance"] > 0.4
+
+
+@pytest.mark.parametrize(
+    ("shift", "ratio", "verdict"),
+    [
+        (0.0, 1.0, NOT_INFORMED),
+        (0.2, 1.0, NOT_INFORMED),
+        (0.0, 0.7, NOT_INFORMED),
+        (0.4, 1.0, WEAKLY_INFORMED),
+        (0.0, 0.5, WEAKLY_INFORMED),
+        (0.0, 0.3, INFORMED),
+        (2.0, 1.0, INFORMED),
+    ],
+)
+def test_verdicts_on_normal_posteriors(shift, ratio, verdict):
+    prior = stats.norm.ppf(prior_levels(1001))
+    draws = np.random.default_rng(0).normal(shift, ratio, size=(2000, 20))
+    answer = compare_with_prior(draws, prior)
+    grid = np.linspace(-6.0, 6.0, 20_001)
+    exact = np.abs(stats.norm.cdf(grid) - stats.norm.cdf(grid, shift, ratio)).max()
+    # Kolmogorov: 1.6 / sqrt(n) at 1 %, and half a level of the grid.
+    assert answer.distance == pytest.approx(exact, abs=1.63 / np.sqrt(draws.size) + 1e-3)
+    assert answer.narrowing == pytest.approx(1.0 - ratio, abs=0.02)
+    assert answer.informed == verdict
+
+
+def test_few_draws_do_not_claim_information():
+    prior = stats.norm.ppf(prior_levels(1001))
+    few = np.random.default_rng(0).normal(size=(12, 4))
+    assert compare_with_prior(few, prior).informed == NOT_INFORMED
+
+
+# --- derived quantities -----------------------------------------------------------------------------------
+
+
+def test_derived_moduli_of_an_isotropic_layer(posterior):
+    E = posterior.of("layer.E")[:: step_of_derived(posterior)]
+    np.testing.assert_allclose(posterior.derived["layer.reduced_modulus"], E / (1.0 - 0.45**2), rtol=1e-12)
+    oedometric = E * (1.0 - 0.45) / ((1.0 + 0.45) * (1.0 - 0.9))
+    np.testing.assert_allclose(posterior.derived["layer.oedometric_modulus"], oedometric, rtol=1e-12)
+
+
+def step_of_derived(posterior):
+    """Derived quantities are those of every so many-th draw."""
+    return -(-len(posterior.chain) // len(posterior.derived["stiffness"]))
+
+
+def test_derived_stiffness_is_that_of_the_scene(posterior):
+    scene, curve = halfspace_scene(), halfspace_curve(points=80)
+    E, contact = posterior.chain[:: step_of_derived(posterior)][3, 2]
+    changed = scene.with_values({"layer.E": E, "instrument.contact_depth": contact})
+    law = changed.contact_law(1e-4)
+    expected = law.stiffness(curve.depth.max() - contact)
+    assert posterior.derived["stiffness"][3, 2] == pytest.approx(float(expected), rel=1e-6)
+
+
+def test_incompressible_layers_have_no_oedometric_modulus():
+    scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5)))
+    curve = synthesize(scene, np.linspace(0.0, 5e-5, 40), Noise(force=WHITE), 2)
+    found = sample(Problem(scene, curve, {"layer.E": LogUniform(1e4, 1e8)}, Noise(force=WHITE)), walkers=8)
+    assert set(found.derived) == {"layer.reduced_modulus", "stiffness"}
+    np.testing.assert_allclose(found.derived_samples["layer.reduced_modulus"].median(), 4e6 / 3.0, rtol=0.01)
+
+
+def test_derived_moduli_of_an_anisotropic_layer():
+    material = TransverselyIsotropic(1e6, 5e5, 0.3, 0.2, 3e5)
+    scene = Scene(Paraboloid(1e-3), Layer(material))
+    curve = synthesize(scene, np.linspace(0.0, 5e-5, 40), Noise(force=WHITE), 2)
+    problem = Problem(scene, curve, {"layer.E_axial": LogUniform(1e5, 5e6)}, Noise(force=WHITE))
+    found = sample(problem, walkers=8)
+    E_axial = float(found.samples["layer.E_axial"].iloc[0])
+    exact = replace(material, E_axial=E_axial)
+    assert found.derived_samples["layer.reduced_modulus"].iloc[0] == pytest.approx(
+        2.0 * exact.theta, rel=1e-12
+    )
+    oedometric = 1.0 / exact.plane_constants.c
+    assert found.derived_samples["layer.oedometric_modulus"].iloc[0] == pytest.approx(oedometric, rel=1e-12)
+
+
+def test_derived_quantities_of_several_curves_carry_their_number():
+    tests = []
+    for number, E in enumerate((1e6, 3e6)):
+        scene = Scene(Paraboloid(1e-3), Layer(Isotropic(E, 0.45), 5e-4), RIGID)
+        tests.append((scene, synthesize(scene, np.linspace(0.0, 5e-5, 30), Noise(force=1e-3), number)))
+    problem = Problem.joint(
+        tests,
+        {"layer.E": LogUniform(1e5, 1e7), "layer.thickness": Normal(5e-4, 2e-5)},
+        ["layer.thickness"],
+        Noise(force=1e-3),
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = sample(problem, walkers=8, max_steps=300)
+    assert found.names == ("layer.E[0]", "layer.E[1]", "layer.thickness")
+    assert {"layer.reduced_modulus[0]", "stiffness[0]", "stiffness[1]"} <= set(found.derived)
+    assert len(found.predictive) == 2
+    assert found.truth == {"layer.E[0]": 1e6, "layer.E[1]": 3e6, "layer.thickness": 5e-4}
+    ratio = (
+        found.derived_samples["layer.reduced_modulus[1]"].median()
+        / found.derived_samples["layer.reduced_modulus[0]"].median()
+    )
+    assert ratio == pytest.approx(3.0, rel=0.1)
+
+
+# --- predictive bands -------------------------------------------------------------------------------------
+
+
+def test_the_band_of_a_new_reading_covers_new_readings(posterior):
+    band = posterior.predictive[0]
+    assert band.model.shape == band.reading.shape == (len(PREDICTIVE_LEVELS), 80)
+    assert (np.diff(band.model, axis=0) >= 0.0).all()
+    # 400 new curves of the truth: each point's share inside the 95 % band, averaged over the curve. The band
+    # comes from 500 draws, so its own probability is uncertain by 1 %; a posterior off by a sigma costs 2 %.
+    inside = []
+    for seed in range(400):
+        new = halfspace_curve(points=80, seed=1000 + seed).force
+        inside.append(np.mean((new >= band.reading[0]) & (new <= band.reading[-1])))
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.03)
+    # The model's own band is far narrower: it is no band for readings.
+    assert (band.model[-1] - band.model[0]).mean() < 0.5 * (band.reading[-1] - band.reading[0]).mean()
+
+
+@pytest.mark.parametrize("noise", [Noise(), Noise(force=WHITE, relative=0.02), Noise(correlation_time=0.05)])
+def test_coverage_of_the_fitted_data(noise):
+    depth = np.linspace(-1e-5, 5e-5, 200)
+    made = replace(noise, force=WHITE)
+    curve = synthesize(halfspace_scene(), depth, made, 7, sampling_rate=200.0)
+    free = {"layer.E": LogUniform(1e4, 1e8), "instrument.contact_depth": Uniform(-1e-5, 1e-5)}
+    found = sample(Problem(halfspace_scene(), curve, free, noise), walkers=16)
+    # Binomial: 0.95 +- 4 sqrt(0.95 * 0.05 / n), n the effective number of points, 200 or some 10 for AR(1).
+    points = 10 if noise.correlation_time else 200
+    assert found.predictive[0].coverage() == pytest.approx(0.95, abs=4.0 * np.sqrt(0.0475 / points))
+
+
+# --- to disk and to others --------------------------------------------------------------------------------
+
+
+def test_saved_and_loaded_is_the_same(posterior, tmp_path):
+    path = tmp_path / "posterior"
+    posterior.save(path)
+    assert path.exists()
+    loaded = Posterior.load(path)
+    np.testing.assert_array_equal(loaded.chain, posterior.chain)
+    np.testing.assert_array_equal(loaded.predictive[0].reading, posterior.predictive[0].reading)
+    assert loaded.diagnostics == posterior.diagnostics
+    assert loaded.truth == dict(posterior.truth)
+    assert loaded.summary(derived=True).equals(posterior.summary(derived=True))
+    assert loaded.prior_comparison().equals(posterior.prior_comparison())
+    # Nothing in the file is a pickle.
+    with np.load(path, allow_pickle=False) as file:
+        assert all(file[name].dtype.kind in "fU" for name in file.files)
+
+
+def test_other_files_are_no_posteriors(tmp_path):
+    text, arrays = tmp_path / "a.txt", tmp_path / "b.npz"
+    text.write_text("median")
+    np.savez(arrays, x=np.ones(3))
+    for path in (text, arrays):
+        with pytest.raises(FileFormatError, match="is not a saved posterior"):
+            Posterior.load(path)
+    with pytest.raises(FileAccessError, match="cannot read"):
+        Posterior.load(tmp_path / "missing.npz")
+
+
+def test_a_file_that_cannot_be_written(posterior, tmp_path):
+    with pytest.raises(FileAccessError, match="cannot write"):
+        posterior.save(tmp_path / "no" / "such" / "folder.npz")
+
+
+def test_inference_data_holds_one_chain_per_walker(posterior, tmp_path):
+    data = posterior.to_inference_data()
+    E = data.posterior["layer.E"]
+    assert dict(E.sizes) == {"chain": 32, "draw": len(posterior.chain)}
+    np.testing.assert_array_equal(E.values, posterior.of("layer.E").T)
+    assert {"posterior", "prior", "sample_stats"} <= set(data.groups())
+    arviz = arviz_bridge.arviz_library()
+    assert float(arviz.rhat(data)["layer.E"]) == pytest.approx(posterior.summary().loc["layer.E", "rhat"])
+    data.to_netcdf(str(tmp_path / "posterior.nc"))
+    again = arviz.from_netcdf(str(tmp_path / "posterior.nc"))
+    np.testing.assert_array_equal(again.posterior["layer.E"].values, E.values)
+
+
+def test_without_the_extra_the_error_names_it(posterior, monkeypatch):
+    monkeypatch.setitem(sys.modules, "arviz", None)
+    with pytest.raises(MissingExtraError, match=r"underlay\[uq\]"):
+        posterior.to_inference_data()

@@ -1,0 +1,102 @@
+"""The verdict on a curve: what is good passes, and each fault is named."""
+
+import numpy as np
+import pytest
+
+from underlay.data.curve import Curve
+from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
+from underlay.errors import CurveError
+from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.scene.scene import Scene
+
+RNG_SEED = 21
+
+
+def made(exponent=1.5, *, noise=0.003, points=500, scale=1e-6, **metadata):
+    rng = np.random.default_rng(RNG_SEED)
+    x = np.linspace(-1.0, 1.0, points)
+    force = np.clip(x, 0.0, None) ** exponent + noise * rng.standard_normal(points)
+    return Curve(x * scale, force * 1e-8, time=np.arange(points) * 0.01, metadata=metadata)
+
+
+def told(curve, scene=None):
+    return check_quality(curve, scene)
+
+
+def test_a_clean_curve_is_good():
+    quality = told(made())
+    assert (quality.verdict, quality.reasons) == (GOOD, ())
+    assert quality.exponent == pytest.approx(1.5, abs=0.1)
+    assert quality.signal_to_noise == pytest.approx(1 / 0.003, rel=0.3)
+    quality.require()
+
+
+@pytest.mark.parametrize(("exponent", "why"), [(0.75, "slipped, wrong contact"), (2.6, "stiffer base felt")])
+def test_a_wrong_exponent_is_named(exponent, why):
+    quality = told(made(exponent))
+    assert quality.verdict == DOUBTFUL
+    assert any("where 1.50 is expected" in reason and why in reason for reason in quality.reasons)
+
+
+def test_the_scene_says_which_exponent_to_expect():
+    """A thin incompressible layer is far steeper than a half-space, and rightly so."""
+    scene = Scene(Paraboloid(20e-6), Layer(Isotropic(1e4, 0.5), 1.5e-6), RIGID)
+    x = np.linspace(-1e-6, 1e-6, 500)
+    force = scene.force(np.clip(x, 0.0, None))
+    force = force + 0.002 * force[-1] * np.random.default_rng(2).standard_normal(500)
+    curve = Curve(x, force)
+    with_scene = told(curve, scene)
+    assert with_scene.expected_exponent > 1.9
+    assert not any("exponent" in reason for reason in with_scene.reasons)
+    assert any("exponent" in reason for reason in told(curve).reasons)
+
+
+def test_a_slip_is_named():
+    curve = made()
+    force = np.array(curve.force)
+    force[curve.depth > 0.7e-6] -= 0.2e-8
+    assert any("slipped or the sample broke" in reason for reason in told(Curve(curve.depth, force)).reasons)
+
+
+def test_a_weak_curve_is_named():
+    assert any(reason.startswith("weak") for reason in told(made(noise=0.08)).reasons)
+
+
+def test_few_points_are_named():
+    quality = told(made(points=30))
+    assert any("points beyond contact" in reason for reason in quality.reasons)
+
+
+def test_a_ball_too_deep_for_its_paraboloid():
+    deep = made(scale=1e-5, indenter_radius=1e-5)
+    assert any("deeper than a ball of this radius" in r or "use the sphere" in r for r in told(deep).reasons)
+    half = made(scale=4e-6, indenter_radius=1e-5)
+    assert any("paraboloid does not hold (4 % in force), use the sphere" in r for r in told(half).reasons)
+    assert told(made(scale=1e-7, indenter_radius=1e-5)).verdict == GOOD
+    scene = Scene(Sphere(1e-5), Layer(Isotropic(1e4, 0.5)))
+    assert not any("paraboloid" in reason for reason in told(half, scene).reasons)
+
+
+@pytest.mark.parametrize(
+    ("curve", "why"),
+    [
+        (Curve(np.arange(5.0), np.arange(5.0)), "at least 8"),
+        (Curve(np.arange(20.0), np.zeros(20)), "force is zero"),
+        (Curve(-np.arange(20.0), np.arange(20.0)), "never increases"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused_with_the_reason(curve, why):
+    quality = told(curve)
+    assert quality.verdict == REFUSED
+    assert why in quality.reasons[0]
+    with pytest.raises(CurveError, match=why):
+        quality.require()
+
+
+def test_a_failed_search_and_a_force_as_small_is_a_test_in_air():
+    weak = made(1.0, search_criterion=1e-8, search_reached=0.4e-8)
+    assert told(weak).verdict == REFUSED
+    assert "no contact: the search for it stopped" in told(weak).reasons[0]
+    # The same curve with a force far beyond what was searched for was in contact after all.
+    assert told(made(1.5, search_criterion=1e-9, search_reached=0.4e-9)).verdict == GOOD

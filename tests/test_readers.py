@@ -1,0 +1,475 @@
+"""Every reader on small files of our own: numbers in SI, signs, segments, provenance, and each quirk."""
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from support import afm_files
+from support import instrument_files as files
+from underlay.data.readers import FORMATS, read, read_all
+from underlay.errors import CurveError, FileFormatError, InputError, UnderlayWarning, UnitError
+
+TIME, DEPTH, FORCE = files.sample_curve(1.0, 1.0)
+LABELS = np.repeat(("loading", "hold", "unloading"), (files.RAMP, files.REST, files.BACK))
+
+
+@pytest.fixture
+def put(tmp_path):
+    def write(content, name="measured.dat"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+def check(curve, deepest, peak, digits=1e-6):
+    """The curve of all files, to the digits that they write."""
+    np.testing.assert_allclose(curve.depth, deepest * DEPTH, atol=digits * deepest, rtol=0)
+    np.testing.assert_allclose(curve.force, peak * FORCE, atol=digits * peak, rtol=0)
+    np.testing.assert_allclose(curve.time, TIME, atol=1e-6)
+    # The corner of a motion belongs to either side.
+    assert np.count_nonzero(curve.segments() != LABELS) <= 2
+
+
+# --- the door
+
+
+def test_every_format_has_a_name_and_a_line_and_they_differ():
+    names = [known.name for known in FORMATS]
+    assert len(set(names)) == len(names)
+    assert {"csv", "optics11", "mach1", "bioindenter", "hysitron", "nanosuite"} <= set(names)
+    assert {"fischer", "testxpert", "afm", "excel"} <= set(names)
+    assert all(known.description and "\n" not in known.description for known in FORMATS)
+
+
+@pytest.mark.parametrize("name", sorted({**files.ALL, **afm_files.ALL}))
+def test_content_alone_tells_the_format(name, put):
+    content = {**files.ALL, **afm_files.ALL}[name]()
+    expected = {"archive": "csv"}.get(name, name.split()[0])
+    path = put(content, "whatever.qqq")  # the extension says nothing
+    if name in {"hysitron nanodma", "afm ntmdt"}:
+        with pytest.raises(InputError):
+            read_all(path)
+        return
+    if name == "nanosuite":
+        with pytest.warns(UnderlayWarning, match="1 of 90 points left out"):
+            curves = read_all(path)
+    else:
+        curves = read_all(path)
+    assert curves[0].metadata["format"] == expected
+
+
+def test_provenance_is_in_the_metadata(put):
+    content = files.optics11()
+    curve = read(put(content))
+    assert curve.metadata["sha256"] == hashlib.sha256(content).hexdigest()
+    assert curve.metadata["path"].endswith("measured.dat")
+    assert curve.metadata["reader"].startswith("underlay ")
+    assert curve.metadata["test"] == 1
+    assert set(curve.metadata["sign_rules"]) == {"depth", "force", "segment"}
+
+
+def test_several_tests_are_listed_and_picked(put):
+    path = put(files.mach1(3))
+    with pytest.raises(
+        InputError, match=r"holds 3 tests \(1: measured, block 2.*Pick one with test=1 to test=3"
+    ):
+        read(path)
+    assert read(path, test=2).metadata["block"] == 5
+    with pytest.raises(InputError, match="there is no test 4"):
+        read(path, test=4)
+    assert [curve.metadata["test"] for curve in read_all(path)] == [1, 2, 3]
+
+
+def test_an_unknown_format_or_file_is_named(put):
+    with pytest.raises(InputError, match="no format 'xyz'; there are"):
+        read(put(files.delimited()), format="xyz")
+    with pytest.raises(FileFormatError, match="not recognised as any known format"):
+        read(put("Dear diary,\nnothing was measured.\n"))
+    with pytest.raises(FileFormatError):
+        read(put(files.delimited()), format="mach1")
+
+
+def test_options_that_cannot_act_are_refused(put):
+    with pytest.raises(InputError, match="a column mapping does not apply"):
+        read(put(files.optics11()), columns={"depth": "Piezo (nm)"})
+    with pytest.raises(InputError, match="holds its calibration"):
+        read(put(files.optics11()), calibration={"spring_constant": "0.04 N/m"})
+    with pytest.raises(InputError, match="no calibration 'k'"):
+        read(put(afm_files.jpk()), calibration={"k": "0.04 N/m"})
+    with pytest.raises(InputError, match="must be positive"):
+        read(put(afm_files.jpk()), calibration={"spring_constant": "-0.04 N/m"})
+
+
+# --- plain tables
+
+
+@pytest.mark.parametrize(
+    ("separator", "comma", "encoding"),
+    [
+        (",", False, "utf-8"),
+        (";", True, "utf-8"),
+        ("\t", True, "latin-1"),
+        ("\t", False, "utf-8-sig"),
+        (";", False, "utf-16"),
+    ],
+)
+def test_tables_in_all_dialects(separator, comma, encoding, put):
+    curve = read(put(files.delimited(separator, comma=comma, encoding=encoding, end="\r\n")))
+    check(curve, 2e-6, 1e-4, 1e-8)
+    assert curve.metadata["comments"] == ("a gel on glass",)
+    assert curve.metadata["units"]["depth (µm)"] == "µm"
+
+
+@pytest.mark.parametrize(
+    ("text", "depth", "force"),
+    [
+        ("depth (um),force [mN]\n1,2\n3,4\n", [1e-6, 3e-6], [2e-3, 4e-3]),
+        ('"Time, s","depth, um","force, mN"\n0,1,2\n1,3,4\n', [1e-6, 3e-6], [2e-3, 4e-3]),
+        ("h,P\nnm,uN\n1,2\n3,4\n", [1e-9, 3e-9], [2e-6, 4e-6]),
+        ("h;P\n[nm];[uN]\n1,5;2\n3;4,5\n", [1.5e-9, 3e-9], [2e-6, 4.5e-6]),
+        ("depth (um) force (mN)\n1 2\n3 4\n", [1e-6, 3e-6], [2e-3, 4e-3]),
+        ("sep=;\ndepth (um);force (mN)\n1;2\n3;4\n", [1e-6, 3e-6], [2e-3, 4e-3]),
+        (",depth (um),force (mN),note\n0,1,2,a\n1,3,4,b\n", [1e-6, 3e-6], [2e-3, 4e-3]),
+        (
+            "made by hand\nindenter radius: 5 um\ndepth / um\tforce / mN\n1\t2\n3\t4\n",
+            [1e-6, 3e-6],
+            [2e-3, 4e-3],
+        ),
+        ("Load (gf)\tIndentation (mm)\n1\t0.5\n2\t0.6\n", [0.5e-3, 0.6e-3], [9.80665e-3, 2 * 9.80665e-3]),
+    ],
+)
+def test_headers_and_units_as_people_write_them(text, depth, force, put):
+    curve = read(put(text))
+    np.testing.assert_allclose(curve.depth, depth, rtol=1e-15)
+    np.testing.assert_allclose(curve.force, force, rtol=1e-15)
+
+
+def test_a_mapping_names_columns_units_and_signs(put):
+    path = put("x [um],F1 [N],F2\n1,-2,-5\n2,-3,-6\n")
+    curve = read(path, columns={"depth": "x", "force": "-F2 (mN)"})
+    np.testing.assert_allclose(curve.force, [5e-3, 6e-3])
+    assert curve.metadata["sign_rules"]["force"] == "minus the column 'F2', as asked"
+    np.testing.assert_allclose(read(path, columns={"depth": "x [mm]", "force": "F1"}).depth, [1e-3, 2e-3])
+    with pytest.raises(FileFormatError, match=r"no column 'F3'; it has 'x \[um\]', 'F1 \[N\]', 'F2'"):
+        read(path, columns={"depth": "x", "force": "F3"})
+    with pytest.raises(InputError, match="has no 'z'; it takes depth, force, time, segment"):
+        read(path, columns={"z": "x"})
+    with pytest.raises(InputError, match="must be a name"):
+        read(path, columns={"depth": "-"})
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "told"),
+    [
+        ("x (um),y (N)\n1,2\n", FileFormatError, r"no column for the depth; it has 'x \(um\)', 'y \(N\)'"),
+        (
+            "depth,force\n1,2\n",
+            FileFormatError,
+            r"column 'depth': no unit; write it in the header as 'depth \(um\)'",
+        ),
+        ("depth (um),force (kPa)\n1,2\n", UnitError, "'kPa' is a unit of pressure, but a force is needed"),
+        ("depth (um),force (bananas)\n1,2\n", UnitError, "unknown unit 'bananas' for a force"),
+        ("1,2\n3,4\n", FileFormatError, "no row of names above its numbers"),
+        ("depth (um),force (mN)\n", FileFormatError, "not recognised"),
+        (
+            "depth (um),force (mN)\n1,2\n3\n",
+            FileFormatError,
+            "row 2 of the table has 1 cells where at least 2",
+        ),
+        (
+            "depth (um),force (mN)\n1,2\n3,four\n",
+            FileFormatError,
+            "row 2 of the table: 'four' is not a number",
+        ),
+        ("depth (um),force (mN)\n1,2\n3,1_000\n", FileFormatError, "'1_000' is not a"),
+        (
+            "depth (um),force (mN)\n1,2\nnan,3\n",
+            FileFormatError,
+            "row 2 of the table: 'nan' is not a finite number",
+        ),
+        ("depth (um),force (mN)\n1,2\n3,1e400\n", FileFormatError, "'1e400' is not a finite number"),
+    ],
+)
+def test_what_a_table_lacks_is_said(text, error, told, put):
+    with pytest.raises(error, match=told):
+        read(put(text))
+
+
+def test_cells_without_a_value_are_left_out_aloud(put):
+    path = put("depth (um),force (mN)\n1,2\n,3\n4,NA\n5,1.7976931348623157e308\n6,7\n")
+    with pytest.warns(UnderlayWarning, match="3 of 5 points left out"):
+        curve = read(path)
+    np.testing.assert_allclose(curve.depth, [1e-6, 6e-6])
+    assert curve.metadata["points_left_out"] == 3
+    with pytest.raises(CurveError, match="no point has both"):
+        read(put("depth (um),force (mN),time (s)\n1,,0\n2,,1\n"))
+
+
+def test_a_segment_column_of_our_names_is_used_and_others_are_not(put):
+    curve = read(put("depth (um),force (mN),segment\n1,2,loading\n3,4,hold\n"))
+    assert list(curve.segment) == ["loading", "hold"]
+    curve = read(put("depth (um),force (mN),segment\n1,2,1\n3,4,2\n"))
+    assert curve.segment is None
+    assert "the segment column is not used" in curve.metadata["notes"][0]
+
+
+def test_numbers_in_comments_that_mean_something(put):
+    curve = read(
+        put("# indenter radius: 27.5 um\n# spring constant: 0.019 N/m\ndepth (um),force (mN)\n1,2\n")
+    )
+    assert curve.metadata["indenter_radius"] == 27.5e-6
+    assert curve.metadata["spring_constant"] == 0.019
+    with pytest.raises(UnitError, match="indenter radius: 3 kPa"):
+        read(put("# indenter radius: 3 kPa\ndepth (um),force (mN)\n1,2\n"))
+
+
+# --- Optics11
+
+
+@pytest.mark.parametrize("generation", ["old", "V3.4.4", "V3.5.0", "Chiaro"])
+@pytest.mark.parametrize("comma", [False, True])
+def test_optics11_of_all_generations(generation, comma, put):
+    curve = read(put(files.optics11(generation, comma=comma)))
+    check(curve, 2e-6, 4e-8, 3e-5)  # six decimals of uN: 1e-12 N of 4e-8 N
+    assert curve.metadata["indenter_radius"] == pytest.approx(25e-6)
+    assert curve.metadata["spring_constant"] == 0.05
+    assert curve.metadata["instrument_reduced_modulus"] == 1000.0
+    assert curve.metadata["position"] == pytest.approx((100e-6, 200e-6, 300e-6))
+    assert curve.metadata["name"] in {"gel 4 %", "cell 7"}
+    # Cut to zero before contact in all but one generation.
+    assert ("software_contact_depth" in curve.metadata) == (generation != "V3.5.0")
+    assert curve.metadata["notes"] == ()
+    if generation == "V3.4.4" and not comma:
+        assert curve.metadata["header"]["SMDuration (s)"] == "0.0"
+        assert curve.metadata["header"]["Model"] == "Hertz"
+
+
+def test_optics11_says_so_when_load_and_deflection_do_not_close(put):
+    content = files.optics11("old").replace(b"k (N/m)\t0.050", b"k (N/m)\t0.500")
+    assert "check the file's units" in read(put(content)).metadata["notes"][0]
+
+
+# --- Mach-1
+
+
+@pytest.mark.parametrize("multiaxis", [False, True])
+def test_mach1_forces_are_positive_in_compression_in_newtons(multiaxis, put):
+    curves = read_all(put(files.mach1(2, multiaxis=multiaxis)))
+    _, depth, force = files.relaxation()
+    assert [curve.metadata["block"] for curve in curves] == [2, 5]
+    for number, curve in enumerate(curves):
+        np.testing.assert_allclose(curve.depth, depth, atol=1e-12)
+        np.testing.assert_allclose(curve.force, force, atol=6e-10)  # nine decimals of N
+        assert curve.metadata["contact_height"] == pytest.approx(-2.9e-3)
+        assert curve.metadata["position"] == pytest.approx((number * 1.5e-3, 0.0, -2.9e-3))
+        assert curve.metadata["ramp_ends"] == (200,)
+    assert ("minus" in curves[0].metadata["sign_rules"]["force"]) == multiaxis
+
+
+def test_mach1_steps_give_equilibrium_points(put):
+    curve = read(put(files.mach1(1, ramps=3)))
+    points = curve.equilibrium()
+    np.testing.assert_allclose(points.depth, np.arange(1, 4) / 3 * 1e-4, rtol=1e-6)
+    expected = 5e-3 * (np.arange(1, 4) / 3) ** 1.5 * 0.5
+    np.testing.assert_allclose(points.force, expected, rtol=1e-3)  # 6 s of rest at 0.7 s leave exp(-9)
+
+
+def test_mach1_search_without_contact_is_noted(put):
+    curve = read(put(files.mach1(1, contact=False)))
+    assert "search for contact ended without it" in curve.metadata["notes"][0]
+    assert curve.metadata["search_reached"] < curve.metadata["search_criterion"]
+    assert read(put(files.mach1(1))).metadata["notes"] == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda text: text[: len(text) // 2], "cut short"),
+        (lambda text: text.replace(b"Fz, gf", b"Fy, gf"), "no column 'Fz'; it has"),
+        (lambda text: text.replace(b"Fz, gf", b"Fz, mm"), "unit of length, but a force"),
+        (lambda _: b"<Mach-1 File>\r\n", "no block with a test"),
+    ],
+)
+def test_mach1_damage_is_said(change, told, put):
+    with pytest.raises(InputError, match=told):
+        read(put(change(files.mach1(1))))
+
+
+# --- Bioindenter, Hysitron, Fischer
+
+
+@pytest.mark.parametrize("profile", [False, True])
+def test_bioindenter_segments_come_from_the_protocol(profile, put):
+    curve = read(put(files.bioindenter(profile=profile)))
+    check(curve, 20e-6, 1e-3, 6e-5)  # five digits
+    assert list(curve.segment) == list(LABELS)
+    assert curve.metadata["instrument_reduced_modulus"] == pytest.approx(830.29e3)
+    assert curve.metadata["header"]["Fn contact"] == "25.00 µN"
+
+
+@pytest.mark.parametrize("trimmed", [False, True])
+@pytest.mark.parametrize("micro", ["µ", "u"])
+def test_hysitron_hld(trimmed, micro, put):
+    curve = read(put(files.hld(trimmed=trimmed, micro=micro)))
+    check(curve, 100e-9, 1e-3, 1e-6)
+    assert list(curve.segment) == list(LABELS)
+    assert curve.metadata["drift_rate"] == pytest.approx(0.05e-9)
+    assert curve.metadata["machine_compliance"] == pytest.approx(0.5e-6)
+    unlisted = read(put(files.hld(listed=False)))
+    assert unlisted.segment is None
+    check(unlisted, 100e-9, 1e-3, 1e-6)
+
+
+def test_hysitron_text(put):
+    check(read(put(files.load_control_text())), 100e-9, 1e-3, 1e-6)
+    with pytest.raises(FileFormatError, match="nanoDMA export: it holds dynamic moduli"):
+        read(put(files.nanodma()))
+
+
+@pytest.mark.parametrize("make", [files.hld, files.load_control_text])
+def test_hysitron_claims_more_than_there_is(make, put):
+    with pytest.raises(FileFormatError, match="claims 2000000000 points but 90 rows follow"):
+        read(put(make(claimed=2_000_000_000)))
+
+
+def test_fischer_blocks(put):
+    curves = read_all(put(files.fischer(2)))
+    assert [curve.metadata["name"] for curve in curves] == [f"measured, block 1, value {i}" for i in (1, 2)]
+    for curve in curves:
+        check(curve, 0.5e-6, 0.3, 1e-8)
+        assert curve.metadata["header"]["EIT/(1-vs^2) [GPa]"] == "83.7"
+        assert curve.metadata["position"] == pytest.approx((44.65e-3, 6.01e-3))
+
+
+# --- workbooks
+
+
+def test_nanosuite_tests_by_name_whatever_the_order(put):
+    with pytest.warns(UnderlayWarning, match="1 of 90 points left out"):
+        curves = read_all(put(files.nanosuite()))
+    assert [curve.metadata["sheet"] for curve in curves] == ["Test 001", "Test 002"]
+    check(curves[0], 1e-6, 1e-2, 1e-12)
+    assert list(curves[0].segment) == list(LABELS)
+    assert len(curves[1]) == 89
+
+
+@pytest.mark.parametrize("language", ["fr", "de", "en", "xx"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_testxpert_in_every_language(language, turned, put):
+    if language == "xx":  # no known name: by the order of the units, if the format is given
+        curve = read(put(files.zwick(language, turned=turned)), format="testxpert")
+    else:
+        curve = read(put(files.zwick(language, turned=turned)))
+    check(curve, 1e-3, 10.0, 1e-12)
+    assert curve.metadata["initial_gap"] == pytest.approx(12.25e-3)
+
+
+def test_testxpert_specimens(put):
+    assert len(read_all(put(files.zwick(specimens=3)))) == 3
+
+
+def test_excel_tables(put):
+    check(read(put(files.excel())), 2e-6, 1e-4, 1e-12)
+    assert len(read_all(put(files.excel(2)))) == 2
+    path = put(files.excel(labels=("x", "y", "t")))
+    with pytest.raises(
+        FileFormatError, match=r"no sheet with columns for depth and force; the first table has 'x'"
+    ):
+        read(path)
+    check(read(path, columns={"depth": "x (um)", "force": "y (mN)", "time": "t (s)"}), 2e-6, 1e-4, 1e-12)
+
+
+# --- AFM
+
+
+@pytest.mark.parametrize(
+    "keywords",
+    [
+        {},
+        {"shared": True},
+        {"styles": ("extend", "pause", "retract")},
+        {"styles": ("extend", "pause", "retract"), "pause": "constant-height-pause"},  # refused by afmformats
+        {"styles": ("extend", "pause", "pause", "pause", "retract"), "shared": True},  # as well
+    ],
+)
+def test_jpk_depth_is_that_of_the_tip(keywords, put):
+    curve = read(put(afm_files.jpk(**keywords)))
+    height, force = afm_files.approach()
+    loading = curve.loading()
+    # The integers hold 1e-6 V of deflection and 1e-14 m of height.
+    np.testing.assert_allclose(loading.force, force, atol=afm_files.STIFFNESS * afm_files.SENSITIVITY * 1e-6)
+    np.testing.assert_allclose(loading.depth, -(height + force / afm_files.STIFFNESS), atol=1e-13)
+    assert len(curve.hold()) == afm_files.POINTS * keywords.get("styles", ()).count("pause")
+    assert len(curve.unloading()) == afm_files.POINTS
+    assert curve.metadata["spring_constant"] == pytest.approx(afm_files.STIFFNESS)
+    assert (np.diff(curve.time) > 0).all()
+    assert curve.metadata["position"] == (1e-5, -2e-5)
+    refused = keywords.get("pause") == "constant-height-pause" or len(keywords.get("styles", ())) > 4
+    assert ("own reader" in str(curve.metadata["notes"])) == refused
+
+
+def test_jpk_without_a_calibration_asks_for_it(put):
+    path = put(afm_files.jpk(calibrated=False))
+    with pytest.raises(
+        InputError, match=r"does not hold its calibration; give calibration=\{'spring_constant'"
+    ):
+        read(path)
+
+
+def test_jpk_circles_and_claims_are_refused_before_they_cost_anything(put):
+    with pytest.raises(FileFormatError, match="claims '2000000000' points"):
+        read(put(afm_files.jpk(claimed=2_000_000_000)))
+    circle = files.zipped(
+        {
+            "header.properties": "a=b\n",
+            "segments/": "",
+            "segments/0/": "",
+            "segments/0/segment-header.properties": "channel.height.conversion-set.conversions.base=volts\n"
+            "channel.height.conversion-set.conversion.a.base-calibration-slot=b\n"
+            "channel.height.conversion-set.conversion.b.base-calibration-slot=a\n",
+        }
+    )
+    with pytest.raises(FileFormatError, match="lead in a circle"):
+        read(put(circle))
+
+
+def test_hdf5_of_afmformats(put):
+    curves = read_all(put(afm_files.hdf5(3)))
+    assert len(curves) == 3
+    height, force = afm_files.approach()
+    np.testing.assert_allclose(curves[1].loading().depth, -(height + force / afm_files.STIFFNESS), rtol=1e-12)
+
+
+def test_igor_waves(put):
+    curve = read(put(afm_files.igor()))
+    height, force = afm_files.approach()
+    np.testing.assert_allclose(curve.force, force, rtol=1e-12)
+    np.testing.assert_allclose(curve.depth, -(height + force / afm_files.STIFFNESS), rtol=1e-12)
+    content = bytearray(afm_files.igor())
+    content[132:136] = (0x7FFFFFFF).to_bytes(4, "little")  # times 3 columns
+    with pytest.raises(FileFormatError, match="claims 6442450941"):
+        read(put(bytes(content)))
+
+
+def test_afm_workshop_side_by_side_and_its_missing_stiffness(put):
+    path = put(files.workshop())
+    bare = read(path)
+    assert "still holds the bending of the cantilever" in bare.metadata["notes"][0]
+    assert len(bare.loading()) == len(bare.unloading()) == 60
+    assert (np.diff(bare.loading().depth) > 0).all()
+    given = read(path, calibration={"spring_constant": "0.1 N/m"})
+    np.testing.assert_allclose(bare.depth - given.depth, given.force / 0.1, atol=1e-15)
+
+
+def test_ntmdt_takes_a_current_sensitivity(put):
+    path = put(files.ntmdt())
+    with pytest.raises(InputError, match=r"'60 nm/nA'"):
+        read(path)
+    with pytest.raises(InputError, match="takes no sensitivity"):  # per volt would be wrong by 1e9
+        read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"})
+    curve = read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/nA"})
+    assert np.ptp(curve.force) == pytest.approx(1.5 * 60e-9 * 0.04, rel=0.03)  # 1.5 nA of signal
+    assert curve.loading().depth[-1] > curve.loading().depth[0]

@@ -1,0 +1,273 @@
+"""Reports: what the page says is what the fit found, and the notebook beside it says it again."""
+
+import builtins
+import json
+import re
+import sys
+
+import nbformat
+import numpy as np
+import pandas as pd
+import pytest
+
+import underlay as ul
+from support.reports import SAMPLES, cells_of, page_text, small_posterior
+from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
+from underlay.inference.priors import Truncated
+from underlay.report import maps, words
+from underlay.report.execution import execute
+from underlay.report.intervals import estimates
+from underlay.report.notebook import make_notebook
+from underlay.report.page import html_page
+from underlay.report.problem_source import problem_source, write_inputs
+
+# --- words -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "kind", "text"),
+    [
+        (4.2e5, 4.0e5, 4.4e5, "pressure", "0.420 MPa (0.400 to 0.440)"),
+        (1.5e-3, 1.1e-3, 2.2e-3, "length", "1.50 mm (1.10 to 2.20)"),
+        (1.5e-3, 1.1e-3, np.inf, "length", "1.50 mm (at least 1.10)"),
+        (0.45, -np.inf, 0.47, "dimensionless", "0.450 (at most 0.470)"),
+        (1.0, -np.inf, np.inf, "force", "1.0000 N"),
+    ],
+)
+def test_interval_in_words(value, low, high, kind, text):
+    assert words.quantity_with_interval(value, low, high, kind) == text
+
+
+def test_names_for_people():
+    assert words.label("layer.E") == "layer modulus"
+    assert words.label("layer.E[1]") == "layer modulus (curve 2)"
+    assert words.label("indenter.tilt") == "indenter.tilt"
+
+
+def cartilage(**changes):
+    problem = ul.load_problem(SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml")
+    return problem.revised(**changes) if changes else problem
+
+
+def test_headline_holds_the_truth_of_a_made_curve():
+    fit = ul.fit(cartilage())
+    text = words.headline(fit)
+    found = re.match(r"Layer modulus [\d.]+ MPa \(([\d.]+) to ([\d.]+), 95 %\)\. Layer thickness ", text)
+    assert found, text
+    assert float(found[1]) < 0.62 < float(found[2])
+
+
+def test_interval_is_the_fits_own_and_in_ratios():
+    fit = ul.fit(cartilage())
+    entry = next(row for row in estimates(fit) if row.name == "layer.E")
+    assert entry.low * entry.high == pytest.approx(entry.value**2, rel=1e-12)
+    half = 0.5 * np.log(entry.high / entry.low)
+    # 1.963: Student's t for 677 degrees of freedom.
+    assert half == pytest.approx(1.9635 * fit.stderr["layer.E"] / entry.value, rel=1e-4)
+
+
+def test_what_is_not_fixed_is_said_to_be_not_fixed():
+    # A thick layer barely touched: its thickness has no upper end.
+    scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 5e-3), ul.RIGID)
+    depth = np.linspace(-5e-6, 2e-5, 200)
+    curve = ul.synthesize(scene, depth, noise=ul.Noise(force=3e-5), rng=1)
+    fit = ul.fit(ul.Problem(scene, curve, free={"layer.E": None, "layer.thickness": (1e-4, 1.0)}))
+    walk = ul.profile(fit, "layer.thickness")
+    assert walk.interval().high_reason != "data"
+    text = words.summary(fit, {"layer.thickness": walk})
+    assert "Layer thickness is at least" in text or "Layer thickness is not fixed by this test" in text
+
+
+def test_intervals_that_are_too_narrow_are_said_to_be():
+    scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5)))
+    noise = ul.Noise(force=1e-3, correlation_time=0.1)
+    curve = ul.synthesize(scene, np.linspace(0, 1e-4, 400), noise=noise, rng=3, time=np.linspace(0, 4, 400))
+    fit = ul.fit(ul.Problem(scene, curve, free=["layer.E"], noise=ul.Noise(force=1e-3)))
+    assert "intervals above are too narrow" in words.summary(fit)
+
+
+# --- a problem as files and source -----------------------------------------------------------------------
+
+
+def rebuilt(problem, folder):
+    files = write_inputs(problem, folder)
+    source = problem_source(problem, [str(file) for file in files])
+    names = {"ul": ul}
+    exec(source, names)  # noqa: S102  the source is what is tested
+    return names["problem"]
+
+
+def test_source_states_the_same_problem(tmp_path):
+    scene = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1.3e-3), ul.Isotropic(1e9, 0.3))
+    curve = ul.synthesize(scene, np.linspace(0, 1e-4, 50), noise=ul.Noise(force=1e-4), rng=0)
+    free = {
+        "layer.E": ul.LogUniform(1e4, 1e8),
+        "layer.thickness": Truncated(ul.Normal(1.3e-3, 1e-4), low=1e-4),
+        "instrument.contact_depth": (-1e-5, 1e-5),
+        "instrument.baseline": None,
+    }
+    first = ul.Problem(
+        scene, curve, free, ul.Noise(force=1e-4, depth=1e-8), accuracy=ul.Accuracy(1e-4), method="exact"
+    )
+    second = rebuilt(first, tmp_path)
+    assert second.names == first.names
+    assert second.priors == first.priors
+    assert second.noise == first.noise
+    assert second.options == first.options
+    assert second.base_scenes == first.base_scenes
+    assert (second.curves[0].force == first.curves[0].force).all()
+    at = first.start + 0.01
+    assert second.log_posterior(at) == first.log_posterior(at)
+
+
+def test_source_states_the_same_joint_problem(tmp_path):
+    layer = ul.Layer(ul.Isotropic(1e6, 0.45), 1.3e-3)
+    tests = []
+    for radius in (5e-4, 2e-3):
+        scene = ul.Scene(ul.Sphere(radius), layer, ul.RIGID)
+        tests.append(
+            (scene, ul.synthesize(scene, np.linspace(0, 1e-4, 40), noise=ul.Noise(force=1e-4), rng=2))
+        )
+    first = ul.Problem.joint(
+        tests, {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-1e-5, 1e-5)}, shared=["layer.E"]
+    )
+    second = rebuilt(first, tmp_path)
+    assert second.names == first.names
+    assert second.shared == first.shared
+    assert second.log_posterior(first.start) == first.log_posterior(first.start)
+
+
+# --- a map ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def map_page(tmp_path_factory):
+    scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3), ul.RIGID)
+    depth = np.linspace(-1e-5, 5e-5, 60)
+    curves = [
+        ul.synthesize(scene.with_values({"layer.E": 1e6 + 1e5 * n}), depth, ul.Noise(force=1e-4), rng=n)
+        for n in range(5)
+    ]
+    curves.append(ul.Curve(depth, np.full(60, np.nan), metadata={"name": "broken <b>"}))
+    curves = [
+        curve.with_metadata(name=curve.metadata.get("name") or f"s{n}") for n, curve in enumerate(curves)
+    ]
+    manifest = pd.DataFrame(
+        {
+            "file": [c.metadata["name"] for c in curves],
+            "x": np.arange(6) % 3 * 1e-3,
+            "y": np.arange(6) // 3 * 1e-3,
+        }
+    )
+    table = ul.fit_many(curves, scene, {"layer.E": (1e4, 1e8)}, manifest, workers=0)
+    folder = tmp_path_factory.mktemp("map")
+    return table, ul.report(table, folder / "map.html")
+
+
+def test_page_of_a_map_says_what_was_found_and_what_was_not(map_page):
+    _, page = map_page
+    text = page_text(page)
+    assert "5 of 6 curves were fitted" in text
+    assert "Layer modulus 1.2" in text
+    assert "broken <b>" in text
+    assert "NaN" in text or "nan" in text
+    assert page.read_text().count("<img") == 4  # modulus, its error, verdicts, histogram
+
+
+def test_map_reads_back_and_a_curve_is_no_map(map_page, tmp_path):
+    table, page = map_page
+    kept = page.parent / "map.inputs" / "map.csv"
+    assert maps.is_map(kept)
+    np.testing.assert_allclose(maps.read_map(kept)["layer.E"], table["layer.E"], rtol=1e-15)
+    assert not maps.is_map(SAMPLES / "cartilage_on_bone.csv")
+    wrong = tmp_path / "x.csv"
+    wrong.write_text("name,path,x,y,status,verdict\n")
+    assert not maps.is_map(wrong)
+    with pytest.raises(FileFormatError, match="no column 'reason'"):
+        maps.read_map(wrong)
+    with pytest.raises(FileAccessError):
+        maps.is_map(tmp_path / "none.csv")
+
+
+# --- the page and its notebook ---------------------------------------------------------------------------
+
+
+def test_page_says_what_the_fit_found(report_pages):
+    fit, page = report_pages["fit"]
+    text = page_text(page)
+    assert f"{fit.values['layer.E'] / 1e6:.4f} MPa" in text
+    assert "known only together" in text
+    for part in ("Data and fit", "The test", "Which effects matter", "Diagnostics", "Reservations"):
+        assert part in text
+    assert fit.provenance["curves"][0]["data_sha256"] in text
+    assert fit.curves[0].metadata["sha256"] in text
+    assert fit.provenance["versions"]["numpy"] in text
+
+
+def test_notebook_beside_the_page_is_executed_and_gives_the_same_fit(report_pages):
+    fit, page = report_pages["fit"]
+    cells = cells_of(page.with_suffix(".ipynb"))
+    assert all(cell["execution_count"] for cell in cells if cell["cell_type"] == "code")
+    text = json.dumps(cells)
+    assert "Traceback" not in text
+    # The hash of the points the notebook fitted is that of the points of this fit, to the last bit.
+    assert fit.provenance["curves"][0]["data_sha256"] in text
+
+
+def test_report_of_a_posterior(report_pages):
+    posterior, page = report_pages["posterior"]
+    text = page_text(page)
+    assert "Layer modulus" in text
+    assert "indenter" in text
+    assert ("The sampling converged" in text) == posterior.converged
+
+
+def test_report_of_another_problem_is_refused(tmp_path):
+    _, posterior = small_posterior()
+    with pytest.raises(InputError, match="the problem frees"):
+        ul.report(posterior, tmp_path / "x.html", problem=cartilage())
+
+
+@pytest.mark.parametrize(
+    ("what", "match"), [("a result", "of a Fit, a Posterior or a map"), (None, "HTML file")]
+)
+def test_bad_requests(tmp_path, what, match):
+    with pytest.raises(InputError, match=match):
+        ul.report(what, tmp_path / ("r.html" if what else "r.pdf"))
+
+
+def test_without_the_extra_it_says_what_to_install(tmp_path, monkeypatch):
+    real = builtins.__import__
+
+    def missing(name, *rest, **named):
+        if name.startswith(("nbclient", "nbformat", "nbconvert")):
+            raise ImportError(name)
+        return real(name, *rest, **named)
+
+    for name in [name for name in sys.modules if name.startswith(("nbclient", "nbformat", "nbconvert"))]:
+        monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.setattr(builtins, "__import__", missing)
+    with pytest.raises(MissingExtraError, match=r"pip install 'underlay\[report\]'"):
+        ul.report(ul.fit(cartilage()), tmp_path / "r.html")
+
+
+def test_a_failing_cell_is_one_clear_line(tmp_path):
+    notebook = make_notebook("posterior_scene", {"title": "x"})
+    with pytest.raises(FitError, match=r"the notebook of the report stopped: NameError"):
+        execute(notebook, tmp_path)
+
+
+def test_markup_in_names_is_text_on_the_page():
+    evil = "<script>alert(1)</script><img src=http://example.com/x.png onerror=alert(1)>"
+    table = f"<table><tr><td>{evil}</td></tr></table>"
+    outputs = [
+        nbformat.v4.new_output("execute_result", {"text/html": table}),
+        nbformat.v4.new_output("execute_result", {"text/markdown": evil}),
+        nbformat.v4.new_output("execute_result", {"text/plain": evil}),
+        nbformat.v4.new_output("stream", text=evil),
+    ]
+    cells = [nbformat.v4.new_code_cell(evil, outputs=outputs), nbformat.v4.new_markdown_cell(evil)]
+    page = html_page(nbformat.v4.new_notebook(cells=cells, metadata={"title": evil}))
+    assert "<script" not in page
+    assert "<img" not in page
+    assert "<td>" in page

@@ -1,0 +1,364 @@
+"""The sampler: the distribution it yields, when it stops, and what it says when it should not be trusted."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import emcee
+import numpy as np
+import pytest
+from scipy import stats
+
+from support.posterior_cases import (
+    WHITE,
+    barely_touched_problem,
+    baseline_answer,
+    baseline_problem,
+    halfspace_curve,
+    halfspace_problem,
+    halfspace_scene,
+)
+from underlay.data.noise import Noise
+from underlay.errors import InputError, UnderlayWarning
+from underlay.inference.priors import Flat, LogUniform, Normal, Uniform
+from underlay.inference.problem import Problem
+from underlay.inference.sampling import run as sampling
+from underlay.inference.sampling.convergence import autocorrelation_time, effective_size
+from underlay.inference.sampling.informed import INFORMED, NOT_INFORMED
+from underlay.inference.sampling.moves import moves
+from underlay.inference.sampling.run import sample
+
+TESTS = Path(__file__).parent
+
+
+def distance_p_value(draws, distribution):
+    """Kolmogorov-Smirnov p-value of correlated draws (steps, walkers), at their effective size."""
+    size = effective_size(draws)
+    statistic = stats.kstest(draws.ravel(), distribution.cdf).statistic
+    return float(stats.kstwobign.sf(statistic * np.sqrt(size)))
+
+
+# --- the distribution -------------------------------------------------------------------------------------
+
+
+def test_the_posterior_is_the_known_one_and_another_is_told_apart():
+    posterior = sample(baseline_problem(), walkers=16)
+    assert posterior.converged
+    draws = posterior.of("instrument.baseline")
+    assert distance_p_value(draws, stats.norm(*baseline_answer())) > 0.01
+    # The control: noise under-stated by two has a mean as good and half the width, and does not pass.
+    assert distance_p_value(draws, stats.norm(*baseline_answer(noise=0.5 * WHITE))) < 1e-6
+
+
+@pytest.mark.parametrize("move", [move for move, _ in moves()], ids=lambda move: type(move).__name__)
+def test_every_move_yields_the_distribution(move):
+    assert np.abs(variance_errors(move, 0.99)).max() < 4.0
+
+
+@pytest.mark.skipif(
+    emcee.__version__ != "3.1.6", reason="the move is wrong in this version only, as far as known"
+)
+def test_the_snooker_left_out_does_not():
+    assert variance_errors(emcee.moves.DESnookerMove(), 0.0).mean() < -8.0
+
+
+def variance_errors(move, correlation, dimensions=4, steps=3000):
+    """How far the variances of a correlated normal are off, in their standard errors, (p,)."""
+    covariance = np.full((dimensions, dimensions), correlation) + (1.0 - correlation) * np.eye(dimensions)
+    precision = np.linalg.inv(covariance)
+    sampler = emcee.EnsembleSampler(
+        32,
+        dimensions,
+        lambda q: -0.5 * np.einsum("mi,ij,mj->m", q, precision, q),
+        moves=[(move, 0.9), (emcee.moves.StretchMove(), 0.1)],
+        vectorize=True,
+    )
+    start = np.random.default_rng(1).multivariate_normal(np.zeros(dimensions), covariance, 32)
+    state = emcee.State(start, random_state=np.random.RandomState(2).get_state())
+    chain = np.stack([now.coords.copy() for now in sampler.sample(state, iterations=steps, store=False)])
+    # In the axes of the covariance the variances are independent and one.
+    values, vectors = np.linalg.eigh(covariance)
+    squares = ((chain @ vectors) ** 2 / values)[500:]
+    sizes = [squares[..., i].size / autocorrelation_time(squares[..., i]) for i in range(dimensions)]
+    return (squares.mean(axis=(0, 1)) - 1.0) * np.sqrt(np.array(sizes) / 2.0)
+
+
+def test_unknown_noise_is_integrated_out():
+    """A mean with unknown noise has Student's distribution."""
+    curve = halfspace_curve(points=9)
+    problem = Problem(halfspace_scene(), curve, {"instrument.baseline": Uniform(-1e-2, 1e-2)})
+    posterior = sample(problem, walkers=64)
+    residual = curve.force - halfspace_scene().with_values({"instrument.baseline": 0.0}).force(curve.depth)
+    exact = stats.t(df=8, loc=residual.mean(), scale=residual.std(ddof=1) / 3.0)
+    draws = posterior.of("instrument.baseline")
+    assert distance_p_value(draws, exact) > 0.01
+    assert distance_p_value(draws, stats.norm(residual.mean(), residual.std(ddof=1) / 3.0)) < 0.01
+
+
+def test_noise_as_a_parameter_is_found():
+    curve = halfspace_curve(points=200)
+    free = {"layer.E": LogUniform(1e4, 1e8), "noise.force": LogUniform(1e-7, 1e-3)}
+    posterior = sample(Problem(halfspace_scene(), curve, free, Noise()), walkers=16)
+    draws = posterior.samples["noise.force"]
+    # Its relative standard deviation is 1 / sqrt(2 n) = 5 %.
+    assert draws.std() / WHITE == pytest.approx(0.05, rel=0.2)
+    assert abs(draws.mean() / WHITE - 1.0) < 0.2
+    assert posterior.truth == {"layer.E": 1e6, "noise.force": WHITE}
+
+
+def test_the_same_seed_gives_the_same_chain():
+    runs = [sample(halfspace_problem(), walkers=8, max_steps=3000, rng=seed) for seed in (5, 5, 6)]
+    np.testing.assert_array_equal(runs[0].chain, runs[1].chain)
+    assert runs[0].chain.shape != runs[2].chain.shape or (runs[0].chain != runs[2].chain).any()
+    assert runs[0].diagnostics.seed == 5
+    assert sample(baseline_problem(), walkers=8, rng=np.random.default_rng(5)).diagnostics.seed is None
+
+
+def test_walkers_start_wider_than_the_posterior_and_the_start_is_forgotten(monkeypatch):
+    starts = []
+
+    def recorded(*arguments):
+        starts.append(start_walkers(*arguments))
+        return starts[0]
+
+    start_walkers = sampling.start_walkers
+    monkeypatch.setattr(sampling, "start_walkers", recorded)
+    problem = halfspace_problem()
+    posterior = sample(problem, walkers=64)
+    scaled = np.array(
+        [
+            problem.vector(dict(zip(problem.names, row, strict=True)))
+            for row in posterior.samples.to_numpy()[::50]
+        ]
+    )
+    ratio = starts[0].std(axis=0) / scaled.std(axis=0)
+    # 64 normal draws: the standard deviation is known to 9 %.
+    assert (np.abs(ratio / 2.0 - 1.0) < 0.35).all()
+    assert posterior.converged
+
+
+# --- what the data told -----------------------------------------------------------------------------------
+
+
+def test_a_thick_layer_barely_touched_tells_nothing_of_its_thickness():
+    posterior = sample(barely_touched_problem(), walkers=16)
+    assert posterior.converged
+    summary = posterior.summary()
+    assert summary.loc["layer.thickness", "informed"] == NOT_INFORMED == "not informed by these data"
+    assert summary.loc["layer.E", "informed"] == INFORMED
+    # The posterior is its prior: width and mean within four standard errors of the draws, plus the trace of
+    # information that is there. The data alone would fix the thickness to about 20 %, four times the prior:
+    # the width shrinks by 3 %, and the mean moves by a quarter of a standard deviation at most (one sigma).
+    draws = posterior.of("layer.thickness")
+    size = effective_size(draws)
+    assert draws.std() == pytest.approx(5e-5, rel=4.0 / np.sqrt(2.0 * size) + 0.03)
+    assert draws.mean() == pytest.approx(1e-3, abs=5e-5 * (4.0 / np.sqrt(size) + 0.25))
+
+
+# --- stopping ---------------------------------------------------------------------------------------------
+
+
+def test_too_few_steps_are_said_to_be_too_few():
+    with pytest.warns(UnderlayWarning, match="not converged after 60 steps.*take more steps"):
+        posterior = sample(halfspace_problem(), walkers=8, max_steps=60)
+    assert not posterior.converged
+    assert "not converged" in posterior.diagnostics.reason
+    assert posterior.diagnostics.steps == 60
+
+
+def test_a_converged_chain_met_the_rule():
+    posterior = sample(halfspace_problem(), walkers=16)
+    details = posterior.diagnostics
+    kept = details.steps - details.burn_in
+    assert details.converged
+    assert kept > 50.0 * max(details.autocorrelation_time)
+    assert max(details.rhat) < 1.01
+    assert (posterior.summary()["rhat"] < 1.02).all()
+    assert details.evaluations >= details.steps * 16
+    assert 0.1 < details.acceptance < 0.9
+
+
+def test_an_interrupt_keeps_what_there_is(monkeypatch):
+    calls = {"left": 120}
+    keep = sampling._Run._keep
+
+    def interrupted(run, state):
+        keep(run, state)
+        calls["left"] -= 1
+        if not calls["left"]:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(sampling._Run, "_keep", interrupted)
+    with pytest.warns(UnderlayWarning, match="interrupted after 120 steps"):
+        posterior = sample(halfspace_problem(), walkers=8)
+    assert not posterior.converged
+    assert posterior.diagnostics.steps == 120
+    assert len(posterior.samples) > 100
+
+
+# --- failures ---------------------------------------------------------------------------------------------
+
+
+def failing(problem, edge, *, how):
+    """The same problem with a model that fails where E is above `edge` (Pa)."""
+    works = problem.log_posterior
+
+    def log_posterior(vectors):
+        values = works(vectors)
+        bad = problem.physical(vectors)[..., 0] > edge
+        if how == "raises" and bad.any():
+            raise InputError("no law there")
+        return np.where(bad, np.nan if how == "nan" else -np.inf, values)
+
+    problem.log_posterior = log_posterior
+    return problem
+
+
+@pytest.mark.parametrize("how", ["nan", "impossible", "raises"])
+def test_failed_evaluations_are_counted_reported_and_impossible(how):
+    median = float(sample(halfspace_problem(), walkers=8).summary().loc["layer.E", "median"])
+    problem = failing(halfspace_problem(), median, how=how)
+    with pytest.warns(UnderlayWarning, match=r"model evaluations failed.*layer\.E") as caught:
+        posterior = sample(problem, walkers=8)
+    details = posterior.diagnostics
+    assert posterior.samples["layer.E"].max() <= median
+    assert 0.01 * details.evaluations < details.failures < details.evaluations
+    low, high = details.failure_region["layer.E"]
+    assert median <= low < high
+    assert f"{details.failures} of {details.evaluations}" in str(caught[0].message)
+
+
+def test_a_good_model_fails_nowhere():
+    posterior = sample(halfspace_problem(), walkers=8)
+    assert posterior.diagnostics.failures == 0
+    assert posterior.diagnostics.failure_region == {}
+
+
+# --- stop and resume --------------------------------------------------------------------------------------
+
+
+def test_a_chain_stopped_and_resumed_is_the_chain_never_stopped(tmp_path):
+    path = tmp_path / "chain.h5"
+    whole = sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3)
+    with pytest.warns(UnderlayWarning, match="not converged"):
+        sample(halfspace_problem(), walkers=8, max_steps=90, rng=3, backend=path)
+    resumed = sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
+    assert resumed.diagnostics.steps >= whole.diagnostics.steps
+    assert resumed.diagnostics.evaluations >= whole.diagnostics.evaluations
+    again = sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
+    np.testing.assert_array_equal(resumed.chain, again.chain)
+    steps = min(len(resumed.chain), len(whole.chain))
+    if resumed.diagnostics.steps == whole.diagnostics.steps:
+        np.testing.assert_array_equal(resumed.chain[:steps], whole.chain[:steps])
+
+
+def test_kill_9_loses_nothing(tmp_path):
+    path = tmp_path / "chain.h5"
+    program = textwrap.dedent(
+        f"""
+        import sys
+        sys.path[:0] = {[str(TESTS), str(TESTS.parent / "src")]!r}
+        from support.posterior_cases import halfspace_problem
+        from underlay.inference.sampling import run as sampling
+        keep = sampling._Run._keep
+        def told(run, state):
+            keep(run, state)
+            print(run.steps, flush=True)
+        sampling._Run._keep = told
+        sampling._FIRST_CHECK = 10**9
+        sampling.sample(halfspace_problem(), walkers=8, max_steps=100_000, rng=3, backend={str(path)!r})
+        """
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as process:
+        told = 0
+        while told < 150:
+            told = int(process.stdout.readline())
+        os.kill(process.pid, signal.SIGKILL)
+        told = max([told, *(int(line) for line in process.stdout.read().split())])
+    with pytest.warns(UnderlayWarning, match="not converged"):
+        posterior = sample(
+            halfspace_problem(), walkers=8, max_steps=told + 1, rng=3, backend=path, resume=True
+        )
+    assert posterior.diagnostics.steps == told + 1
+    with sampling.ChainFile.resume(path, ("layer.E", "instrument.contact_depth"), (told + 1, 8)) as (_, kept):
+        stored = kept.chain
+    # What was stored is the chain of a run that was never killed.
+    reference = tmp_path / "reference.h5"
+    with pytest.warns(UnderlayWarning, match="not converged"):
+        sample(halfspace_problem(), walkers=8, max_steps=told + 1, rng=3, backend=reference)
+    with sampling.ChainFile.resume(reference, ("layer.E", "instrument.contact_depth"), (told + 1, 8)) as (
+        _,
+        kept,
+    ):
+        np.testing.assert_array_equal(stored, kept.chain)
+
+
+@pytest.mark.parametrize("what", ["curve", "noise", "prior"])
+def test_a_chain_of_another_problem_is_refused(tmp_path, what):
+    path = tmp_path / "chain.h5"
+    sample(halfspace_problem(), walkers=8, max_steps=2000, backend=path)
+    other = {
+        "curve": halfspace_problem(halfspace_curve(seed=2)),
+        "noise": halfspace_problem(noise=Noise(force=1.1 * WHITE)),
+        "prior": Problem(
+            halfspace_scene(),
+            halfspace_curve(),
+            {"layer.E": Normal(1e6, 1e4), "instrument.contact_depth": Uniform(-1e-5, 1e-5)},
+            Noise(force=WHITE),
+        ),
+    }[what]
+    with pytest.raises(InputError, match="the chain of another problem"):
+        sample(other, walkers=8, backend=path, resume=True)
+
+
+def test_resume_begins_where_there_is_nothing_yet(tmp_path):
+    path = tmp_path / "chain.h5"
+    posterior = sample(baseline_problem(), walkers=8, backend=path, resume=True)
+    assert posterior.converged
+    assert path.exists()
+
+
+# --- bad input --------------------------------------------------------------------------------------------
+
+
+def test_an_improper_prior_is_refused():
+    problem = Problem(halfspace_scene(), halfspace_curve(), {"layer.E": None}, Noise(force=WHITE))
+    assert isinstance(problem.priors["layer.E"], Flat)
+    with pytest.raises(InputError, match=r"the prior of layer\.E is improper.*LogUniform"):
+        sample(problem)
+
+
+def test_a_start_outside_the_prior_is_refused():
+    with pytest.raises(InputError, match=r"the start is outside the prior: layer\.E = 1e\+09"):
+        sample(halfspace_problem(), start={"layer.E": 1e9})
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"walkers": 3}, "3 walkers are too few for 2 parameters: at least 4"),
+        ({"max_steps": 2}, "max_steps must be at least"),
+        ({"rng": -1}, "rng must be a seed"),
+        ({"rng": "today"}, "rng must be a seed"),
+        ({"resume": True}, "resume=True needs backend"),
+        ({"start": {"layer.nu": 0.4}}, r"'layer\.nu' is not free"),
+    ],
+)
+def test_bad_options(options, message):
+    with pytest.raises(InputError, match=message):
+        sample(halfspace_problem(), **options)
+
+
+# --- people -----------------------------------------------------------------------------------------------
+
+
+def test_silent_when_not_a_terminal_and_talking_when_asked(capfd):
+    sample(baseline_problem(), walkers=8)
+    assert capfd.readouterr() == ("", "")
+    sample(baseline_problem(), walkers=8, progress=True)
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert "effective samples" in err

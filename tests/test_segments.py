@@ -1,0 +1,107 @@
+"""Segments from the motion: known protocols, with noise, vibration, creep and uneven sampling."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from underlay.data.segments import label_pieces, segments_from_motion
+
+
+def runs(labels):
+    return [(str(label), len(list(group))) for label, group in itertools.groupby(labels)]
+
+
+def names(labels):
+    return [label for label, _ in runs(labels)]
+
+
+def trapezoid(points=1000):
+    time = np.linspace(0.0, 4.0, points)
+    return time, np.interp(time, [0.0, 1.0, 3.0, 4.0], [0.0, 1.0, 1.0, 0.0]) * 1e-6
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-9, 5e-9, 2e-8])
+def test_approach_hold_and_retract_with_noise(noise):
+    time, depth = trapezoid()
+    noisy = depth + noise * np.random.default_rng(1).standard_normal(len(depth))
+    labels = segments_from_motion(noisy, time)
+    assert names(labels) == ["loading", "hold", "unloading"]
+    true = np.where(time <= 1.0, "loading", np.where(time < 3.0, "hold", "unloading"))
+    # A corner is found to where the motion leaves the tolerance of 1 % of its range or 4 sigma, either side.
+    tolerance = max(0.01, 4 * noise / 1e-6) * 2 + 0.01
+    assert np.mean(labels != true) < tolerance
+
+
+def test_vibration_is_not_a_reversal():
+    time, depth = trapezoid()
+    shaken = depth + 2e-8 * np.sin(2 * np.pi * 7.0 * time)
+    assert names(segments_from_motion(shaken, time)) == ["loading", "hold", "unloading"]
+
+
+def test_cycles_are_reversals():
+    time = np.linspace(0.0, 8.0, 2000)
+    depth = np.interp(time, range(9), [0.0, 0.3, 0.05, 0.5, 0.1, 0.7, 0.15, 1.0, 0.0])
+    assert names(segments_from_motion(depth, time)) == ["loading", "unloading"] * 4
+
+
+@pytest.mark.parametrize("steps", [1, 5, 20])
+def test_every_step_of_a_staircase_is_seen(steps):
+    per = 200
+    motion = np.concatenate(
+        [i + np.concatenate((np.linspace(0, 1, 40), np.ones(per - 40))) for i in range(steps)]
+    )
+    assert names(segments_from_motion(motion)) == ["loading", "hold"] * steps
+
+
+def test_the_ramp_of_a_load_controlled_test_is_loading_although_it_slows():
+    # Under a load ramp a ball sinks as t^(2/3); then it rests and comes back.
+    time = np.linspace(0.0, 3.0, 900)
+    load = np.interp(time, [0, 1, 2, 3], [0, 1, 1, 0])
+    depth = load ** (2 / 3)
+    labels = segments_from_motion(depth, time, load)
+    assert names(labels) == ["loading", "hold", "unloading"]
+    assert np.mean(labels == "loading") == pytest.approx(1 / 3, abs=0.02)
+
+
+def test_slow_elastic_return_of_a_stiff_sample_is_unloading():
+    """Depth falls by 12 % only, as slowly as creep; the force falls with it and tells."""
+    time = np.linspace(0.0, 30.0, 3000)
+    depth = np.interp(time, [0, 10, 15, 30], [0.0, 1.0, 1.01, 0.89])
+    force = np.interp(time, [0, 10, 15, 30], [0.0, 1.0, 1.0, 0.0])
+    assert names(segments_from_motion(depth, time, force)) == ["loading", "hold", "unloading"]
+    assert names(segments_from_motion(depth, time)) == ["loading", "hold"]
+
+
+def test_relaxation_at_constant_depth_is_a_hold_although_the_force_falls():
+    time = np.linspace(0.0, 300.0, 3000)
+    depth = np.interp(time, [0, 1, 300], [0.0, 1.0, 1.0])
+    force = depth * (0.5 + 0.5 * np.exp(-np.clip(time - 1, 0, None) / 20))
+    assert names(segments_from_motion(depth, time, force)) == ["loading", "hold"]
+
+
+def test_uneven_sampling_does_not_matter():
+    time, depth = trapezoid(4000)
+    kept = np.sort(np.random.default_rng(2).choice(4000, 400, replace=False))
+    assert names(segments_from_motion(depth[kept], time[kept])) == ["loading", "hold", "unloading"]
+
+
+def test_noise_alone_is_a_hold():
+    assert names(segments_from_motion(np.random.default_rng(3).standard_normal(500))) == ["hold"]
+
+
+def test_marked_pieces_are_labelled_whole():
+    depth = np.array([0.0, 1.0, 1.0, 1.1, 0.5, 0.0])
+    labels = label_pieces(depth, np.array([0, 2, 4, 6]), {2: "hold"})
+    assert list(labels) == ["loading", "loading", "hold", "hold", "unloading", "unloading"]
+
+
+@settings(max_examples=60, deadline=None)
+@given(hnp.arrays(float, st.integers(0, 80), elements=st.floats(-1e3, 1e3)))
+def test_any_motion_gets_a_label_for_every_point(motion):
+    labels = segments_from_motion(motion)
+    assert labels.shape == motion.shape
+    assert set(labels) <= {"loading", "hold", "unloading"}
