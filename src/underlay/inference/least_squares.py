@@ -35,7 +35,7 @@ _MAX_ROUNDS = 12
 # From a start that the scan found ten evaluations are usual; a valley without an end takes hundreds.
 _MOST_EVALUATIONS = 300
 # A rough fit stays between the neighbours of its grid point (0.56 apart in ln h): beyond is another start's.
-_ROUGH_EVALUATIONS, _ROUGH_REACH = 30, 0.8
+_ROUGH_EVALUATIONS, _ROUGH_REACH = 12, 0.8
 # Two rough optima closer than this in every scaled coordinate are one; a rise of chi-square by 30 in the
 # blocks is not undone by looking at every point.
 _ONE_PLACE, _MAY_BE = 0.05, 30.0

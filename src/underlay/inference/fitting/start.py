@@ -35,7 +35,8 @@ from underlay.scene.scene import Scene
 
 __all__ = ["scan_starts", "thinned"]
 
-_SCAN_ACCURACY = Accuracy(rtol=1e-3)
+_SCAN_ACCURACY = Accuracy(rtol=1e-2)
+_ROUGH_ACCURACY = Accuracy(rtol=1e-3)
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
 _RADIUS_RATIOS = np.geomspace(0.06, 5.0, 9)
 # Base over layer.
@@ -80,7 +81,7 @@ def thinned(problem: Problem) -> Problem:
         [(member.scene, Blocks.of(member.curve).curve) for member in problem.members],
         free,
         [path for path in problem.shared if path in free],
-        accuracy=_SCAN_ACCURACY,
+        accuracy=_ROUGH_ACCURACY,
         method=options.method,
         order=options.order,
         form=options.form,
