@@ -13,12 +13,14 @@ import pytest
 import underlay as ul
 from support.maps import ACCURACY, FREE, SCENE, SCENE_TOML, made_curve, made_manifest, truth, write_folder
 from underlay.errors import FileAccessError, InputError, SchedulerError
-from underlay.inference import batch, batch_start, batch_work
-from underlay.inference.batch_curves import CurvePlace
-from underlay.inference.batch_model import BatchModel
-from underlay.inference.batch_processes import through_processes
-from underlay.inference.journal import Journal
-from underlay.inference.results_table import Layout
+from underlay.inference.batch import fit_many as batch
+from underlay.inference.batch import start as batch_start
+from underlay.inference.batch import work as batch_work
+from underlay.inference.batch.curves import CurvePlace
+from underlay.inference.batch.journal import Journal
+from underlay.inference.batch.model import BatchModel
+from underlay.inference.batch.processes import through_processes
+from underlay.inference.batch.results_table import Layout
 
 COUNT = 24
 
@@ -91,7 +93,7 @@ def test_any_number_of_workers_gives_the_same_bits(curves, manifest, serial):
 
 
 def test_fresh_processes_give_the_same_bits_as_forks(curves, manifest, serial, monkeypatch):
-    monkeypatch.setattr("underlay.inference.batch_processes.can_fork", lambda: False)
+    monkeypatch.setattr("underlay.inference.batch.processes.can_fork", lambda: False)
     pd.testing.assert_frame_equal(
         numbers(run(curves, manifest, workers=2)), numbers(serial), check_exact=True
     )
@@ -233,7 +235,7 @@ sys.path[:0] = {path!r}
 import time
 from support.maps import *
 import underlay as ul
-from underlay.inference import batch_work
+from underlay.inference.batch import work as batch_work
 row = batch_work.Workshop._row
 batch_work.Workshop._row = lambda self, place: time.sleep(0.02) or row(self, place)
 curves = [made_curve(i) for i in range({count})]
@@ -301,15 +303,15 @@ def test_a_curve_that_kills_its_worker_is_a_row(curves, monkeypatch):
 
     monkeypatch.setattr(batch_work.Workshop, "_row", row)
     # Forks carry the patch; their successors must too.
-    monkeypatch.setattr("underlay.inference.batch_processes.start_worker", batch_start.fork_worker)
-    monkeypatch.setattr("underlay.inference.batch_processes.can_fork", lambda: True)
+    monkeypatch.setattr("underlay.inference.batch.processes.start_worker", batch_start.fork_worker)
+    monkeypatch.setattr("underlay.inference.batch.processes.can_fork", lambda: True)
     table = run(curves[:5], workers=1)
     assert list(table["status"]) == ["fitted", "fitted", "failed", "fitted", "fitted"]
     assert "died" in table.loc[2, "reason"]
 
 
 def test_workers_that_do_not_start_are_one_error(curves, monkeypatch):
-    monkeypatch.setattr("underlay.inference.batch_processes.can_fork", lambda: False)
+    monkeypatch.setattr("underlay.inference.batch.processes.can_fork", lambda: False)
     monkeypatch.setattr(batch_start.sys, "executable", "/bin/false")
     with pytest.raises(ul.UnderlayError, match="did not start"):
         run(curves[:3], workers=2)

@@ -21,7 +21,7 @@ COUNT = 40
 WORKER = """
 import sys, time
 sys.path[:0] = {path!r}
-from underlay.inference import batch_work
+from underlay.inference.batch import work as batch_work
 row = batch_work.Workshop._row
 batch_work.Workshop._row = lambda self, place: time.sleep({pause}) or row(self, place)
 from distributed.cli.dask_worker import main
@@ -105,7 +105,7 @@ def test_files_that_the_workers_do_not_see_are_refused(cluster, tmp_path, monkey
     options = {"manifest": folder / "manifest.csv", "scheduler": address, "timeout": 60.0}
     seen = ul.fit_many(folder, scene, **options)
     assert (seen["status"] == "fitted").all()
-    monkeypatch.setattr("underlay.inference.batch_dask._sees", lambda _: False)
+    monkeypatch.setattr("underlay.inference.batch.dask._sees", lambda _: False)
     with pytest.raises(SchedulerError, match="does not see"):
         ul.fit_many(folder, scene, **options)
 

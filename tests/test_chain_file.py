@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from underlay.errors import FileAccessError, InputError, MissingExtraError
-from underlay.inference import chain_file
-from underlay.inference.chain_file import ChainFile
+from underlay.inference.sampling import chain_file
+from underlay.inference.sampling.chain_file import ChainFile
 
 NAMES = ("layer.E", "layer.thickness")
 RNG = np.random.default_rng(0)

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from underlay.inference.convergence import (
+from underlay.inference.sampling.convergence import (
     autocorrelation_time,
     effective_size,
     highest_density_interval,
     median_error,
     rank_normalised_rhat,
 )
-from underlay.inference.stopping import judge
+from underlay.inference.sampling.stopping import judge
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", FutureWarning)  # arviz announces its next major version at import

@@ -6,7 +6,7 @@ import pytest
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.errors import InputError
-from underlay.inference import forward_batch
+from underlay.inference.model import forward_batch
 from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.mechanics.accuracy import Accuracy

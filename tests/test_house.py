@@ -16,15 +16,15 @@ GROUND = {"errors", "units", "_arrays", "_files"}
 #: Third parties and the only modules (relative to the package, by prefix) that may import them.
 HOMES = {
     "lmfit": ("inference/least_squares", "inference/profiles"),
-    "emcee": ("inference/sampling",),
-    "dask": ("inference/batch",),
-    "distributed": ("inference/batch",),
-    "matplotlib": ("report/plots", "report/plots_"),
+    "emcee": ("inference/sampling/run", "inference/sampling/moves"),
+    "dask": ("inference/batch/dask",),
+    "distributed": ("inference/batch/dask",),
+    "matplotlib": ("report/plots",),
     "pint": ("units",),
     "pydantic": ("scene/scene_schema",),
     "tomlkit": ("scene/scene_writer",),
     "typer": ("cli",),
-    "rich": ("cli", "inference/progress"),
+    "rich": ("cli", "inference/sampling/progress", "inference/batch/progress"),
 }
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from underlay.errors import FileFormatError, InputError
-from underlay.inference.journal import Journal
+from underlay.inference.batch.journal import Journal
 
 IDENTITY = {"hashes": {"scene": "aa", "manifest": "bb"}, "columns": ["name", "x"], "curves": 4}
 ROWS = [(2, "c,3.0"), (0, 'ä,"1,5"'), (3, "d,"), (1, "b,2.0")]

@@ -5,7 +5,7 @@ import pytest
 
 import underlay as ul
 from underlay.errors import FileAccessError, FileFormatError, InputError
-from underlay.inference.manifest import read_manifest
+from underlay.inference.batch.manifest import read_manifest
 
 SCENE = ul.Scene(ul.Paraboloid(5e-4), ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3), ul.RIGID)
 

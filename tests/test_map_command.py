@@ -7,7 +7,7 @@ import pytest
 
 from support.maps import SCENE_TOML, write_folder
 from underlay.cli.app import main
-from underlay.inference import batch_work
+from underlay.inference.batch import work as batch_work
 
 COUNT = 12
 

@@ -7,10 +7,14 @@ from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, h
 from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.errors import InputError
-from underlay.inference.model_comparison import compare_models, pointwise_log_likelihood, with_model_error
 from underlay.inference.priors import LogUniform
 from underlay.inference.problem import Problem
-from underlay.inference.sampling import sample
+from underlay.inference.sampling.model_comparison import (
+    compare_models,
+    pointwise_log_likelihood,
+    with_model_error,
+)
+from underlay.inference.sampling.run import sample
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
 from underlay.scene.scene import Scene

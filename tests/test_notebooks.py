@@ -17,8 +17,7 @@ LONGEST = 60.0
 def test_notebook_is_committed_with_outputs_and_asserts_its_claims(path):
     notebook = nbformat.read(path, as_version=4)
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
-    assert all(cell.execution_count for cell in code), "run python tests/support/notebooks.py"
-    assert any(cell.outputs for cell in code)
+    assert any(cell.outputs for cell in code), "run python tests/support/notebooks.py"
     assert not [output for cell in code for output in cell.outputs if output.output_type == "error"]
     last = re.sub(r"^%.*$", "", code[-1].source, flags=re.MULTILINE)
     asserted = [node for node in ast.walk(ast.parse(last)) if isinstance(node, ast.Assert)]
@@ -26,10 +25,20 @@ def test_notebook_is_committed_with_outputs_and_asserts_its_claims(path):
     assert not any(isinstance(node.test, ast.Constant) for node in asserted)
 
 
+def shown(notebook):
+    """Number of each cell that shows something other than a warning."""
+    return [
+        number
+        for number, cell in enumerate(notebook.cells)
+        if any(output.get("name") != "stderr" for output in cell.get("outputs", []))
+    ]
+
+
 @pytest.mark.parametrize("path", notebooks(), ids=lambda path: path.stem)
 def test_notebook_runs(path):
     start = time.perf_counter()
-    executed(path)
+    ran, committed = executed(path), nbformat.read(path, as_version=4)
+    assert shown(ran) == shown(committed), "its outputs are old: run python tests/support/notebooks.py"
     # Five times the limit: the machine may be shared with other tests.
     assert time.perf_counter() - start < 5.0 * LONGEST
 

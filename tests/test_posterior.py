@@ -12,19 +12,19 @@ from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, h
 from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.errors import FileAccessError, FileFormatError, InputError, MissingExtraError
-from underlay.inference import arviz_bridge
-from underlay.inference.convergence import highest_density_interval
-from underlay.inference.informed import (
+from underlay.inference.priors import LogUniform, Normal, Uniform
+from underlay.inference.problem import Problem
+from underlay.inference.sampling import arviz_bridge
+from underlay.inference.sampling.convergence import highest_density_interval
+from underlay.inference.sampling.informed import (
     INFORMED,
     NOT_INFORMED,
     WEAKLY_INFORMED,
     compare_with_prior,
     prior_levels,
 )
-from underlay.inference.posterior import PREDICTIVE_LEVELS, Posterior
-from underlay.inference.priors import LogUniform, Normal, Uniform
-from underlay.inference.problem import Problem
-from underlay.inference.sampling import sample
+from underlay.inference.sampling.posterior import PREDICTIVE_LEVELS, Posterior
+from underlay.inference.sampling.run import sample
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 from underlay.scene.scene import Scene

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import integrate, stats
 
 from underlay.errors import InputError
-from underlay.inference.coordinates import Spans, make_coordinate
+from underlay.inference.model.coordinates import Spans, make_coordinate
 from underlay.inference.priors import (
     Flat,
     HalfNormal,

@@ -23,13 +23,13 @@ from support.posterior_cases import (
 )
 from underlay.data.noise import Noise
 from underlay.errors import InputError, UnderlayWarning
-from underlay.inference import sampling
-from underlay.inference.convergence import autocorrelation_time, effective_size
-from underlay.inference.informed import INFORMED, NOT_INFORMED
 from underlay.inference.priors import Flat, LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
-from underlay.inference.sampling import sample
-from underlay.inference.sampling_moves import moves
+from underlay.inference.sampling import run as sampling
+from underlay.inference.sampling.convergence import autocorrelation_time, effective_size
+from underlay.inference.sampling.informed import INFORMED, NOT_INFORMED
+from underlay.inference.sampling.moves import moves
+from underlay.inference.sampling.run import sample
 
 TESTS = Path(__file__).parent
 
@@ -262,7 +262,7 @@ def test_kill_9_loses_nothing(tmp_path):
         import sys
         sys.path[:0] = {[str(TESTS), str(TESTS.parent / "src")]!r}
         from support.posterior_cases import halfspace_problem
-        from underlay.inference import sampling
+        from underlay.inference.sampling import run as sampling
         keep = sampling._Run._keep
         def told(run, state):
             keep(run, state)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.inference.batch_curves import CurvePlace
-from underlay.inference.batch_model import BatchModel
-from underlay.inference.batch_work import Workshop
-from underlay.inference.results_table import Layout
-from underlay.inference.separable import SeparableModel
-from underlay.inference.separable_warnings import separable_warnings
+from underlay.inference.batch.curves import CurvePlace
+from underlay.inference.batch.model import BatchModel
+from underlay.inference.batch.results_table import Layout
+from underlay.inference.batch.separable import SeparableModel
+from underlay.inference.batch.separable_warnings import separable_warnings
+from underlay.inference.batch.work import Workshop
 
 LAYER = ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3)
 SCENES = {

@@ -7,18 +7,18 @@ from underlay.data.quality import check_quality
 from underlay.data.readers import read, read_all
 from underlay.data.synthetic import simulate, synthesize
 from underlay.errors import UnderlayError, UnderlayWarning
-from underlay.inference.batch import fit_many
-from underlay.inference.batch_model import Sampling
+from underlay.inference.batch.fit_many import fit_many
+from underlay.inference.batch.model import Sampling
 from underlay.inference.compare import compare
 from underlay.inference.from_files import load_problem
 from underlay.inference.identifiability import identifiability
 from underlay.inference.least_squares import Fit, fit
 from underlay.inference.planning import plan
-from underlay.inference.posterior import Posterior
 from underlay.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.inference.profiles import profile
-from underlay.inference.sampling import sample
+from underlay.inference.sampling.posterior import Posterior
+from underlay.inference.sampling.run import sample
 from underlay.mechanics.accuracy import Accuracy, contact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.kernel import SubstrateKernel

@@ -22,10 +22,10 @@ sys.path[:0] = [str(HERE.parent.parent / "src")]
 
 from underlay.data.noise import Noise  # noqa: E402  # after the path is set
 from underlay.data.synthetic import synthesize  # noqa: E402
-from underlay.inference.convergence import autocorrelation_time  # noqa: E402
 from underlay.inference.priors import LogUniform, Uniform  # noqa: E402
 from underlay.inference.problem import Problem  # noqa: E402
-from underlay.inference.sampling import sample  # noqa: E402
+from underlay.inference.sampling.convergence import autocorrelation_time  # noqa: E402
+from underlay.inference.sampling.run import sample  # noqa: E402
 from underlay.mechanics.accuracy import Accuracy  # noqa: E402
 from underlay.mechanics.indenters import Paraboloid  # noqa: E402
 from underlay.mechanics.materials import Isotropic, Layer  # noqa: E402
@@ -68,7 +68,9 @@ def bare(steps=STEPS):
     def log_density(q):
         w = np.maximum(depth - 0.1 * q[:, 1, None], 0.0)
         model = np.exp(q[:, 0, None]) * w**1.5 + 0.1 * q[:, 2, None] + 0.1 * q[:, 3, None] * depth
-        return np.where(np.abs(q).max(axis=1) < 5.0, -0.5 * (((data - model) / 0.01) ** 2).sum(axis=1), -np.inf)
+        return np.where(
+            np.abs(q).max(axis=1) < 5.0, -0.5 * (((data - model) / 0.01) ** 2).sum(axis=1), -np.inf
+        )
 
     begin = time.process_time()
     sampler = emcee.EnsembleSampler(WALKERS, 4, log_density, vectorize=True)
@@ -102,7 +104,9 @@ def main():
     rounds = [(ours(), bare()) for _ in range(ROUNDS)]
     ratio = np.median([mine[0] / theirs[0] for mine, theirs in rounds])
     mine, theirs = np.median([a for a, _ in rounds], axis=0), np.median([b for _, b in rounds], axis=0)
-    print(f"per step: exact law {1e3 * mine[0]:.2f} ms, bare Hertz {1e3 * theirs[0]:.2f} ms, ratio {ratio:.2f}")
+    print(
+        f"per step: exact law {1e3 * mine[0]:.2f} ms, bare Hertz {1e3 * theirs[0]:.2f} ms, ratio {ratio:.2f}"
+    )
     print(f"effective samples per second: exact law {mine[1]:.0f}, bare Hertz {theirs[1]:.0f}")
     if "--pair" in sys.argv:
         print(f"two processes over one, wall clock: {side_by_side():.2f}")

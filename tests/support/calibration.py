@@ -16,7 +16,7 @@ from underlay.data.synthetic import synthesize
 from underlay.errors import UnderlayWarning
 from underlay.inference.priors import LogNormal, Normal
 from underlay.inference.problem import Problem
-from underlay.inference.sampling import sample
+from underlay.inference.sampling.run import sample
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import RIGID, Isotropic, Layer

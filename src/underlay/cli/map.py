@@ -13,8 +13,8 @@ from underlay._files import require_writable_folder
 from underlay.cli.console import say, say_error, say_table
 from underlay.cli.options import SceneOption, Seed
 from underlay.errors import InputError
-from underlay.inference.batch import fit_many
-from underlay.inference.batch_model import Sampling
+from underlay.inference.batch.fit_many import fit_many
+from underlay.inference.batch.model import Sampling
 from underlay.report import plots
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity

@@ -12,11 +12,11 @@ import typer
 from underlay._files import write_atomic
 from underlay.cli.console import say
 from underlay.errors import FileAccessError, FileFormatError, InputError
+from underlay.inference.fitting.provenance import curve_hash
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import fit as least_squares_fit
-from underlay.inference.posterior import Posterior
 from underlay.inference.problem import Problem
-from underlay.inference.provenance import curve_hash
+from underlay.inference.sampling.posterior import Posterior
 from underlay.report.maps import is_map, read_map
 from underlay.report.render import (
     file_notebook,

@@ -13,8 +13,8 @@ from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
 from underlay.cli.options import CurveFile, OutputFolder, SceneOption, Seed
 from underlay.errors import InputError
 from underlay.inference.from_files import load_problem
-from underlay.inference.posterior import Posterior
-from underlay.inference.sampling import sample as sample_posterior
+from underlay.inference.sampling.posterior import Posterior
+from underlay.inference.sampling.run import sample as sample_posterior
 from underlay.report import plots
 from underlay.report.tables import posterior_table, prior_table
 

@@ -16,7 +16,7 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.data.synthetic import simulate
 from underlay.errors import InputError
-from underlay.inference.objective import Objective, weights_at
+from underlay.inference.fitting.objective import Objective, weights_at
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene

@@ -15,13 +15,13 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError
-from underlay.inference.assembly import assemble
-from underlay.inference.fit_result import Fit, FitStatistics, FitWarning
-from underlay.inference.law_bias import law_bias
-from underlay.inference.noise_estimate import first_noises, renew
-from underlay.inference.objective import Minimum, Objective, weights_at
+from underlay.inference.fitting.assembly import assemble
+from underlay.inference.fitting.fit_result import Fit, FitStatistics, FitWarning
+from underlay.inference.fitting.law_bias import law_bias
+from underlay.inference.fitting.noise_estimate import first_noises, renew
+from underlay.inference.fitting.objective import Minimum, Objective, weights_at
+from underlay.inference.fitting.start import scan_starts, thinned
 from underlay.inference.problem import Problem
-from underlay.inference.start import scan_starts, thinned
 from underlay.mechanics.accuracy import Accuracy
 
 __all__ = ["Fit", "FitStatistics", "FitWarning", "fit", "minimise"]
@@ -34,7 +34,8 @@ _TOLERANCE = 1e-8
 _MAX_ROUNDS = 12
 # From a start that the scan found ten evaluations are usual; a valley without an end takes hundreds.
 _MOST_EVALUATIONS = 300
-_ROUGH_EVALUATIONS = 30
+# A rough fit stays between the neighbours of its grid point (0.56 apart in ln h): beyond is another start's.
+_ROUGH_EVALUATIONS, _ROUGH_REACH = 30, 0.8
 # Two rough optima closer than this in every scaled coordinate are one; a rise of chi-square by 30 in the
 # blocks is not undone by looking at every point.
 _ONE_PLACE, _MAY_BE = 0.05, 30.0
@@ -137,7 +138,14 @@ def _sorted_out(problem: Problem, starts: Sequence[FloatArray], robust: str | No
         begin = _inside(thin, thin.vector(values))
         if not objective.exists(begin):
             continue
-        found = minimise(objective, begin, method=solver, robust=robust, max_evaluations=_ROUGH_EVALUATIONS)
+        found = minimise(
+            objective,
+            begin,
+            method=solver,
+            robust=robust,
+            max_evaluations=_ROUGH_EVALUATIONS,
+            reach=_ROUGH_REACH,
+        )
         vector = problem.vector(problem.values(first) | thin.values(found.vector))
         rough.append((float(np.square(objective.residuals(found.vector)).sum()), vector))
     if not rough:
@@ -185,16 +193,21 @@ def minimise(
     method: str = "leastsq",
     robust: str | None = None,
     max_evaluations: int = _MOST_EVALUATIONS,
+    reach: float = np.inf,
 ) -> Minimum:
-    """Minimise the weighted sum of squares over the active entries, from a scaled start (k,)."""
+    """Minimise the weighted sum of squares over the active entries, from a scaled start (k,).
+
+    No entry goes further than `reach` from its start.
+    """
     active = objective.active
     if not active:
         return Minimum(start, success=True, message="nothing to vary.")
     names = [f"q{i}" for i in active]
     bounds = objective.problem.bounds
+    low, high = np.maximum(bounds[:, 0], start - reach), np.minimum(bounds[:, 1], start + reach)
     parameters = lmfit.Parameters()
     for name, i in zip(names, active, strict=True):
-        parameters.add(name, value=float(start[i]), min=float(bounds[i, 0]), max=float(bounds[i, 1]))
+        parameters.add(name, value=float(start[i]), min=float(low[i]), max=float(high[i]))
 
     def vector(current: Any) -> FloatArray:
         full: FloatArray = np.array(start)

@@ -15,9 +15,9 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.errors import InputError
-from underlay.inference.compilation import compile_members
-from underlay.inference.coordinates import ScaledSpace
-from underlay.inference.forward import LawOptions, LawStore
+from underlay.inference.model.compilation import compile_members
+from underlay.inference.model.coordinates import ScaledSpace
+from underlay.inference.model.forward import LawOptions, LawStore
 from underlay.inference.priors import Prior
 from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene

@@ -19,10 +19,10 @@ from scipy import interpolate, stats
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError
-from underlay.inference.fit_result import Fit
+from underlay.inference.fitting.fit_result import Fit
+from underlay.inference.fitting.objective import Minimum, Objective, Weights, weights_at
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.least_squares import minimise
-from underlay.inference.objective import Minimum, Objective, Weights, weights_at
 from underlay.inference.problem import Problem
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from underlay.errors import FileAccessError, FileFormatError
-from underlay.inference.results_table import FITTED
+from underlay.inference.batch.results_table import FITTED
 from underlay.report.tables import facts_table, labelled_table, source_rows
 from underlay.report.words import label, quantity_with_interval, start
 from underlay.scene.parameters import kind_of

@@ -11,9 +11,9 @@ import pandas as pd
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.errors import InputError
-from underlay.inference.fit_result import Fit
-from underlay.inference.posterior import Posterior
+from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.problem import Problem
+from underlay.inference.sampling.posterior import Posterior
 from underlay.report.execution import execute
 from underlay.report.notebook import make_notebook, report_library, template_text
 from underlay.report.page import html_page

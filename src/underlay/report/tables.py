@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from underlay.errors import FileAccessError
-from underlay.inference.provenance import version_record
+from underlay.inference.fitting.provenance import version_record
 from underlay.mechanics.materials import Rigid
 from underlay.report.intervals import estimates
 from underlay.report.words import deepest_point, label, quantity_with_interval, strong_pairs
@@ -22,10 +22,10 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.fit_result import Fit
+    from underlay.inference.fitting.fit_result import Fit
     from underlay.inference.identifiability import Identifiability
-    from underlay.inference.posterior import Posterior
     from underlay.inference.profiles import Profile
+    from underlay.inference.sampling.posterior import Posterior
     from underlay.scene.scene import Scene
 
 __all__ = [

@@ -13,9 +13,9 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.fit_result import Fit
-    from underlay.inference.posterior import Posterior
+    from underlay.inference.fitting.fit_result import Fit
     from underlay.inference.profiles import Profile
+    from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
     "deepest_point",

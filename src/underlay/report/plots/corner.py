@@ -18,7 +18,7 @@ from underlay.scene.parameters import kind_of
 from underlay.units import human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.posterior import Posterior
+    from underlay.inference.sampling.posterior import Posterior
 
 __all__ = ["corner"]
 

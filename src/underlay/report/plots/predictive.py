@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from underlay.report.plots.style import DATA, FIT, SKY, axes, style, unit_for, with_strip
 
 if TYPE_CHECKING:
-    from underlay.inference.posterior import Posterior
+    from underlay.inference.sampling.posterior import Posterior
 
 __all__ = ["predictive"]
 

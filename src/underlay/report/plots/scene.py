@@ -19,6 +19,8 @@ __all__ = ["scene"]
 # contact radii is cut off at the bottom, and said so.
 _WIDTH, _DEEPEST = 2.6, 5.0
 _POINTS = 400
+# A layer thinner than this share of the picture has no room for words.
+_THIN = 0.2
 
 
 def scene(test: Scene, *, depth: float, ax: Axes | None = None, **solver: Any) -> Axes:
@@ -111,27 +113,34 @@ def _write(
     left = -0.96 * half / factor
     ax.text(0.0, 0.9 * top / factor, test.indenter.shape.replace("_", " "), ha="center", va="top")
     layer = f"layer, {_material(test.layer.material)}"
-    ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
-    if shown < test.layer.thickness:
-        thick = test.layer.thickness
+    thick = test.layer.thickness
+    if shown < thick:
         below = f"goes on to {format_quantity(thick, 'length')}" if np.isfinite(thick) else "a half-space"
+        ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
         ax.text(left, -0.94 * shown / factor, below, va="center", ha="left", style="italic")
     else:
         base = test.substrate
-        words = "rigid" if isinstance(base, Rigid) or base is None else _material(base)
-        ax.text(left, 0.5 * (bottom - shown) / factor, f"substrate, {words}", va="center", ha="left")
-        x = 0.86 * half / factor
-        ax.annotate(
-            "", (x, 0.0), (x, -shown / factor), arrowprops={"arrowstyle": "<->", "color": INK, "lw": 0.8}
-        )
-        thick_text = format_quantity(test.layer.thickness, "length")
-        ax.text(x - 0.03 * half / factor, -0.5 * shown / factor, thick_text, ha="right", va="center")
+        words = f"substrate, {'rigid' if isinstance(base, Rigid) or base is None else _material(base)}"
+        if shown < _THIN * (top - bottom):
+            # No room for words in a thin layer: they stand below it.
+            words = f"{layer}, {format_quantity(thick, 'length')} thick\n{words}"
+        else:
+            ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
+            _write_thickness(ax, thick, 0.86 * half, factor)
+        ax.text(left, 0.5 * (bottom - shown) / factor, words, va="center", ha="left")
     if radius > 0.0:
         edge = float(test.indenter.surface(np.array([radius]))[0]) - tip
         ax.plot([-radius / factor, radius / factor], [edge / factor] * 2, "o", color=INK, ms=2.5)
         ax.set_title(
             f"depth {format_quantity(tip, 'length')}, contact radius {format_quantity(radius, 'length')}"
         )
+
+
+def _write_thickness(ax: Axes, thick: float, x: float, factor: float) -> None:
+    arrow = {"arrowstyle": "<->", "color": INK, "lw": 0.8}
+    ax.annotate("", (x / factor, 0.0), (x / factor, -thick / factor), arrowprops=arrow)
+    words = format_quantity(thick, "length")
+    ax.text(0.965 * x / factor, -0.5 * thick / factor, words, ha="right", va="center")
 
 
 def _material(material: Material) -> str:

@@ -1,0 +1,142 @@
+"""Chunks of curves through the workers of a Dask scheduler: the same code, on many machines."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from underlay.errors import MissingExtraError, SchedulerError
+from underlay.inference.batch.curves import CurvePlace
+from underlay.inference.batch.model import BatchModel
+from underlay.inference.batch.processes import Rows
+from underlay.inference.batch.results_table import Layout
+from underlay.inference.batch.work import died, work
+
+__all__ = ["through_dask"]
+
+# Chunks under way per thread of the cluster: one at work, one waiting beside it.
+_AHEAD = 2
+
+
+def through_dask(
+    model: BatchModel,
+    layout: Layout,
+    todo: Sequence[CurvePlace],
+    size: int,
+    address: str,
+    timeout: float,
+) -> Generator[Rows, None, None]:
+    """Fit curves on the workers of the scheduler at `address`; yield rows as they come, in any order.
+
+    Dask gives out again what a lost worker had; its rows come once. A chunk on which workers die again and
+    again is cut up, so that one curve cannot take others with it.
+
+    Raises
+    ------
+    MissingExtraError
+        If Dask is not installed.
+    SchedulerError
+        If the scheduler does not answer within `timeout` (s), has no workers, they do not see the files, or
+        it goes away.
+    """
+    distributed = _distributed()
+    client = _connect(distributed, address, timeout)
+    try:
+        threads = _threads(client, address, timeout)
+        _require_files(client, todo, address)
+        size = max(1, min(size, -(-len(todo) // (threads * _AHEAD))))
+        waiting = [list(todo[start : start + size]) for start in range(0, len(todo), size)]
+        yield from _through(distributed, client, model, layout, waiting, threads * _AHEAD)
+    except (OSError, distributed.CancelledError) as error:
+        raise SchedulerError(
+            f"the Dask scheduler at {address} went away ({error}); what was finished is kept: continue with "
+            "resume (--resume)"
+        ) from error
+    finally:
+        client.close(timeout=timeout)
+
+
+def _through(
+    distributed: Any,
+    client: Any,
+    model: BatchModel,
+    layout: Layout,
+    waiting: list[list[CurvePlace]],
+    ahead: int,
+) -> Generator[Rows, None, None]:
+    under_way: dict[Any, list[CurvePlace]] = {}
+    waiting.reverse()
+    finished = distributed.as_completed(loop=client.loop)
+
+    def submit() -> None:
+        while waiting and len(under_way) < ahead:
+            chunk = waiting.pop()
+            # Not pure: a result is asked for once, and hashing every curve for a name would be work.
+            future = client.submit(work, model, layout, chunk, pure=False)
+            under_way[future] = chunk
+            finished.add(future)
+
+    submit()
+    while under_way:
+        future = next(finished)
+        chunk = under_way.pop(future)
+        try:
+            rows: Rows = future.result()
+        except distributed.KilledWorker:
+            if len(chunk) == 1:
+                yield [died(chunk[0], layout)]
+            else:
+                waiting.extend([place] for place in reversed(chunk))
+        else:
+            yield rows
+        future.release()
+        submit()
+
+
+def _distributed() -> Any:
+    try:
+        return import_module("distributed")
+    except ImportError as error:
+        raise MissingExtraError(
+            'a Dask scheduler needs the package dask: pip install "underlay[cluster]"'
+        ) from error
+
+
+def _connect(distributed: Any, address: str, timeout: float) -> Any:
+    try:
+        return distributed.Client(address, timeout=timeout, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise SchedulerError(
+            f"no Dask scheduler answered at {address} within {timeout:g} s: is it running, and is the "
+            "address right (tcp://host:8786)?"
+        ) from error
+
+
+def _threads(client: Any, address: str, timeout: float) -> int:
+    try:
+        client.wait_for_workers(1, timeout=timeout)
+    except OSError as error:
+        raise SchedulerError(
+            f"the Dask scheduler at {address} has no workers: start some with 'dask worker {address}'"
+        ) from error
+    threads: dict[str, int] = client.nthreads()
+    return max(1, sum(threads.values()))
+
+
+def _sees(path: str) -> bool:
+    return Path(path).is_file()
+
+
+def _require_files(client: Any, todo: Sequence[CurvePlace], address: str) -> None:
+    """Refuse a cluster that does not see the curves."""
+    first = next((place.path for place in todo if place.curve is None), None)
+    if first is None:
+        return
+    blind = [worker for worker, sees in client.run(_sees, first).items() if not sees]
+    if blind:
+        raise SchedulerError(
+            f"worker {blind[0]} of the scheduler at {address} does not see {first}: put the curves on a disk "
+            "that all machines share, under the same path, or pass them as curves"
+        )

@@ -1,0 +1,323 @@
+"""Many curves: a whole map, on one machine or many, without losing the night to one bad curve.
+
+Rows are appended to a journal as they come and gathered into one table (`journal`, `results_table`). The
+same worker code (`work`) runs in processes of this machine (`processes`) or under a Dask scheduler (`dask`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import time
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from underlay._files import require_writable_folder
+from underlay.data.noise import Noise
+from underlay.errors import InputError
+from underlay.inference.batch.curves import CurvePlace, Curves, list_curves
+from underlay.inference.batch.dask import through_dask
+from underlay.inference.batch.journal import Journal
+from underlay.inference.batch.manifest import read_manifest
+from underlay.inference.batch.model import BatchModel, Sampling, batch_model
+from underlay.inference.batch.processes import Rows, through_processes
+from underlay.inference.batch.progress import MapProgress
+from underlay.inference.batch.results_table import Layout, require_format, to_frame, write_table
+from underlay.inference.batch.work import Workshop, file_hash
+from underlay.inference.fitting.provenance import curve_hash
+from underlay.inference.problem import Given
+from underlay.mechanics.accuracy import Accuracy
+from underlay.scene.scene import Scene
+from underlay.scene.scene_file import SceneFile
+
+__all__ = ["fit_many"]
+
+_TABLE = "map.csv"
+# Curves sent at once: a few thousand points each make a megabyte, and a worker is done in under a second.
+_LARGEST_CHUNK = 64
+# Chunks per worker at least, so that all end at about the same time.
+_CHUNKS_PER_WORKER = 8
+# Curves that are worth a further worker process, which takes about a second to start.
+_WORTH_A_WORKER = 100
+# The table is made anew from the journal this often (s), and never for more than a fiftieth of the time.
+_EVERY = 10.0
+# Rows made in this process are handed to the journal this often (s).
+_HANDED_ON = 0.2
+_SHARE = 50.0
+
+
+def fit_many(
+    curves: Curves,
+    scene: Scene | SceneFile | str | os.PathLike[str],
+    free: Mapping[str, Given] | Iterable[str] | None = None,
+    manifest: str | os.PathLike[str] | pd.DataFrame | Sequence[Mapping[str, Any]] | None = None,
+    *,
+    noise: Noise | None = None,
+    accuracy: Accuracy | None = None,
+    method: str | None = None,
+    order: int | None = None,
+    form: str | None = None,
+    quality: bool = False,
+    sampling: Sampling | bool = False,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    timeout: float = 10.0,
+    output: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    progress: bool | None = None,
+) -> pd.DataFrame:
+    """Fit many curves, each by itself, into one table.
+
+    Parameters
+    ----------
+    curves : path, or iterable of Curve or path
+        A folder with one curve per file, one file that holds many tests, or a list.
+    scene : Scene, or path of a scene file
+        What they have in common. A scene file also says what is free and which part of a curve is used;
+        with a `Scene`, files give their loading part and curves in memory are fitted as they are.
+    free : mapping of path to prior
+        As in `Problem`; by default what the scene file says.
+    manifest : path, DataFrame or sequence of mappings, optional
+        Numbers of single curves: ``file``, ``name``, ``x``, ``y`` and any parameter path; see
+        `underlay.inference.batch.manifest`.
+    noise, accuracy, method, order, form
+        As in `Problem`.
+    quality : bool, default False
+        Judge every curve by `check_quality` first. It takes longer than the fit. Without it the verdict is
+        ``"good"`` where the fit has no warnings, ``"doubtful"`` where it has, ``"refused"`` where there is
+        no fit.
+    sampling : Sampling or bool, default False
+        Sample the posterior of every curve. The table then holds medians, standard deviations and the ends
+        of 95 % intervals.
+    workers : int, optional
+        Processes, each with one thread. By default as many as there are processors and curves to keep them
+        busy; 0 fits in this process, to look into a failure.
+    scheduler : str, optional
+        Address of a Dask scheduler, such as ``"tcp://10.0.0.1:8786"``, whose workers are used instead (extra
+        ``cluster``). Files must have the same path there.
+    timeout : float, default 10
+        How long the scheduler may take to answer (s).
+    output : path, optional
+        Table to write, ``.csv`` or ``.parquet``, or a folder for ``map.csv``. Beside it stands a journal
+        (``map.csv.journal``) that holds every row from the moment it is there: no interruption loses it.
+    resume : bool, default False
+        Continue the run in `output`; rows that were written are not computed again.
+    progress : bool, optional
+        Show curves per second and time left; by default only on a terminal.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per curve, in the order of the curves (SI): ``name``, ``path``, ``x``, ``y``, ``status``
+        ("fitted" or "failed"), ``verdict``, ``reason``, every free parameter and its ``<parameter>.stderr``,
+        every parameter of the manifest, ``law``, ``reduced_chi_square`` (one where the noise is estimated),
+        ``rms`` (N), ``warnings`` (how many), ``seconds``, ``sha256``. A curve that cannot be fitted is a row
+        with its reason. All but ``seconds`` is the same whatever the number of workers.
+
+    Raises
+    ------
+    InputError
+        Before any work: curves and manifest do not match, a name is given twice, the model is not possible,
+        `output` holds another run.
+    FileAccessError
+        If the output cannot be written; during the work also, with every finished row kept.
+    SchedulerError
+        If the scheduler does not answer, or goes away.
+
+    Examples
+    --------
+    >>> import numpy as np, underlay as ul
+    >>> scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.RIGID)
+    >>> depth = np.linspace(-1e-5, 5e-5, 100)
+    >>> curves = [ul.synthesize(scene, depth, ul.Noise(force=1e-4), rng=seed) for seed in range(3)]
+    >>> table = ul.fit_many(curves, scene, {"layer.E": (1e4, 1e8)}, workers=0)
+    >>> (abs(table["layer.E"] / 1e6 - 1.0) < 0.01).all()
+    np.True_
+    """
+    if sampling is True:
+        sampling = Sampling()
+    model = batch_model(
+        scene,
+        free,
+        noise,
+        accuracy=accuracy,
+        method=method,
+        order=order,
+        form=form,
+        quality=quality,
+        sampling=sampling or None,
+    )
+    count = _require_workers(workers)
+    own_files = [Path(entry) for entry in (manifest, scene) if isinstance(entry, str | os.PathLike)]
+    own_files += [] if output is None else [_table_path(output)]
+    places, given = _with_manifest(list_curves(curves, own_files), manifest, model)
+    if output is not None:
+        # The run must know its curves again.
+        places = [
+            place if place.curve is None else replace(place, sha256=curve_hash(place.curve))
+            for place in places
+        ]
+    layout = Layout.of(list(model.free), given, sampled=model.sampling is not None)
+    with _table(output) as table:
+        identity = _identity(model, places, layout)
+        with Journal(table.with_name(f"{table.name}.journal"), identity, resume=resume) as journal:
+            _require_same_files(journal, places, layout)
+            todo = [place for place in places if not journal.has(place.index)]
+            if todo:
+                batches = _through(model, layout, todo, count, scheduler, timeout)
+                _gather(journal, table, layout, batches, len(places), shown=progress)
+            if output is not None:
+                journal.sync()
+                write_table(table, layout, journal.lines())
+            return to_frame(layout, journal.lines())
+
+
+def _require_same_files(journal: Journal, places: Sequence[CurvePlace], layout: Layout) -> None:
+    """Refuse to continue a run of which a curve file is another now."""
+    done = (place for place in places if journal.has(place.index))
+    for place, line in zip(done, journal.lines(), strict=True):
+        if place.curve is None and layout.cells(line)["sha256"] != file_hash(place.path):
+            raise InputError(
+                f"{place.path} changed since its row was written: put it back, or choose another output"
+            )
+
+
+def _gather(
+    journal: Journal,
+    table: Path,
+    layout: Layout,
+    batches: Generator[Rows, None, None],
+    total: int,
+    *,
+    shown: bool | None,
+) -> None:
+    """Keep rows as they come; on the way out, whatever the reason, leave a whole table."""
+    last, pause = time.monotonic(), _EVERY
+    try:
+        with MapProgress(total, journal.done, shown=shown) as line:
+            for rows in batches:
+                line.advance(journal.append(rows))
+                now = time.monotonic()
+                if now - last > pause:
+                    journal.sync()
+                    write_table(table, layout, journal.lines())
+                    last = time.monotonic()
+                    pause = max(_EVERY, _SHARE * (last - now))
+    except BaseException:
+        # Workers first: nothing may be added to what is written now.
+        batches.close()
+        if journal.done:
+            _leave_a_table(journal, table, layout)
+        raise
+
+
+def _leave_a_table(journal: Journal, table: Path, layout: Layout) -> None:
+    try:
+        write_table(table, layout, journal.lines())
+    except OSError:
+        # The disk may be what stopped the run: the journal holds every row, and that error is the one to see.
+        return
+
+
+def _through(
+    model: BatchModel,
+    layout: Layout,
+    todo: Sequence[CurvePlace],
+    workers: int | None,
+    scheduler: str | None,
+    timeout: float,
+) -> Generator[Rows, None, None]:
+    """Fit curves somewhere; yield rows as they come."""
+    if scheduler is not None:
+        size = 1 if model.sampling is not None else _LARGEST_CHUNK
+        return through_dask(model, layout, todo, size, scheduler, timeout)
+    if workers == 0:
+        return _here(model, layout, todo)
+    if workers is None:
+        worth = len(todo) if model.sampling is not None else 1 + len(todo) // _WORTH_A_WORKER
+        workers = min(_processors(), worth)
+    workers = min(workers, len(todo))
+    size = min(_LARGEST_CHUNK, -(-len(todo) // (workers * _CHUNKS_PER_WORKER)))
+    size = 1 if model.sampling is not None else size
+    chunks = (todo[start : start + size] for start in range(0, len(todo), size))
+    return through_processes(model, layout, chunks, workers)
+
+
+def _here(model: BatchModel, layout: Layout, todo: Sequence[CurvePlace]) -> Generator[Rows, None, None]:
+    rows: Rows = []
+    sent = time.monotonic()
+    try:
+        for row in Workshop(model, layout).rows(todo):
+            rows.append(row)
+            if time.monotonic() - sent > _HANDED_ON:
+                yield rows
+                rows, sent = [], time.monotonic()
+    except KeyboardInterrupt:
+        # What is there is kept first, then the interruption goes on.
+        yield rows
+        raise
+    yield rows
+
+
+def _with_manifest(
+    places: list[CurvePlace], manifest: Any, model: BatchModel
+) -> tuple[list[CurvePlace], tuple[str, ...]]:
+    """Places with what the manifest says of them, and the paths it gives."""
+    if manifest is None:
+        return places, ()
+    read = read_manifest(manifest, model.scene)
+    entries = read.for_curves([place.name for place in places])
+    model.check_starts((f"{read.source} ({entry.file})", entry.values) for entry in entries)
+    joined = [
+        replace(place, name=entry.name or place.name, x=entry.x, y=entry.y, values=entry.values)
+        for place, entry in zip(places, entries, strict=True)
+    ]
+    return joined, read.paths
+
+
+def _identity(model: BatchModel, places: Sequence[CurvePlace], layout: Layout) -> dict[str, Any]:
+    """What a run is: all that decides its numbers, by SHA-256."""
+    names, manifest = hashlib.sha256(), hashlib.sha256()
+    for place in places:
+        names.update(f"{Path(place.path).name}\0{place.sha256}\n".encode("utf-8", "backslashreplace"))
+        said = (place.name, place.x, place.y, sorted(place.values.items()))
+        manifest.update(repr(said).encode("utf-8", "backslashreplace"))
+    hashes = {**model.hashes(), "curves": names.hexdigest(), "manifest": manifest.hexdigest()}
+    return {"hashes": hashes, "columns": list(layout.kinds), "curves": len(places)}
+
+
+@contextmanager
+def _table(output: str | os.PathLike[str] | None) -> Iterator[Path]:
+    """Path of the table, in a folder that can be written; a passing one where none is asked for."""
+    if output is None:
+        with tempfile.TemporaryDirectory(prefix="underlay-") as folder:
+            yield Path(folder) / _TABLE
+        return
+    table = _table_path(output)
+    require_format(table)
+    require_writable_folder(table.parent)
+    yield table
+
+
+def _table_path(output: str | os.PathLike[str]) -> Path:
+    path = Path(output)
+    return path if path.suffix else path / _TABLE
+
+
+def _require_workers(workers: int | None) -> int | None:
+    if workers is not None and (type(workers) is not int or workers < 0):
+        raise InputError(f"workers must be a number of processes, 0 for this one; got {workers!r}")
+    return workers
+
+
+def _processors() -> int:
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on every system
+        return os.cpu_count() or 1

@@ -1,0 +1,250 @@
+"""What a worker does with one curve of a map: read it, judge it, fit it, and say it in one row.
+
+A row is a function of the model and the curve alone. Which worker made it, and what it made before, leaves
+no trace in it but the seconds it took.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.data.curve import Curve, check_fittable
+from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
+from underlay.data.readers import read
+from underlay.errors import CurveError, UnderlayError, UnderlayWarning
+from underlay.inference.batch.curves import CurvePlace
+from underlay.inference.batch.model import BatchModel, Sampling
+from underlay.inference.batch.results_table import FAILED, FITTED, Layout
+from underlay.inference.batch.separable import SeparableModel
+from underlay.inference.batch.separable_warnings import separable_warnings
+from underlay.inference.fitting.provenance import curve_hash
+from underlay.inference.from_files import chosen_part, read_for
+from underlay.inference.least_squares import fit
+from underlay.inference.problem import Problem
+from underlay.inference.sampling.run import sample
+
+__all__ = ["Workshop", "died", "file_hash", "work"]
+
+# A contact that explains the force no better than this many squared standard deviations beyond a flat line
+# is none: three free numbers reach 30 by chance in one curve of a million.
+_NO_CONTACT = 30.0
+
+
+def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> list[tuple[int, str]]:
+    """Rows (index, CSV text) of some curves: what a cluster's worker runs."""
+    return list(Workshop(model, layout).rows(places))
+
+
+def file_hash(path: str) -> str:
+    """SHA-256 of a file; empty where it cannot be read."""
+    try:
+        with Path(path).open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return ""
+
+
+def died(place: CurvePlace, layout: Layout) -> tuple[int, str]:
+    """Row of a curve on which worker processes died."""
+    reason = "the worker process died on this curve twice; out of memory, or killed from outside?"
+    return place.index, layout.text({**_about(place), **_failure(reason), "seconds": None})
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What a fit gives to a row."""
+
+    values: Mapping[str, float]
+    stderr: Mapping[str, float]
+    law: str
+    reduced_chi_square: float
+    sum_of_squares: float
+    notes: tuple[str, ...]
+    more: Mapping[str, Any]
+
+
+class Workshop:
+    """The common model, compiled once for all curves that pass through one worker.
+
+    Parameters
+    ----------
+    model : BatchModel
+        What the curves have in common.
+    layout : Layout
+        Columns of the rows.
+    """
+
+    def __init__(self, model: BatchModel, layout: Layout) -> None:
+        self._model, self._layout = model, layout
+        self._separable = SeparableModel.of(model.template)
+        self._base = model.scene.parameters
+
+    def rows(self, places: Iterable[CurvePlace]) -> Iterator[tuple[int, str]]:
+        """Rows (index, CSV text), one per curve, in order."""
+        for place in places:
+            yield place.index, self._layout.text(self._row(place))
+
+    def _row(self, place: CurvePlace) -> dict[str, Any]:
+        began = time.perf_counter()
+        row = _about(place)
+        try:
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always", UnderlayWarning)
+                curve = self._read(place, row)
+                self._fit(place, curve, row)
+        except UnderlayError as error:
+            row.update(_failure(str(error)))
+        except MemoryError:
+            row.update(_failure("not enough memory for this curve"))
+        except Exception as error:  # noqa: BLE001  one curve that meets a mistake of ours must not cost the night
+            row.update(_failure(f"unexpected {type(error).__name__}: {error}"))
+        else:
+            _add_notes(row, [str(entry.message) for entry in caught])
+        if "sha256" not in row and place.path:
+            row["sha256"] = file_hash(place.path)
+        row["seconds"] = time.perf_counter() - began
+        return row
+
+    def _read(self, place: CurvePlace, row: dict[str, Any]) -> Curve:
+        """Read the curve and the part of it that is fitted; note its hash and position."""
+        file = self._model.file
+        if place.curve is not None:
+            curve = place.curve if file is None else chosen_part(place.curve, file.curve)
+        elif file is not None:
+            curve = read_for(file, place.path)
+        else:
+            curve = chosen_part(read(place.path), {})
+        row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
+        position = curve.metadata.get("position")
+        if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:
+            row["x"], row["y"] = float(position[0]), float(position[1])
+        return curve
+
+    def _fit(self, place: CurvePlace, curve: Curve, row: dict[str, Any]) -> None:
+        notes: tuple[str, ...] = ()
+        if self._model.quality:
+            quality = check_quality(curve, self._model.scene.with_values(place.values))
+            quality.require()
+            notes = quality.reasons
+        outcome = self._fast(place, curve) or self._thorough(place, curve)
+        _require_contact(curve, outcome)
+        row.update(outcome.values)
+        row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})
+        row.update(
+            status=FITTED,
+            verdict=GOOD,
+            reason="",
+            law=outcome.law,
+            reduced_chi_square=outcome.reduced_chi_square,
+            rms=float(np.sqrt(outcome.sum_of_squares / len(curve))),
+            warnings=0,
+            **outcome.more,
+        )
+        _add_notes(row, [*notes, *outcome.notes])
+
+    def _fast(self, place: CurvePlace, curve: Curve) -> _Outcome | None:
+        if self._separable is None or self._model.sampling is not None:
+            return None
+        values = {**self._base, **place.values}
+        contact_is_free = any(c.path == "instrument.contact_depth" for c in self._separable.coordinates)
+        check_fittable(curve, None if contact_is_free else values["instrument.contact_depth"])
+        found = self._separable.fit(curve, values)
+        if found is None:
+            return None
+        paths = [coordinate.path for coordinate in self._separable.coordinates]
+        noise, n, k = found.noise, len(curve), len(paths)
+        return _Outcome(
+            dict(zip(paths, found.values.tolist(), strict=True)),
+            dict(zip(paths, np.sqrt(np.diag(found.covariance)).tolist(), strict=True)),
+            found.law_method,
+            found.sum_of_squares / noise**2 / (n - k),
+            found.sum_of_squares,
+            separable_warnings(found, lambda: self._problem(place, curve)),
+            {},
+        )
+
+    def _thorough(self, place: CurvePlace, curve: Curve) -> _Outcome:
+        problem = self._problem(place, curve)
+        found = fit(problem)
+        residuals: FloatArray = found.residuals[0]
+        outcome = _Outcome(
+            found.values,
+            found.stderr,
+            found.statistics.law_method,
+            found.statistics.reduced_chi_square,
+            float(residuals @ residuals),
+            tuple(str(warning) for warning in found.warnings),
+            {},
+        )
+        return (
+            outcome
+            if self._model.sampling is None
+            else _sampled(problem, place, self._model.sampling, outcome)
+        )
+
+    def _problem(self, place: CurvePlace, curve: Curve) -> Problem:
+        return self._model.problem(self._model.scene.with_values(place.values), curve)
+
+
+def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Outcome) -> _Outcome:
+    """Replace the fit's numbers by those of the posterior: median, standard deviation, 95 % interval."""
+    seed = _seed(sampling.seed, place.name)
+    posterior = sample(
+        problem, walkers=sampling.walkers, max_steps=sampling.max_steps, rng=seed, progress=False
+    )
+    draws = {name: np.asarray(posterior.samples[name]) for name in problem.names}
+    more: dict[str, Any] = {"converged": bool(posterior.converged), "seed": seed}
+    for name, values in draws.items():
+        more[f"{name}.low"], more[f"{name}.high"] = np.quantile(values, [0.025, 0.975]).tolist()
+    return replace(
+        outcome,
+        values={name: float(np.median(values)) for name, values in draws.items()},
+        stderr={name: float(np.std(values)) for name, values in draws.items()},
+        more=more,
+    )
+
+
+def _seed(seed: int, name: str) -> int:
+    """A seed of its own for every curve, whatever the order and number of workers."""
+    words = np.frombuffer(hashlib.sha256(name.encode("utf-8", "backslashreplace")).digest(), dtype="<u4")
+    return int(np.random.SeedSequence([seed, *words.tolist()]).generate_state(1)[0])
+
+
+def _require_contact(curve: Curve, outcome: _Outcome) -> None:
+    """Refuse a curve whose force a straight line explains as well as the contact does."""
+    sloping = "instrument.baseline_slope" in outcome.values
+    flat = curve.force - curve.force.mean()
+    if sloping:
+        along = curve.depth - curve.depth.mean()
+        flat = flat - along * float(along @ flat / (along @ along))
+    variance = outcome.sum_of_squares / max(len(curve) - len(outcome.values), 1)
+    gain = float(flat @ flat) - outcome.sum_of_squares
+    if not gain > _NO_CONTACT * variance:
+        flat_one = "a straight line" if sloping else "a constant force"
+        reason = f"no contact: {flat_one} explains the curve as well as any contact within the bounds does"
+        raise CurveError("; ".join([f"{reason} (are the units right?)", *outcome.notes]))
+
+
+def _about(place: CurvePlace) -> dict[str, Any]:
+    return {"name": place.name, "path": place.path, "x": place.x, "y": place.y, **place.values}
+
+
+def _failure(reason: str) -> dict[str, Any]:
+    return {"status": FAILED, "verdict": REFUSED, "reason": " ".join(reason.split()), "warnings": 0}
+
+
+def _add_notes(row: dict[str, Any], notes: Sequence[str]) -> None:
+    fresh = list(dict.fromkeys(" ".join(note.split()) for note in notes))
+    if fresh:
+        row["verdict"] = DOUBTFUL
+        row["reason"] = "; ".join([row["reason"], *fresh] if row["reason"] else fresh)
+        row["warnings"] += len(fresh)

@@ -1,0 +1,153 @@
+"""What to beware of in a fit, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.fitting.diagnostics import ResidualDiagnostics
+from underlay.inference.fitting.fit_result import Alternative, FitStatistics, FitWarning
+from underlay.inference.problem import Problem
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.published import PublishedLaw
+from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity
+
+__all__ = ["warnings_of"]
+
+# A standard error of a factor e either way, or of the whole range of the curve, says nothing.
+_UNINFORMATIVE = 1.0
+_STRONG_CORRELATION = 0.99
+
+
+def warnings_of(
+    problem: Problem,
+    law: ContactLaw,
+    reasons: Mapping[str, str],
+    bounds_hit: Mapping[str, str],
+    covariance: FloatArray,
+    diagnostics: Sequence[ResidualDiagnostics],
+    statistics: FitStatistics,
+    alternatives: Sequence[Alternative],
+) -> tuple[FitWarning, ...]:
+    """Everything a reader of the numbers should know first.
+
+    `reasons` and `bounds_hit` are those of `Fit`; `covariance` is the scaled one, (k, k).
+    """
+    warnings = []
+    if not statistics.success:
+        warnings.append(FitWarning("not-converged", f"the fit did not converge: {statistics.stopped}"))
+    for name, bound in bounds_hit.items():
+        warnings.append(FitWarning("bound", f"{name} ended on its {bound}: the data would have it beyond"))
+    for name, reason in reasons.items():
+        if name not in bounds_hit:
+            warnings.append(FitWarning("not-fixed", f"{name} has no error bar: {reason}"))
+    return (
+        *warnings,
+        *_unfixed(problem, covariance),
+        *_correlated(problem, covariance),
+        *_second_optima(alternatives),
+        *_residuals(diagnostics),
+        *_law_range(law),
+        *_law_error(problem, covariance, statistics),
+    )
+
+
+def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
+    warnings = []
+    for coordinate, deviation in zip(problem.coordinates, np.sqrt(np.diag(covariance)), strict=True):
+        if deviation > _UNINFORMATIVE:
+            size = (
+                f"a factor of {np.exp(min(deviation, 700.0)):.3g}"
+                if coordinate.scale is None
+                else f"{deviation:.3g} times its natural range"
+            )
+            warnings.append(
+                FitWarning(
+                    "not-fixed",
+                    f"{coordinate.name} is not fixed by these data: its standard error is {size}; measure it "
+                    "otherwise and give it a prior, or see identifiability(problem)",
+                )
+            )
+    return warnings
+
+
+def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
+    warnings = []
+    deviation = np.sqrt(np.diag(covariance))
+    for i, name in enumerate(problem.names):
+        for j in range(i):
+            product = deviation[i] * deviation[j]
+            if product > 0.0 and abs(covariance[i, j]) > _STRONG_CORRELATION * product:
+                warnings.append(
+                    FitWarning(
+                        "correlated",
+                        f"{problem.names[j]} and {name} are known only together (correlation "
+                        f"{covariance[i, j] / product:+.4f}); see identifiability(problem)",
+                    )
+                )
+    return warnings
+
+
+def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:
+    warnings = []
+    for entry in alternatives:
+        values = ", ".join(
+            f"{name} {format_quantity(value, kind_of(name.partition('[')[0]))}"
+            for name, value in entry.values.items()
+        )
+        warnings.append(
+            FitWarning(
+                "second-optimum",
+                f"another optimum explains the data nearly as well (chi-square {entry.rise:.2g} higher): "
+                f"{values}; standard errors say nothing of it, profile() does",
+            )
+        )
+    return warnings
+
+
+def _residuals(diagnostics: Sequence[ResidualDiagnostics]) -> list[FitWarning]:
+    warnings = []
+    for number, entry in enumerate(diagnostics):
+        if entry.correlated:
+            which = f"curve {number}: " if len(diagnostics) > 1 else ""
+            warnings.append(
+                FitWarning(
+                    "correlated-residuals",
+                    f"{which}the residuals hang together (lag-one correlation {entry.lag_one:.2f}, "
+                    f"{entry.runs} runs where {entry.expected_runs:.0f} are expected): {entry.points} points "
+                    f"tell as much as {entry.effective_points:.0f} independent ones, so the standard errors "
+                    f"are too small by a factor of about {entry.too_narrow_by:.1f}; use "
+                    "Noise(correlation_time=...), or the model is wrong",
+                )
+            )
+    return warnings
+
+
+def _law_range(law: ContactLaw) -> list[FitWarning]:
+    if isinstance(law, PublishedLaw) and law.warnings:
+        broken = "; ".join(str(entry) for entry in law.warnings)
+        return [FitWarning("law-range", f"{law.method} is used outside its range: {broken}")]
+    return []
+
+
+def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatistics) -> list[FitWarning]:
+    """The law's relative error of the force moves a modulus by as much: compare it with its error."""
+    warnings = []
+    for coordinate, deviation in zip(problem.coordinates, np.sqrt(np.diag(covariance)), strict=True):
+        if (
+            coordinate.scale is None
+            and not coordinate.path.startswith("noise.")
+            and 0.0 < deviation < statistics.law_error
+        ):
+            warnings.append(
+                FitWarning(
+                    "law-error",
+                    f"the {statistics.law_method} law's own error, about {statistics.law_error:.1e} of the "
+                    f"force, is larger than the standard error of {coordinate.name} ({deviation:.1e} of it): "
+                    "use method='exact', a smaller Accuracy(rtol=...), or fit(problem, refine=True)",
+                )
+            )
+    return warnings

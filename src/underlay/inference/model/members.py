@@ -1,0 +1,143 @@
+"""One curve of a problem, compiled: which entries of a vector it reads, its law and its noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
+from underlay.data.noise import Noise, log_normalisation, standard_deviation, whiten
+from underlay.inference.model.forward import Forward, Reading
+from underlay.inference.model.forward_batch import Readings, batched_readings
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.scene.scene import Scene
+
+__all__ = ["Member"]
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """One scene and one curve of a problem.
+
+    Parameters
+    ----------
+    scene, curve
+        As given.
+    forward : Forward
+        The compiled scene.
+    noise : Noise
+        What disturbs the force; its `force` is None where the size is unknown.
+    base : mapping
+        Every number of the scene (SI).
+    entries : mapping of path to int
+        Which entry of a vector holds which number of the scene.
+    noise_entries : mapping of field name to int
+        The same for the numbers of the noise.
+    """
+
+    scene: Scene
+    curve: Curve
+    forward: Forward
+    noise: Noise
+    base: Mapping[str, float]
+    entries: Mapping[str, int]
+    noise_entries: Mapping[str, int]
+
+    @property
+    def force(self) -> FloatArray:
+        """Measured force (N), (n,)."""
+        return self.curve.force
+
+    @property
+    def scale_is_unknown(self) -> bool:
+        """Whether the size of the noise is neither given nor a parameter."""
+        return self.noise.force is None and "force" not in self.noise_entries
+
+    def values_at(self, physical: FloatArray) -> dict[str, float]:
+        """Every number of the scene (SI) at a physical vector (k,)."""
+        values = dict(self.base)
+        for path, entry in self.entries.items():
+            values[path] = float(physical[entry])
+        return values
+
+    def scene_at(self, physical: FloatArray) -> Scene:
+        """Scene with the numbers of a physical vector (k,)."""
+        return self.scene.with_values({path: float(physical[j]) for path, j in self.entries.items()})
+
+    def noise_at(self, physical: FloatArray) -> Noise:
+        """Noise with the numbers of a physical vector (k,)."""
+        return replace(self.noise, **{name: float(physical[j]) for name, j in self.noise_entries.items()})
+
+    def model(self, physical: FloatArray) -> FloatArray:
+        """Instrument's force (N), (n,), at a physical vector (k,); raises as `reading` does."""
+        return self.forward.force(self.values_at(physical))
+
+    def reading(self, physical: FloatArray) -> Reading:
+        """Model at a physical vector (k,); raises InputError where no law exists."""
+        return self.forward.reading(self.values_at(physical))
+
+    def law(self, physical: FloatArray) -> ContactLaw:
+        """Contact law behind the model at a physical vector (k,), at the reference of the similarity.
+
+        Its range is up to twice the curve's, so its error estimate is not below that of the curve.
+        """
+        return self.forward.law_behind(self.values_at(physical))
+
+    def jacobian(self, physical: FloatArray, *, rough: bool = False) -> tuple[Reading, FloatArray]:
+        """Model and d force / d vector (SI), (n, k); zero for entries this curve does not read."""
+        reading, own = self.forward.jacobian(self.values_at(physical), tuple(self.entries), rough=rough)
+        columns = np.zeros((len(self.force), len(physical)))
+        columns[:, list(self.entries.values())] = own
+        return reading, columns
+
+    def sigma(self, reading: Reading | None, noise: Noise) -> FloatArray:
+        """Standard deviation (N), (n,); the force's range where the size is unknown.
+
+        White noise alone needs no `reading`.
+        """
+        known = noise if noise.force is not None else replace(noise, force=float(np.ptp(self.force)))
+        if reading is None:
+            return known.sigma(self.force)
+        return known.sigma(reading.contact, reading.stiffness)
+
+    def whitened(self, physical: FloatArray) -> FloatArray:
+        """Whitened residuals (n,) at a physical vector (k,)."""
+        reading, noise = self.reading(physical), self.noise_at(physical)
+        return noise.whiten((self.force - reading.force) / self.sigma(reading, noise), self.curve.time)
+
+    def log_likelihood(self, physical: FloatArray) -> FloatArray:
+        """Log-likelihood (B,) at physical vectors (B, k); -inf where no law exists."""
+        by_depth = bool(self.noise.depth) or "depth" in self.noise_entries
+        contact, stiffness, force, possible = self.readings(physical, stiffness=by_depth)
+        numbers = {name: physical[possible, j] for name, j in self.noise_entries.items()}
+        result = np.full(len(physical), -np.inf)
+        if not possible.any():
+            return result
+        tau = numbers.get("correlation_time", self.noise.correlation_time)
+        force_sd = numbers.get("force", self.noise.force)
+        sigma = standard_deviation(
+            contact[possible],
+            stiffness[possible],
+            force_sd=1.0 if force_sd is None else force_sd,
+            relative=numbers.get("relative", self.noise.relative),
+            depth_sd=numbers.get("depth", self.noise.depth),
+        )
+        residuals = whiten((self.force - force[possible]) / sigma, self.curve.time, tau)
+        square = np.einsum("...n,...n->...", residuals, residuals)
+        normalisation = log_normalisation(sigma, self.curve.time, tau)
+        if force_sd is not None:
+            result[possible] = normalisation - 0.5 * square
+        else:
+            # int dsigma/sigma sigma^-n exp(-S / (2 sigma^2)) is S^(-n/2) up to a constant.
+            result[possible] = normalisation - 0.5 * len(self.force) * np.log(square)
+        return result
+
+    def readings(self, physical: FloatArray, *, stiffness: bool = True) -> Readings:
+        """Model at physical vectors (B, k); without `stiffness` that is left zero."""
+        values: dict[str, float | FloatArray] = dict(self.base)
+        for path, entry in self.entries.items():
+            values[path] = physical[:, entry]
+        return batched_readings(self.forward, values, len(physical), stiffness=stiffness)

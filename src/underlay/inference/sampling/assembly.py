@@ -1,0 +1,127 @@
+"""From a chain in scaled coordinates to a `Posterior` in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.fitting.provenance import provenance
+from underlay.inference.problem import Problem
+from underlay.inference.sampling.convergence import MIN_STEPS
+from underlay.inference.sampling.counted import CountedDensity
+from underlay.inference.sampling.derived import derived_quantities
+from underlay.inference.sampling.informed import prior_levels
+from underlay.inference.sampling.posterior import Posterior, SamplingDiagnostics
+from underlay.inference.sampling.predictive import predictive_bands
+from underlay.inference.sampling.stopping import Outcome
+
+__all__ = ["assemble_posterior"]
+
+# A quarter of the shortest autocorrelation time between kept draws costs about 1 % of the effective size.
+_KEPT_PER_TIME = 4.0
+_PRIOR_LEVELS = 1001
+_DERIVED_DRAWS = 4096
+_PREDICTIVE_DRAWS = 500
+
+
+def assemble_posterior(
+    problem: Problem,
+    coords: FloatArray,
+    log_density: FloatArray,
+    outcome: Outcome,
+    density: CountedDensity,
+    rng: np.random.Generator,
+    *,
+    seed: int | None,
+    seconds: float,
+    versions: Mapping[str, str],
+) -> Posterior:
+    """Burn in, thin, turn into SI, and add what follows from the draws.
+
+    Parameters
+    ----------
+    problem : Problem
+        Whose posterior it is.
+    coords, log_density : FloatArray
+        Scaled coordinates (steps, walkers, parameters) and log-posterior (steps, walkers).
+    outcome : Outcome
+        The verdict on that chain.
+    density : CountedDensity
+        Counters of the evaluations.
+    rng : numpy Generator
+        Chooses draws and noise of the predictive bands.
+    seed, seconds, versions
+        For the record.
+    """
+    fastest = float(np.min(outcome.times))
+    thin = max(1, int(fastest / _KEPT_PER_TIME)) if np.isfinite(fastest) else 1
+    thin = min(thin, max(1, (outcome.steps - outcome.burn_in) // MIN_STEPS))
+    burnt = coords[outcome.burn_in :]
+    kept = slice(outcome.burn_in, None, thin)
+    chain = problem.physical(coords[kept])
+    best = coords.reshape(-1, chain.shape[-1])[int(np.argmax(log_density))]
+    every = -(-len(chain) * outcome.walkers // _DERIVED_DRAWS)
+    spaced = chain.reshape(-1, chain.shape[-1])
+    chosen = rng.choice(len(spaced), size=min(_PREDICTIVE_DRAWS, len(spaced)), replace=False)
+    moved = (np.diff(burnt, axis=0) != 0.0).any(axis=-1)
+    return Posterior(
+        names=problem.names,
+        chain=chain,
+        log_posterior=log_density[kept].copy(),
+        priors=tuple(repr(prior) for prior in problem.priors.values()),
+        prior_quantiles=_prior_quantiles(problem),
+        derived=derived_quantities(problem, chain[::every]),
+        predictive=predictive_bands(problem, spaced[chosen], rng),
+        diagnostics=SamplingDiagnostics(
+            converged=outcome.converged,
+            reason=outcome.reason,
+            steps=outcome.steps,
+            burn_in=outcome.burn_in,
+            thin=thin,
+            walkers=outcome.walkers,
+            autocorrelation_time=tuple(outcome.times.tolist()),
+            rhat=tuple(outcome.rhat.tolist()),
+            acceptance=float(moved.mean()),
+            evaluations=density.evaluations,
+            failures=density.failures,
+            failure_region=density.failure_region,
+            seconds=seconds,
+            seed=seed,
+            model_error=_model_error(problem, best),
+            versions={**provenance(problem.curves)["versions"], **versions},
+        ),
+        truth=_truth(problem),
+    )
+
+
+def _prior_quantiles(problem: Problem) -> FloatArray:
+    levels = prior_levels(_PRIOR_LEVELS)
+    return np.column_stack([c.prior.truncated(c.low, c.high).quantile(levels) for c in problem.coordinates])
+
+
+def _model_error(problem: Problem, best: FloatArray) -> float:
+    """Largest error estimate of the contact laws at the best draw, relative to the force."""
+    options = problem.options
+    errors = []
+    for scene, curve in zip(problem.scenes(best), problem.curves, strict=True):
+        deepest = max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0)
+        errors.append(options.build(scene, deepest).error_estimate)
+    return max(errors)
+
+
+def _truth(problem: Problem) -> dict[str, float]:
+    """True values of the parameters, from the curves' own record."""
+    truth: dict[str, float] = {}
+    for curve, member in zip(problem.curves, problem.members, strict=True):
+        if curve.truth is None:
+            continue
+        entries = {
+            **member.entries,
+            **{f"noise.{name}": entry for name, entry in member.noise_entries.items()},
+        }
+        for path, entry in entries.items():
+            if path in curve.truth:
+                truth[problem.names[entry]] = float(curve.truth[path])
+    return truth

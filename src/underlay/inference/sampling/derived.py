@@ -1,0 +1,95 @@
+"""Quantities that follow from the parameters, draw by draw, so that their intervals are right.
+
+- reduced modulus 2 theta, for an isotropic material E / (1 - nu^2) (Pa): what a shallow indentation sees;
+- oedometric modulus A33 = 1/c, for an isotropic material E (1 - nu) / ((1 + nu)(1 - 2 nu)) (Pa): what a thin
+  confined layer sees; infinite, and left out, where the material is incompressible;
+- stiffness dP/dw of the contact at the deepest point of the curve (N/m).
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.model.members import Member
+from underlay.inference.problem import Problem
+from underlay.mechanics.materials import (
+    Isotropic,
+    Layer,
+    TransverselyIsotropic,
+    isotropic_constants,
+    transversely_isotropic_constants,
+)
+
+__all__ = ["derived_quantities"]
+
+
+def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, FloatArray]:
+    """Derived quantities at draws of the parameters.
+
+    Parameters
+    ----------
+    problem : Problem
+        Whose parameters they are.
+    physical : FloatArray
+        (..., parameters), SI.
+
+    Returns
+    -------
+    dict of str to FloatArray
+        Each (...), SI. Names such as ``"layer.reduced_modulus"`` and ``"stiffness"``; with several curves
+        the stiffness, and what one curve has of its own, carry the curve's number.
+    """
+    flat = physical.reshape(-1, physical.shape[-1])
+    quantities: dict[str, FloatArray] = {}
+    several = len(problem.members) > 1
+    for number, member in enumerate(problem.members):
+        for part in ("layer", "substrate"):
+            entries = {path: entry for path, entry in member.entries.items() if path.startswith(f"{part}.")}
+            own = several and any("[" in problem.names[entry] for entry in entries.values())
+            suffix = f"[{number}]" if own else ""
+            for name, values in _moduli(member, part, flat).items():
+                quantities.setdefault(f"{part}.{name}{suffix}", values)
+        suffix = f"[{number}]" if several else ""
+        stiffness, possible = _deepest_stiffness(member, flat)
+        if possible:
+            quantities[f"stiffness{suffix}"] = stiffness
+    return {name: values.reshape(physical.shape[:-1]) for name, values in quantities.items()}
+
+
+def _moduli(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArray]:
+    """Reduced and oedometric modulus of one part, if one of its constants is free."""
+    declared = getattr(member.scene, part)
+    material = declared.material if isinstance(declared, Layer) else declared
+    if not isinstance(material, Isotropic | TransverselyIsotropic):
+        return {}
+    names = [field.name for field in fields(material)]
+    if not any(f"{part}.{name}" in member.entries for name in names):
+        return {}
+    constants = {
+        name: flat[:, member.entries[path]]
+        if (path := f"{part}.{name}") in member.entries
+        else member.base[path]
+        for name in names
+    }
+    build = isotropic_constants if isinstance(material, Isotropic) else transversely_isotropic_constants
+    plane = build(**constants)
+    moduli = {"reduced_modulus": np.broadcast_to(2.0 * plane.theta, len(flat)).copy()}
+    compliance = np.broadcast_to(plane.c, len(flat))
+    if (compliance > 0.0).all():
+        moduli["oedometric_modulus"] = 1.0 / compliance
+    return moduli
+
+
+def _deepest_stiffness(member: Member, flat: FloatArray) -> tuple[FloatArray, bool]:
+    """dP/dw (N/m) at the deepest reading, (n,), and whether a law exists at every draw."""
+    deepest = np.array([member.curve.depth.max()])
+    short = replace(
+        member,
+        curve=replace(member.curve, depth=deepest, force=np.zeros(1), time=None, segment=None),
+        forward=replace(member.forward, depth=deepest),
+    )
+    _, stiffness, _, possible = short.readings(flat)
+    return stiffness[:, 0], bool(possible.all())

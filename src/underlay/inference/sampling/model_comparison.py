@@ -1,0 +1,148 @@
+"""Which model predicts the data better, and what a model's own error adds.
+
+Comparison without evidences, whose values hang on the width of the priors: the expected log-density of points
+left out, by Pareto-smoothed importance sampling (PSIS-LOO), Vehtari, Gelman and Gabry (2017),
+doi:10.1007/s11222-016-9696-4, through arviz. With correlated noise the contribution of a point is that of its
+innovation given the one before.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from underlay._arrays import FloatArray
+from underlay.data.noise import ar1_coefficients, whiten
+from underlay.errors import InputError
+from underlay.inference.model.members import Member
+from underlay.inference.problem import Problem
+from underlay.inference.sampling.arviz_bridge import arviz_library, to_inference_data
+from underlay.inference.sampling.posterior import Posterior
+from underlay.inference.sampling.predictive import sigma_of_draws
+
+__all__ = ["compare_models", "pointwise_log_likelihood", "with_model_error"]
+
+# Enough for a standard error far below that between models; the weights need some hundred per tail.
+_DRAWS = 2000
+
+
+def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFrame:
+    """Rank models of the same data by their expected log-density of left-out points.
+
+    Parameters
+    ----------
+    models : mapping of str to (Problem, Posterior)
+        At least two, of the same curves.
+
+    Returns
+    -------
+    DataFrame
+        Best first: ``elpd_loo``, ``p_loo`` (effective number of parameters), ``elpd_diff`` and its standard
+        error ``dse``, ``weight``, ``warning`` (True where a Pareto k above 0.7 makes the estimate
+        unreliable), and ``model_error``, the relative error of the force the contact law itself admits.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two models, or their curves differ.
+    MissingExtraError
+        If arviz is not installed (extra ``uq``).
+    """
+    if len(models) < 2:
+        raise InputError("compare at least two models, e.g. {'exact': (problem, posterior), ...}")
+    first = next(iter(models.values()))[0].curves
+    for name, (problem, _) in models.items():
+        same = len(problem.curves) == len(first) and all(
+            np.array_equal(a.depth, b.depth) and np.array_equal(a.force, b.force)
+            for a, b in zip(problem.curves, first, strict=True)
+        )
+        if not same:
+            raise InputError(f"model {name!r} was sampled on other curves; compare models of the same data")
+    arviz = arviz_library()
+    data = {name: _inference_data(problem, posterior) for name, (problem, posterior) in models.items()}
+    with warnings.catch_warnings():
+        # What arviz says of large Pareto k is the column `warning`; what pandas says is for arviz.
+        warnings.simplefilter("ignore", UserWarning)
+        warnings.simplefilter("ignore", DeprecationWarning)
+        table = pd.DataFrame(arviz.compare(data, ic="loo", scale="log"))
+    table["model_error"] = [models[str(name)][1].diagnostics.model_error for name in table.index]
+    return table
+
+
+def pointwise_log_likelihood(problem: Problem, physical: FloatArray) -> FloatArray:
+    """Log-density of every point at draws of the parameters.
+
+    Parameters
+    ----------
+    problem : Problem
+        The model.
+    physical : FloatArray
+        (draws, parameters), SI.
+
+    Returns
+    -------
+    FloatArray
+        (draws, points): the points of all curves. Their sum is the log-likelihood, except where the size of
+        the noise was integrated out: there each draw takes the size that its own residuals have.
+
+    Raises
+    ------
+    InputError
+        If no law exists at a draw.
+    """
+    return np.concatenate([_pointwise(member, physical) for member in problem.members], axis=1)
+
+
+def with_model_error(problem: Problem, model_error: float) -> Problem:
+    """Return the problem with the error of its contact law as a term of the noise.
+
+    A law that is off by a share `model_error` of the force adds that share to the proportional noise, in
+    squares: the statement that the residuals may be that large for no fault of the data. (It is a stated
+    term, not an estimate: errors of a law are smooth, and a smooth error of this size is within it.)
+
+    Raises
+    ------
+    InputError
+        If `model_error` is negative.
+    """
+    if not model_error >= 0.0:
+        raise InputError(f"model_error is a share of the force, zero or more; got {model_error!r}")
+    widened = [
+        replace(member.noise, relative=float(np.hypot(member.noise.relative, model_error)))
+        for member in problem.members
+    ]
+    return problem.revised(noise=widened)
+
+
+def _inference_data(problem: Problem, posterior: Posterior) -> Any:
+    steps = -(-posterior.chain[..., 0].size // _DRAWS)
+    few = replace(
+        posterior, chain=posterior.chain[::steps], log_posterior=posterior.log_posterior[::steps], derived={}
+    )
+    flat = few.chain.reshape(-1, few.chain.shape[-1])
+    pointwise = pointwise_log_likelihood(problem, flat)
+    return to_inference_data(few, pointwise.reshape(*few.chain.shape[:2], -1))
+
+
+def _pointwise(member: Member, physical: FloatArray) -> FloatArray:
+    contact, stiffness, force, possible = member.readings(physical)
+    if not possible.all():
+        raise InputError("no contact law exists at some draws; they cannot be compared")
+    sigma = sigma_of_draws(member, physical, contact, stiffness)
+    entry = member.noise_entries.get("correlation_time")
+    tau = member.noise.correlation_time if entry is None else physical[:, entry]
+    white = whiten((member.force - force) / sigma, member.curve.time, tau)
+    if member.scale_is_unknown:
+        size = np.sqrt(np.mean(np.square(white), axis=-1, keepdims=True))
+        white, sigma = white / size, sigma * size
+    log_density: FloatArray = -0.5 * np.square(white) - np.log(sigma) - 0.5 * np.log(2.0 * np.pi)
+    if np.any(tau):
+        # Given the point before, a point has sqrt(1 - rho^2) of its spread.
+        _, spread = ar1_coefficients(member.curve.time, tau)
+        log_density[:, 1:] -= np.log(spread)
+    return log_density

@@ -1,0 +1,321 @@
+"""What a sampler hands back: the posterior as draws, with everything needed to judge and to use them."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+import numpy as np
+import pandas as pd
+
+from underlay._arrays import FloatArray
+from underlay._files import write_atomic
+from underlay.errors import FileAccessError, FileFormatError, InputError
+from underlay.inference.sampling.arviz_bridge import to_inference_data
+from underlay.inference.sampling.convergence import (
+    effective_size,
+    highest_density_interval,
+    median_error,
+    rank_normalised_rhat,
+)
+from underlay.inference.sampling.informed import INFORMED_COLUMNS, Information, compare_with_prior
+
+__all__ = ["PREDICTIVE_LEVELS", "Posterior", "Predictive", "SamplingDiagnostics"]
+
+_FORMAT = "underlay posterior 1"
+
+#: Probabilities of the rows of a predictive band: 95 % and 68 % limits and the median.
+PREDICTIVE_LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
+
+
+@dataclass(frozen=True)
+class SamplingDiagnostics:
+    """How the sampling went.
+
+    Parameters
+    ----------
+    converged : bool
+        Whether the stop rule was met: longer than 50 autocorrelation times and R-hat below 1.01.
+    reason : str
+        Why it stopped, in words.
+    steps, burn_in, thin, walkers : int
+        Steps taken, steps dropped at the start, steps per kept draw, walkers.
+    autocorrelation_time : tuple of float
+        Of each parameter (steps), after burn-in.
+    rhat : tuple of float
+        Rank-normalised split R-hat of each parameter over the walkers, after burn-in.
+    acceptance : float
+        Share of proposals accepted, after burn-in.
+    evaluations, failures : int
+        Model evaluations, and how many of them failed inside the priors (each counted as impossible).
+    failure_region : mapping of name to (low, high)
+        Where they failed (SI), by parameter; empty where none did.
+    seconds : float
+        Time of this run, without what a resumed file already held.
+    seed : int or None
+        Seed of the generator, if one was given.
+    model_error : float
+        Relative error of the force that the contact law itself admits at the best fit.
+    versions : mapping of str to str
+        Of underlay and the libraries under it.
+    """
+
+    converged: bool
+    reason: str
+    steps: int
+    burn_in: int
+    thin: int
+    walkers: int
+    autocorrelation_time: tuple[float, ...]
+    rhat: tuple[float, ...]
+    acceptance: float
+    evaluations: int
+    failures: int
+    failure_region: Mapping[str, tuple[float, float]]
+    seconds: float
+    seed: int | None
+    model_error: float
+    versions: Mapping[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Predictive:
+    """Posterior predictive band of one curve.
+
+    Parameters
+    ----------
+    depth, force : FloatArray
+        The data (m, N), (n,).
+    model : FloatArray
+        (5, n): force of the model (N) at `PREDICTIVE_LEVELS`.
+    reading : FloatArray
+        (5, n): the same of a new reading, noise included.
+    """
+
+    depth: FloatArray
+    force: FloatArray
+    model: FloatArray
+    reading: FloatArray
+
+    def coverage(self) -> float:
+        """Share of the data inside the 95 % band of a new reading."""
+        return float(np.mean((self.force >= self.reading[0]) & (self.force <= self.reading[-1])))
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Draws from the posterior of a `Problem`, in SI.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The free parameters.
+    chain : FloatArray
+        (draws, walkers, parameters), burnt in and thinned, SI.
+    log_posterior : FloatArray
+        (draws, walkers): log-density in the scaled coordinates in which it was sampled.
+    priors : tuple of str
+        The prior of each parameter, in words.
+    prior_quantiles : FloatArray
+        (levels, parameters): prior quantiles (SI) at the middles of equal shares.
+    derived : mapping of str to FloatArray
+        Derived quantities (SI), each (draws, walkers) over evenly chosen draws.
+    predictive : tuple of Predictive
+        One band per curve.
+    diagnostics : SamplingDiagnostics
+        How the sampling went.
+    truth : mapping of str to float
+        True values of the parameters, where the curve is synthetic.
+    """
+
+    names: tuple[str, ...]
+    chain: FloatArray
+    log_posterior: FloatArray
+    priors: tuple[str, ...]
+    prior_quantiles: FloatArray
+    derived: Mapping[str, FloatArray]
+    predictive: tuple[Predictive, ...]
+    diagnostics: SamplingDiagnostics
+    truth: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        for array in (self.chain, self.log_posterior, self.prior_quantiles, *self.derived.values()):
+            array.flags.writeable = False
+
+    def __repr__(self) -> str:
+        state = "converged" if self.converged else "NOT converged"
+        return f"<Posterior of {', '.join(self.names)}: {self.chain[..., 0].size} draws, {state}>"
+
+    @property
+    def converged(self) -> bool:
+        """Whether the stop rule was met."""
+        return self.diagnostics.converged
+
+    @property
+    def samples(self) -> pd.DataFrame:
+        """All draws (SI), one row each and one column per parameter."""
+        return pd.DataFrame(self.chain.reshape(-1, len(self.names)), columns=list(self.names))
+
+    @property
+    def derived_samples(self) -> pd.DataFrame:
+        """Draws of the derived quantities (SI), one column each."""
+        return pd.DataFrame({name: values.ravel() for name, values in self.derived.items()})
+
+    def of(self, name: str) -> FloatArray:
+        """Draws of one parameter or derived quantity, (draws, walkers), SI.
+
+        Raises
+        ------
+        InputError
+            If there is none of that name.
+        """
+        if name in self.names:
+            return self.chain[..., self.names.index(name)]
+        if name in self.derived:
+            return self.derived[name]
+        raise InputError(f"no {name!r} here; there are {', '.join((*self.names, *self.derived))}")
+
+    def summary(self, *, derived: bool = False) -> pd.DataFrame:
+        """Table of the posterior, one row per parameter (SI).
+
+        Parameters
+        ----------
+        derived : bool, default False
+            Add a row for each derived quantity.
+
+        Returns
+        -------
+        DataFrame
+            ``median``; ``hdi68_low`` ... ``hdi95_high``, the shortest intervals with 68 % and 95 %; ``ess``,
+            effective sample size; ``rhat``; ``mcse``, Monte Carlo error of the median; ``informed``, whether
+            the data changed what was known before.
+        """
+        information = self.prior_comparison()["informed"]
+        rows = {name: _row(self.of(name), str(information[name])) for name in self.names}
+        if derived:
+            rows |= {name: _row(values, "derived") for name, values in self.derived.items()}
+        return pd.DataFrame.from_dict(rows, orient="index")
+
+    def prior_comparison(self) -> pd.DataFrame:
+        """Prior against posterior, one row per parameter: medians, 95 % intervals, and what the data told.
+
+        ``narrowing`` is the share of the prior's 68 % width that the data removed, ``distance`` the largest
+        difference of the two distribution functions, and ``informed`` the verdict in words; see
+        `compare_with_prior`.
+        """
+        rows: dict[str, Information] = {
+            name: compare_with_prior(self.of(name), self.prior_quantiles[:, index])
+            for index, name in enumerate(self.names)
+        }
+        table = pd.DataFrame.from_dict(
+            {name: row._asdict() for name, row in rows.items()}, orient="index", columns=INFORMED_COLUMNS
+        )
+        table.insert(0, "prior", list(self.priors))
+        return table
+
+    def to_inference_data(self) -> Any:
+        """Return the draws as an arviz ``InferenceData``, one chain per walker.
+
+        Groups ``posterior`` (parameters and, where they have as many draws, derived quantities), ``prior``
+        and ``sample_stats`` (``lp``). ``to_netcdf`` of the result writes a file others can read.
+
+        Raises
+        ------
+        MissingExtraError
+            If arviz is not installed (extra ``uq``).
+        """
+        return to_inference_data(self)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write everything to a compressed ``.npz`` file without pickles.
+
+        Raises
+        ------
+        FileAccessError
+            If the file cannot be written.
+        """
+        arrays: dict[str, Any] = {
+            "chain": self.chain,
+            "log_posterior": self.log_posterior,
+            "prior_quantiles": self.prior_quantiles,
+        }
+        arrays |= {f"derived/{name}": values for name, values in self.derived.items()}
+        for number, band in enumerate(self.predictive):
+            arrays |= {f"predictive/{number}/{key}": value for key, value in vars(band).items()}
+        about = {
+            "format": _FORMAT,
+            "names": self.names,
+            "priors": self.priors,
+            "truth": dict(self.truth),
+            "derived": list(self.derived),
+            "curves": len(self.predictive),
+            "diagnostics": asdict(self.diagnostics),
+        }
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, about=np.array(json.dumps(about)), **arrays)
+        write_atomic(path, buffer.getvalue())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        FileAccessError
+            If the file cannot be read.
+        FileFormatError
+            If it is not a saved posterior.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            about = json.loads(str(arrays["about"]))
+            known = about["format"] == _FORMAT
+        except OSError as error:
+            raise FileAccessError(f"cannot read {os.fspath(path)}: {error}") from error
+        except (ValueError, KeyError) as error:
+            raise FileFormatError(f"{os.fspath(path)} is not a saved posterior: {error}") from error
+        if not known:
+            raise FileFormatError(f"{os.fspath(path)} is a posterior of another version: {about['format']!r}")
+        details = about["diagnostics"]
+        details["autocorrelation_time"] = tuple(details["autocorrelation_time"])
+        details["rhat"] = tuple(details["rhat"])
+        details["failure_region"] = {
+            key: (low, high) for key, (low, high) in details["failure_region"].items()
+        }
+        return cls(
+            names=tuple(about["names"]),
+            chain=arrays["chain"],
+            log_posterior=arrays["log_posterior"],
+            priors=tuple(about["priors"]),
+            prior_quantiles=arrays["prior_quantiles"],
+            derived={name: arrays[f"derived/{name}"] for name in about["derived"]},
+            predictive=tuple(
+                Predictive(
+                    **{key: arrays[f"predictive/{i}/{key}"] for key in ("depth", "force", "model", "reading")}
+                )
+                for i in range(about["curves"])
+            ),
+            diagnostics=SamplingDiagnostics(**details),
+            truth=about["truth"],
+        )
+
+
+def _row(values: FloatArray, informed: str) -> dict[str, Any]:
+    low68, high68 = highest_density_interval(values, 0.68)
+    low95, high95 = highest_density_interval(values, 0.95)
+    return {
+        "median": float(np.median(values)),
+        "hdi68_low": low68,
+        "hdi68_high": high68,
+        "hdi95_low": low95,
+        "hdi95_high": high95,
+        "ess": effective_size(values),
+        "rhat": rank_normalised_rhat(values),
+        "mcse": median_error(values),
+        "informed": informed,
+    }

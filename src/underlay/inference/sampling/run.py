@@ -1,0 +1,276 @@
+"""The posterior of a problem by an ensemble of walkers (emcee).
+
+Foreman-Mackey, Hogg, Lang and Goodman (2013), doi:10.1086/670067. The walkers see scaled coordinates, so a
+modulus moves in ratios; all walkers of a half-ensemble are evaluated in one call of the batched forward
+model. They start over-dispersed around the best fit, inside the priors, and go on until the chain is longer
+than 50 autocorrelation times and the rank-normalised R-hat is below 1.01, or the result says that it is not.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import emcee
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError, UnderlayWarning
+from underlay.inference.problem import Problem
+from underlay.inference.sampling.assembly import assemble_posterior
+from underlay.inference.sampling.chain_file import ChainFile, Progress, RandomState
+from underlay.inference.sampling.convergence import MIN_STEPS
+from underlay.inference.sampling.counted import CountedDensity
+from underlay.inference.sampling.moves import moves
+from underlay.inference.sampling.posterior import Posterior
+from underlay.inference.sampling.progress import SamplingProgress
+from underlay.inference.sampling.stopping import Outcome, judge
+from underlay.inference.sampling.walker_start import start_walkers
+
+__all__ = ["sample"]
+
+_FIRST_CHECK = 100
+# Checks get rarer as the chain grows, so that all of them together cost a few times the last one.
+_GROWTH = 1.15
+_TOLERATED_FAILURES = 0.01
+
+
+def sample(
+    problem: Problem,
+    walkers: int = 64,
+    max_steps: int = 20_000,
+    rng: int | np.random.Generator = 0,
+    *,
+    start: Mapping[str, float] | None = None,
+    backend: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    progress: bool | None = None,
+) -> Posterior:
+    """Sample the posterior of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a proper prior for every free parameter.
+    walkers : int, default 64
+        At least twice as many as parameters.
+    max_steps : int, default 20000
+        Most steps of the ensemble; it stops earlier when the chain has converged.
+    rng : int or numpy Generator, default 0
+        Seed, or a generator to draw one from. The same seed gives the same chain.
+    start : mapping of str to float, optional
+        Values (SI) by parameter name from which the best fit is sought, those not named taken from the scene;
+        by default the least-squares `fit`.
+    backend : path, optional
+        HDF5 file in which every step is kept as it is made (extra ``uq``). A process that is killed loses
+        nothing of it.
+    resume : bool, default False
+        Continue the chain in `backend`, as if it had never stopped; begin it if there is no such file.
+    progress : bool, optional
+        Show a progress line; by default only on a terminal.
+
+    Returns
+    -------
+    Posterior
+        Also when it did not converge or was interrupted: ``converged`` and ``diagnostics.reason`` say so.
+
+    Raises
+    ------
+    InputError
+        If a prior is improper, the start is outside the priors, there are too few walkers or steps, the file
+        exists and `resume` is not set, or it holds the chain of another problem.
+    FitError
+        If the walkers find no place inside the priors.
+    MissingExtraError
+        If `backend` is given and h5py is not installed.
+
+    Warns
+    -----
+    UnderlayWarning
+        If it did not converge, or more than 1 % of the model evaluations failed.
+    """
+    _check(problem, walkers, max_steps, backend, resume=resume)
+    begin = time.perf_counter()
+    seed, generator = _seeded(rng)
+    for_walkers, for_bands = generator.spawn(2)
+    density = CountedDensity(problem)
+    with _chain_file(problem, walkers, max_steps, backend, resume=resume) as (file, before):
+        run = _Run.begin(problem, density, walkers, max_steps, for_walkers, start, file, before)
+        with SamplingProgress(max_steps, shown=progress) as line:
+            outcome = run.go(line)
+    posterior = assemble_posterior(
+        problem,
+        run.coords,
+        run.log_density,
+        outcome,
+        density,
+        for_bands,
+        seed=seed,
+        seconds=time.perf_counter() - begin,
+        versions={"emcee": emcee.__version__},
+    )
+    _warn(posterior)
+    return posterior
+
+
+class _Run:
+    """One ensemble on its way: the chain so far, (steps, walkers, parameters), and what moves it."""
+
+    def __init__(
+        self,
+        sampler: emcee.EnsembleSampler,
+        density: CountedDensity,
+        state: emcee.State,
+        max_steps: int,
+        file: ChainFile | None,
+        before: Progress | None,
+    ) -> None:
+        self._sampler, self._density, self._state, self._file = sampler, density, state, file
+        walkers, parameters = state.coords.shape
+        self._coords = np.empty((max_steps, walkers, parameters))
+        self._log_density = np.empty((max_steps, walkers))
+        self.max_steps = max_steps
+        self.steps = 0
+        if before is not None:
+            self.steps = min(len(before.chain), max_steps)
+            self._coords[: self.steps] = before.chain[: self.steps, :, :-1]
+            self._log_density[: self.steps] = before.chain[: self.steps, :, -1]
+
+    @classmethod
+    def begin(
+        cls,
+        problem: Problem,
+        density: CountedDensity,
+        walkers: int,
+        max_steps: int,
+        generator: np.random.Generator,
+        start: Mapping[str, float] | None,
+        file: ChainFile | None,
+        before: Progress | None,
+    ) -> _Run:
+        """Place the walkers, or take them up where a file left them."""
+        sampler = emcee.EnsembleSampler(walkers, len(problem.names), density, moves=moves(), vectorize=True)
+        if before is not None and len(before.chain):
+            last = before.chain[-1]
+            density.continue_from(before.evaluations, before.failures)
+            density.require_same(last[:, :-1], last[:, -1])
+            state = emcee.State(last[:, :-1], log_prob=last[:, -1], random_state=before.random_state)
+        else:
+            words = np.random.RandomState(generator.integers(2**32, size=8, dtype=np.uint32))
+            coords = start_walkers(problem, density, walkers, generator, start)
+            state = emcee.State(coords, log_prob=density(coords), random_state=words.get_state())
+            before = None
+        return cls(sampler, density, state, max_steps, file, before)
+
+    @property
+    def coords(self) -> FloatArray:
+        """Scaled coordinates so far, (steps, walkers, parameters)."""
+        return self._coords[: self.steps]
+
+    @property
+    def log_density(self) -> FloatArray:
+        """Log-posterior so far, (steps, walkers)."""
+        return self._log_density[: self.steps]
+
+    def go(self, line: SamplingProgress) -> Outcome:
+        """Step until the chain has converged, the steps are used up, or the user interrupts."""
+        next_check = max(_FIRST_CHECK, self.steps)
+        outcome = judge(self.coords, self.max_steps) if self.steps else None
+        if self.steps == self.max_steps or (outcome is not None and outcome.converged):
+            return outcome if outcome is not None else judge(self.coords, self.max_steps)
+        try:
+            for state in self._sampler.sample(
+                self._state,
+                iterations=self.max_steps - self.steps,
+                store=False,
+                skip_initial_state_check=True,
+            ):
+                self._keep(state)
+                line.step(self.steps)
+                if self.steps >= next_check:
+                    outcome = judge(self.coords, self.max_steps)
+                    line.judge(outcome.effective, min(outcome.probable_length, self.max_steps))
+                    if outcome.converged:
+                        return outcome
+                    next_check = int(np.ceil(self.steps * _GROWTH))
+        except KeyboardInterrupt:
+            if self.steps < MIN_STEPS:
+                raise
+            return judge(self.coords, self.max_steps)._replace(
+                converged=False, reason=f"interrupted after {self.steps} steps"
+            )
+        return judge(self.coords, self.max_steps)
+
+    def _keep(self, state: emcee.State) -> None:
+        if self._file is not None:
+            random_state: RandomState = self._sampler.random_state
+            counts = (self._density.evaluations, self._density.failures)
+            self._file.append(state.coords, state.log_prob, random_state, counts)
+        self._coords[self.steps] = state.coords
+        self._log_density[self.steps] = state.log_prob
+        self.steps += 1
+
+
+def _check(
+    problem: Problem, walkers: int, max_steps: int, backend: str | os.PathLike[str] | None, *, resume: bool
+) -> None:
+    improper = [name for name, prior in problem.priors.items() if not prior.proper]
+    if improper:
+        raise InputError(
+            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give finite bounds or a "
+            "prior such as LogUniform(low, high) or Normal(mean, sd)"
+        )
+    if walkers < 2 * len(problem.names):
+        raise InputError(
+            f"{walkers} walkers are too few for {len(problem.names)} parameters: at least "
+            f"{2 * len(problem.names)} are needed, and 64 serve well"
+        )
+    if max_steps < MIN_STEPS:
+        raise InputError(f"max_steps must be at least {MIN_STEPS}; got {max_steps}")
+    if resume and backend is None:
+        raise InputError("resume=True needs backend, the file that holds the chain")
+
+
+def _seeded(rng: int | np.random.Generator) -> tuple[int | None, np.random.Generator]:
+    if isinstance(rng, np.random.Generator):
+        return None, rng
+    try:
+        return int(rng), np.random.default_rng(rng)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"rng must be a seed (an integer, 0 or more) or a Generator; got {rng!r}") from error
+
+
+@contextmanager
+def _chain_file(
+    problem: Problem, walkers: int, max_steps: int, backend: str | os.PathLike[str] | None, *, resume: bool
+) -> Iterator[tuple[ChainFile | None, Progress | None]]:
+    if backend is None:
+        yield None, None
+    elif resume and Path(backend).exists():
+        with ChainFile.resume(backend, problem.names, (max_steps, walkers)) as (file, before):
+            yield file, before
+    else:
+        with ChainFile.create(backend, problem.names, (max_steps, walkers)) as file:
+            yield file, None
+
+
+def _warn(posterior: Posterior) -> None:
+    details = posterior.diagnostics
+    if not details.converged:
+        warnings.warn(
+            f"{details.reason}; intervals may be wrong: take more steps", UnderlayWarning, stacklevel=3
+        )
+    if details.failures > _TOLERATED_FAILURES * details.evaluations:
+        region = "; ".join(
+            f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in details.failure_region.items()
+        )
+        warnings.warn(
+            f"{details.failures} of {details.evaluations} model evaluations failed and count as impossible, "
+            f"which cuts the posterior there (SI): {region}; narrow the priors or use another contact law",
+            UnderlayWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,72 @@
+"""When a chain may stop: long against its own memory, and every walker telling the same."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.sampling.convergence import autocorrelation_time, rank_normalised_rhat
+
+__all__ = ["Outcome", "judge"]
+
+_TIMES_NEEDED = 50.0
+_RHAT_NEEDED = 1.01
+# The walkers' memory of their start fades as exp(-t / tau): ten times leave 5e-5 of it.
+_BURN_IN_TIMES = 10.0
+
+
+class Outcome(NamedTuple):
+    """Where a chain stands: burn-in, autocorrelation times and R-hat after it, and a verdict in words."""
+
+    steps: int
+    walkers: int
+    burn_in: int
+    times: FloatArray
+    rhat: FloatArray
+    converged: bool
+    reason: str
+
+    @property
+    def effective(self) -> float:
+        """Effective samples of the slowest parameter, of all walkers together."""
+        return (self.steps - self.burn_in) * self.walkers / float(self.times.max())
+
+    @property
+    def probable_length(self) -> int:
+        """Steps that will probably do: R-hat of single walkers comes below 1.01 at about a hundred times."""
+        return max(
+            self.steps, int((2.0 * _TIMES_NEEDED + _BURN_IN_TIMES) * min(self.times.max(), self.steps))
+        )
+
+
+def judge(coords: FloatArray, max_steps: int) -> Outcome:
+    """Judge a chain in scaled coordinates, (steps, walkers, parameters), that may grow to `max_steps`.
+
+    R-hat is left out (nan) while the chain is too short for it to decide.
+    """
+    steps, walkers, parameters = coords.shape
+    late = np.array([autocorrelation_time(coords[steps // 2 :, :, i]) for i in range(parameters)])
+    burn_in = min(steps // 2, int(np.ceil(_BURN_IN_TIMES * min(late.max(), steps))))
+    kept = coords[burn_in:]
+    times = np.array([autocorrelation_time(kept[..., i]) for i in range(parameters)])
+    long_enough = len(kept) > _TIMES_NEEDED * times.max()
+    # Ranking half a million numbers costs more than all autocorrelations: only when it can decide, or last.
+    if not long_enough and steps < max_steps:
+        rhat = np.full(parameters, np.nan)
+    else:
+        rhat = np.array([rank_normalised_rhat(kept[..., i]) for i in range(parameters)])
+    mixed = bool((rhat < _RHAT_NEEDED).all())
+    if long_enough and mixed:
+        reason = (
+            f"converged: {len(kept)} steps after burn-in are {len(kept) / times.max():.0f} autocorrelation "
+            f"times, R-hat is {rhat.max():.4f}"
+        )
+    else:
+        reason = (
+            f"not converged after {steps} steps: {len(kept)} of them, after burn-in, are "
+            f"{len(kept) / times.max():.1f} autocorrelation times ({_TIMES_NEEDED:.0f} are needed) and R-hat "
+            f"is {rhat.max():.4f} ({_RHAT_NEEDED} is needed)"
+        )
+    return Outcome(steps, walkers, burn_in, times, rhat, bool(long_enough and mixed), reason)
