@@ -13,6 +13,7 @@ import pytest
 import underlay as ul
 from support.maps import ACCURACY, FREE, SCENE, SCENE_TOML, made_curve, made_manifest, truth, write_folder
 from underlay.errors import FileAccessError, InputError, SchedulerError
+from underlay.inference.batch import fit_many as batch
 from underlay.inference.batch import start as batch_start
 from underlay.inference.batch import work as batch_work
 from underlay.inference.batch.curves import CurvePlace
@@ -340,6 +341,7 @@ def test_a_full_disk_keeps_what_was_written(curves, manifest, serial, tmp_path, 
 
     with monkeypatch.context() as patch:
         patch.setattr(Journal, "_write", write)
+        patch.setattr(batch, "_HANDED_ON", -1.0)
         with pytest.raises(FileAccessError, match=r"No space left.*resume"):
             run(curves, manifest, output=output)
     assert len(pd.read_csv(output / "map.csv")) == 6

@@ -174,3 +174,27 @@ def test_the_module_runs_too(tmp_path):
     )
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
+
+
+def test_a_curve_without_contact_is_refused(run, tmp_path):
+    rng = np.random.default_rng(3)
+    curve = tmp_path / "air.csv"
+    rows = [
+        f"{d:.3f},{f:.6f}" for d, f in zip(np.linspace(0, 300, 400), rng.normal(0, 0.01, 400), strict=True)
+    ]
+    curve.write_text(table(rows), encoding="utf-8")
+    code, _, err = run("fit", curve, "--scene", SCENE)
+    assert code == 2
+    assert "contact" in err or "noise" in err
+
+
+def test_a_doubtful_curve_is_fitted_and_the_doubt_is_said(run, tmp_path):
+    # A force that grows in proportion to the depth is no ball on a layer.
+    rng = np.random.default_rng(4)
+    depth = np.linspace(-40, 300, 681)
+    force = np.maximum(depth, 0.0) * 0.5 + rng.normal(0, 0.3, 681)
+    curve = tmp_path / "punch.csv"
+    curve.write_text(table([f"{d:.3f},{f:.6f}" for d, f in zip(depth, force, strict=True)]), encoding="utf-8")
+    code, out, _ = run("fit", curve, "--scene", SCENE)
+    assert code == 0
+    assert "exponent" in out

@@ -238,3 +238,14 @@ def test_strip_in_axes_placed_by_hand_keeps_their_box(fit):
     assert max(box.y1 for box in boxes) == pytest.approx(0.2 + 0.7, abs=0.05)
     assert boxes[1].y1 < boxes[0].y0
     plt.close("all")
+
+
+def test_segments_are_told_apart_by_colour_and_mark():
+    curve = ul.read(SAMPLES / "chiaro_cell_indentation.csv")
+    upper = ul.plots.segments(curve)
+    drawn = {line.get_label(): line for line in upper.get_lines()}
+    assert set(drawn) == {"loading", "unloading"}
+    assert len({(line.get_color(), line.get_marker()) for line in drawn.values()}) == 2
+    assert sum(len(line.get_xdata()) for line in drawn.values()) == len(curve)
+    assert "depth" in upper.get_ylabel()
+    plt.close(upper.figure)

@@ -8,14 +8,16 @@ from pathlib import Path
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
 from underlay.cli.options import CurveFile, OutputFolder, SceneOption
+from underlay.data.quality import check_quality
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.problem import Problem
 from underlay.report import plots
 from underlay.report.tables import correlated_pairs, fit_table
 from underlay.report.words import headline
 
-__all__ = ["fit", "reservations", "show_fit", "write_fit"]
+__all__ = ["fit", "quality_doubts", "reservations", "show_fit", "write_fit"]
 
 
 def fit(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> None:
@@ -26,12 +28,30 @@ def fit(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> No
     if output is not None:
         require_writable_folder(output)
     with gathered_warnings() as notes:
-        result = least_squares_fit(load_problem(curve, scene))
+        problem = load_problem(curve, scene)
+        doubts = quality_doubts(problem)
+        result = least_squares_fit(problem)
     show_fit(result, curve.name)
-    say_warnings(reservations(result, notes))
+    say_warnings([*doubts, *reservations(result, notes)])
     if output is not None:
         for path in write_fit(result, output, curve.stem):
             say(f"wrote {path}")
+
+
+def quality_doubts(problem: Problem) -> list[str]:
+    """Return what speaks against each curve before it is fitted.
+
+    Raises
+    ------
+    CurveError
+        If a curve shows no contact, with the reason.
+    """
+    doubts: list[str] = []
+    for curve, scene in zip(problem.curves, problem.base_scenes, strict=True):
+        quality = check_quality(curve, scene)
+        quality.require()
+        doubts += quality.reasons
+    return doubts
 
 
 def reservations(result: Fit, notes: Iterable[str]) -> list[str]:

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.data.readers import read
 from underlay.errors import CurveError, InputError
-from underlay.inference.priors import prior_from_numbers
+from underlay.inference.priors import Normal, prior_from_numbers
 from underlay.inference.problem import Given, Problem
-from underlay.scene.scene_file import SceneFile, read_scene_file
+from underlay.scene.scene_file import FreeParameter, SceneFile, read_scene_file
 
 __all__ = ["chosen_part", "free_of", "load_problem", "problem_from", "read_for"]
 
@@ -80,12 +81,31 @@ def problem_from(file: SceneFile, curve: Curve) -> Problem:
             'bounds like { min = "1 kPa", max = "10 MPa" }'
         )
     noise = Noise(**file.noise) if file.noise else None
-    return Problem(file.scene, curve, free_of(file), noise, **file.solver)
+    return Problem(file.scene, curve, free_of(file, curve), noise, **file.solver)
 
 
-def free_of(file: SceneFile) -> dict[str, Given]:
-    """Priors of what a scene file frees, by path; empty if it frees nothing."""
-    return {
-        entry.path: prior_from_numbers(entry.prior, entry.low, entry.high, entry.numbers)
-        for entry in file.free
-    }
+def free_of(file: SceneFile, curve: Curve | None = None) -> dict[str, Given]:
+    """Priors of what a scene file frees, by path; empty if it frees nothing.
+
+    The prior ``"found"`` of the contact depth is what `find_contact` says of `curve`: a normal density with
+    its estimate and uncertainty. It uses the foot of the curve twice, so it steadies a fit and a sampler's
+    start; for an interval that covers, bounds are the better choice.
+
+    Raises
+    ------
+    InputError
+        If ``"found"`` is asked of another parameter, or where there is no curve.
+    """
+    return {entry.path: _prior_of(entry, file, curve) for entry in file.free}
+
+
+def _prior_of(entry: FreeParameter, file: SceneFile, curve: Curve | None) -> Given:
+    if entry.prior != "found":
+        return prior_from_numbers(entry.prior, entry.low, entry.high, entry.numbers)
+    if entry.path != "instrument.contact_depth" or curve is None:
+        raise InputError(
+            f"[fit] {entry.path}: the prior 'found' is for instrument.contact_depth of a measured curve; give "
+            "bounds or another prior here"
+        )
+    contact = find_contact(curve, scene=file.scene)
+    return Normal(contact.depth, contact.uncertainty).truncated(entry.low, entry.high)

@@ -142,9 +142,11 @@ class ContactLaw(ABC):
             error = np.log(force) - target
             high = np.where(error > 0.0, np.minimum(high, x), high)
             low = np.where(error < 0.0, np.maximum(low, x), low)
-            step = error * force / (self._stiffness(w) * w)
+            miss, slope = error * force, self._stiffness(w) * w
+            # An asymptotic law ends where its stiffness is zero (no step: halve the bracket) ...
+            step = np.divide(miss, slope, out=np.where(miss == 0.0, 0.0, np.inf), where=slope > 0.0)
             proposal = x - step
-            # At the end of an asymptotic law the stiffness is infinite and Newton's step zero: halve instead.
+            # ... or infinite, where Newton's step is zero: halve then too.
             stuck = (np.abs(step) < 1e-12) & (np.abs(error) > 1e-9)
             outside = (proposal > high) | (proposal < low) | stuck
             proposal = np.where(outside, 0.5 * (low + high), proposal)

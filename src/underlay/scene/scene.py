@@ -50,7 +50,7 @@ class Scene:
     --------
     >>> from underlay import Isotropic, Layer, Paraboloid, RIGID, Scene
     >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5), 1e-3), RIGID)
-    >>> scene.force(0.0)
+    >>> float(scene.force(0.0))
     0.0
     """
 

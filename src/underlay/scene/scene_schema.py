@@ -24,7 +24,7 @@ __all__ = [
     "schema_of",
 ]
 
-_PRIORS = Literal["uniform", "loguniform", "normal", "lognormal", "halfnormal"]
+_PRIORS = Literal["uniform", "loguniform", "normal", "lognormal", "halfnormal", "found"]
 
 
 def _quantity(kind: str) -> BeforeValidator:

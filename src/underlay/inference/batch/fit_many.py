@@ -1,8 +1,7 @@
 """Many curves: a whole map, on one machine or many, without losing the night to one bad curve.
 
 Rows are appended to a journal as they come and gathered into one table (`journal`, `results_table`). The
-same worker code (`batch_work`) runs in processes of this machine (`batch_processes`) or under a Dask
-scheduler (`batch_dask`).
+same worker code (`work`) runs in processes of this machine (`processes`) or under a Dask scheduler (`dask`).
 """
 
 from __future__ import annotations
@@ -48,6 +47,8 @@ _CHUNKS_PER_WORKER = 8
 _WORTH_A_WORKER = 100
 # The table is made anew from the journal this often (s), and never for more than a fiftieth of the time.
 _EVERY = 10.0
+# Rows made in this process are handed to the journal this often (s).
+_HANDED_ON = 0.2
 _SHARE = 50.0
 
 
@@ -172,6 +173,7 @@ def fit_many(
                 batches = _through(model, layout, todo, count, scheduler, timeout)
                 _gather(journal, table, layout, batches, len(places), shown=progress)
             if output is not None:
+                journal.sync()
                 write_table(table, layout, journal.lines())
             return to_frame(layout, journal.lines())
 
@@ -213,7 +215,6 @@ def _gather(
         if journal.done:
             _leave_a_table(journal, table, layout)
         raise
-    journal.sync()
 
 
 def _leave_a_table(journal: Journal, table: Path, layout: Layout) -> None:
@@ -249,8 +250,19 @@ def _through(
 
 
 def _here(model: BatchModel, layout: Layout, todo: Sequence[CurvePlace]) -> Generator[Rows, None, None]:
-    for row in Workshop(model, layout).rows(todo):
-        yield [row]
+    rows: Rows = []
+    sent = time.monotonic()
+    try:
+        for row in Workshop(model, layout).rows(todo):
+            rows.append(row)
+            if time.monotonic() - sent > _HANDED_ON:
+                yield rows
+                rows, sent = [], time.monotonic()
+    except KeyboardInterrupt:
+        # What is there is kept first, then the interruption goes on.
+        yield rows
+        raise
+    yield rows
 
 
 def _with_manifest(

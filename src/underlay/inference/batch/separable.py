@@ -37,7 +37,7 @@ _SEPARABLE = frozenset({_MODULUS, _CONTACT, _BASELINE, _SLOPE})
 
 # Contacts tried first, in ranges of depth from the first reading: half a step is within reach of the search.
 _CONTACT_STEPS = np.linspace(-0.25, 0.95, 25)
-_BLOCKS = 64  # means of neighbouring points for that trial
+_BLOCKS = 32  # means of neighbouring points for that trial
 # The search ends before a step of the contact below this share of the depth range: it would move E by some
 # 2e-8 of itself.
 _SETTLED = 1e-8

@@ -12,6 +12,7 @@ from underlay.report.plots.plan import plan
 from underlay.report.plots.predictive import predictive
 from underlay.report.plots.profile import profile
 from underlay.report.plots.scene import scene
+from underlay.report.plots.segments import segments
 from underlay.report.plots.style import save
 from underlay.report.plots.survey import survey, verdicts
 
@@ -29,6 +30,7 @@ __all__ = [
     "profile",
     "save",
     "scene",
+    "segments",
     "survey",
     "verdicts",
 ]

@@ -1,0 +1,37 @@
+"""The examples in docstrings run, and every public name has one line that says what it is."""
+
+import doctest
+import importlib
+import inspect
+import pkgutil
+
+import pytest
+
+import underlay
+
+MODULES = sorted(
+    module.name
+    for module in pkgutil.walk_packages(underlay.__path__, "underlay.")
+    if not module.name.endswith("__main__")
+)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_examples_run(name):
+    module = importlib.import_module(name)
+    found = doctest.testmod(module, optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
+    assert found.failed == 0
+
+
+def test_some_examples_were_found():
+    finder = doctest.DocTestFinder()
+    count = sum(len(test.examples) for name in MODULES for test in finder.find(importlib.import_module(name)))
+    assert count > 20
+
+
+@pytest.mark.parametrize("name", underlay.__all__)
+def test_public_names_say_what_they_are(name):
+    thing = getattr(underlay, name)
+    text = inspect.getdoc(thing if inspect.isroutine(thing) or inspect.isclass(thing) else type(thing))
+    assert text
+    assert text.splitlines()[0].strip()
