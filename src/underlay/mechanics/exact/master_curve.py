@@ -227,6 +227,11 @@ class MasterCurve:
         return result
 
     def _factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
+        logarithm = self.logarithm(which, varpi)
+        return np.exp(logarithm, out=logarithm)
+
+    def logarithm(self, which: Factor, varpi: FloatArray) -> FloatArray:
+        """Logarithm of one of the factors at `varpi` (n,), all of them at a time."""
         z = self.stretch.z(varpi)
         if len(self.edges) == 2:
             logarithm = polynomial(self.coefficients[0, which], z)
@@ -237,7 +242,7 @@ class MasterCurve:
                 here = piece == index
                 local = (z[here] - 0.5 * (low + high)) * (2.0 / (high - low))
                 logarithm[here] = polynomial(self.coefficients[index, which], local)
-        return np.exp(logarithm, out=logarithm)
+        return logarithm
 
 
 def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
