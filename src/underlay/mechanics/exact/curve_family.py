@@ -3,8 +3,8 @@
 With Poisson's ratios fixed, the master curve of a layer on a base depends on one number more than varpi: the
 ratio k of the base's modulus to the layer's. A fit or a sampler that varies moduli asks for thousands of
 values of k. The coefficients of the curve are analytic in ln k: the kernel's poles lie where k is negative,
-at Im ln k = pi. So Chebyshev polynomials over a span of ln 4 gain a factor of 9 with each term, and half a
-dozen solutions serve every ratio in the span, with the derivative in ln k beside them.
+at Im ln k = pi. So Chebyshev polynomials over a span of ln 4 gain a factor of 9 with each term, and half a dozen
+solutions serve every ratio in the span, with the derivative in ln k beside them.
 
 The spans ("cells") of ratio and of varpi are fixed numbers, not taken from what was asked before: a law is a
 function of its parameters alone. Everything here is dimensionless, so one table serves any tip size, thickness
@@ -15,14 +15,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import ceil, floor, isinf, log, log10
+from math import ceil, log, log10
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import RangeError
 from underlay.mechanics.exact.contact_curve import ContactProblem, SolvedCurve, solve_curve
+from underlay.mechanics.exact.curve_batch import CurveBatch
 from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
@@ -32,6 +34,7 @@ from underlay.mechanics.exact.master_curve import (
     chebyshev_angles,
     chebyshev_coefficients,
     in_powers,
+    monomials,
     polynomial,
     truncation_error,
 )
@@ -39,7 +42,16 @@ from underlay.mechanics.exact.nodes import Pair, Resolution
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.materials import isotropic_constants
 
-__all__ = ["Cell", "CurveFamily", "FamilyLaw", "curve_family", "family_law", "range_number", "ratio_number"]
+__all__ = [
+    "Cell",
+    "CurveFamily",
+    "FamilyLaw",
+    "curve_family",
+    "family_batch",
+    "family_law",
+    "range_number",
+    "ratio_number",
+]
 
 # Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
 _RATIO_STEP, _RATIO_EDGE = 4.0, 1.37
@@ -100,13 +112,22 @@ class Cell(NamedTuple):
 
 def ratio_number(ratio: float) -> int:
     """Number of the span that holds a modulus ratio."""
-    return 0 if isinf(ratio) else floor(log(ratio / _RATIO_EDGE) / log(_RATIO_STEP))
+    return int(_ratio_numbers(np.array([ratio]))[0])
 
 
 def range_number(varpi: float) -> int:
     """Number of the span that reaches `varpi`."""
+    return int(_range_numbers(np.array([varpi]))[0])
+
+
+def _ratio_numbers(ratio: FloatArray) -> FloatArray:
+    rigid = np.isinf(ratio)
+    return np.floor(np.log(np.where(rigid, 1.0, ratio / _RATIO_EDGE)) / log(_RATIO_STEP)) * ~rigid
+
+
+def _range_numbers(varpi: FloatArray) -> FloatArray:
     smallest = _RANGE_EDGE * _RANGE_STEP**_SMALLEST_RANGE
-    return _SMALLEST_RANGE if varpi <= smallest else ceil(log(varpi / _RANGE_EDGE) / log(_RANGE_STEP))
+    return np.ceil(np.log(np.maximum(varpi, smallest) / _RANGE_EDGE) / log(_RANGE_STEP))
 
 
 @dataclass(frozen=True)
@@ -120,7 +141,7 @@ class CurveFamily:
     stretch : Stretch
         Of varpi.
     coefficients : ndarray (ratio terms, 3, rows, 4)
-        Chebyshev coefficients in ln k of what `MasterCurve` holds.
+        What `MasterCurve` holds, in powers of the place of ln k in the span.
     error_estimate : float
         Relative error of the three factors, everything included.
     slope_error : float
@@ -144,17 +165,17 @@ class CurveFamily:
 
     def tables(self, log_ratios: FloatArray) -> FloatArray:
         """Coefficients (sets, 3, rows, 4) of the curves at `log_ratios` (sets,)."""
-        flat = self.coefficients.reshape(len(self.coefficients), -1)
-        found = np.polynomial.chebyshev.chebval(self._position(log_ratios), flat)
-        return np.asarray(found, dtype=np.float64).T.reshape(-1, *self.coefficients.shape[1:])
+        count = len(self.coefficients)
+        powers = self._position(log_ratios)[:, None] ** np.arange(count)
+        flat = powers @ self.coefficients.reshape(count, -1)
+        return flat.reshape(-1, *self.coefficients.shape[1:])
 
     def slopes(self, log_ratio: float) -> FloatArray:
         """d/d ln k of the coefficients, (3, rows, 4), at one ratio."""
-        flat = self.coefficients.reshape(len(self.coefficients), -1)
         low, high = self.cell.log_ratios
-        derivative = np.polynomial.chebyshev.chebder(flat) * (2.0 / (high - low))
-        found = np.polynomial.chebyshev.chebval(self._position(np.array([log_ratio])), derivative)
-        return np.asarray(found).reshape(self.coefficients.shape[1:])
+        orders = np.arange(1, len(self.coefficients))
+        powers = orders * self._position(np.array([log_ratio])) ** (orders - 1)
+        return np.tensordot(powers * (2.0 / (high - low)), self.coefficients[1:], 1)
 
     def curve(self, log_ratio: float) -> MasterCurve:
         """Master curve at one ratio."""
@@ -221,7 +242,7 @@ def _elastic(cell: Cell, ratios: int) -> CurveFamily | None:
     if truncation > _SHARE_OF_RATIO * cell.rtol:
         return None if 2 * ratios > _MOST_RATIOS else _elastic(cell, ratios + ratios // 2)
     worst = max(solutions, key=lambda solved: solved.error_estimate)
-    powers = in_powers(flat.reshape(ratios, *resampled.shape[1:]))
+    powers = np.tensordot(monomials(ratios).T, in_powers(flat.reshape(ratios, *resampled.shape[1:])), 1)
     return CurveFamily(
         cell=cell,
         stretch=stretch,
@@ -341,3 +362,51 @@ def family_law(
         family=family,
         log_ratio=log_ratio,
     )
+
+
+def family_batch(
+    indenter: PowerLawShape,
+    *,
+    layer_nu: float,
+    base_nu: float | None,
+    ratio: FloatArray,
+    varpi: FloatArray,
+    rtol: float,
+) -> CurveBatch:
+    """Master curves of many parameter sets, each from the table of its cell.
+
+    Parameters
+    ----------
+    indenter : PowerLawShape
+        The tip; its size may change from set to set through `CurveBatch.force`.
+    layer_nu, base_nu : float
+        Poisson's ratios; `base_nu` None is rigid.
+    ratio, varpi : ndarray (sets,)
+        Modulus of the base over that of the layer (inf: rigid), and the largest varpi.
+    rtol : float
+        Relative error asked for.
+
+    Returns
+    -------
+    CurveBatch
+        With an infinite error estimate where there is no table.
+    """
+    spans, ranges = _ratio_numbers(ratio), _range_numbers(varpi)
+    families: list[CurveFamily | None] = []
+    members: list[NDArray[np.intp]] = []
+    for span, reach in sorted(set(zip(spans.tolist(), ranges.tolist(), strict=True))):
+        cell = Cell(indenter.exponent, layer_nu, base_nu, int(span), int(reach), rtol)
+        families.append(curve_family(cell))
+        members.append(np.flatnonzero((spans == span) & (ranges == reach)))
+    rows = max((family.coefficients.shape[2] for family in families if family is not None), default=1)
+    table = np.zeros((ratio.size, len(Factor), rows, 4))
+    lengths, softness = np.ones((ratio.size, 1)), np.zeros((ratio.size, 1))
+    top, errors = np.full(ratio.size, np.inf), np.full(ratio.size, np.inf)
+    log_ratio = np.log(ratio)
+    for family, here in zip(families, members, strict=True):
+        if family is None:
+            continue
+        table[here, :, : family.coefficients.shape[2]] = family.tables(log_ratio[here])
+        lengths[here], softness[here] = family.stretch.length, family.stretch.softness
+        top[here], errors[here] = family.cell.top, family.error_estimate
+    return CurveBatch(indenter, top, lengths, softness, table, errors)

@@ -33,6 +33,7 @@ __all__ = [
     "chebyshev_angles",
     "chebyshev_coefficients",
     "in_powers",
+    "monomials",
     "polynomial",
     "truncation_error",
 ]
@@ -124,6 +125,11 @@ def _monomial_table(count: int) -> FloatArray:
 # rate at which a piece's coefficients fall: below 1e-12 for 24 terms, and far below with the usual rho > 3.
 MOST_TERMS = 24
 _MONOMIALS = _monomial_table(MOST_TERMS)
+
+
+def monomials(count: int) -> FloatArray:
+    """Coefficients (count, count) of T_0 ... T_(count - 1), one a row, in powers; at most `MOST_TERMS`."""
+    return _MONOMIALS[:count, :count]
 
 
 def in_powers(coefficients: FloatArray) -> FloatArray:
