@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from underlay.errors import RangeError
-from underlay.mechanics.exact.curve_family import Cell, curve_family, family_law, range_number, ratio_number
+from underlay.mechanics.exact.curve_family import Cell, curve_family, range_number, ratio_number
+from underlay.mechanics.exact.family_law import family_law
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw
 from underlay.mechanics.materials import RIGID, Isotropic, Layer

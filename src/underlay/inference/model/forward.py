@@ -22,7 +22,8 @@ from underlay.inference.model.similarity import Similarity, compile_similarity
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.exact.curve_family import FamilyLaw, family_law, range_number
+from underlay.mechanics.exact.curve_family import range_number
+from underlay.mechanics.exact.family_law import FamilyLaw, family_law
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape
 from underlay.mechanics.materials import Isotropic, Rigid
 from underlay.mechanics.published import published_names

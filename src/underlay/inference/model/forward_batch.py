@@ -27,7 +27,7 @@ from underlay.inference.model.forward import Forward
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.exact.contact_curve import depth_measure
-from underlay.mechanics.exact.curve_family import family_batch
+from underlay.mechanics.exact.family_batch import family_batch
 from underlay.mechanics.halfspace import largest_halfspace_depth
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape, Sphere
 from underlay.mechanics.materials import Isotropic, PlaneConstants, Rigid, isotropic_constants

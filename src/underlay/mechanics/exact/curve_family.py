@@ -19,13 +19,10 @@ from math import ceil, log, log10
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import RangeError
 from underlay.mechanics.exact.contact_curve import ContactProblem, SolvedCurve, solve_curve
-from underlay.mechanics.exact.curve_batch import CurveBatch
-from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -35,31 +32,29 @@ from underlay.mechanics.exact.master_curve import (
     chebyshev_coefficients,
     in_powers,
     monomials,
-    polynomial,
     truncation_error,
 )
 from underlay.mechanics.exact.nodes import Pair, Resolution
-from underlay.mechanics.indenters import PowerLaw, PowerLawShape
+from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.materials import isotropic_constants
 
 __all__ = [
     "Cell",
     "CurveFamily",
-    "FamilyLaw",
     "curve_family",
-    "family_batch",
-    "family_law",
     "range_number",
+    "range_numbers",
     "ratio_number",
+    "ratio_numbers",
 ]
 
 # Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
 _RATIO_STEP, _RATIO_EDGE = 4.0, 1.37
 _RANGE_STEP, _RANGE_EDGE = 2.0, 1.31
 _SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
-# Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), their resampling and the
-# interpolation in the ratio.
-_SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO = 0.5, 0.3
+# Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio,
+# and the terms in varpi that are dropped.
+_SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_TAIL = 0.5, 0.25, 0.15
 _DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
 _MOST_RATIOS = 24
 _TABLES_KEPT = 4096
@@ -112,20 +107,22 @@ class Cell(NamedTuple):
 
 def ratio_number(ratio: float) -> int:
     """Number of the span that holds a modulus ratio."""
-    return int(_ratio_numbers(np.array([ratio]))[0])
+    return int(ratio_numbers(np.array([ratio]))[0])
 
 
 def range_number(varpi: float) -> int:
     """Number of the span that reaches `varpi`."""
-    return int(_range_numbers(np.array([varpi]))[0])
+    return int(range_numbers(np.array([varpi]))[0])
 
 
-def _ratio_numbers(ratio: FloatArray) -> FloatArray:
+def ratio_numbers(ratio: FloatArray) -> FloatArray:
+    """Return the same for many, as whole floats."""
     rigid = np.isinf(ratio)
     return np.floor(np.log(np.where(rigid, 1.0, ratio / _RATIO_EDGE)) / log(_RATIO_STEP)) * ~rigid
 
 
-def _range_numbers(varpi: FloatArray) -> FloatArray:
+def range_numbers(varpi: FloatArray) -> FloatArray:
+    """Return the same for many, as whole floats."""
     smallest = _RANGE_EDGE * _RANGE_STEP**_SMALLEST_RANGE
     return np.ceil(np.log(np.maximum(varpi, smallest) / _RANGE_EDGE) / log(_RANGE_STEP))
 
@@ -144,8 +141,6 @@ class CurveFamily:
         What `MasterCurve` holds, in powers of the place of ln k in the span.
     error_estimate : float
         Relative error of the three factors, everything included.
-    slope_error : float
-        Error of the factors' derivatives in ln k.
     resolution : Resolution
         Nodes of the finest solution behind it.
     radii : int
@@ -158,7 +153,6 @@ class CurveFamily:
     stretch: Stretch
     coefficients: FloatArray
     error_estimate: float
-    slope_error: float
     resolution: Resolution
     radii: int
     eps: float
@@ -218,7 +212,6 @@ def _rigid(cell: Cell) -> CurveFamily | None:
         stretch=solved.curve.stretch,
         coefficients=solved.curve.coefficients,
         error_estimate=solved.error_estimate,
-        slope_error=0.0,
         resolution=solved.resolution,
         radii=solved.radii,
         eps=solved.eps,
@@ -235,8 +228,6 @@ def _elastic(cell: Cell, ratios: int) -> CurveFamily | None:
         return None
     stretch = Stretch.to(cell.top, _pair(cell, float(np.exp(0.5 * (low + high)))).softness)
     resampled, resampling = _resampled([solved.curve for solved in solutions], stretch, cell.rtol)
-    if resampled is None:
-        return None
     flat = chebyshev_coefficients(resampled.reshape(ratios, -1), angles)
     truncation = float(truncation_error(_at_points(flat, resampled.shape[1:])))
     if truncation > _SHARE_OF_RATIO * cell.rtol:
@@ -248,7 +239,6 @@ def _elastic(cell: Cell, ratios: int) -> CurveFamily | None:
         stretch=stretch,
         coefficients=read_only(powers),
         error_estimate=worst.error_estimate + resampling + truncation,
-        slope_error=truncation * ratios**2,
         resolution=worst.resolution,
         radii=sum(solved.radii for solved in solutions),
         eps=max(solved.eps for solved in solutions),
@@ -263,18 +253,20 @@ def _at_points(flat: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     return np.asarray(series.reshape(len(flat), -1))
 
 
-def _resampled(curves: list[MasterCurve], stretch: Stretch, rtol: float) -> tuple[FloatArray | None, float]:
-    """Chebyshev coefficients (curves, terms, 3) on one stretch, and their truncation error."""
-    allowed = 0.5 * _SHARE_OF_RATIO * rtol
-    for terms in range(8, MOST_TERMS + 1, 4):
-        angles = chebyshev_angles(terms)
-        varpi = stretch.v(np.cos(angles))
-        values = np.stack([np.column_stack([c.logarithm(f, varpi) for f in Factor]) for c in curves], axis=1)
-        flat = chebyshev_coefficients(values.reshape(terms, -1), angles)
-        error = float(truncation_error(flat))
-        if error <= allowed:
-            return np.moveaxis(flat.reshape(terms, len(curves), len(Factor)), 1, 0), error
-    return None, np.inf
+def _resampled(curves: list[MasterCurve], stretch: Stretch, rtol: float) -> tuple[FloatArray, float]:
+    """Chebyshev coefficients (curves, terms, 3) on one stretch, and what they leave out.
+
+    As many terms as there may be are taken and the last dropped while their sum stays below its share: every
+    term costs time in each evaluation.
+    """
+    angles = chebyshev_angles(MOST_TERMS)
+    varpi = stretch.v(np.cos(angles))
+    values = np.stack([np.column_stack([c.logarithm(f, varpi) for f in Factor]) for c in curves], axis=1)
+    flat = chebyshev_coefficients(values.reshape(MOST_TERMS, -1), angles)
+    tails = np.cumsum(np.abs(flat).max(axis=1)[::-1])[::-1]
+    kept = max(1, int(np.count_nonzero(tails > _SHARE_OF_TAIL * rtol)))
+    left_out = float(truncation_error(flat)) + (float(tails[kept]) if kept < MOST_TERMS else 0.0)
+    return np.moveaxis(flat[:kept].reshape(kept, len(curves), len(Factor)), 1, 0), left_out
 
 
 def _solved(cell: Cell, ratio: float) -> SolvedCurve:
@@ -289,124 +281,3 @@ def _solved(cell: Cell, ratio: float) -> SolvedCurve:
 def _pair(cell: Cell, ratio: float) -> Pair:
     inner = isotropic_constants(1.0, cell.layer_nu)
     return Pair.of(inner, None if cell.base_nu is None else isotropic_constants(ratio, cell.base_nu))
-
-
-@dataclass(frozen=True, kw_only=True)
-class FamilyLaw(ExactLaw):
-    """An exact law read off a table, which knows its derivative in the modulus ratio.
-
-    Parameters
-    ----------
-    family : CurveFamily
-        The table.
-    log_ratio : float
-        ln(E of the base / E of the layer).
-    """
-
-    family: CurveFamily
-    log_ratio: float
-
-    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray:
-        """dP/d ln k (N) at fixed depth (m), (n,), where the force (N) is `force`; zero out of contact."""
-        varpi = self.measure.halfspace_radius(np.maximum(depth, 0.0)) / self.thickness
-        table = self.family.slopes(self.log_ratio)[Factor.FORCE]
-        return force * polynomial(table, self.family.stretch.z(varpi))
-
-
-def family_law(
-    indenter: PowerLawShape,
-    *,
-    layer_E: float,
-    layer_nu: float,
-    thickness: float,
-    base: tuple[float, float] | None,
-    varpi: float,
-    rtol: float,
-) -> FamilyLaw | None:
-    """Exact law of a power-law tip on an isotropic layer, from the table of its cell; None if there is none.
-
-    Parameters
-    ----------
-    indenter : PowerLawShape
-        The tip.
-    layer_E, layer_nu : float
-        Of the layer (Pa, dimensionless).
-    thickness : float
-        Of the layer (m).
-    base : (E, nu) or None
-        Of the base; None is rigid.
-    varpi : float
-        Half-space contact radius over thickness that must be reached; the law goes to the end of the cell.
-    rtol : float
-        Relative error allowed.
-    """
-    ratio, base_nu = (np.inf, None) if base is None else (base[0] / layer_E, base[1])
-    cell = Cell.holding(indenter.exponent, layer_nu, base_nu, ratio, varpi, rtol)
-    family = curve_family(cell)
-    if family is None or family.error_estimate > rtol:
-        return None
-    log_ratio = log(ratio) if base is not None else np.inf
-    return FamilyLaw(
-        method="exact",
-        reason=f"exact contact problem, a/h up to {family.eps:.3g}, tabulated over the modulus ratio"
-        if base is not None
-        else f"exact contact problem, a/h up to {family.eps:.3g}, {family.resolution.radial} nodes",
-        max_depth=float(indenter.abel(np.array([cell.top * thickness]))[0]),
-        error_estimate=family.error_estimate,
-        measure=indenter,
-        theta=float(isotropic_constants(layer_E, layer_nu).theta),
-        thickness=thickness,
-        curve=family.curve(log_ratio),
-        resolution=family.resolution,
-        radii=family.radii,
-        family=family,
-        log_ratio=log_ratio,
-    )
-
-
-def family_batch(
-    indenter: PowerLawShape,
-    *,
-    layer_nu: float,
-    base_nu: float | None,
-    ratio: FloatArray,
-    varpi: FloatArray,
-    rtol: float,
-) -> CurveBatch:
-    """Master curves of many parameter sets, each from the table of its cell.
-
-    Parameters
-    ----------
-    indenter : PowerLawShape
-        The tip; its size may change from set to set through `CurveBatch.force`.
-    layer_nu, base_nu : float
-        Poisson's ratios; `base_nu` None is rigid.
-    ratio, varpi : ndarray (sets,)
-        Modulus of the base over that of the layer (inf: rigid), and the largest varpi.
-    rtol : float
-        Relative error asked for.
-
-    Returns
-    -------
-    CurveBatch
-        With an infinite error estimate where there is no table.
-    """
-    spans, ranges = _ratio_numbers(ratio), _range_numbers(varpi)
-    families: list[CurveFamily | None] = []
-    members: list[NDArray[np.intp]] = []
-    for span, reach in sorted(set(zip(spans.tolist(), ranges.tolist(), strict=True))):
-        cell = Cell(indenter.exponent, layer_nu, base_nu, int(span), int(reach), rtol)
-        families.append(curve_family(cell))
-        members.append(np.flatnonzero((spans == span) & (ranges == reach)))
-    rows = max((family.coefficients.shape[2] for family in families if family is not None), default=1)
-    table = np.zeros((ratio.size, len(Factor), rows, 4))
-    lengths, softness = np.ones((ratio.size, 1)), np.zeros((ratio.size, 1))
-    top, errors = np.full(ratio.size, np.inf), np.full(ratio.size, np.inf)
-    log_ratio = np.log(ratio)
-    for family, here in zip(families, members, strict=True):
-        if family is None:
-            continue
-        table[here, :, : family.coefficients.shape[2]] = family.tables(log_ratio[here])
-        lengths[here], softness[here] = family.stretch.length, family.stretch.softness
-        top[here], errors[here] = family.cell.top, family.error_estimate
-    return CurveBatch(indenter, top, lengths, softness, table, errors)
