@@ -2,7 +2,8 @@
 
 Laws are built at the reference of a `Similarity` and kept in a `LawStore`, so that a fit in which the ratios
 stay put builds one law. The range of a stored law is its needed depth rounded up to a power of two: the
-reading is then a function of the parameters alone, not of what was asked before.
+reading is then a function of the parameters alone, not of what was asked before. Where only the ratio of two
+moduli varies, laws are read off the tables of `curve_family`.
 """
 
 from __future__ import annotations
@@ -21,6 +22,10 @@ from underlay.inference.model.similarity import Similarity, compile_similarity
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
+from underlay.mechanics.exact.curve_family import range_number
+from underlay.mechanics.exact.family_law import FamilyLaw, family_law
+from underlay.mechanics.indenters import FlatPunch, PowerLawShape
+from underlay.mechanics.materials import Isotropic, Rigid
 from underlay.mechanics.published import published_names
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
@@ -30,6 +35,7 @@ __all__ = ["Forward", "LawOptions", "LawStore", "Reading"]
 # Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
 # derivative, and a law's own error of 1e-6 enters with 1e-3.
 _RATIO_STEP = 1e-3
+_STENCIL_RTOL = 1e-6
 _LAWS_KEPT = 64
 
 
@@ -117,6 +123,12 @@ class ScaledLaw:
         """dP/dw (N/m), shape of `depth` (m)."""
         return (self.b * self.c) * self.law.stiffness(self.b * depth)
 
+    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray:
+        """dP/d ln k (N) of a law from a table, where the force (N) at `depth` (m) is `force`."""
+        if not isinstance(self.law, FamilyLaw):
+            raise TypeError(f"a law by {self.law.method!r} has no derivative in the ratio of moduli")
+        return self.law.ratio_slope(self.b * depth, force)
+
 
 @dataclass(frozen=True)
 class Forward:
@@ -134,6 +146,9 @@ class Forward:
         Where they are kept.
     number : int
         Name of the reference in the store.
+    tabulated : bool
+        Whether nothing but the ratio of two isotropic moduli can change the law of a power-law tip, and the
+        exact law is allowed: it is then read off a table.
     """
 
     similarity: Similarity
@@ -141,6 +156,7 @@ class Forward:
     options: LawOptions
     store: LawStore
     number: int
+    tabulated: bool
 
     @classmethod
     def compile(
@@ -149,7 +165,8 @@ class Forward:
         """Compile `scene` for readings `depth` (m) when the parameters at the paths `free` vary."""
         reference = replace(scene, instrument=Instrument())
         similarity = compile_similarity(scene, free, power_law=options.method not in published_names())
-        return cls(similarity, depth, options, store, store.number(reference))
+        tabulated = _can_be_tabulated(similarity, free, options)
+        return cls(similarity, depth, options, store, store.number(reference), tabulated)
 
     def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
@@ -231,7 +248,12 @@ class Forward:
         derivative = (log_c * P + log_b * np.maximum(w, 0.0) * S) / values[path]
         for ratio, slope in self.similarity.ratio_slopes(path).items():
             if ratio not in ratio_columns:
-                ratio_columns[ratio] = self._ratio_derivative(ratio, values, deepest, w, rough=rough)
+                law = self.law(values, deepest)
+                ratio_columns[ratio] = (
+                    law.ratio_slope(w, P)
+                    if isinstance(law.law, FamilyLaw)
+                    else self._ratio_derivative(ratio, values, deepest, w, rough=rough)
+                )
             in_log = ratio not in self.similarity.direct
             derivative = derivative + ratio_columns[ratio] * (slope / values[path] if in_log else slope)
         return derivative
@@ -244,25 +266,68 @@ class Forward:
         reduced = dict(zip(self.similarity.ratio_paths, self.similarity.reduced(values), strict=True))
         k = reduced[ratio]
         in_log = ratio not in self.similarity.direct
+        finer = self._for_differences
         size = _RATIO_STEP
         if ratio.startswith("indenter.") or ratio == "layer.thickness":
             size *= abs(k)
 
         def force(steps: float) -> FloatArray:
             value = k * np.exp(steps * _RATIO_STEP) if in_log else k + steps * size
-            law = self.reference_law(tuple((reduced | {ratio: value}).values()), b * deepest)
+            law = finer.reference_law(tuple((reduced | {ratio: value}).values()), b * deepest)
             return law.force(b * w)
 
         difference = _first_possible(force, _ROUGH_STENCILS if rough else _STENCILS)
         return np.asarray(difference * (c / (_RATIO_STEP if in_log else size)))
+
+    @property
+    def _for_differences(self) -> Forward:
+        """The same with laws that may be subtracted: of one kind, and not rougher than the step allows."""
+        accuracy = self.options.accuracy or Accuracy()
+        options = replace(
+            self.options,
+            method="exact" if self.options.method == "auto" else self.options.method,
+            accuracy=Accuracy(min(accuracy.rtol, _STENCIL_RTOL)),
+        )
+        return replace(self, options=options)
 
     def _deepest(self, instrument: Instrument) -> float:
         return max(float(self.depth.max()) - instrument.contact_depth, 0.0)
 
     def reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law at the reference with these ratios, for its depths up to `depth` (m); kept and used again."""
+        law = self._from_table(reduced, depth) if self.tabulated else None
+        return law if law is not None else self._solved(reduced, depth)
+
+    def _from_table(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | None:
+        """Law read off a table, to the end of the table's range; None where there is none."""
+        reference = self.similarity.scene
+        tip, layer = reference.indenter, reference.layer
+        # What `_can_be_tabulated` found, in a form that types can follow.
+        if not (isinstance(tip, PowerLawShape) and isinstance(layer.material, Isotropic)):
+            return None
+        varpi = float(tip.halfspace_radius(np.array([depth]))[0]) / layer.thickness
+        key = (self.number, self.options, self.similarity.length, reduced, "table", range_number(varpi))
+        law = self.store.get(key)
+        if law is None:
+            base = reference.substrate
+            moduli = (reduced[0], base.nu) if isinstance(base, Isotropic) else None
+            found = family_law(
+                tip,
+                layer_E=layer.material.E,
+                layer_nu=layer.material.nu,
+                thickness=layer.thickness,
+                base=moduli,
+                varpi=varpi,
+                rtol=(self.options.accuracy or Accuracy()).rtol,
+            )
+            if found is None:
+                return None
+            law = self.store.keep(key, found)
+        return law if isinstance(law, ContactLaw) else None
+
+    def _solved(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         octave = float(np.ceil(np.log2(depth))) if depth > 0.0 else -np.inf
-        key = (self.number, self.similarity.length, reduced, octave)
+        key = (self.number, self.options, self.similarity.length, reduced, octave)
         law = self.store.get(key)
         if law is None:
             law = self.store.keep(key, self._build(reduced, float(np.exp2(octave))))
@@ -299,6 +364,19 @@ class Forward:
                 return error
             # A hair less: the depth a message quotes may be rounded up.
             return self.options.build(scene, error.max_depth * (1.0 - 1e-6))
+
+
+def _can_be_tabulated(similarity: Similarity, free: Sequence[str], options: LawOptions) -> bool:
+    scene = similarity.scene
+    return (
+        options.method in ("auto", "exact")
+        and similarity.exponent is not None
+        and not isinstance(scene.indenter, FlatPunch)
+        and isinstance(scene.layer.material, Isotropic)
+        and isinstance(scene.substrate, Isotropic | Rigid)
+        and bool(np.isfinite(scene.layer.thickness))
+        and not any(path in similarity.direct for path in free)
+    )
 
 
 def _instrument(values: Mapping[str, float]) -> Instrument:
