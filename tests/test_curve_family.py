@@ -97,3 +97,24 @@ def test_a_rigid_base_has_one_curve_and_no_slope():
     assert law.family.coefficients.shape[0] == 1
     assert not law.ratio_slope(depth, law.force(depth)).any()
     assert solved.method == law.method == "exact"
+
+
+def test_no_table_understates_its_error():
+    rng = np.random.default_rng(5)
+    tabulated = 0
+    for _ in range(40):
+        tip = PowerLaw(float(rng.choice([1.0, 2.0, 4.0])), 1e3)
+        law, solved, depth = pair(
+            tip,
+            10.0 ** rng.uniform(-4.0, 5.0),
+            10.0 ** rng.uniform(-2.0, 0.6),
+            1e-4,
+            layer_nu=float(rng.choice([0.0, 0.3, 0.5])),
+            base_nu=float(rng.choice([0.2, 0.5])),
+            reference_rtol=1e-7,
+        )
+        if law is not None:
+            tabulated += 1
+            assert np.abs(law.force(depth) / solved.force(depth) - 1.0).max() <= law.error_estimate + 1e-7
+    # Those without are wide contacts on bases a hundred times softer and more.
+    assert tabulated >= 34
