@@ -23,7 +23,7 @@ from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.exact.curve_family import range_number
-from underlay.mechanics.exact.family_law import FamilyLaw, family_law
+from underlay.mechanics.exact.family_law import FamilyLaw, tabulated_law
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape
 from underlay.mechanics.materials import Isotropic, Rigid
 from underlay.mechanics.published import published_names
@@ -310,13 +310,11 @@ class Forward:
         law = self.store.get(key)
         if law is None:
             base = reference.substrate
-            moduli = (reduced[0], base.nu) if isinstance(base, Isotropic) else None
-            found = family_law(
+            found = tabulated_law(
                 tip,
-                layer_E=layer.material.E,
-                layer_nu=layer.material.nu,
+                layer=(layer.material.E, layer.material.nu),
+                base=(reduced[0], base.nu) if isinstance(base, Isotropic) else None,
                 thickness=layer.thickness,
-                base=moduli,
                 varpi=varpi,
                 rtol=(self.options.accuracy or Accuracy()).rtol,
             )

@@ -195,14 +195,13 @@ class _Batch:
         if not isinstance(scene.indenter, PowerLawShape):
             raise TypeError(f"only power-law tips are tabulated, not {scene.indenter!r}")
         layer_E, nu = self.column("layer.E")[:, 0], float(self.values["layer.nu"])
-        rigid = "substrate.E" not in self.values
-        ratio = np.full(self.sets, np.inf) if rigid else self.column("substrate.E")[:, 0] / layer_E
         thickness = np.ascontiguousarray(self.column("layer.thickness")[:, 0])
+        # On a rigid base no ratio varies: there one law serves all.
         curves = family_batch(
             scene.indenter,
             layer_nu=nu,
-            base_nu=None if rigid else float(self.values["substrate.nu"]),
-            ratio=ratio,
+            base_nu=float(self.values["substrate.nu"]),
+            ratio=self.column("substrate.E")[:, 0] / layer_E,
             varpi=self._varpi(thickness),
             rtol=self._rtol,
         )
