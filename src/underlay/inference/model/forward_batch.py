@@ -89,7 +89,7 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     everything = np.arange(sets)
     if not np.any(values["instrument.compliance"]) and _scales(forward):
         batch = _Batch(forward, values, sets)
-        if batch.shared is None and forward.tabulated:
+        if batch.shared is None and forward.laws.tabulated:
             return batch.from_tables(stiffness=stiffness)
         readings = Readings.empty(sets, len(forward.depth))
         if batch.shared is not None:
@@ -148,7 +148,7 @@ class _Batch:
 
     @property
     def _rtol(self) -> float:
-        return (self.forward.options.accuracy or Accuracy()).rtol
+        return (self.forward.laws.options.accuracy or Accuracy()).rtol
 
     def column(self, path: str) -> FloatArray:
         """Values of one number, (sets, 1)."""
@@ -218,7 +218,7 @@ class _Batch:
     @property
     def exact_possible(self) -> bool:
         """Whether the exact law of an isotropic layer on an isotropic or rigid base may be taken."""
-        scene, method = self.forward.similarity.scene, self.forward.options.method
+        scene, method = self.forward.similarity.scene, self.forward.laws.options.method
         indenter = scene.indenter
         known = isinstance(indenter, PowerLawShape) and not isinstance(indenter, FlatPunch)
         fixed_sphere = isinstance(indenter, Sphere) and not isinstance(
@@ -302,8 +302,8 @@ class _Batch:
     def _compiled(self, soft: float, octave: float, thin: float | None) -> ExactBatch | None:
         """What is compiled for a group, kept in the problem's store; None where no law reaches it."""
         forward = self.forward
-        scene, store = forward.similarity.scene, forward.store
-        key = ("batch", forward.number, soft, octave, thin)
+        scene, store = forward.similarity.scene, forward.laws.store
+        key = ("batch", forward.laws.number, soft, octave, thin)
         if key in store.batches:
             return store.batches[key]
         material = scene.layer.material
