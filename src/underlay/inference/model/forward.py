@@ -1,96 +1,32 @@
 """The forward model of one curve, compiled once: parameter values in, instrument readings out.
 
-Laws are built at the reference of a `Similarity` and kept in a `LawStore`, so that a fit in which the ratios
-stay put builds one law. The range of a stored law is its needed depth rounded up to a power of two: the
-reading is then a function of the parameters alone, not of what was asked before. Where only the ratio of two
-moduli varies, laws are read off the tables of `curve_family`.
+Laws belong to the reference of a `Similarity` (`laws.py`), so that a fit in which the ratios stay put needs one
+law.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError, RangeError, UnderlayWarning
+from underlay.errors import InputError
+from underlay.inference.model.laws import LawOptions, LawSource, LawStore
 from underlay.inference.model.similarity import Similarity, compile_similarity
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.exact.curve_family import range_number
-from underlay.mechanics.exact.family_law import FamilyLaw, family_law
-from underlay.mechanics.indenters import FlatPunch, PowerLawShape
-from underlay.mechanics.materials import Isotropic, Rigid
+from underlay.mechanics.exact.family_law import FamilyLaw
 from underlay.mechanics.published import published_names
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
 
-__all__ = ["Forward", "LawOptions", "LawStore", "Reading"]
+__all__ = ["Forward", "Reading", "ScaledLaw"]
 
 # Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
 # derivative, and a law's own error of 1e-6 enters with 1e-3.
 _RATIO_STEP = 1e-3
-_STENCIL_RTOL = 1e-6
-_LAWS_KEPT = 64
-
-
-@dataclass(frozen=True)
-class LawOptions:
-    """How laws are built: the keywords of `Scene.contact_law`."""
-
-    accuracy: Accuracy | None = None
-    method: str = "auto"
-    order: int = 4
-    form: str = "auto"
-
-    def build(self, scene: Scene, max_depth: float) -> ContactLaw:
-        """Build the law of `scene` up to `max_depth` (m).
-
-        A published correction warns where it leaves its range; a fit passes through such places and reports
-        only those of its result, which the law carries itself.
-        """
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnderlayWarning)
-            return scene.contact_law(
-                max_depth, accuracy=self.accuracy, method=self.method, order=self.order, form=self.form
-            )
-
-
-@dataclass
-class LawStore:
-    """The laws built last, or why one could not be, and what is compiled for batches; `built` counts laws.
-
-    Owned by one problem.
-    """
-
-    laws: OrderedDict[tuple[object, ...], ContactLaw | RangeError] = field(default_factory=OrderedDict)
-    references: list[Scene] = field(default_factory=list)
-    refusals: dict[tuple[object, ...], RangeError] = field(default_factory=dict)
-    batches: dict[tuple[object, ...], ExactBatch | None] = field(default_factory=dict)
-    built: int = 0
-
-    def number(self, reference: Scene) -> int:
-        """Short name of a reference scene: equal ones share their laws."""
-        if reference not in self.references:
-            self.references.append(reference)
-        return self.references.index(reference)
-
-    def get(self, key: tuple[object, ...]) -> ContactLaw | RangeError | None:
-        """Return a kept law, or None."""
-        return self.laws.get(key)
-
-    def keep(self, key: tuple[object, ...], law: ContactLaw | RangeError) -> ContactLaw | RangeError:
-        """Keep a law; the oldest goes."""
-        self.built += 1
-        self.laws[key] = law
-        if len(self.laws) > _LAWS_KEPT:
-            self.laws.popitem(last=False)
-        return law
 
 
 @dataclass(frozen=True)
@@ -140,23 +76,13 @@ class Forward:
         Compiled from the scene.
     depth : FloatArray
         Depth readings (m), (n,).
-    options : LawOptions
-        How laws are built.
-    store : LawStore
-        Where they are kept.
-    number : int
-        Name of the reference in the store.
-    tabulated : bool
-        Whether nothing but the ratio of two isotropic moduli can change the law of a power-law tip, and the
-        exact law is allowed: it is then read off a table.
+    laws : LawSource
+        Where its laws come from.
     """
 
     similarity: Similarity
     depth: FloatArray
-    options: LawOptions
-    store: LawStore
-    number: int
-    tabulated: bool
+    laws: LawSource
 
     @classmethod
     def compile(
@@ -165,8 +91,7 @@ class Forward:
         """Compile `scene` for readings `depth` (m) when the parameters at the paths `free` vary."""
         reference = replace(scene, instrument=Instrument())
         similarity = compile_similarity(scene, free, power_law=options.method not in published_names())
-        tabulated = _can_be_tabulated(similarity, free, options)
-        return cls(similarity, depth, options, store, store.number(reference), tabulated)
+        return cls(similarity, depth, LawSource.of(similarity, reference, free, options, store))
 
     def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
@@ -266,117 +191,25 @@ class Forward:
         reduced = dict(zip(self.similarity.ratio_paths, self.similarity.reduced(values), strict=True))
         k = reduced[ratio]
         in_log = ratio not in self.similarity.direct
-        finer = self._for_differences
+        finer = self.laws.for_differences
         size = _RATIO_STEP
         if ratio.startswith("indenter.") or ratio == "layer.thickness":
             size *= abs(k)
 
         def force(steps: float) -> FloatArray:
             value = k * np.exp(steps * _RATIO_STEP) if in_log else k + steps * size
-            law = finer.reference_law(tuple((reduced | {ratio: value}).values()), b * deepest)
+            law = finer.law(tuple((reduced | {ratio: value}).values()), b * deepest)
             return law.force(b * w)
 
         difference = _first_possible(force, _ROUGH_STENCILS if rough else _STENCILS)
         return np.asarray(difference * (c / (_RATIO_STEP if in_log else size)))
 
-    @property
-    def _for_differences(self) -> Forward:
-        """The same with laws that may be subtracted: of one kind, and not rougher than the step allows."""
-        accuracy = self.options.accuracy or Accuracy()
-        options = replace(
-            self.options,
-            method="exact" if self.options.method == "auto" else self.options.method,
-            accuracy=Accuracy(min(accuracy.rtol, _STENCIL_RTOL)),
-        )
-        return replace(self, options=options)
-
     def _deepest(self, instrument: Instrument) -> float:
         return max(float(self.depth.max()) - instrument.contact_depth, 0.0)
 
     def reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
-        """Law at the reference with these ratios, for its depths up to `depth` (m); kept and used again."""
-        law = self._from_table(reduced, depth) if self.tabulated else None
-        return law if law is not None else self._solved(reduced, depth)
-
-    def _from_table(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | None:
-        """Law read off a table, to the end of the table's range; None where there is none."""
-        reference = self.similarity.scene
-        tip, layer = reference.indenter, reference.layer
-        # What `_can_be_tabulated` found, in a form that types can follow.
-        if not (isinstance(tip, PowerLawShape) and isinstance(layer.material, Isotropic)):
-            return None
-        varpi = float(tip.halfspace_radius(np.array([depth]))[0]) / layer.thickness
-        key = (self.number, self.options, self.similarity.length, reduced, "table", range_number(varpi))
-        law = self.store.get(key)
-        if law is None:
-            base = reference.substrate
-            moduli = (reduced[0], base.nu) if isinstance(base, Isotropic) else None
-            found = family_law(
-                tip,
-                layer_E=layer.material.E,
-                layer_nu=layer.material.nu,
-                thickness=layer.thickness,
-                base=moduli,
-                varpi=varpi,
-                rtol=(self.options.accuracy or Accuracy()).rtol,
-            )
-            if found is None:
-                return None
-            law = self.store.keep(key, found)
-        return law if isinstance(law, ContactLaw) else None
-
-    def _solved(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
-        octave = float(np.ceil(np.log2(depth))) if depth > 0.0 else -np.inf
-        key = (self.number, self.options, self.similarity.length, reduced, octave)
-        law = self.store.get(key)
-        if law is None:
-            law = self.store.keep(key, self._build(reduced, float(np.exp2(octave))))
-        if isinstance(law, RangeError):
-            raise law
-        if depth > law.max_depth:
-            raise self._refusal(key, reduced, depth, law)
-        return law
-
-    def _refusal(
-        self, key: tuple[object, ...], reduced: tuple[float, ...], depth: float, law: ContactLaw
-    ) -> RangeError:
-        """Why a law ends before `depth` (m), in the words of its solver; asked once for each law."""
-        if key not in self.store.refusals:
-            try:
-                self.options.build(self._scene(reduced), depth)
-                words = f"depth {depth:.6g} m is beyond {law.max_depth:.6g} m, where this law ends"
-            except RangeError as error:
-                words = str(error)
-            self.store.refusals[key] = RangeError(words, max_depth=law.max_depth)
-        return self.store.refusals[key]
-
-    def _scene(self, reduced: tuple[float, ...]) -> Scene:
-        similarity = self.similarity
-        return similarity.scene.with_values(dict(zip(similarity.ratio_paths, reduced, strict=True)))
-
-    def _build(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | RangeError:
-        """Law up to `depth` (m), or as deep as it reaches; the refusal itself where it reaches nowhere."""
-        scene = self._scene(reduced)
-        try:
-            return self.options.build(scene, depth)
-        except RangeError as error:
-            if not error.max_depth:
-                return error
-            # A hair less: the depth a message quotes may be rounded up.
-            return self.options.build(scene, error.max_depth * (1.0 - 1e-6))
-
-
-def _can_be_tabulated(similarity: Similarity, free: Sequence[str], options: LawOptions) -> bool:
-    scene = similarity.scene
-    return (
-        options.method in ("auto", "exact")
-        and similarity.exponent is not None
-        and not isinstance(scene.indenter, FlatPunch)
-        and isinstance(scene.layer.material, Isotropic)
-        and isinstance(scene.substrate, Isotropic | Rigid)
-        and bool(np.isfinite(scene.layer.thickness))
-        and not any(path in similarity.direct for path in free)
-    )
+        """Law at the reference with these ratios, for its depths up to `depth` (m)."""
+        return self.laws.law(reduced, depth)
 
 
 def _instrument(values: Mapping[str, float]) -> Instrument:

@@ -89,7 +89,7 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     everything = np.arange(sets)
     if not np.any(values["instrument.compliance"]) and _scales(forward):
         batch = _Batch(forward, values, sets)
-        if batch.shared is None and forward.tabulated:
+        if batch.shared is None and forward.laws.tabulated:
             return batch.from_tables(stiffness=stiffness)
         readings = Readings.empty(sets, len(forward.depth))
         if batch.shared is not None:
@@ -148,7 +148,7 @@ class _Batch:
 
     @property
     def _rtol(self) -> float:
-        return (self.forward.options.accuracy or Accuracy()).rtol
+        return (self.forward.laws.options.accuracy or Accuracy()).rtol
 
     def column(self, path: str) -> FloatArray:
         """Values of one number, (sets, 1)."""
@@ -195,14 +195,13 @@ class _Batch:
         if not isinstance(scene.indenter, PowerLawShape):
             raise TypeError(f"only power-law tips are tabulated, not {scene.indenter!r}")
         layer_E, nu = self.column("layer.E")[:, 0], float(self.values["layer.nu"])
-        rigid = "substrate.E" not in self.values
-        ratio = np.full(self.sets, np.inf) if rigid else self.column("substrate.E")[:, 0] / layer_E
         thickness = np.ascontiguousarray(self.column("layer.thickness")[:, 0])
+        # On a rigid base no ratio varies: there one law serves all.
         curves = family_batch(
             scene.indenter,
             layer_nu=nu,
-            base_nu=None if rigid else float(self.values["substrate.nu"]),
-            ratio=ratio,
+            base_nu=float(self.values["substrate.nu"]),
+            ratio=self.column("substrate.E")[:, 0] / layer_E,
             varpi=self._varpi(thickness),
             rtol=self._rtol,
         )
@@ -219,7 +218,7 @@ class _Batch:
     @property
     def exact_possible(self) -> bool:
         """Whether the exact law of an isotropic layer on an isotropic or rigid base may be taken."""
-        scene, method = self.forward.similarity.scene, self.forward.options.method
+        scene, method = self.forward.similarity.scene, self.forward.laws.options.method
         indenter = scene.indenter
         known = isinstance(indenter, PowerLawShape) and not isinstance(indenter, FlatPunch)
         fixed_sphere = isinstance(indenter, Sphere) and not isinstance(
@@ -303,8 +302,8 @@ class _Batch:
     def _compiled(self, soft: float, octave: float, thin: float | None) -> ExactBatch | None:
         """What is compiled for a group, kept in the problem's store; None where no law reaches it."""
         forward = self.forward
-        scene, store = forward.similarity.scene, forward.store
-        key = ("batch", forward.number, soft, octave, thin)
+        scene, store = forward.similarity.scene, forward.laws.store
+        key = ("batch", forward.laws.number, soft, octave, thin)
         if key in store.batches:
             return store.batches[key]
         material = scene.layer.material

@@ -36,12 +36,13 @@ from underlay.mechanics.exact.master_curve import (
 )
 from underlay.mechanics.exact.nodes import Pair, Resolution
 from underlay.mechanics.indenters import PowerLaw
-from underlay.mechanics.materials import isotropic_constants
+from underlay.mechanics.materials import PlaneConstants, isotropic_constants
 
 __all__ = [
     "Cell",
     "CurveFamily",
     "curve_family",
+    "range_end",
     "range_number",
     "range_numbers",
     "ratio_number",
@@ -67,12 +68,10 @@ class Cell(NamedTuple):
     ----------
     exponent : float
         Of the tip's power law.
-    layer_nu : float
-        Poisson's ratio of the layer.
-    base_nu : float or None
-        Of the base; None for a rigid one.
+    layer_nu, base_nu : float
+        Poisson's ratios of the layer and of the base.
     ratio : int
-        Number of the span in ln k; 0 for a rigid base.
+        Number of the span in ln k.
     range : int
         Number of the span in varpi.
     rtol : float
@@ -81,16 +80,16 @@ class Cell(NamedTuple):
 
     exponent: float
     layer_nu: float
-    base_nu: float | None
+    base_nu: float
     ratio: int
     range: int
     rtol: float
 
     @classmethod
     def holding(
-        cls, exponent: float, layer_nu: float, base_nu: float | None, ratio: float, varpi: float, rtol: float
+        cls, exponent: float, layer_nu: float, base_nu: float, ratio: float, varpi: float, rtol: float
     ) -> Cell:
-        """Cell that holds a modulus ratio (inf: rigid) and a largest varpi."""
+        """Cell that holds a modulus ratio and a largest varpi."""
         return cls(exponent, layer_nu, base_nu, ratio_number(ratio), range_number(varpi), rtol)
 
     @property
@@ -102,7 +101,7 @@ class Cell(NamedTuple):
     @property
     def top(self) -> float:
         """Largest varpi."""
-        return _RANGE_EDGE * _RANGE_STEP**self.range
+        return range_end(self.range)
 
 
 def ratio_number(ratio: float) -> int:
@@ -117,14 +116,18 @@ def range_number(varpi: float) -> int:
 
 def ratio_numbers(ratio: FloatArray) -> FloatArray:
     """Return the same for many, as whole floats."""
-    rigid = np.isinf(ratio)
-    return np.floor(np.log(np.where(rigid, 1.0, ratio / _RATIO_EDGE)) / log(_RATIO_STEP)) * ~rigid
+    return np.asarray(np.floor(np.log(ratio / _RATIO_EDGE) / log(_RATIO_STEP)), dtype=np.float64)
 
 
 def range_numbers(varpi: FloatArray) -> FloatArray:
     """Return the same for many, as whole floats."""
     smallest = _RANGE_EDGE * _RANGE_STEP**_SMALLEST_RANGE
     return np.ceil(np.log(np.maximum(varpi, smallest) / _RANGE_EDGE) / log(_RANGE_STEP))
+
+
+def range_end(number: int) -> float:
+    """Largest varpi of a span."""
+    return _RANGE_EDGE * _RANGE_STEP**number
 
 
 @dataclass(frozen=True)
@@ -177,9 +180,7 @@ class CurveFamily:
         return MasterCurve(self.stretch, (-1.0, 1.0), table, self.error_estimate)
 
     def _position(self, log_ratios: FloatArray) -> FloatArray:
-        """Place of ln k in the span, in [-1, 1]; zero for a rigid base, which has one curve."""
-        if len(self.coefficients) == 1:
-            return np.zeros(log_ratios.shape)
+        """Place of ln k in the span, in [-1, 1]."""
         low, high = self.cell.log_ratios
         place = (log_ratios - low) * (2.0 / (high - low)) - 1.0
         if (np.abs(place) > 1.0 + 1e-9).any():
@@ -194,7 +195,7 @@ class CurveFamily:
 def curve_family(cell: Cell) -> CurveFamily | None:
     """Table of one cell; None where there is none: beyond 20 thicknesses, at a fold, or out of terms."""
     try:
-        return _rigid(cell) if cell.base_nu is None else _elastic(cell, _first_ratios(cell))
+        return _expanded(cell, _first_ratios(cell))
     except RangeError:
         return None
 
@@ -203,22 +204,7 @@ def _first_ratios(cell: Cell) -> int:
     return ceil(-log10(_SHARE_OF_RATIO * cell.rtol) / _DIGITS_PER_TERM) + 1
 
 
-def _rigid(cell: Cell) -> CurveFamily | None:
-    solved = _solved(cell, np.inf)
-    if len(solved.curve.edges) > 2:
-        return None
-    return CurveFamily(
-        cell=cell,
-        stretch=solved.curve.stretch,
-        coefficients=solved.curve.coefficients,
-        error_estimate=solved.error_estimate,
-        resolution=solved.resolution,
-        radii=solved.radii,
-        eps=solved.eps,
-    )
-
-
-def _elastic(cell: Cell, ratios: int) -> CurveFamily | None:
+def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     """Solve at Chebyshev points in ln k, bring the curves to one stretch, and expand; more points if need be."""
     low, high = cell.log_ratios
     angles = chebyshev_angles(ratios)
@@ -226,12 +212,12 @@ def _elastic(cell: Cell, ratios: int) -> CurveFamily | None:
     solutions = [_solved(cell, float(np.exp(log_ratio))) for log_ratio in log_ratios]
     if any(solved.curve.jumps for solved in solutions):
         return None
-    stretch = Stretch.to(cell.top, _pair(cell, float(np.exp(0.5 * (low + high)))).softness)
+    stretch = Stretch.to(cell.top, Pair.of(*_constants(cell, float(np.exp(0.5 * (low + high))))).softness)
     resampled, resampling = _resampled([solved.curve for solved in solutions], stretch, cell.rtol)
     flat = chebyshev_coefficients(resampled.reshape(ratios, -1), angles)
     truncation = float(truncation_error(_at_points(flat, resampled.shape[1:])))
     if truncation > _SHARE_OF_RATIO * cell.rtol:
-        return None if 2 * ratios > _MOST_RATIOS else _elastic(cell, ratios + ratios // 2)
+        return None if 2 * ratios > _MOST_RATIOS else _expanded(cell, ratios + ratios // 2)
     worst = max(solutions, key=lambda solved: solved.error_estimate)
     powers = np.tensordot(monomials(ratios).T, in_powers(flat.reshape(ratios, *resampled.shape[1:])), 1)
     return CurveFamily(
@@ -271,13 +257,10 @@ def _resampled(curves: list[MasterCurve], stretch: Stretch, rtol: float) -> tupl
 
 def _solved(cell: Cell, ratio: float) -> SolvedCurve:
     """Exact curve at one ratio, of a tip w = A F_2 a^lambda of any size on a layer of unit thickness."""
-    inner = isotropic_constants(1.0, cell.layer_nu)
-    outer = None if cell.base_nu is None else isotropic_constants(ratio, cell.base_nu)
+    inner, outer = _constants(cell, ratio)
     problem = ContactProblem.of(PowerLaw(cell.exponent, 1.0), 1.0, inner, outer)
-    share = 1.0 if outer is None else _SHARE_OF_SOLUTIONS
-    return solve_curve(problem, cell.top, share * cell.rtol)
+    return solve_curve(problem, cell.top, _SHARE_OF_SOLUTIONS * cell.rtol)
 
 
-def _pair(cell: Cell, ratio: float) -> Pair:
-    inner = isotropic_constants(1.0, cell.layer_nu)
-    return Pair.of(inner, None if cell.base_nu is None else isotropic_constants(ratio, cell.base_nu))
+def _constants(cell: Cell, ratio: float) -> tuple[PlaneConstants, PlaneConstants]:
+    return isotropic_constants(1.0, cell.layer_nu), isotropic_constants(ratio, cell.base_nu)

@@ -76,14 +76,14 @@ class _Shelf:
 
 # Like the tables, shelves are the same whatever was asked before, and are kept for the whole process. A shelf
 # is never changed but replaced, so that two threads at most build a table twice.
-_SHELVES: dict[tuple[float, float, float | None, float], _Shelf] = {}
+_SHELVES: dict[tuple[float, float, float, float], _Shelf] = {}
 
 
 def family_batch(
     indenter: PowerLawShape,
     *,
     layer_nu: float,
-    base_nu: float | None,
+    base_nu: float,
     ratio: FloatArray,
     varpi: FloatArray,
     rtol: float,
@@ -95,9 +95,9 @@ def family_batch(
     indenter : PowerLawShape
         The tip; its size may change from set to set through `CurveBatch.force`.
     layer_nu, base_nu : float
-        Poisson's ratios; `base_nu` None is rigid.
+        Poisson's ratios.
     ratio, varpi : ndarray (sets,)
-        Modulus of the base over that of the layer (inf: rigid), and the largest varpi.
+        Modulus of the base over that of the layer, and the largest varpi.
     rtol : float
         Relative error asked for.
 
@@ -119,16 +119,14 @@ def family_batch(
         _SHELVES[key] = shelf
     places = np.array([shelf.places[number] for number in found.tolist()])[which]
     table = shelf.coefficients[places]
-    terms = table.shape[1]
-    if terms > 1:
-        position = (np.log(ratio) - shelf.middles[places]) / shelf.halves[places]
-        powers = position[:, None, None] ** np.arange(terms)
-        table = (powers @ table.reshape(ratio.size, terms, -1)).reshape(ratio.size, 1, *table.shape[2:])
+    position = (np.log(ratio) - shelf.middles[places]) / shelf.halves[places]
+    powers = position[:, None, None] ** np.arange(table.shape[1])
+    curves = (powers @ table.reshape(*table.shape[:2], -1)).reshape(ratio.size, *table.shape[2:])
     return CurveBatch(
         indenter,
         shelf.tops[places],
         shelf.lengths[places][:, None],
         shelf.softness[places][:, None],
-        table[:, 0],
+        curves,
         shelf.errors[places],
     )
