@@ -12,7 +12,9 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from support.inverse import ambiguous
 from underlay.cli.app import app, main
+from underlay.data.curve_csv import curve_csv
 
 SAMPLES = Path(__file__).resolve().parents[1] / "data_samples"
 CURVE, SCENE = SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml"
@@ -49,6 +51,21 @@ def test_fit_prints_and_writes(run, tmp_path):
     written = json.loads((tmp_path / "new" / "folder" / "cartilage_on_bone.fit.json").read_text())
     assert written["values"]["layer.E"] == pytest.approx(0.62e6, rel=0.05)
     assert (tmp_path / "new" / "folder" / "cartilage_on_bone.fit.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_fit_says_a_second_optimum_beside_the_headline_and_once(run, tmp_path):
+    problem = ambiguous()
+    curve, scene = tmp_path / "curve.csv", tmp_path / "scene.toml"
+    curve.write_text(curve_csv(problem.curves[0], []), encoding="utf-8")
+    problem.base_scenes[0].save(scene)
+    free = "layer.E = {}\nlayer.thickness = {}\ninstrument.contact_depth = {}\n"
+    scene.write_text(scene.read_text() + "\n[fit]\n" + free, encoding="utf-8")
+    code, out, _ = run("fit", curve, "--scene", scene)
+    assert code == 0
+    first, second = out.strip().splitlines()[:2]
+    assert first.startswith("Layer modulus")
+    assert second.startswith("A second optimum explains these data as well: layer modulus 0.33")
+    assert out.count("optimum") == 1
 
 
 def test_demo_says_where_its_files_are(run, tmp_path):

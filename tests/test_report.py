@@ -4,6 +4,7 @@ import builtins
 import json
 import re
 import sys
+from dataclasses import replace
 
 import nbformat
 import numpy as np
@@ -11,10 +12,11 @@ import pandas as pd
 import pytest
 
 import underlay as ul
+from support.inverse import ambiguous
 from support.reports import SAMPLES, cells_of, page_text, small_posterior
 from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
 from underlay.inference.priors import Truncated
-from underlay.report import maps, words
+from underlay.report import maps, tables, words
 from underlay.report.execution import execute
 from underlay.report.intervals import estimates
 from underlay.report.notebook import make_notebook
@@ -84,6 +86,48 @@ def test_intervals_that_are_too_narrow_are_said_to_be():
     curve = ul.synthesize(scene, np.linspace(0, 1e-4, 400), noise=noise, rng=3, time=np.linspace(0, 4, 400))
     fit = ul.fit(ul.Problem(scene, curve, free=["layer.E"], noise=ul.Noise(force=1e-3)))
     assert "intervals above are too narrow" in words.summary(fit)
+
+
+def test_a_second_optimum_stands_beside_the_headline():
+    fit = ul.fit(ambiguous())
+    (other,) = fit.alternatives
+    (sentence,) = words.rivals(fit)
+    numbers = re.fullmatch(
+        r"A second optimum explains these data as well: layer modulus ([\d.]+) MPa, layer thickness ([\d.]+) mm; "
+        r"chi-square higher by ([\d.]+)\. The intervals above are those of the best alone\.",
+        sentence,
+    )
+    assert numbers, sentence
+    # As many digits as are shown: four of the parameters, two of the rise.
+    assert float(numbers[1]) == pytest.approx(other.values["layer.E"] / 1e6, rel=5e-4)
+    assert float(numbers[2]) == pytest.approx(other.values["layer.thickness"] / 1e-3, rel=5e-4)
+    assert float(numbers[3]) == pytest.approx(other.rise, rel=0.05)
+    profiles = {name: ul.profile(fit, name) for name in ("layer.E", "layer.thickness")}
+    headline, beside = words.summary(fit, profiles).split("\n\n")[:2]
+    assert headline.startswith("**Layer modulus")
+    assert beside.startswith("A second optimum explains these data as well")
+    inside = [
+        walk.interval().low <= other.values[name] <= walk.interval().high for name, walk in profiles.items()
+    ]
+    assert beside.endswith(
+        f"The intervals above {'reach over it too' if all(inside) else 'stop short of it'}."
+    )
+    table = tables.interval_table(fit, profiles)
+    assert table.loc["layer modulus", "at the second optimum"] == f"{numbers[1]} MPa"
+
+
+def test_an_optimum_the_data_nearly_reject_is_said_to_be_that():
+    fit = ul.fit(ambiguous())
+    # 3.9 is the 95 % threshold of F(1, 197).
+    far, near = (replace(fit.alternatives[0], rise=rise) for rise in (5.0, 3.8))
+    first, second = words.rivals(
+        replace(fit, alternatives=(near, far)), {"layer.E": ul.profile(fit, "layer.E")}
+    )
+    assert first.startswith("A second optimum explains these data as well")
+    assert second.startswith("A third optimum explains these data nearly as well")
+    assert "higher by 5." in second
+    assert words.rivals(ul.fit(cartilage())) == []
+    assert not [name for name in tables.interval_table(ul.fit(cartilage())) if "optimum" in name]
 
 
 # --- a problem as files and source -----------------------------------------------------------------------

@@ -17,7 +17,7 @@ from underlay.errors import FileAccessError
 from underlay.inference.fitting.provenance import version_record
 from underlay.mechanics.materials import Rigid
 from underlay.report.intervals import estimates
-from underlay.report.words import deepest_point, label, quantity_with_interval, strong_pairs
+from underlay.report.words import deepest_point, label, quantity_with_interval, rival_name, strong_pairs
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
@@ -88,11 +88,16 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
 def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -> pd.DataFrame:
     """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
 
-    Intervals are those of `profiles`, by name of the parameter, where there are some.
+    Intervals are those of `profiles`, by name of the parameter, where there are some. Another optimum the data
+    hardly reject has a column of its own.
     """
     rows = []
     for entry in estimates(result, profiles):
         kind = kind_of(entry.path)
+        others = {
+            f"at the {rival_name(place)} optimum": format_quantity(other.values[entry.name], kind)
+            for place, other in enumerate(result.alternatives)
+        }
         rows.append(
             {
                 "parameter": label(entry.name),
@@ -101,6 +106,7 @@ def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -
                     if entry.not_fixed
                     else quantity_with_interval(entry.value, entry.low, entry.high, kind)
                 ),
+                **others,
                 "standard error": _error_text(result, entry.name, entry.value, kind),
                 "before the test": _prior_text(result, entry.name, kind),
                 "path": entry.name,

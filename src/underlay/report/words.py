@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from underlay.inference.profiles import interval_threshold
 from underlay.report.intervals import Estimate, estimates
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
+    from underlay.inference.fitting.fit_result import Alternative, Fit
     from underlay.inference.profiles import Profile
     from underlay.inference.sampling.posterior import Posterior
 
@@ -23,6 +24,8 @@ __all__ = [
     "label",
     "posterior_summary",
     "quantity_with_interval",
+    "rival_name",
+    "rivals",
     "start",
     "strong_pairs",
     "summary",
@@ -53,6 +56,9 @@ _LABELS = {
 }
 #: Above this, two parameters are not known one by one, only together.
 STRONG = 0.9
+#: Confidence of the intervals in a sentence.
+_LEVEL = 0.95
+_ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
 # A change of the force below this is not worth a sentence.
 _NOTICEABLE = 0.01
 
@@ -96,14 +102,53 @@ def headline(result: Fit) -> str:
     return " ".join(_sentence(entry) for entry in estimates(result) if _is_of_the_sample(entry.name))
 
 
+def rivals(result: Fit, profiles: Mapping[str, Profile] | None = None) -> list[str]:
+    """Return one sentence per other optimum that explains the data, or nearly does; most often none.
+
+    `profiles`, by name of the parameter, are those the intervals of the headline come from, if any.
+
+    Examples
+    --------
+    ``"A second optimum explains these data as well: layer modulus 0.3311 MPa, layer thickness 0.2276 mm;
+    chi-square higher by 3.6. The intervals above are those of the best alone."``
+    """
+    return [
+        _rival_sentence(result, other, rival_name(place), profiles or {})
+        for place, other in enumerate(result.alternatives)
+    ]
+
+
+def rival_name(place: int) -> str:
+    """Return what the optimum at this place of `Fit.alternatives` is called: ``"second"``."""
+    return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 2}th"
+
+
+def _rival_sentence(result: Fit, other: Alternative, name: str, profiles: Mapping[str, Profile]) -> str:
+    shown = [path for path in other.values if _is_of_the_sample(path)] or list(other.values)
+    numbers = ", ".join(
+        f"{label(path)} {format_quantity(other.values[path], kind_of(path.partition('[')[0]))}"
+        for path in shown
+    )
+    nearly = "" if other.rise <= interval_threshold(result, _LEVEL) else "nearly "
+    reach = "are those of the best alone"
+    if profiles:
+        intervals = {path: profiles[path].interval(_LEVEL) for path in shown if path in profiles}
+        inside = all(part.low <= other.values[path] <= part.high for path, part in intervals.items())
+        reach = "reach over it too" if inside else "stop short of it"
+    return (
+        f"A {name} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
+        f"{other.rise:.2g}. The intervals above {reach}."
+    )
+
+
 def summary(result: Fit, profiles: Mapping[str, Profile] | None = None) -> str:
-    """Return the result as Markdown: the numbers, what holds them together, the substrate, the reservations.
+    """Return the result as Markdown: the numbers, their rivals, what holds them together, the substrate, doubts.
 
     Intervals are those of `profiles`, by name of the parameter, where there are some.
     """
     found = [entry for entry in estimates(result, profiles) if _is_of_the_sample(entry.name)]
     lines = [f"**{_sentence(entry)}**" for entry in found]
-    paragraphs = [" ".join(lines)]
+    paragraphs = [" ".join(lines), *rivals(result, profiles)]
     paragraphs += [
         f"{start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): "
         f"if one is wrong, so is the other."
