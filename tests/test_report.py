@@ -13,15 +13,17 @@ import pytest
 
 import underlay as ul
 from support.inverse import ambiguous
-from support.reports import SAMPLES, cells_of, page_text, small_posterior
+from support.reports import SAMPLES, cells_of, joint_fit, page_text, small_posterior
 from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
 from underlay.inference.priors import Truncated
 from underlay.report import maps, tables, words
+from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.execution import execute
 from underlay.report.intervals import estimates
 from underlay.report.notebook import make_notebook
 from underlay.report.page import html_page
 from underlay.report.problem_source import problem_source, write_inputs
+from underlay.scene.effects import effects_table
 
 # --- words -----------------------------------------------------------------------------------------------
 
@@ -113,7 +115,7 @@ def test_a_second_optimum_stands_beside_the_headline():
         f"The intervals above {'reach over it too' if all(inside) else 'stop short of it'}."
     )
     table = tables.interval_table(fit, profiles)
-    assert table.loc["layer modulus", "at the second optimum"] == f"{numbers[1]} MPa"
+    assert table.loc["layer modulus", "second optimum"] == f"{numbers[1]} MPa"
 
 
 def test_an_optimum_the_data_nearly_reject_is_said_to_be_that():
@@ -128,6 +130,32 @@ def test_an_optimum_the_data_nearly_reject_is_said_to_be_that():
     assert "higher by 5." in second
     assert words.rivals(ul.fit(cartilage())) == []
     assert not [name for name in tables.interval_table(ul.fit(cartilage())) if "optimum" in name]
+
+
+def test_summary_of_a_joint_fit_covers_every_curve():
+    fit = joint_fit()
+    ratios, depths = [], []
+    for scene, curve in zip(fit.scenes, fit.curves, strict=True):
+        deepest = curve.depth.max() - scene.instrument.contact_depth
+        bare = scene.contact_law(deepest, method="halfspace")
+        ratios.append(float(scene.contact_law(deepest).force(deepest) / bare.force(deepest)))
+        depths.append(deepest)
+    text = words.summary(fit)
+    # The first curve is of the scene of the third, which goes deeper.
+    assert f"({min(depths[1:]) / 1e-3:.4g} to {max(depths) / 1e-3:.4g} mm into the sample" in text
+    assert f"the force is {min(ratios[1:]):.3g} to {max(ratios):.3g} times" in text
+
+
+def test_curves_of_one_scene_are_shown_once_at_the_deepest():
+    fit = joint_fit()
+    first, second = distinct_scenes(fit.scenes, fit.curves)
+    assert (first.label, second.label) == ("curves 1 and 3", "curve 2")
+    assert first.scene == fit.scenes[2]
+    assert first.reading == fit.curves[2].depth.max()
+    assert first.deepest == pytest.approx(1.2e-4 - fit.values["instrument.contact_depth[2]"])
+    (alone,) = distinct_scenes(fit.scenes[::2], fit.curves[::2])
+    assert alone.label == ""
+    assert alone.curves == (1, 2)
 
 
 # --- a problem as files and source -----------------------------------------------------------------------
@@ -256,6 +284,22 @@ def test_notebook_beside_the_page_is_executed_and_gives_the_same_fit(report_page
     assert "Traceback" not in text
     # The hash of the points the notebook fitted is that of the points of this fit, to the last bit.
     assert fit.provenance["curves"][0]["data_sha256"] in text
+
+
+def test_page_of_a_joint_fit_shows_every_scene(report_pages):
+    fit, page = report_pages["joint"]
+    text = page_text(page)
+    scenes = distinct_scenes(fit.scenes, fit.curves)
+    assert [test.label for test in scenes] == ["curves 1 and 3", "curve 2"]
+    for test in scenes:
+        size = (
+            effects_table(test.scene, test.deepest)
+            .set_index("effect")
+            .loc["finite thickness", "size_percent"]
+        )
+        assert re.search(rf"{words.start(test.label)} effect .*finite thickness \+{size:.3g} % yes", text)
+    # Of every curve its fit, of every scene its drawing and its effects; correlations, and two profiles.
+    assert page.read_text().count("<img") == 3 + 2 + 2 + 1 + 2
 
 
 def test_report_of_a_posterior(report_pages):

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from underlay._arrays import ArrayLike
 from underlay.inference.profiles import interval_threshold
+from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.intervals import Estimate, estimates
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
@@ -19,7 +21,6 @@ if TYPE_CHECKING:
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
-    "deepest_point",
     "headline",
     "label",
     "posterior_summary",
@@ -185,12 +186,6 @@ def posterior_summary(posterior: Posterior) -> str:
     return "\n\n".join([" ".join(parts), f"{state}: {reason}."])
 
 
-def deepest_point(result: Fit, curve: int = 0) -> float:
-    """Return how deep the tip went since contact (m); zero where it never touched."""
-    scene, depth = result.scenes[curve], result.curves[curve].depth
-    return max(float(depth.max()) - scene.instrument.contact_depth, 0.0)
-
-
 def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
     """Pairs of parameters whose correlation is above 0.9 in size, strongest first."""
     frame = result.correlations
@@ -229,26 +224,38 @@ def _sentence(entry: Estimate) -> str:
 
 
 def _substrate_sentence(result: Fit) -> str:
-    """How much the substrate does at the deepest point of the first curve."""
-    scene = result.scene
-    if scene.substrate is None:
+    """How much the substrate does at the deepest point of every curve."""
+    if all(scene.substrate is None for scene in result.scenes):
         return "The sample is taken as a half-space: no substrate was declared."
-    deepest = deepest_point(result)
-    if not deepest > 0.0:
+    ratios, deepest, contacts = [], [], []
+    for test in distinct_scenes(result.scenes, result.curves):
+        if not test.deepest > 0.0:
+            continue
+        at = np.array([test.deepest])
+        law = test.scene.contact_law(test.deepest, **result.solver)
+        bare = test.scene.contact_law(test.deepest, method="halfspace")
+        ratios.append(float(law.force(at)[0] / bare.force(at)[0]))
+        contacts.append(float(law.contact_radius(at)[0]) / test.scene.layer.thickness)
+        deepest.append(test.deepest)
+    if not ratios:
         return ""
-    law = scene.contact_law(deepest, **result.solver)
-    bare = scene.contact_law(deepest, method="halfspace")
-    ratio = float(law.force(np.array([deepest]))[0] / bare.force(np.array([deepest]))[0])
-    if abs(ratio - 1.0) < _NOTICEABLE:
-        return "The substrate changes the force at the deepest point by less than 1 %."
-    wrong = "large" if ratio > 1.0 else "small"
-    contact = float(law.contact_radius(np.array([deepest]))[0])
-    which = " of the first curve" if len(result.curves) > 1 else ""
+    which = "the deepest point" if len(result.curves) == 1 else "the deepest points of the curves"
+    if all(abs(ratio - 1.0) < _NOTICEABLE for ratio in ratios):
+        return f"The substrate changes the force at {which} by less than 1 %."
+    length, mm = human_unit(max(deepest), "length")
+    wrong = {"large" if ratio > 1.0 else "small" for ratio in ratios if abs(ratio - 1.0) >= _NOTICEABLE}
     return (
-        f"At the deepest point{which} ({format_quantity(deepest, 'length')} into the sample, contact radius "
-        f"{contact / scene.layer.thickness:.2f} of the thickness) the force is {ratio:.3g} times that on a "
-        f"half-space of the same modulus: a half-space formula would make the modulus too {wrong}."
+        f"At {which} ({_range(np.divide(deepest, mm), 4)} {length} into the sample, contact radius "
+        f"{_range(contacts, 2)} of the thickness) the force is {_range(ratios, 3)} times that on a "
+        f"half-space of the same modulus: a half-space formula would make the modulus too "
+        f"{' or too '.join(sorted(wrong))}."
     )
+
+
+def _range(values: ArrayLike, digits: int) -> str:
+    """Return ``"0.12"``, or ``"0.12 to 0.2"`` where the smallest and the largest differ in writing."""
+    low, high = (f"{end:.{digits}g}" for end in (np.min(values), np.max(values)))
+    return low if low == high else f"{low} to {high}"
 
 
 def _narrowness_sentence(result: Fit) -> str:
