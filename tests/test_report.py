@@ -302,6 +302,24 @@ def test_page_of_a_joint_fit_shows_every_scene(report_pages):
     assert page.read_text().count("<img") == 3 + 2 + 2 + 1 + 2
 
 
+def test_segments_of_a_curve_that_comes_back_are_shown(tmp_path):
+    problem = ul.load_problem(SAMPLES / "chiaro_cell_indentation.csv", SAMPLES / "chiaro_cell.toml")
+    page = ul.report(ul.fit(problem), tmp_path / "cell.html")
+    assert "where the tip goes in, rests and comes back" in page_text(page)
+    kept = ul.read(tmp_path / "cell.inputs" / "measured-1.csv")
+    whole = ul.read(SAMPLES / "chiaro_cell_indentation.csv")
+    np.testing.assert_array_equal(kept.depth, whole.depth)
+    np.testing.assert_array_equal(kept.segments(), whole.segments())
+    (cell,) = [cell for cell in cells_of(page.with_suffix(".ipynb")) if "segments" in "".join(cell["source"])]
+    assert any("image/png" in output.get("data", {}) for output in cell["outputs"])
+
+
+def test_segments_of_a_curve_that_only_goes_in_are_not_shown(report_pages):
+    _, page = report_pages["fit"]
+    assert "segments" not in json.dumps(cells_of(page.with_suffix(".ipynb")))
+    assert not list(page.parent.glob("*.inputs/measured-*"))
+
+
 def test_report_of_a_posterior(report_pages):
     posterior, page = report_pages["posterior"]
     text = page_text(page)

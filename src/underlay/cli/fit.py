@@ -14,6 +14,7 @@ from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
+from underlay.report.measured import beyond_loading
 from underlay.report.tables import correlated_pairs, fit_table
 from underlay.report.words import headline, rivals
 
@@ -77,9 +78,16 @@ def show_fit(result: Fit, name: str) -> None:
 
 
 def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
-    """Write the table, the full result and the picture of a fit; return the files."""
-    return [
+    """Write the table, the full result and the pictures of a fit; return the files.
+
+    A curve that was measured beyond loading gets a picture of its segments.
+    """
+    written = [
         write_atomic(folder / f"{stem}.fit.csv", fit_table(result).to_csv(index=False)),
         result.to_json(folder / f"{stem}.fit.json"),
         plots.save(plots.fit(result), folder / f"{stem}.fit.png"),
     ]
+    whole = beyond_loading(result.curves[0])
+    if whole is not None:
+        written.append(plots.save(plots.segments(whole), folder / f"{stem}.segments.png"))
+    return written
