@@ -14,12 +14,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from underlay._arrays import FloatArray
 from underlay.errors import RangeError, UnderlayWarning
 from underlay.inference.model.similarity import Similarity
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.exact.curve_family import range_number
+from underlay.mechanics.exact.curve_family import range_number, range_numbers
 from underlay.mechanics.exact.family_law import tabulated_law
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape
 from underlay.mechanics.materials import Isotropic, Rigid
@@ -28,6 +29,7 @@ from underlay.scene.scene import Scene
 __all__ = ["LawOptions", "LawSource", "LawStore"]
 
 _LAWS_KEPT = 64
+_RANGES = 4096  # more than there are powers of two
 # Laws that are subtracted over a step of 1e-3 must not be rougher than this.
 _STENCIL_RTOL = 1e-6
 
@@ -145,6 +147,14 @@ class LawSource:
         """
         law = self._from_table(reduced, depth) if self.tabulated else None
         return law if law is not None else self._solved(reduced, depth)
+
+    def spans(self, depth: FloatArray) -> FloatArray:
+        """Numbers of the ranges that depths (m), (sets,), belong to: those of one range share a law."""
+        octaves = np.ceil(np.log2(np.maximum(depth, np.finfo(float).tiny)))
+        tip, layer = self.similarity.scene.indenter, self.similarity.scene.layer
+        if not (self.tabulated and isinstance(tip, PowerLawShape)):
+            return octaves
+        return octaves + _RANGES * range_numbers(tip.halfspace_radius(depth) / layer.thickness)
 
     def _from_table(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | None:
         """Law read off a table, to the end of the table's range; None where there is none."""
