@@ -31,6 +31,7 @@ __all__ = ["Interval", "Profile", "interval_threshold", "profile", "rise_at"]
 
 _STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
 _HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
+_STEEPEST = 2.0 * _STEP  # a rise of z in one step beyond which the step is taken again, shorter
 _GROWTH = 3.0  # a flattening profile is walked in steps at most this much longer each time
 _FARTHEST = 12.0  # scaled coordinate: a factor 1.6e5, or twelve times the range of the curve
 _MOST_STEPS = 60
@@ -257,17 +258,17 @@ def _refit(fit: Fit, vector: FloatArray) -> Fit:
 
 def _crossing(q: FloatArray, z: FloatArray, level: float) -> float | None:
     """Outermost place where z passes `level`, walking outwards; None if it never does for good."""
-    inside = np.flatnonzero(z <= level)
-    last = int(inside[-1])
+    last = int(np.flatnonzero(z <= level)[-1])
     if last == len(z) - 1:
         return None
     # z is made increasing before it is inverted: beyond a second minimum only the last rise counts.
-    rising = np.maximum.accumulate(z[: last + 2])
+    above = np.flatnonzero(z[:last] > level)
+    rise = slice(int(above[-1]) + 1 if len(above) else 0, last + 2)
+    rising = np.maximum.accumulate(z[rise])
     kept = np.concatenate([[True], np.diff(rising) > 0.0])
-    kept[last + 1] = True
     if kept.sum() < 3:
-        return float(np.interp(level, rising[kept], q[: last + 2][kept]))
-    return float(interpolate.PchipInterpolator(rising[kept], q[: last + 2][kept])(level))
+        return float(np.interp(level, rising[kept], q[rise][kept]))
+    return float(interpolate.PchipInterpolator(rising[kept], q[rise][kept])(level))
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,8 +319,15 @@ class _Walk:
                     return replace(self, reason="law")
                 step *= 0.25
                 continue
+            rise = float(np.square(self.objective.residuals(found.vector)).sum()) - self.base
+            climb = float(np.sqrt(max(rise, 0.0)) - np.sqrt(max(self.rises[-1], 0.0)))
+            if climb > _STEEPEST and step > 1e-3 * self._first_step():
+                # A valley that lies open at the optimum and closes further on: its curvature there, or the
+                # slope of the last step, foretold too long a step, and there is nothing to read between.
+                step *= max(_STEP / climb, 0.1)
+                continue
             self.vectors.append(found.vector)
-            self.rises.append(float(np.square(self.objective.residuals(found.vector)).sum()) - self.base)
+            self.rises.append(rise)
             if self.rises[-1] > _HIGHEST**2:
                 return replace(self, reason="data")
             step = self._next_step(step)
