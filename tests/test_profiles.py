@@ -75,6 +75,20 @@ def test_a_valley_that_is_open_at_the_optimum_and_closed_further_on(name):
     assert np.abs(steps).max() < 1.5
 
 
+@pytest.mark.parametrize("seed", [2, 3, 6])
+def test_a_base_that_might_be_rigid_has_a_lower_bound_and_one_optimum(seed):
+    # The fit ends anywhere on the plateau of rigid bases, ten orders of magnitude above where the data object.
+    scene = layer_on(ul.Isotropic(1e9, 0.3), thickness=8e-4, nu=0.5)
+    curve = measured(scene, depth=8e-5, first=-2e-5, level=0.003, points=400, rng=seed)
+    found = fit(problem(scene.with_values({BASE: 1e8}), [E, H, BASE, C], curve))
+    assert not found.alternatives
+    interval = profile(found, BASE).interval()
+    assert (interval.low_reason, interval.high_reason) == ("data", "none")
+    assert 1e6 < interval.low < 1e9
+    # With the base held rigid the thickness would end 5 % below its optimum.
+    assert profile(found, H).interval().low < 0.85 * found.values[H]
+
+
 def test_an_end_beyond_a_hump_is_read_from_its_last_rise():
     walk = profile(problem(layer_on(ul.RIGID), [E, C]), E)
     q = np.arange(7.0)

@@ -34,7 +34,7 @@ _TOLERANCE = 1e-8
 # An entry whose column is this small beside the largest does not act any more (a base so stiff that it might
 # be rigid). Levenberg and Marquardt measure a step by the columns: that entry's is then without end, the law
 # refuses it, and the steps of all entries shrink below the tolerance before that one is short enough.
-_IDLE = 0.1 * _TOLERANCE
+_IDLE = 0.01 * _TOLERANCE
 _MAX_ROUNDS = 12
 # From a start that the scan found ten evaluations are usual; a valley without an end takes hundreds.
 _MOST_EVALUATIONS = 300

@@ -33,9 +33,13 @@ _STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-
 _HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
 _STEEPEST = 2.0 * _STEP  # a rise of z in one step beyond which the step is taken again, shorter
 _GROWTH = 3.0  # a flattening profile is walked in steps at most this much longer each time
-_FARTHEST = 12.0  # scaled coordinate: a factor 1.6e5, or twelve times the range of the curve
+# In scaled coordinates, from the optimum and from the scene's own value: a factor 1.6e5, or twelve times the
+# range of the curve.
+_FARTHEST = 12.0
 _MOST_STEPS = 60
 _MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
+# An entry that moves all readings together by less than this many standard deviations per unit lies on a plateau.
+_FLAT = 1e-3
 # A fit found to be this much worse (in t) than a point of its own profile was not the optimum.
 _BETTER = 1e-3
 
@@ -310,7 +314,8 @@ class _Walk:
             step = min(step, room - travelled)
             if step <= 1e-12 * (1.0 + travelled):
                 return replace(self, reason="bound")
-            if travelled >= _FARTHEST:
+            # An optimum far out on a plateau (a base that might be rigid) is walked back from all the way.
+            if travelled >= _FARTHEST and direction * float(self.vectors[-1][self.index]) >= _FARTHEST:
                 return replace(self, reason="none")
             failures = self.objective.failures
             found = self.fit_at(here + direction * (travelled + step))
@@ -366,8 +371,31 @@ class _Walk:
             failures = self.objective.failures
             self.objective.residuals(candidate)
             if self.objective.failures == failures:
-                return minimise(self.objective, candidate, max_evaluations=_MOST_EVALUATIONS)
+                found = minimise(self.objective, candidate, max_evaluations=_MOST_EVALUATIONS)
+                return self._off_plateau(found)
         return None
+
+    def _off_plateau(self, found: Minimum) -> Minimum:
+        """Try again with an entry that does not act at the scene's own value, and keep the better.
+
+        A minimiser finds no way back from the middle of a plateau: a base left rigid there would stay so,
+        and the profile of the thickness would not know that a thinner layer on a softer base answers alike.
+        """
+        for i in self.objective.active:
+            begin = _with(found.vector, i, 0.0)
+            if not self._is_flat(found.vector, i) or not self.objective.exists(begin):
+                continue
+            other = minimise(self.objective, begin, max_evaluations=_MOST_EVALUATIONS)
+            found = min(
+                (found, other), key=lambda each: float(np.square(self.objective.residuals(each.vector)).sum())
+            )
+        return found
+
+    def _is_flat(self, vector: FloatArray, index: int) -> bool:
+        if not self.objective.exists(vector):
+            return False
+        columns = self.objective.jacobian(vector, rough=True)
+        return float(np.linalg.norm(columns[:, index])) < _FLAT
 
     def _tangent(self) -> FloatArray:
         """d others / d parameter along the profile at the optimum, from the covariance."""
