@@ -17,7 +17,7 @@ from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
-from underlay.inference.model.forward import LawOptions, LawStore
+from underlay.inference.model.laws import LawOptions, LawStore
 from underlay.inference.priors import Prior
 from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene

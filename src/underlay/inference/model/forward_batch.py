@@ -1,11 +1,12 @@
 """The forward model for many parameter sets at once, as a sampler asks for it.
 
-Three ways, the first that applies:
+Four ways, the first that applies:
 
 1. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
-2. an isotropic layer on an isotropic or rigid base and the exact law allowed (``"auto"`` or ``"exact"``): the
+2. only the ratio of two moduli varies: every set's curve is read off the table of its cell (`curve_family`);
+3. an isotropic layer on an isotropic or rigid base and the exact law allowed (``"auto"`` or ``"exact"``): the
    sets go through `ExactBatch`, in groups whose stiffness ratio and range are alike;
-3. otherwise set by set, through `Forward.reading`.
+4. otherwise set by set, through `Forward.reading`.
 
 The groups' limits are fixed numbers, not taken from the sets at hand, so a set's answer does not depend on
 the company it is asked in: a chain can be repeated bit by bit.
@@ -26,6 +27,7 @@ from underlay.inference.model.forward import Forward
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.exact.family_batch import family_batch
 from underlay.mechanics.halfspace import largest_halfspace_depth
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape, Sphere
 from underlay.mechanics.materials import Isotropic, PlaneConstants, Rigid, isotropic_constants
@@ -84,21 +86,22 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
         A set without a law does not exist; its row is zero.
     """
     readings = Readings.empty(sets, len(forward.depth))
-    if np.any(values["instrument.compliance"]) or not _scales(forward):
-        _one_by_one(forward, values, np.arange(sets), readings)
-        return readings
-    batch = _Batch(forward, values, sets)
-    if batch.shared is not None:
-        batch.shared_law(batch.shared, readings, stiffness=stiffness)
-    elif batch.exact_possible:
-        batch.exact(readings, stiffness=stiffness)
-    else:
-        _one_by_one(forward, values, np.arange(sets), readings)
-        return readings
-    readings.force[:] = readings.contact + batch.column("instrument.baseline")
-    slopes = batch.column("instrument.baseline_slope")
-    if slopes.any():
-        readings.force[:] += slopes * forward.depth
+    everything = np.arange(sets)
+    if not np.any(values["instrument.compliance"]) and _scales(forward):
+        batch = _Batch(forward, values, sets)
+        if batch.shared is None and forward.laws.tabulated:
+            return batch.from_tables(stiffness=stiffness)
+        readings = Readings.empty(sets, len(forward.depth))
+        if batch.shared is not None:
+            batch.shared_law(batch.shared, readings, stiffness=stiffness)
+        elif batch.exact_possible:
+            batch.exact(readings, stiffness=stiffness)
+        else:
+            _one_by_one(forward, values, everything, readings)
+            return readings
+        return readings._replace(force=batch.instrument_force(readings.contact))
+    readings = Readings.empty(sets, len(forward.depth))
+    _one_by_one(forward, values, everything, readings)
     return readings
 
 
@@ -145,7 +148,7 @@ class _Batch:
 
     @property
     def _rtol(self) -> float:
-        return (self.forward.options.accuracy or Accuracy()).rtol
+        return (self.forward.laws.options.accuracy or Accuracy()).rtol
 
     def column(self, path: str) -> FloatArray:
         """Values of one number, (sets, 1)."""
@@ -178,10 +181,44 @@ class _Batch:
                 continue
             readings.possible[rows] = True
 
+    def instrument_force(self, contact: FloatArray) -> FloatArray:
+        """Force of the instrument (N), (sets, n): contact, baseline and slope."""
+        force = contact
+        for path, column in (("instrument.baseline", 1.0), ("instrument.baseline_slope", self.forward.depth)):
+            if np.any(self.values[path]):
+                force = force + self.column(path) * column
+        return force
+
+    def from_tables(self, *, stiffness: bool) -> Readings:
+        """All sets through the tables of the exact law; those without a table one by one."""
+        scene = self.forward.similarity.scene
+        if not isinstance(scene.indenter, PowerLawShape):
+            raise TypeError(f"only power-law tips are tabulated, not {scene.indenter!r}")
+        layer_E, nu = self.column("layer.E")[:, 0], float(self.values["layer.nu"])
+        thickness = np.ascontiguousarray(self.column("layer.thickness")[:, 0])
+        # On a rigid base no ratio varies: there one law serves all.
+        curves = family_batch(
+            scene.indenter,
+            layer_nu=nu,
+            base_nu=float(self.values["substrate.nu"]),
+            ratio=self.column("substrate.E")[:, 0] / layer_E,
+            varpi=self._varpi(thickness),
+            rtol=self._rtol,
+        )
+        theta = np.asarray(isotropic_constants(layer_E, nu).theta, dtype=np.float64)
+        every = np.arange(self.sets)
+        arguments = (self.tip, theta, thickness, self._abel_coefficients(every))
+        contact = curves.force(*arguments)
+        slopes = curves.stiffness(*arguments) if stiffness else np.zeros_like(contact)
+        possible = curves.error_estimate <= self._rtol
+        readings = Readings(contact, slopes, self.instrument_force(contact), possible)
+        _one_by_one(self.forward, self.values, np.flatnonzero(~possible), readings)
+        return readings
+
     @property
     def exact_possible(self) -> bool:
         """Whether the exact law of an isotropic layer on an isotropic or rigid base may be taken."""
-        scene, method = self.forward.similarity.scene, self.forward.options.method
+        scene, method = self.forward.similarity.scene, self.forward.laws.options.method
         indenter = scene.indenter
         known = isinstance(indenter, PowerLawShape) and not isinstance(indenter, FlatPunch)
         fixed_sphere = isinstance(indenter, Sphere) and not isinstance(
@@ -265,8 +302,8 @@ class _Batch:
     def _compiled(self, soft: float, octave: float, thin: float | None) -> ExactBatch | None:
         """What is compiled for a group, kept in the problem's store; None where no law reaches it."""
         forward = self.forward
-        scene, store = forward.similarity.scene, forward.store
-        key = ("batch", forward.number, soft, octave, thin)
+        scene, store = forward.similarity.scene, forward.laws.store
+        key = ("batch", forward.laws.number, soft, octave, thin)
         if key in store.batches:
             return store.batches[key]
         material = scene.layer.material
