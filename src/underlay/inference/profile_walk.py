@@ -136,9 +136,9 @@ class Walk:
         A minimiser finds no way back from the middle of a plateau: a base left rigid there would stay so,
         and the profile of the thickness would not know that a thinner layer on a softer base answers alike.
         """
-        for i in self.objective.active:
+        for i in self._flat(found.vector):
             begin = _with(found.vector, i, 0.0)
-            if not self._is_flat(found.vector, i) or not self.objective.exists(begin):
+            if not self.objective.exists(begin):
                 continue
             other = minimise(self.objective, begin, max_evaluations=_MOST_EVALUATIONS)
             found = min(
@@ -146,11 +146,12 @@ class Walk:
             )
         return found
 
-    def _is_flat(self, vector: FloatArray, index: int) -> bool:
+    def _flat(self, vector: FloatArray) -> list[int]:
+        """Entries that do not act here; none where no law exists."""
         if not self.objective.exists(vector):
-            return False
-        columns = self.objective.jacobian(vector, rough=True)
-        return float(np.linalg.norm(columns[:, index])) < _FLAT
+            return []
+        norms = np.linalg.norm(self.objective.jacobian(vector, rough=True), axis=0)
+        return [i for i in self.objective.active if norms[i] < _FLAT]
 
     def _tangent(self) -> FloatArray:
         """d others / d parameter along the profile at the optimum, from the covariance."""
