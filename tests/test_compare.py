@@ -52,6 +52,16 @@ def test_laws_that_do_not_know_a_parameter_say_so():
     assert frame.loc["exact", H] > 0.0
 
 
+def test_a_law_without_error_bars_says_why():
+    # The first order on a large contact: its series has no end there, and the fit runs off to a layer of nothing.
+    scene = layer_on(ul.RIGID, indenter=ul.Paraboloid(4e-3))
+    found = compare(problem(scene, [E, H, C], measured(scene)), ["asymptotic:1", "exact"])
+    frame = found.to_frame()
+    assert np.isinf(frame.loc["asymptotic:1", f"{H} stderr"])
+    assert "has no error bar" in frame.loc["asymptotic:1", "notes"]
+    assert not frame.loc["exact", "notes"]
+
+
 def test_a_law_that_cannot_be_fitted_does_not_disturb_the_others():
     scene = layer_on(ul.Isotropic(4e6, 0.3), thickness=1e-3)
     p = problem(scene, [E, C], measured(scene))
