@@ -105,8 +105,11 @@ class Forward:
         return ScaledLaw(self.reference_law(self.similarity.reduced(values), b * deepest), b, c)
 
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
-        """Reference law that the reading at `values` comes from; raises as `law` does."""
-        return self.law(values, self._deepest(_instrument(values))).law
+        """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
+        b, _ = self.similarity.factors(values)
+        return self.laws.for_statements(
+            self.similarity.reduced(values), b * self._deepest(_instrument(values))
+        )
 
     def reading(self, values: Mapping[str, float]) -> Reading:
         """Force and stiffness at every reading; raises as `law` does."""

@@ -148,6 +148,16 @@ class LawSource:
         law = self._from_table(reduced, depth) if self.tabulated else None
         return law if law is not None else self._solved(reduced, depth)
 
+    def for_statements(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
+        """Law of the same kind that ends at `depth` (m), where its errors and flags depend on the range.
+
+        A kept law reaches up to twice as deep, and a published correction may leave its own range there.
+        """
+        law = self.law(reduced, depth)
+        if self.options.method in ("auto", "exact") or depth == 0.0:
+            return law
+        return self.options.build(self._scene(reduced), depth)
+
     def spans(self, depth: FloatArray) -> FloatArray:
         """Numbers of the ranges that depths (m), (sets,), belong to: those of one range share a law."""
         octaves = np.ceil(np.log2(np.maximum(depth, np.finfo(float).tiny)))

@@ -82,7 +82,8 @@ class Member:
     def law(self, physical: FloatArray) -> ContactLaw:
         """Contact law behind the model at a physical vector (k,), at the reference of the similarity.
 
-        Its range is up to twice the curve's, so its error estimate is not below that of the curve.
+        The range of the exact law is up to twice the curve's, so its error estimate is not below that of the
+        curve.
         """
         return self.forward.law_behind(self.values_at(physical))
 

@@ -89,7 +89,10 @@ def tabulated_law(
             return None
         return ExactLaw(
             method="exact",
-            reason=f"exact contact problem, a/h up to {solved.eps:.3g}, {solved.resolution.radial} nodes",
+            reason=(
+                f"exact contact problem, solved for a/h up to {solved.eps:.3g}, "
+                f"{solved.resolution.radial} nodes"
+            ),
             max_depth=max_depth,
             error_estimate=solved.error_estimate,
             measure=indenter,
@@ -106,7 +109,7 @@ def tabulated_law(
         return None
     return FamilyLaw(
         method="exact",
-        reason=f"exact contact problem, a/h up to {family.eps:.3g}, tabulated over the ratio of moduli",
+        reason=f"exact contact problem, tabulated over the ratio of moduli for a/h up to {family.eps:.3g}",
         max_depth=max_depth,
         error_estimate=family.error_estimate,
         measure=indenter,
