@@ -100,17 +100,18 @@ def _one_by_one(asked: ParameterSets, rows: Iterable[int], readings: Readings) -
 def _by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:
     """All sets through one law, another only where the range it needs belongs to another span."""
     readings = Readings.empty(asked.sets, len(asked.forward.depth))
-    depth = asked.b * asked.deepest
+    b, c = asked.factors
+    depth = b * asked.deepest
     spans = asked.forward.laws.spans(depth)
     alone: list[int] = []
     for span in np.unique(spans):
         rows = np.flatnonzero(spans == span)
         try:
             law = asked.forward.reference_law(reduced, float(depth[rows].max()))
-            w = asked.b[rows, None] * asked.tip[rows]
-            readings.contact[rows] = asked.c[rows, None] * law.force(w)
+            w = b[rows, None] * asked.tip[rows]
+            readings.contact[rows] = c[rows, None] * law.force(w)
             if stiffness:
-                readings.stiffness[rows] = (asked.b * asked.c)[rows, None] * law.stiffness(w)
+                readings.stiffness[rows] = (b * c)[rows, None] * law.stiffness(w)
         except InputError:
             # One of them is out of reach: the others are not.
             alone += rows.tolist()

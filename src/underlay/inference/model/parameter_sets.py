@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -35,8 +36,6 @@ class ParameterSets:
     ----------
     shared : tuple of float or None
         The ratios of all sets where none varies between them.
-    b, c : ndarray (sets,)
-        Factors of `Similarity`.
     tip : ndarray (sets, n)
         Indentation depths (m) by the reading, without compliance.
     deepest : ndarray (sets,)
@@ -51,7 +50,6 @@ class ParameterSets:
         ratios = similarity.reduced(numbers)
         # By what may vary, not by what happens to: one set alone goes the way it would go in company.
         self.shared = None if any(isinstance(ratio, np.ndarray) for ratio in ratios) else ratios
-        self.b, self.c = self._factors()
         self.tip = forward.depth - self.column("instrument.contact_depth")
         self.deepest = np.maximum(self.tip.max(axis=1), 0.0)
 
@@ -75,13 +73,14 @@ class ParameterSets:
 
     def column(self, path: str) -> FloatArray:
         """Values of one number, (sets, 1)."""
-        return np.broadcast_to(self.values[path], self.sets)[:, None]
+        value = self.values[path]
+        return value[:, None] if isinstance(value, np.ndarray) else np.full((self.sets, 1), value)
 
     def instrument_force(self, contact: FloatArray) -> FloatArray:
         """Force of the instrument (N), (sets, n): contact, baseline and slope."""
         force = contact
         for path, column in (("instrument.baseline", 1.0), ("instrument.baseline_slope", self.forward.depth)):
-            if np.any(self.values[path]):
+            if self.varies(path) or self.values[path]:
                 force = force + self.column(path) * column
         return force
 
@@ -89,8 +88,14 @@ class ParameterSets:
         """Largest half-space contact radius over thickness of each set."""
         measure = depth_measure(self.forward.similarity.scene.indenter)
         # w = A F_2 a^lambda, so a goes with A^(-1/lambda).
-        wider = self._coefficient_ratio() ** (-1.0 / measure.exponent)
-        return np.asarray(wider * measure.halfspace_radius(self.deepest) / thickness)
+        radius = measure.halfspace_radius(self.deepest)
+        if self._shape_varies:
+            radius = radius * self._coefficient_ratio() ** (-1.0 / measure.exponent)
+        return np.asarray(radius / thickness)
+
+    @property
+    def _shape_varies(self) -> bool:
+        return any(self.varies(path) for path in self.forward.similarity.shape)
 
     def _coefficient_ratio(self) -> FloatArray:
         """A over that of the reference shape, (sets,): what b leaves when the thickness is taken out."""
@@ -99,19 +104,20 @@ class ParameterSets:
             return np.ones(self.sets)
         thin = np.broadcast_to(self.values["layer.thickness"], self.sets)
         stretch = thin / float(similarity.values["layer.thickness"])
-        return np.asarray(stretch**-similarity.exponent / self.b)
+        return np.asarray(stretch**-similarity.exponent / self.factors[0])
 
     def abel_coefficients(self) -> FloatArray | None:
         """A F_2 of the shape of each set, (sets,), where it varies."""
         indenter = self.forward.similarity.scene.indenter
-        varies = any(self.varies(path) for path in self.forward.similarity.shape)
-        if not varies or not isinstance(indenter, PowerLawShape):
+        if not self._shape_varies or not isinstance(indenter, PowerLawShape):
             return None
         return np.asarray(indenter.abel_coefficient * self._coefficient_ratio())
 
-    def _factors(self) -> tuple[FloatArray, FloatArray]:
+    @cached_property
+    def factors(self) -> tuple[FloatArray, FloatArray]:
+        """The factors b and c of `Similarity`, each (sets,)."""
         similarity = self.forward.similarity
-        if any(self.varies(path) for path in similarity.shape):
+        if self._shape_varies:
             both = np.array([similarity.factors(self.row(row)) for row in self.rows])
             return both[:, 0], both[:, 1]
         numbers: Any = self.values  # as in __init__

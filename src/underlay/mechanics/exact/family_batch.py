@@ -107,17 +107,16 @@ def family_batch(
         With an infinite error estimate where there is no table.
     """
     spans, ranges = ratio_numbers(ratio), range_numbers(varpi)
-    numbers = (spans * _RANGES + ranges).astype(np.int64)
+    numbers = (spans * _RANGES + ranges).astype(np.int64).tolist()
     key = (indenter.exponent, layer_nu, base_nu, rtol)
     shelf = _SHELVES.get(key, _Shelf())
-    found, which = np.unique(numbers, return_inverse=True)
-    if not all(number in shelf.places for number in found.tolist()):
-        for number, first in zip(*np.unique(numbers, return_index=True), strict=True):
-            if int(number) not in shelf.places:
-                cell = Cell(indenter.exponent, layer_nu, base_nu, int(spans[first]), int(ranges[first]), rtol)
-                shelf = shelf.with_table(int(number), cell, curve_family(cell))
+    missing = {number: first for first, number in enumerate(numbers) if number not in shelf.places}
+    for number, first in missing.items():
+        cell = Cell(indenter.exponent, layer_nu, base_nu, int(spans[first]), int(ranges[first]), rtol)
+        shelf = shelf.with_table(number, cell, curve_family(cell))
+    if missing:
         _SHELVES[key] = shelf
-    places = np.array([shelf.places[number] for number in found.tolist()])[which]
+    places = np.array([shelf.places[number] for number in numbers])
     table = shelf.coefficients[places]
     position = (np.log(ratio) - shelf.middles[places]) / shelf.halves[places]
     powers = position[:, None, None] ** np.arange(table.shape[1])
