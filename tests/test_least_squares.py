@@ -368,3 +368,13 @@ def test_compliance_is_told_apart_from_the_sample():
     start = replace(scene, instrument=replace(scene.instrument, compliance=1e-3))
     found = fit(problem(start, [E, C, "instrument.compliance"], curve))
     assert abs(found.values["instrument.compliance"] - 2e-4) < 4.0 * found.stderr["instrument.compliance"]
+
+
+def test_what_is_known_only_together_is_said_once():
+    # A curve that begins in contact: modulus, thickness, contact point and baseline make up for one another.
+    scene = layer_on(ul.RIGID, thickness=1e-3).with_values({"instrument.contact_depth": -1e-4})
+    curve = synthesize(scene, np.linspace(0.0, 2e-4, 100), Noise(force=1e-5), 0)
+    found = fit(problem(scene, [E, H, C, "instrument.baseline"], curve))
+    told = [warning for warning in found.warnings if warning.code == "correlated"]
+    assert len(told) == 1
+    assert f"{E}, {H}, {C} and instrument.baseline are known only together" in str(told[0])

@@ -74,7 +74,8 @@ def test_provenance_is_in_the_metadata(put):
 def test_several_tests_are_listed_and_picked(put):
     path = put(files.mach1(3))
     with pytest.raises(
-        InputError, match=r"holds 3 tests \(1: measured, block 2.*Pick one with test=1 to test=3"
+        InputError,
+        match=r"holds 3 tests \(1: measured, block 2.*Pick one: test = 1 to test = 3 in the .curve. section",
     ):
         read(path)
     assert read(path, test=2).metadata["block"] == 5

@@ -80,9 +80,13 @@ def effects_table(scene: Scene, deepest: float, accuracy: Accuracy | None = None
                 "not in this scene" if math.isnan(row["size_percent"]) else f"{row['size_percent']:+.3g} %"
             ),
             "simulated": "yes" if row["simulated"] else "no",
-            "adds to the time": f"{row['cost_percent']:+.0f} %" if row["simulated"] else "nothing",
+            "adds to the time": _added(row["cost_percent"]) if row["simulated"] else "nothing",
             "note": str(row["note"]),
         }
         for _, row in ledger.iterrows()
     ]
     return labelled_table(rows)
+
+
+def _added(percent: float) -> str:
+    return f"{percent:+.0f} %" if abs(percent) >= 0.5 else "less than can be measured"

@@ -91,7 +91,10 @@ def read(
     if test is None:
         if len(curves) == 1:
             return curves[0]
-        raise InputError(f"{_listing(curves)}. Pick one with test=1 to test={len(curves)}, or use read_all")
+        raise InputError(
+            f"{_listing(curves)}. Pick one: test = 1 to test = {len(curves)} in the [curve] section of a scene "
+            f"file, or read(path, test=1); read_all takes all of them"
+        )
     if not 1 <= test <= len(curves):
         raise InputError(f"there is no test {test}: {_listing(curves)}")
     return curves[test - 1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from underlay._arrays import FloatArray
 from underlay.inference.fitting.diagnostics import ResidualDiagnostics
@@ -75,19 +76,29 @@ def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
 
 
 def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
-    warnings = []
+    """One warning for each group of parameters that strong correlations link."""
     deviation = np.sqrt(np.diag(covariance))
-    for i, name in enumerate(problem.names):
-        for j in range(i):
-            product = deviation[i] * deviation[j]
-            if product > 0.0 and abs(covariance[i, j]) > _STRONG_CORRELATION * product:
-                warnings.append(
-                    FitWarning(
-                        "correlated",
-                        f"{problem.names[j]} and {name} are known only together (correlation "
-                        f"{covariance[i, j] / product:+.4f}); see identifiability(problem)",
-                    )
-                )
+    product = np.outer(deviation, deviation)
+    known = product > 0.0
+    correlation = np.divide(covariance, product, out=np.zeros_like(product), where=known)
+    linked = np.abs(correlation) > _STRONG_CORRELATION
+    _, group = connected_components(linked)
+    warnings = []
+    for number in np.unique(group):
+        members = np.flatnonzero(group == number)
+        if len(members) < 2:
+            continue
+        block = np.triu(correlation[np.ix_(members, members)], 1)
+        i, j = np.unravel_index(int(np.argmax(np.abs(block))), block.shape)
+        *others, last = (problem.names[member] for member in members)
+        pair = f" of {problem.names[members[i]]} and {problem.names[members[j]]}" if len(others) > 1 else ""
+        warnings.append(
+            FitWarning(
+                "correlated",
+                f"{', '.join(others)} and {last} are known only together (correlation{pair} "
+                f"{block[i, j]:+.4f}); see identifiability(problem)",
+            )
+        )
     return warnings
 
 
