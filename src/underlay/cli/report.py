@@ -59,7 +59,7 @@ def report(
 
     Example: `underlay report curve.csv --scene scene.toml --output report.html`
 
-    A posterior of `underlay sample` holds its scene: `underlay report results/curve.posterior.npz` is enough.
+    What `underlay sample` kept (.npz) holds its scene and curve: name it alone.
 
     Example: `underlay report --new-notebook my_analysis.ipynb curve.csv scene.toml`
     """
