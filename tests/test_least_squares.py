@@ -101,6 +101,19 @@ def test_wrong_starts_land_on_the_same_optimum():
     assert len(starts.missed(12, seed=5)) <= 1
 
 
+@pytest.mark.parametrize("stiff", [1e15, 1e18, 1e21, 1e24])
+def test_a_base_too_stiff_to_act_does_not_stop_the_others(stiff):
+    scene = layer_on(ul.RIGID)
+    curve = measured(scene)
+    expected = fit(problem(scene, [E, H, C], curve))
+    begun = layer_on(ul.Isotropic(stiff, 0.3), thickness=4.7e-4, E=1.05e6)
+    found = fit(problem(begun, [E, H, C, BASE], curve), start="given")
+    # The noise is estimated, so the residuals themselves are compared; ftol leaves 1e-8 of their squares.
+    rms, best = (float(np.std(entry.residuals[0])) for entry in (found, expected))
+    assert rms == pytest.approx(best, rel=1e-6)
+    assert found.values[E] == pytest.approx(expected.values[E], abs=0.01 * expected.stderr[E])
+
+
 def test_the_last_curve_does_not_matter():
     scene = layer_on(ul.RIGID)
     curve = measured(scene)
