@@ -13,9 +13,9 @@ def report_pages(tmp_path_factory):
     problem = ul.load_problem(SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml")
     fit = ul.fit(problem)
     joint = joint_fit()
-    sampled, posterior = small_posterior()
+    _, posterior = small_posterior()
     return {
         "fit": (fit, ul.report(fit, folder / "fit.html")),
         "joint": (joint, ul.report(joint, folder / "joint.html")),
-        "posterior": (posterior, ul.report(posterior, folder / "posterior.html", problem=sampled)),
+        "posterior": (posterior, ul.report(posterior, folder / "posterior.html")),
     }

@@ -3,11 +3,13 @@
 import json
 import shutil
 import sys
+from dataclasses import replace
 
 import pytest
 
 from support.reports import SAMPLES, cells_of, page_text, small_posterior
 from underlay.cli.app import main
+from underlay.data.curve_csv import curve_csv
 
 
 @pytest.fixture
@@ -45,12 +47,55 @@ def test_page_of_a_kept_fit(run, tmp_path):
     )
 
 
-def test_page_of_a_kept_posterior(run, tmp_path):
-    small_posterior()[1].save(tmp_path / "draws.npz")
+def test_sample_then_report_needs_nothing_more(run, tmp_path):
+    scene = tmp_path / "scene.toml"
+    bounded = 'instrument.baseline = { min = "-10 mN", max = "10 mN" }'
+    scene.write_text(scene.read_text().replace("instrument.baseline = {}", bounded), encoding="utf-8")
+    words = ("--scene", "scene.toml", "--output", "results", "--walkers", "16", "--max-steps", "60")
+    assert run("sample", "curve.csv", *words)[0] == 0
+    # Neither file is needed any more.
+    scene.unlink()
+    (tmp_path / "curve.csv").unlink()
+    code, _, err = run("report", "results/curve.posterior.npz", "--output", "results/page.html")
+    assert code == 0, err
+    text = page_text(tmp_path / "results" / "page.html")
+    for part in (
+        "Data and prediction",
+        "The test",
+        "rigid, bonded to the layer",
+        "curve 1 taken from curve.csv",
+    ):
+        assert part in text, part
+    # The corner, the band over the data, the drawing of the scene.
+    assert (tmp_path / "results" / "page.html").read_text().count("<img") == 3
+
+
+def test_page_of_a_kept_posterior_without_its_scene(run, tmp_path):
+    problem, posterior = small_posterior()
+    replace(posterior, problem=None, missing="kept the draws alone").save(tmp_path / "draws.npz")
     assert run("report", "draws.npz")[0] == 0
     text = page_text(tmp_path / "report.html")
     assert "Uncertainty of an indentation test" in text
-    assert "The test" not in text  # no scene was named, so none is shown
+    assert "does not hold its scene (kept the draws alone)" in text
+    # With the files that were sampled it is shown; with others it is refused.
+    (tmp_path / "made.csv").write_text(curve_csv(problem.curves[0]), encoding="utf-8")
+    problem.base_scenes[0].save(tmp_path / "made.toml")
+    free = (
+        '\n[fit]\nlayer.E = { min = "10 kPa", max = "100 MPa" }\n'
+        'instrument.contact_depth = { min = "-10 um", max = "10 um" }\n'
+    )
+    (tmp_path / "made.toml").write_text((tmp_path / "made.toml").read_text() + free, encoding="utf-8")
+    assert run("report", "draws.npz", "made.csv", "--scene", "made.toml")[0] == 0
+    assert "to scale at the median" in page_text(tmp_path / "report.html")
+    for words, line in (
+        (("draws.npz", "curve.csv", "--scene", "scene.toml"), "the problem frees layer.E, layer.thickness"),
+        (("draws.npz", "curve.csv"), "add --scene SCENE.toml for curve.csv"),
+        (("draws.npz", "--scene", "scene.toml"), "name the curve that was sampled too"),
+    ):
+        code, _, err = run("report", *words)
+        assert code == 2
+        assert line in err
+        assert err.count("\n") == 1
 
 
 def test_new_notebook_is_ready_and_keeps_what_is_there(run, tmp_path):

@@ -171,6 +171,9 @@ def test_corner_marks_the_truth_and_needs_axes_it_can_divide():
         "layer modulus\n(MPa)",
         "contact point\n(um)",
     ]
+    # A longer name is broken, so that it stays within its cell.
+    long = ul.plots.corner(posterior, names=["layer.reduced_modulus"])
+    assert long.get_figure(root=True).axes[-1].get_xlabel() == "reduced modulus\nof the layer\n(MPa)"
     dashed = [line for line in cells[0].get_lines() if line.get_linestyle() == "--"]
     assert dashed[0].get_xdata()[0] == pytest.approx(1.0)
     by_hand = plt.figure().add_axes((0.1, 0.1, 0.8, 0.8))

@@ -1,5 +1,6 @@
 """The frozen result: its table, its derived quantities, its bands, and its way to disk and to others."""
 
+import json
 import sys
 import warnings
 from dataclasses import FrozenInstanceError, replace
@@ -23,7 +24,8 @@ from underlay.inference.sampling.informed import (
     compare_with_prior,
     prior_levels,
 )
-from underlay.inference.sampling.posterior import PREDICTIVE_LEVELS, Posterior
+from underlay.inference.sampling.posterior import Posterior
+from underlay.inference.sampling.predictive import PREDICTIVE_LEVELS
 from underlay.inference.sampling.run import sample
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
@@ -224,6 +226,74 @@ def test_saved_and_loaded_is_the_same(posterior, tmp_path):
     # Nothing in the file is a pickle.
     with np.load(path, allow_pickle=False) as file:
         assert all(file[name].dtype.kind in "fU" for name in file.files)
+
+
+def test_a_saved_posterior_holds_its_problem(posterior, tmp_path):
+    path = tmp_path / "posterior.npz"
+    posterior.save(path)
+    loaded = Posterior.load(path)
+    assert loaded.missing == ""
+    assert loaded.problem.names == posterior.names
+    assert loaded.problem.base_scenes == posterior.problem.base_scenes
+    at = np.full(len(posterior.names), 0.01)
+    assert loaded.problem.log_posterior(at) == posterior.problem.log_posterior(at)
+    assert loaded.provenance == posterior.provenance
+    assert loaded.provenance["curves"][0]["points"] == len(posterior.problem.curves[0])
+
+
+def rewritten(path, change):
+    """The file with its document changed; what an older or a damaged one holds."""
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files}
+    about = json.loads(str(arrays.pop("about")))
+    change(about, arrays)
+    np.savez_compressed(path, about=np.array(json.dumps(about)), **arrays)
+
+
+def test_files_without_a_problem_load_and_say_what_is_missing(posterior, tmp_path):
+    path = tmp_path / "posterior.npz"
+    posterior.save(path)
+    rewritten(path, lambda about, _: about.pop("problem"))
+    older = Posterior.load(path)
+    assert older.problem is None
+    assert "kept the draws alone" in older.missing
+    assert older.provenance["curves"] == []
+    np.testing.assert_array_equal(older.chain, posterior.chain)
+    # Saved again it does not forget why.
+    older.save(path)
+    assert Posterior.load(path).missing == older.missing
+
+
+class Own(LogUniform):
+    """A prior from outside."""
+
+
+def test_a_problem_that_cannot_be_kept_costs_nothing_else(posterior, tmp_path):
+    path = tmp_path / "posterior.npz"
+    own = posterior.problem.revised(free={**posterior.problem.free, "layer.E": Own(1e4, 1e8)})
+    replace(posterior, problem=own).save(path)
+    loaded = Posterior.load(path)
+    assert loaded.problem is None
+    assert "the prior of layer.E, Own, is not part of underlay" in loaded.missing
+    # A shape that the reading program lacks.
+    posterior.save(path)
+
+    def unknown(about, _):
+        test = about["problem"]["tests"][0]
+        test["scene"] = test["scene"].replace("paraboloid", "tetrahedron")
+
+    rewritten(path, unknown)
+    loaded = Posterior.load(path)
+    assert loaded.problem is None
+    assert "tetrahedron" in loaded.missing
+
+
+def test_a_damaged_problem_is_refused(posterior, tmp_path):
+    path = tmp_path / "posterior.npz"
+    posterior.save(path)
+    rewritten(path, lambda _, arrays: arrays.update({"problem/0/force": arrays["problem/0/force"] * 2.0}))
+    with pytest.raises(FileFormatError, match="is damaged: the points of curve 1"):
+        Posterior.load(path)
 
 
 def test_other_files_are_no_posteriors(tmp_path):

@@ -324,8 +324,41 @@ def test_report_of_a_posterior(report_pages):
     posterior, page = report_pages["posterior"]
     text = page_text(page)
     assert "Layer modulus" in text
-    assert "indenter" in text
     assert ("The sampling converged" in text) == posterior.converged
+    # It holds its own scene and curve: drawn, listed, and named by the hash of the points.
+    median = posterior.samples["layer.E"].median()
+    assert "Indenter, layer and substrate to scale at the median" in text
+    assert f"Young's modulus E {median / 1e6:.4g} MPa" in text
+    assert posterior.provenance["curves"][0]["data_sha256"] in text
+    assert page.read_text().count("<img") == 3
+
+
+def test_report_of_a_joint_posterior_shows_every_scene(tmp_path):
+    joint = joint_fit()
+    free = {
+        "layer.E": ul.LogUniform(1e4, 1e8),
+        "layer.thickness": ul.LogUniform(1e-4, 1e-2),
+        "instrument.contact_depth": ul.Uniform(-1e-5, 1e-5),
+    }
+    problem = joint.problem.revised(free=free, noise=ul.Noise(force=1e-4))
+    with pytest.warns(ul.UnderlayWarning, match="intervals may be wrong"):
+        posterior = ul.sample(problem, walkers=16, max_steps=100, rng=0)
+    page = ul.report(posterior, tmp_path / "joint.html")
+    # The corner, the band of every curve, the drawing of every scene.
+    assert page.read_text().count("<img") == 1 + 3 + 2
+    text = page_text(page)
+    assert "quantity curve 1 curve 2 curve 3" in text
+    for entry in posterior.provenance["curves"]:
+        assert entry["data_sha256"] in text
+
+
+def test_report_of_a_posterior_without_its_problem_says_so(tmp_path):
+    _, posterior = small_posterior()
+    page = ul.report(replace(posterior, problem=None, missing="kept the draws alone"), tmp_path / "old.html")
+    text = page_text(page)
+    assert "Not shown: this posterior does not hold its scene (kept the draws alone)" in text
+    assert "underlay report POSTERIOR.npz CURVE --scene SCENE.toml" in text
+    assert page.read_text().count("<img") == 2
 
 
 def test_report_of_another_problem_is_refused(tmp_path):

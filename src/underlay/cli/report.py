@@ -16,7 +16,6 @@ from underlay.inference.fitting.provenance import curve_hash
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.problem import Problem
-from underlay.inference.sampling.posterior import Posterior
 from underlay.report.maps import is_map, read_map
 from underlay.report.render import (
     file_notebook,
@@ -36,7 +35,7 @@ Results = Annotated[
     list[Path],
     typer.Argument(
         help="What to report: a curve (with --scene), a .fit.json of `underlay fit`, a saved posterior "
-        "(.npz), a curve and its posterior, or the table of a map (.csv, .parquet).",
+        "(.npz; an older one with its curve and --scene), or the table of a map (.csv, .parquet).",
         metavar="RESULT...",
     ),
 ]
@@ -60,6 +59,8 @@ def report(
 
     Example: `underlay report curve.csv --scene scene.toml --output report.html`
 
+    What `underlay sample` kept (.npz) holds its scene and curve: name it alone.
+
     Example: `underlay report --new-notebook my_analysis.ipynb curve.csv scene.toml`
     """
     if new_notebook is not None:
@@ -74,9 +75,7 @@ def report(
         return
     asked = _sorted_out(results, scene)
     if asked.posterior is not None:
-        Posterior.load(asked.posterior)
-        files = None if asked.curve is None or asked.scene is None else (asked.curve, asked.scene)
-        notebook = posterior_notebook(asked.posterior, target.parent, command, files)
+        notebook = posterior_notebook(asked.posterior, target, command, _sampled_files(asked))
     else:
         curve, scene_file = _curve_and_scene(asked)
         # Wrong input is refused here, in one line, before a notebook is started.
@@ -155,6 +154,17 @@ def _check_record(record: _Record, problem: Problem) -> None:
                 f"{record.path} is not the fit of {record.curve} with this scene file ({name} differs); "
                 "fit it again"
             )
+
+
+def _sampled_files(asked: _Asked) -> tuple[Path, Path] | None:
+    """Curve and scene file named beside a posterior; None where neither is."""
+    if asked.curve is None and asked.scene is None:
+        return None
+    if asked.curve is None:
+        raise InputError(
+            f"name the curve that was sampled too: underlay report {asked.posterior} CURVE --scene"
+        )
+    return _curve_and_scene(asked)
 
 
 def _curve_and_scene(asked: _Asked) -> tuple[Path, Path]:

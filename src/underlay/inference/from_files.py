@@ -15,7 +15,8 @@ from underlay.data.readers import read
 from underlay.errors import CurveError, InputError, UnderlayError
 from underlay.inference.priors import Normal, prior_from_numbers
 from underlay.inference.problem import Given, Problem
-from underlay.scene.scene_file import FreeParameter, SceneFile, read_scene_file
+from underlay.scene.fit_section import FreeParameter
+from underlay.scene.scene_file import SceneFile, read_scene_file
 
 __all__ = ["chosen_part", "free_of", "load_problem", "problem_from", "read_for", "read_whole", "whole_curve"]
 

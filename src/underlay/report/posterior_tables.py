@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.report.tables import facts_table, labelled_table
 from underlay.report.words import label, quantity_with_interval
 from underlay.scene.parameters import kind_of
@@ -21,7 +22,7 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
     """Return one row per parameter and derived quantity: median, intervals, what the data told; as text."""
     rows = []
     for name, row in posterior.summary(derived=True).iterrows():
-        kind = _derived_kind(str(name))
+        kind = kind_of_quantity(str(name))
         rows.append(
             {
                 "parameter": label(str(name)),
@@ -39,13 +40,6 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
 
 def _span(low: float, high: float, kind: str) -> str:
     return f"{format_quantity(low, kind)} to {format_quantity(high, kind)}"
-
-
-def _derived_kind(name: str) -> str:
-    path = name.partition("[")[0]
-    if path == "stiffness":
-        return "stiffness"
-    return "pressure" if path.endswith("modulus") else kind_of(path)
 
 
 def prior_table(posterior: Posterior) -> pd.DataFrame:

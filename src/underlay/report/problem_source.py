@@ -41,10 +41,12 @@ def write_measured(problem: Problem, folder: Path) -> dict[int, Path]:
         If the folder cannot be written.
     """
     wholes = {number: beyond_loading(curve) for number, curve in enumerate(problem.curves, start=1)}
+    found = {number: whole for number, whole in wholes.items() if whole is not None}
+    if found:
+        require_writable_folder(folder)
     return {
         number: write_atomic(folder / f"measured-{number}.csv", _exact_csv(whole))
-        for number, whole in wholes.items()
-        if whole is not None
+        for number, whole in found.items()
     }
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from string import Template
 from typing import Any
 
 import pandas as pd
@@ -28,6 +30,7 @@ __all__ = [
     "page_path",
     "posterior_notebook",
     "report",
+    "require_same_parameters",
     "write_report",
 ]
 
@@ -49,7 +52,8 @@ def report(
         of that name and the ending ``.inputs``. From there the notebook repeats a fit; a posterior, which may
         have taken hours, is kept there as it is.
     problem : Problem, optional
-        What was sampled: a posterior does not hold its scene, and its report shows one only with it.
+        What was sampled, for a posterior that does not hold it: one from an older file, say. Without it the
+        report says that it cannot show the test.
 
     Returns
     -------
@@ -76,29 +80,41 @@ def report(
         write_atomic(table, result.to_csv(index=False))
         return write_report(_map_notebook("all sites", repeat, f"{inputs.name}/{table.name}"), target)
     if isinstance(result, Fit):
-        problem = result.problem
-    elif not isinstance(result, Posterior):
+        return write_report(_fit_report(result, target, inputs, repeat), target)
+    if not isinstance(result, Posterior):
         raise InputError(f"a report is of a Fit, a Posterior or a map; got {type(result).__name__}")
-    elif problem is not None and problem.names != result.names:
-        raise InputError(
-            f"this posterior is of {', '.join(result.names)}; the problem frees {', '.join(problem.names)}"
-        )
     if problem is not None:
-        repeat |= _origins(problem)
-    files = [] if problem is None else write_inputs(problem, inputs)
-    names = [file.relative_to(target.parent).as_posix() for file in files]
-    measured = {} if problem is None else write_measured(problem, inputs)
-    wholes = {number: file.relative_to(target.parent).as_posix() for number, file in measured.items()}
-    load = "" if problem is None else problem_source(problem, names)
-    name = "one curve" if problem is None else _title(problem)
-    if isinstance(result, Fit):
-        notebook = _fit_notebook(name, load, repeat, names, segments_part(wholes))
-    else:
-        saved = require_writable_folder(inputs) / "posterior.npz"
-        result.save(saved)
-        names = [saved.relative_to(target.parent).as_posix(), *names]
-        notebook = _posterior_notebook(name, load, repeat, names, segments_part(wholes))
-    return write_report(notebook, target)
+        require_same_parameters(result, problem)
+        result = replace(result, problem=problem, missing="")
+    saved = require_writable_folder(inputs) / "posterior.npz"
+    result.save(saved)
+    return write_report(posterior_notebook(saved, target, repeat["to repeat"]), target)
+
+
+def require_same_parameters(posterior: Posterior, problem: Problem) -> None:
+    """Refuse a problem that is not the one that was sampled.
+
+    Raises
+    ------
+    InputError
+        If its free parameters are others.
+    """
+    if problem.names != posterior.names:
+        raise InputError(
+            f"this posterior is of {', '.join(posterior.names)}; the problem frees {', '.join(problem.names)}"
+        )
+
+
+def _fit_report(result: Fit, target: Path, inputs: Path, repeat: Mapping[str, str]) -> Any:
+    problem = result.problem
+    names = [_seen_from(target.parent, file) for file in write_inputs(problem, inputs)]
+    measured = {
+        number: _seen_from(target.parent, file) for number, file in write_measured(problem, inputs).items()
+    }
+    facts = {**repeat, **_origins(problem)}
+    return _fit_notebook(
+        _title(problem), problem_source(problem, names), facts, names, segments_part(measured)
+    )
 
 
 def file_notebook(
@@ -122,19 +138,65 @@ def file_notebook(
 
 def posterior_notebook(
     posterior: str | os.PathLike[str],
-    folder: Path,
+    page: Path,
     command: str,
     files: tuple[str | os.PathLike[str], str | os.PathLike[str]] | None = None,
 ) -> Any:
-    """Return the notebook, not executed, of a saved posterior; see `file_notebook`.
+    """Return the notebook, not executed, of a saved posterior.
 
-    `files` are the curve and the scene file that were sampled, if they are to be shown.
+    Parameters
+    ----------
+    posterior : path
+        The file.
+    page : Path
+        Where the page will be written, the notebook beside it.
+    command : str
+        What repeats it.
+    files : (path, path), optional
+        Curve and scene file that were sampled, for a posterior that does not hold its problem.
+
+    Raises
+    ------
+    InputError
+        If `files` are not those of the posterior.
     """
+    folder = page.parent
+    loaded = Posterior.load(posterior)
     names = [_seen_from(folder, path) for path in (posterior, *(files or ()))]
-    load = _load_source(names[1:]) if files else ""
-    title = Path(files[0]).name if files else Path(posterior).name
-    segments = _file_segments(*files) if files else ""
-    return _posterior_notebook(title, load, {"to repeat": command}, names, segments)
+    facts = {"to repeat": command}
+    problem, load, segments = loaded.problem, "", ""
+    if files is not None:
+        problem = load_problem(*files)
+        require_same_parameters(loaded, problem)
+        load, segments = _load_source(names[1:]), _file_segments(*files)
+    elif problem is not None:
+        load = "problem = post.problem"
+        facts |= _origins(problem)
+        measured = write_measured(problem, page.parent / f"{page.stem}.inputs")
+        segments = segments_part({number: _seen_from(folder, file) for number, file in measured.items()})
+    scene = (
+        template_text("posterior_scene")
+        if problem is not None
+        else Template(template_text("posterior_missing")).substitute(missing=loaded.missing)
+    )
+    return make_notebook(
+        "posterior",
+        {
+            "title": f"Uncertainty of an indentation test: {_posterior_title(problem, posterior, files)}",
+            "posterior": repr(names[0]),
+            "load": load,
+            "segments_part": segments,
+            "scene_part": scene,
+            "facts": repr(facts),
+            "files": ", ".join(map(repr, names)),
+        },
+    )
+
+
+def _posterior_title(problem: Problem | None, posterior: Any, files: tuple[Any, Any] | None) -> str:
+    if files is not None:
+        return Path(files[0]).name
+    return Path(posterior).name if problem is None else _title(problem)
 
 
 def map_notebook(table: str | os.PathLike[str], folder: Path, command: str) -> Any:
@@ -162,23 +224,6 @@ def _fit_notebook(name: str, load: str, facts: Mapping[str, str], files: Sequenc
             "load": load,
             "segments_part": segments,
             "facts": repr({**facts, "random numbers": "none"}),
-            "files": ", ".join(map(repr, files)),
-        },
-    )
-
-
-def _posterior_notebook(
-    name: str, load: str, facts: Mapping[str, str], files: Sequence[str], segments: str
-) -> Any:
-    return make_notebook(
-        "posterior",
-        {
-            "title": f"Uncertainty of an indentation test: {name}",
-            "posterior": repr(files[0]),
-            "load": load,
-            "segments_part": segments,
-            "scene_part": template_text("posterior_scene") if load else "",
-            "facts": repr(dict(facts)),
             "files": ", ".join(map(repr, files)),
         },
     )

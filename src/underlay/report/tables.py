@@ -196,12 +196,14 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
         If one of the files cannot be read.
     """
     rows = {f"file {name}": f"SHA-256 {file_hash(name)}" for name in files}
-    record = getattr(result, "provenance", {})
-    for number, curve in enumerate(record.get("curves", ())):
+    record = result.provenance
+    for number, curve in enumerate(record["curves"]):
         which = f" {number + 1}" if len(record["curves"]) > 1 else ""
         rows[f"points used{which}"] = f"{curve['points']}, SHA-256 {curve['data_sha256']}"
-    versions = dict(record.get("versions", {}) or result.diagnostics.versions)  # type: ignore[union-attr]  # a posterior keeps them there
-    versions |= {"python": platform.python_version(), "system": platform.platform(terse=True)}
+    versions = record["versions"] | {
+        "python": platform.python_version(),
+        "system": platform.platform(terse=True),
+    }
     rows["versions"] = ", ".join(f"{name} {version}" for name, version in versions.items())
     return facts_table({**rows, **facts})
 

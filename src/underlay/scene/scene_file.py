@@ -38,8 +38,8 @@ from underlay.errors import FileAccessError, FileFormatError, InputError, Underl
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
+from underlay.scene.fit_section import FreeParameter, free_parameters
 from underlay.scene.instrument import Instrument
-from underlay.scene.parameters import kind_of, unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.scene.scene_schema import (
     CurveSection,
@@ -48,37 +48,12 @@ from underlay.scene.scene_schema import (
     SolverSection,
     ThicknessSection,
     check,
-    free_parameter_schema,
     schema_of,
 )
 
-__all__ = ["FreeParameter", "SceneFile", "SimulatedDepths", "load_scene", "read_scene_file"]
+__all__ = ["SceneFile", "SimulatedDepths", "load_scene", "read_scene_file", "scene_from_text"]
 
 _LARGEST_FILE = 1_000_000  # bytes; a scene is a page of text
-
-
-@dataclass(frozen=True)
-class FreeParameter:
-    """What a scene file says of one fitted parameter; numbers in SI.
-
-    Parameters
-    ----------
-    path : str
-        E.g. ``"layer.E"``.
-    prior : str or None
-        ``"uniform"``, ``"loguniform"``, ``"normal"``, ``"lognormal"``, ``"halfnormal"``, or None when only
-        bounds are given.
-    low, high : float
-        Bounds; infinite where the file gives none.
-    numbers : mapping
-        What the prior needs besides: mean, sd, median, relative_sd.
-    """
-
-    path: str
-    prior: str | None
-    low: float
-    high: float
-    numbers: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -136,6 +111,23 @@ class SceneFile:
 def load_scene(path: str | os.PathLike[str]) -> Scene:
     """Read the scene of a scene file; see `read_scene_file` for the rest of it."""
     return read_scene_file(path).scene
+
+
+def scene_from_text(text: str) -> Scene:
+    """Return the scene of the text of a scene file, such as `scene_text` makes.
+
+    Raises
+    ------
+    FileFormatError
+        If it is not TOML.
+    InputError
+        If a section, key, unit or value is not allowed.
+    """
+    try:
+        document = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise FileFormatError(f"the text of the scene is not TOML: {error}") from error
+    return _interpret(document, Path("scene.toml")).scene
 
 
 def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
@@ -205,7 +197,7 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
     accuracy = {"accuracy": Accuracy(solver.pop("rtol"))} if "rtol" in solver else {}
     return SceneFile(
         scene=scene,
-        free=tuple(_free_parameters(_table(document, "fit"), scene)),
+        free=tuple(free_parameters(_table(document, "fit"), scene)),
         solver=accuracy | solver,
         noise=check(NoiseSection, "noise", _table(document, "noise")),
         curve=check(CurveSection, "curve", _table(document, "curve")),
@@ -267,36 +259,3 @@ def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
 def _build(kind: type[Any], section: str, table: Mapping[str, Any]) -> Any:
     """Make a dataclass from a section; its fields say which keys there are."""
     return kind(**check(schema_of(kind, section), section, table))
-
-
-# --- what is fitted -----------------------------------------------------------------------------------
-
-
-def _free_parameters(table: Mapping[str, Any], scene: Scene) -> list[FreeParameter]:
-    known = [*scene.parameters, "noise.force", "noise.relative", "noise.correlation_time", "noise.depth"]
-    free = []
-    for path, entry in _flatten(table):
-        if path not in known:
-            raise unknown_parameter(path, known)
-        numbers = check(free_parameter_schema(kind_of(path)), f"fit] [{path}", entry)
-        low, high = numbers.pop("min", -np.inf), numbers.pop("max", np.inf)
-        if not low < high:
-            raise InputError(f"[fit] {path}: min must be below max")
-        free.append(FreeParameter(path, numbers.pop("prior", None), low, high, numbers))
-    return free
-
-
-def _flatten(table: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
-    """Turn ``layer.E = {...}`` (a nested table) and ``"layer.E" = {...}`` into (path, entry) pairs."""
-    pairs: list[tuple[str, Mapping[str, Any]]] = []
-    for name, entry in table.items():
-        if not isinstance(entry, Mapping):
-            raise InputError(f"[fit] {name}: write {name} = {{ min = ..., max = ... }}")
-        if "." in name:
-            pairs.append((name, entry))
-            continue
-        for field, inner in entry.items():
-            if not isinstance(inner, Mapping):
-                raise InputError(f"[fit] {name}.{field}: write {name}.{field} = {{ min = ..., max = ... }}")
-            pairs.append((f"{name}.{field}", inner))
-    return pairs

@@ -63,5 +63,6 @@ def _value(value: Any, kind: str) -> Any:
 
 
 def _text(value: float, kind: str) -> str | float:
-    unit = _SI[kind]
-    return f"{value!r} {unit}" if unit else value
+    # A shape from outside may hold numpy's floats, which write themselves otherwise.
+    unit, number = _SI[kind], float(value)
+    return f"{number!r} {unit}" if unit else number

@@ -12,8 +12,9 @@ from underlay.inference.problem import Problem
 from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.derived import derived_quantities
+from underlay.inference.sampling.diagnostics import SamplingDiagnostics
 from underlay.inference.sampling.informed import prior_levels
-from underlay.inference.sampling.posterior import Posterior, SamplingDiagnostics
+from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.predictive import predictive_bands
 from underlay.inference.sampling.stopping import Outcome
 
@@ -93,6 +94,7 @@ def assemble_posterior(
             versions={**provenance(problem.curves)["versions"], **versions},
         ),
         truth=_truth(problem),
+        problem=problem,
     )
 
 

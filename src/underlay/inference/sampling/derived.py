@@ -22,8 +22,17 @@ from underlay.mechanics.materials import (
     isotropic_constants,
     transversely_isotropic_constants,
 )
+from underlay.scene.parameters import kind_of
 
-__all__ = ["derived_quantities"]
+__all__ = ["derived_quantities", "kind_of_quantity"]
+
+
+def kind_of_quantity(name: str) -> str:
+    """Physical kind of a parameter or a derived quantity, e.g. ``"stiffness"`` for ``"stiffness[1]"``."""
+    path = name.partition("[")[0]
+    if path == "stiffness":
+        return "stiffness"
+    return "pressure" if path.endswith("modulus") else kind_of(path)
 
 
 def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, FloatArray]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -13,8 +11,11 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
-from underlay._files import write_atomic
-from underlay.errors import FileAccessError, FileFormatError, InputError
+from underlay.errors import FileFormatError, InputError
+from underlay.inference.fitting.provenance import provenance
+from underlay.inference.problem import Problem
+from underlay.inference.problem_record import problem_from_record, problem_record
+from underlay.inference.sampling.archive import read_archive, write_archive
 from underlay.inference.sampling.arviz_bridge import to_inference_data
 from underlay.inference.sampling.convergence import (
     effective_size,
@@ -22,88 +23,13 @@ from underlay.inference.sampling.convergence import (
     median_error,
     rank_normalised_rhat,
 )
+from underlay.inference.sampling.diagnostics import SamplingDiagnostics
 from underlay.inference.sampling.informed import INFORMED_COLUMNS, Information, compare_with_prior
+from underlay.inference.sampling.predictive import Predictive
 
-__all__ = ["PREDICTIVE_LEVELS", "Posterior", "Predictive", "SamplingDiagnostics"]
+__all__ = ["Posterior"]
 
 _FORMAT = "underlay posterior 1"
-
-#: Probabilities of the rows of a predictive band: 95 % and 68 % limits and the median.
-PREDICTIVE_LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
-
-
-@dataclass(frozen=True)
-class SamplingDiagnostics:
-    """How the sampling went.
-
-    Parameters
-    ----------
-    converged : bool
-        Whether the stop rule was met: longer than 50 autocorrelation times and R-hat below 1.01.
-    reason : str
-        Why it stopped, in words.
-    steps, burn_in, thin, walkers : int
-        Steps taken, steps dropped at the start, steps per kept draw, walkers.
-    autocorrelation_time : tuple of float
-        Of each parameter (steps), after burn-in.
-    rhat : tuple of float
-        Rank-normalised split R-hat of each parameter over the walkers, after burn-in.
-    acceptance : float
-        Share of proposals accepted, after burn-in.
-    evaluations, failures : int
-        Model evaluations, and how many of them failed inside the priors (each counted as impossible).
-    failure_region : mapping of name to (low, high)
-        Where they failed (SI), by parameter; empty where none did.
-    seconds : float
-        Time of this run, without what a resumed file already held.
-    seed : int or None
-        Seed of the generator, if one was given.
-    model_error : float
-        Relative error of the force that the contact law itself admits at the best fit.
-    versions : mapping of str to str
-        Of underlay and the libraries under it.
-    """
-
-    converged: bool
-    reason: str
-    steps: int
-    burn_in: int
-    thin: int
-    walkers: int
-    autocorrelation_time: tuple[float, ...]
-    rhat: tuple[float, ...]
-    acceptance: float
-    evaluations: int
-    failures: int
-    failure_region: Mapping[str, tuple[float, float]]
-    seconds: float
-    seed: int | None
-    model_error: float
-    versions: Mapping[str, str]
-
-
-@dataclass(frozen=True, eq=False)
-class Predictive:
-    """Posterior predictive band of one curve.
-
-    Parameters
-    ----------
-    depth, force : FloatArray
-        The data (m, N), (n,).
-    model : FloatArray
-        (5, n): force of the model (N) at `PREDICTIVE_LEVELS`.
-    reading : FloatArray
-        (5, n): the same of a new reading, noise included.
-    """
-
-    depth: FloatArray
-    force: FloatArray
-    model: FloatArray
-    reading: FloatArray
-
-    def coverage(self) -> float:
-        """Share of the data inside the 95 % band of a new reading."""
-        return float(np.mean((self.force >= self.reading[0]) & (self.force <= self.reading[-1])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +56,10 @@ class Posterior:
         How the sampling went.
     truth : mapping of str to float
         True values of the parameters, where the curve is synthetic.
+    problem : Problem, optional
+        What was sampled: scenes, curves, priors, noise.
+    missing : str
+        Why there is no problem; empty where there is one.
     """
 
     names: tuple[str, ...]
@@ -141,6 +71,8 @@ class Posterior:
     predictive: tuple[Predictive, ...]
     diagnostics: SamplingDiagnostics
     truth: Mapping[str, float]
+    problem: Problem | None = None
+    missing: str = ""
 
     def __post_init__(self) -> None:
         for array in (self.chain, self.log_posterior, self.prior_quantiles, *self.derived.values()):
@@ -154,6 +86,12 @@ class Posterior:
     def converged(self) -> bool:
         """Whether the stop rule was met."""
         return self.diagnostics.converged
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Versions of what computed, and names, files and hashes of the curves as far as they are known."""
+        curves = provenance(self.problem.curves)["curves"] if self.problem is not None else []
+        return {"versions": dict(self.diagnostics.versions), "curves": curves}
 
     @property
     def samples(self) -> pd.DataFrame:
@@ -231,7 +169,10 @@ class Posterior:
         return to_inference_data(self)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write everything to a compressed ``.npz`` file without pickles.
+        """Write everything to a compressed ``.npz`` file without pickles, the problem too.
+
+        A problem that has no words for a part of it, such as a prior of your own class, is left out, and the
+        file says why.
 
         Raises
         ------
@@ -255,32 +196,31 @@ class Posterior:
             "curves": len(self.predictive),
             "diagnostics": asdict(self.diagnostics),
         }
-        buffer = io.BytesIO()
-        np.savez_compressed(buffer, about=np.array(json.dumps(about)), **arrays)
-        write_atomic(path, buffer.getvalue())
+        if self.problem is not None:
+            try:
+                about["problem"], kept = problem_record(self.problem)
+                arrays |= {f"problem/{name}": array for name, array in kept.items()}
+            except InputError as error:
+                about["missing"] = str(error)
+        elif self.missing:
+            about["missing"] = self.missing
+        write_archive(path, about, arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
         """Read what `save` wrote.
+
+        A file that lacks the problem, as older ones do, gives a posterior without it; `missing` says why.
 
         Raises
         ------
         FileAccessError
             If the file cannot be read.
         FileFormatError
-            If it is not a saved posterior.
+            If it is not a saved posterior, or damaged.
         """
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-            about = json.loads(str(arrays["about"]))
-            known = about["format"] == _FORMAT
-        except OSError as error:
-            raise FileAccessError(f"cannot read {os.fspath(path)}: {error}") from error
-        except (ValueError, KeyError) as error:
-            raise FileFormatError(f"{os.fspath(path)} is not a saved posterior: {error}") from error
-        if not known:
-            raise FileFormatError(f"{os.fspath(path)} is a posterior of another version: {about['format']!r}")
+        about, arrays = read_archive(path, _FORMAT, "posterior")
+        problem, missing = _problem_of(about, arrays, os.fspath(path))
         details = about["diagnostics"]
         details["autocorrelation_time"] = tuple(details["autocorrelation_time"])
         details["rhat"] = tuple(details["rhat"])
@@ -302,7 +242,24 @@ class Posterior:
             ),
             diagnostics=SamplingDiagnostics(**details),
             truth=about["truth"],
+            problem=problem,
+            missing=missing,
         )
+
+
+def _problem_of(about: Mapping[str, Any], arrays: Mapping[str, Any], path: str) -> tuple[Problem | None, str]:
+    """The problem of a saved posterior, or why there is none."""
+    if "problem" not in about:
+        return None, about.get("missing", "it was saved by a version of underlay that kept the draws alone")
+    kept = {
+        name.removeprefix("problem/"): array for name, array in arrays.items() if name.startswith("problem/")
+    }
+    try:
+        return problem_from_record(about["problem"], kept), ""
+    except FileFormatError as error:
+        raise FileFormatError(f"{path} is damaged: {error}") from error
+    except InputError as error:
+        return None, f"it cannot be stated here: {error}"
 
 
 def _row(values: FloatArray, informed: str) -> dict[str, Any]:

@@ -2,15 +2,43 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.noise import standard_deviation, whiten
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.inference.sampling.posterior import PREDICTIVE_LEVELS, Predictive
 
-__all__ = ["predictive_bands", "sigma_of_draws"]
+__all__ = ["PREDICTIVE_LEVELS", "Predictive", "predictive_bands", "sigma_of_draws"]
+
+#: Probabilities of the rows of a predictive band: 95 % and 68 % limits and the median.
+PREDICTIVE_LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
+
+
+@dataclass(frozen=True, eq=False)
+class Predictive:
+    """Posterior predictive band of one curve.
+
+    Parameters
+    ----------
+    depth, force : FloatArray
+        The data (m, N), (n,).
+    model : FloatArray
+        (5, n): force of the model (N) at `PREDICTIVE_LEVELS`.
+    reading : FloatArray
+        (5, n): the same of a new reading, noise included.
+    """
+
+    depth: FloatArray
+    force: FloatArray
+    model: FloatArray
+    reading: FloatArray
+
+    def coverage(self) -> float:
+        """Share of the data inside the 95 % band of a new reading."""
+        return float(np.mean((self.force >= self.reading[0]) & (self.force <= self.reading[-1])))
 
 
 def predictive_bands(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -12,9 +13,9 @@ from scipy import ndimage
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
+from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.report.plots.style import FIT, GREY, REFERENCE, YELLOW, axes, style
 from underlay.report.words import label
-from underlay.scene.parameters import kind_of
 from underlay.units import human_unit
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["corner"]
 
 _BINS = 32
+# A cell is as wide as so many letters; a longer label would run into its neighbour.
+_LETTERS = 15
 _MASSES = (0.95, 0.68)
 # Standard deviation, in bins, of the smoothing that makes contours of a finite number of draws.
 _SMOOTHING = 1.0
@@ -78,10 +81,9 @@ class _Column:
 
     def __init__(self, posterior: Posterior, name: str) -> None:
         values = posterior.of(name).ravel()
-        path = name.partition("[")[0]
-        kind = "stiffness" if path == "stiffness" else kind_of(path)
-        unit, self.factor = human_unit(float(np.median(values)), kind)
-        self.label = f"{label(name)}\n({unit})" if unit else label(name)
+        unit, self.factor = human_unit(float(np.median(values)), kind_of_quantity(name))
+        words = textwrap.fill(label(name), _LETTERS)
+        self.label = f"{words}\n({unit})" if unit else words
         self.draws = values / self.factor
         self.prior: FloatArray | None = None
         if name in posterior.names:

@@ -1,0 +1,164 @@
+"""A problem as text and arrays: what a file keeps so that it can be stated again, to the last bit.
+
+Scenes are kept as the text of scene files, curves as arrays with the hash of their points, priors and noise
+by name and numbers. No code is kept: what cannot be named, such as a prior of the caller's own, cannot be kept
+either, and `problem_record` says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from typing import Any
+
+import numpy as np
+
+from underlay.data.curve import Curve
+from underlay.data.metadata import Metadata
+from underlay.data.noise import Noise
+from underlay.errors import FileFormatError, InputError
+from underlay.inference.fitting.provenance import curve_hash
+from underlay.inference.priors import (
+    Flat,
+    HalfNormal,
+    LogNormal,
+    LogUniform,
+    Normal,
+    Prior,
+    Truncated,
+    Uniform,
+)
+from underlay.inference.problem import Given, Problem
+from underlay.mechanics.accuracy import Accuracy
+from underlay.scene.scene import Scene
+from underlay.scene.scene_file import scene_from_text
+from underlay.scene.scene_writer import scene_text
+
+__all__ = ["problem_from_record", "problem_record"]
+
+_PRIORS: Mapping[str, type[Prior]] = {
+    kind.__name__: kind for kind in (Flat, HalfNormal, LogNormal, LogUniform, Normal, Truncated, Uniform)
+}
+_COLUMNS = ("depth", "force", "time", "segment")
+
+
+def problem_record(problem: Problem) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
+    """Return what states a problem: a document of plain values, ready for JSON, and its arrays by name.
+
+    An infinity, such as the thickness of a half-space, is one: Python's JSON writes and reads it.
+
+    Raises
+    ------
+    InputError
+        If a part of it has no name under which it could be found again.
+    """
+    options = problem.options
+    tests: list[dict[str, Any]] = []
+    arrays: dict[str, np.ndarray[Any, Any]] = {}
+    for number, (scene, curve) in enumerate(zip(problem.base_scenes, problem.curves, strict=True)):
+        tests.append(
+            {
+                "scene": _text_of(scene),
+                "sha256": curve_hash(curve),
+                "metadata": Metadata(curve.metadata).to_dict(),
+                "truth": None if curve.truth is None else Metadata(curve.truth).to_dict(),
+            }
+        )
+        columns = {name: getattr(curve, name) for name in _COLUMNS}
+        arrays |= {f"{number}/{name}": array for name, array in columns.items() if array is not None}
+    document = {
+        "tests": tests,
+        "free": {path: _given(path, given) for path, given in problem.free.items()},
+        "shared": list(problem.shared),
+        "noise": _noise(problem.noise),
+        "rtol": None if options.accuracy is None else options.accuracy.rtol,
+        "method": options.method,
+        "order": options.order,
+        "form": options.form,
+    }
+    return document, arrays
+
+
+def problem_from_record(document: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> Problem:
+    """Return the problem that `problem_record` took apart.
+
+    Raises
+    ------
+    FileFormatError
+        If something is missing, or the points of a curve are not those whose hash was kept.
+    InputError
+        If the problem cannot be stated here, e.g. for a shape of indenter that this program does not know.
+    """
+    try:
+        tests = [
+            (scene_from_text(test["scene"]), _curve(number, test, arrays))
+            for number, test in enumerate(document["tests"])
+        ]
+        free = {path: _from_given(given) for path, given in document["free"].items()}
+        noise, rtol = document["noise"], document["rtol"]
+        shared, law = document["shared"], {key: document[key] for key in ("method", "order", "form")}
+        models = [_from_noise(entry) for entry in noise] if isinstance(noise, list) else _from_noise(noise)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise FileFormatError(f"the record of its problem lacks {error}") from error
+    accuracy = None if rtol is None else Accuracy(rtol)
+    return Problem.joint(tests, free, shared, models, accuracy=accuracy, **law)
+
+
+def _text_of(scene: Scene) -> str:
+    """Text that gives this scene again: draws of hours must not wait for a reader to find that it does not."""
+    name = type(scene.indenter).__name__
+    if not type(scene.indenter).shape:
+        raise InputError(f"its indenter, {name}, has no name in scene files")
+    try:
+        text = scene_text(scene)
+        whole = scene_from_text(text) == scene
+    except (TypeError, ValueError, KeyError) as error:
+        raise InputError(f"its scene, of a {name}, cannot be written as a scene file: {error}") from error
+    if not whole:
+        raise InputError(f"its scene, of a {name}, does not come back from a scene file as it was")
+    return text
+
+
+def _curve(number: int, test: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> Curve:
+    columns = {name: arrays[f"{number}/{name}"] for name in _COLUMNS if f"{number}/{name}" in arrays}
+    curve = Curve(**columns, metadata=test["metadata"], truth=test["truth"])
+    if curve_hash(curve) != test["sha256"]:
+        raise FileFormatError(f"the points of curve {number + 1} are not those that were saved")
+    return curve
+
+
+def _given(path: str, given: Given) -> dict[str, Any] | None:
+    """A prior, bounds or nothing, as plain values."""
+    if given is None:
+        return None
+    if not isinstance(given, Prior):
+        return {"low": float(given[0]), "high": float(given[1])}
+    name = type(given).__name__
+    if _PRIORS.get(name) is not type(given):
+        raise InputError(f"the prior of {path}, {name}, is not part of underlay")
+    values = {field.name: getattr(given, field.name) for field in fields(given)}  # type: ignore[arg-type]  # each is a dataclass
+    inner = {key: _given(path, value) for key, value in values.items() if isinstance(value, Prior)}
+    return {"kind": name, **values, **inner}
+
+
+def _from_given(entry: Mapping[str, Any] | None) -> Given:
+    if entry is None:
+        return None
+    # Any: a truncated prior holds another one beside its numbers.
+    values: dict[str, Any] = {
+        key: _from_given(value) if isinstance(value, Mapping) else value
+        for key, value in entry.items()
+        if key != "kind"
+    }
+    return _PRIORS[entry["kind"]](**values) if "kind" in entry else (values["low"], values["high"])
+
+
+def _noise(noise: Any) -> Any:
+    """A noise model, or one per curve, as plain values."""
+    if noise is None or isinstance(noise, Noise):
+        return None if noise is None else asdict(noise)
+    return [_noise(entry) for entry in noise]
+
+
+def _from_noise(entry: Mapping[str, Any] | None) -> Noise | None:
+    return None if entry is None else Noise(**entry)

@@ -1,0 +1,58 @@
+"""How a sampling went, for the record and for a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+__all__ = ["SamplingDiagnostics"]
+
+
+@dataclass(frozen=True)
+class SamplingDiagnostics:
+    """How the sampling went.
+
+    Parameters
+    ----------
+    converged : bool
+        Whether the stop rule was met: longer than 50 autocorrelation times and R-hat below 1.01.
+    reason : str
+        Why it stopped, in words.
+    steps, burn_in, thin, walkers : int
+        Steps taken, steps dropped at the start, steps per kept draw, walkers.
+    autocorrelation_time : tuple of float
+        Of each parameter (steps), after burn-in.
+    rhat : tuple of float
+        Rank-normalised split R-hat of each parameter over the walkers, after burn-in.
+    acceptance : float
+        Share of proposals accepted, after burn-in.
+    evaluations, failures : int
+        Model evaluations, and how many of them failed inside the priors (each counted as impossible).
+    failure_region : mapping of name to (low, high)
+        Where they failed (SI), by parameter; empty where none did.
+    seconds : float
+        Time of this run, without what a resumed file already held.
+    seed : int or None
+        Seed of the generator, if one was given.
+    model_error : float
+        Relative error of the force that the contact law itself admits at the best fit.
+    versions : mapping of str to str
+        Of underlay and the libraries under it.
+    """
+
+    converged: bool
+    reason: str
+    steps: int
+    burn_in: int
+    thin: int
+    walkers: int
+    autocorrelation_time: tuple[float, ...]
+    rhat: tuple[float, ...]
+    acceptance: float
+    evaluations: int
+    failures: int
+    failure_region: Mapping[str, tuple[float, float]]
+    seconds: float
+    seed: int | None
+    model_error: float
+    versions: Mapping[str, str]

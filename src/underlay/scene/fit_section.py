@@ -1,0 +1,77 @@
+"""The [fit] section of a scene file: what is fitted, and what is known of it before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from underlay.errors import InputError
+from underlay.scene.parameters import kind_of, unknown_parameter
+from underlay.scene.scene import Scene
+from underlay.scene.scene_schema import check, free_parameter_schema
+
+__all__ = ["FreeParameter", "free_parameters"]
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """What a scene file says of one fitted parameter; numbers in SI.
+
+    Parameters
+    ----------
+    path : str
+        E.g. ``"layer.E"``.
+    prior : str or None
+        ``"uniform"``, ``"loguniform"``, ``"normal"``, ``"lognormal"``, ``"halfnormal"``, or None when only
+        bounds are given.
+    low, high : float
+        Bounds; infinite where the file gives none.
+    numbers : mapping
+        What the prior needs besides: mean, sd, median, relative_sd.
+    """
+
+    path: str
+    prior: str | None
+    low: float
+    high: float
+    numbers: Mapping[str, float]
+
+
+def free_parameters(table: Mapping[str, Any], scene: Scene) -> list[FreeParameter]:
+    """Read the ``[fit]`` section of a scene file.
+
+    Raises
+    ------
+    InputError
+        If a path is not one of the scene or its noise, or what is said of it is not allowed.
+    """
+    known = [*scene.parameters, "noise.force", "noise.relative", "noise.correlation_time", "noise.depth"]
+    free = []
+    for path, entry in _flatten(table):
+        if path not in known:
+            raise unknown_parameter(path, known)
+        numbers = check(free_parameter_schema(kind_of(path)), f"fit] [{path}", entry)
+        low, high = numbers.pop("min", -np.inf), numbers.pop("max", np.inf)
+        if not low < high:
+            raise InputError(f"[fit] {path}: min must be below max")
+        free.append(FreeParameter(path, numbers.pop("prior", None), low, high, numbers))
+    return free
+
+
+def _flatten(table: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
+    """Turn ``layer.E = {...}`` (a nested table) and ``"layer.E" = {...}`` into (path, entry) pairs."""
+    pairs: list[tuple[str, Mapping[str, Any]]] = []
+    for name, entry in table.items():
+        if not isinstance(entry, Mapping):
+            raise InputError(f"[fit] {name}: write {name} = {{ min = ..., max = ... }}")
+        if "." in name:
+            pairs.append((name, entry))
+            continue
+        for field, inner in entry.items():
+            if not isinstance(inner, Mapping):
+                raise InputError(f"[fit] {name}.{field}: write {name}.{field} = {{ min = ..., max = ... }}")
+            pairs.append((f"{name}.{field}", inner))
+    return pairs
