@@ -16,7 +16,7 @@ from support.inverse import ambiguous
 from support.reports import SAMPLES, cells_of, joint_fit, page_text, small_posterior
 from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
 from underlay.inference.priors import Truncated
-from underlay.report import maps, tables, words
+from underlay.report import labels, maps, open_ends, tables, words
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.execution import execute
 from underlay.report.intervals import estimates
@@ -43,9 +43,9 @@ def test_interval_in_words(value, low, high, kind, text):
 
 
 def test_names_for_people():
-    assert words.label("layer.E") == "layer modulus"
-    assert words.label("layer.E[1]") == "layer modulus (curve 2)"
-    assert words.label("indenter.tilt") == "indenter.tilt"
+    assert labels.label("layer.E") == "layer modulus"
+    assert labels.label("layer.E[1]") == "layer modulus (curve 2)"
+    assert labels.label("indenter.tilt") == "indenter.tilt"
 
 
 def cartilage(**changes):
@@ -93,7 +93,7 @@ def test_intervals_that_are_too_narrow_are_said_to_be():
 def test_a_second_optimum_stands_beside_the_headline():
     fit = ul.fit(ambiguous())
     (other,) = fit.alternatives
-    (sentence,) = words.rivals(fit)
+    (sentence,) = open_ends.rivals(fit)
     numbers = re.fullmatch(
         r"A second optimum explains these data as well: layer modulus ([\d.]+) MPa, layer thickness ([\d.]+) mm; "
         r"chi-square higher by ([\d.]+)\. The intervals above are those of the best alone\.",
@@ -122,13 +122,13 @@ def test_an_optimum_the_data_nearly_reject_is_said_to_be_that():
     fit = ul.fit(ambiguous())
     # 3.9 is the 95 % threshold of F(1, 197).
     far, near = (replace(fit.alternatives[0], rise=rise) for rise in (5.0, 3.8))
-    first, second = words.rivals(
+    first, second = open_ends.rivals(
         replace(fit, alternatives=(near, far)), {"layer.E": ul.profile(fit, "layer.E")}
     )
     assert first.startswith("A second optimum explains these data as well")
     assert second.startswith("A third optimum explains these data nearly as well")
     assert "higher by 5." in second
-    assert words.rivals(ul.fit(cartilage())) == []
+    assert open_ends.rivals(ul.fit(cartilage())) == []
     assert not [name for name in tables.interval_table(ul.fit(cartilage())) if "optimum" in name]
 
 
@@ -297,7 +297,7 @@ def test_page_of_a_joint_fit_shows_every_scene(report_pages):
             .set_index("effect")
             .loc["finite thickness", "size_percent"]
         )
-        assert re.search(rf"{words.start(test.label)} effect .*finite thickness \+{size:.3g} % yes", text)
+        assert re.search(rf"{labels.start(test.label)} effect .*finite thickness \+{size:.3g} % yes", text)
     # Of every curve its fit, of every scene its drawing and its effects; correlations, and two profiles.
     assert page.read_text().count("<img") == 3 + 2 + 2 + 1 + 2
 

@@ -17,6 +17,7 @@ from underlay.inference.planning import plan
 from underlay.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.inference.profiles import profile
+from underlay.inference.remedy import remedy
 from underlay.inference.sampling.model_comparison import compare_models, with_model_error
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.run import sample
@@ -80,6 +81,7 @@ __all__ = [
     "published_corrections",
     "read",
     "read_all",
+    "remedy",
     "report",
     "sample",
     "simulate",

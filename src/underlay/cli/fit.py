@@ -15,8 +15,9 @@ from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
 from underlay.report.measured import beyond_loading
+from underlay.report.open_ends import advice, rivals
 from underlay.report.tables import correlated_pairs, fit_table
-from underlay.report.words import headline, rivals
+from underlay.report.words import headline
 
 __all__ = ["fit", "quality_doubts", "reservations", "show_fit", "write_fit"]
 
@@ -68,7 +69,7 @@ def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
 def show_fit(result: Fit, name: str) -> None:
     """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
     say("")
-    for sentence in (headline(result), *rivals(result)):
+    for sentence in (headline(result), *advice(result), *rivals(result)):
         say(sentence)
     say_table(fit_table(result), f"Fit of {name}")
     pairs = correlated_pairs(result)

@@ -11,8 +11,9 @@ import pandas as pd
 
 from underlay.errors import FileAccessError, FileFormatError
 from underlay.inference.batch.results_table import FITTED
+from underlay.report.labels import label, start
 from underlay.report.tables import facts_table, labelled_table, source_rows
-from underlay.report.words import label, quantity_with_interval, start
+from underlay.report.words import quantity_with_interval
 from underlay.scene.parameters import kind_of
 
 __all__ = [

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from underlay.inference.sampling.derived import kind_of_quantity
+from underlay.report.labels import label
 from underlay.report.tables import facts_table, labelled_table
-from underlay.report.words import label, quantity_with_interval
+from underlay.report.words import quantity_with_interval
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 

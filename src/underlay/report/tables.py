@@ -15,7 +15,9 @@ import pandas as pd
 from underlay.errors import FileAccessError
 from underlay.inference.fitting.provenance import version_record
 from underlay.report.intervals import estimates
-from underlay.report.words import label, quantity_with_interval, rival_name, strong_pairs
+from underlay.report.labels import label
+from underlay.report.open_ends import rival_name
+from underlay.report.words import quantity_with_interval, strong_pairs
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 

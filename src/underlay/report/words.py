@@ -9,71 +9,32 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from underlay._arrays import ArrayLike
-from underlay.inference.profiles import interval_threshold
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.intervals import Estimate, estimates
+from underlay.report.labels import is_of_the_sample, label, start
+from underlay.report.open_ends import advice, rivals
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Alternative, Fit
+    from underlay.inference.fitting.fit_result import Fit
     from underlay.inference.profiles import Profile
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
     "headline",
-    "label",
     "posterior_summary",
     "quantity_with_interval",
-    "rival_name",
-    "rivals",
-    "start",
     "strong_pairs",
     "summary",
 ]
 
-#: What the parameters are called in a sentence.
-_LABELS = {
-    "layer.E": "layer modulus",
-    "layer.E_axial": "axial modulus of the layer",
-    "layer.G_axial": "axial shear modulus of the layer",
-    "layer.nu": "Poisson's ratio of the layer",
-    "layer.thickness": "layer thickness",
-    "layer.reduced_modulus": "reduced modulus of the layer",
-    "layer.oedometric_modulus": "oedometric modulus of the layer",
-    "substrate.E": "substrate modulus",
-    "substrate.nu": "Poisson's ratio of the substrate",
-    "indenter.radius": "indenter radius",
-    "indenter.half_angle": "half-angle of the indenter",
-    "instrument.contact_depth": "contact point",
-    "instrument.baseline": "baseline",
-    "instrument.baseline_slope": "baseline slope",
-    "instrument.compliance": "instrument compliance",
-    "noise.force": "noise of the force",
-    "noise.relative": "relative noise",
-    "noise.correlation_time": "correlation time of the noise",
-    "noise.depth": "noise of the depth",
-    "stiffness": "contact stiffness at the deepest point",
-}
 #: Above this, two parameters are not known one by one, only together.
 STRONG = 0.9
 #: Confidence of the intervals in a sentence.
 _LEVEL = 0.95
-_ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
 # A change of the force below this is not worth a sentence.
 _NOTICEABLE = 0.01
-
-
-def label(name: str) -> str:
-    """Return what a parameter is called in a sentence: ``"layer.E[1]"`` -> ``"layer modulus (curve 2)"``.
-
-    ``"layer.E.stderr"``, a column of a map, is the ``"standard error of the layer modulus"``.
-    """
-    if name.endswith(".stderr"):
-        return f"standard error of the {label(name.removesuffix('.stderr'))}"
-    path, _, number = name.partition("[")
-    words = _LABELS.get(path, path)
-    return f"{words} (curve {int(number.rstrip(']')) + 1})" if number else words
 
 
 def quantity_with_interval(value: float, low: float, high: float, kind: str) -> str:
@@ -100,46 +61,7 @@ def headline(result: Fit) -> str:
     --------
     ``"Layer modulus 0.42 MPa (0.40 to 0.44, 95 %). Layer thickness is not fixed by this test."``
     """
-    return " ".join(_sentence(entry) for entry in estimates(result) if _is_of_the_sample(entry.name))
-
-
-def rivals(result: Fit, profiles: Mapping[str, Profile] | None = None) -> list[str]:
-    """Return one sentence per other optimum that explains the data, or nearly does; most often none.
-
-    `profiles`, by name of the parameter, are those the intervals of the headline come from, if any.
-
-    Examples
-    --------
-    ``"A second optimum explains these data as well: layer modulus 0.3311 MPa, layer thickness 0.2276 mm;
-    chi-square higher by 3.6. The intervals above are those of the best alone."``
-    """
-    return [
-        _rival_sentence(result, other, rival_name(place), profiles or {})
-        for place, other in enumerate(result.alternatives)
-    ]
-
-
-def rival_name(place: int) -> str:
-    """Return what the optimum at this place of `Fit.alternatives` is called: ``"second"``."""
-    return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 2}th"
-
-
-def _rival_sentence(result: Fit, other: Alternative, name: str, profiles: Mapping[str, Profile]) -> str:
-    shown = [path for path in other.values if _is_of_the_sample(path)] or list(other.values)
-    numbers = ", ".join(
-        f"{label(path)} {format_quantity(other.values[path], kind_of(path.partition('[')[0]))}"
-        for path in shown
-    )
-    nearly = "" if other.rise <= interval_threshold(result, _LEVEL) else "nearly "
-    reach = "are those of the best alone"
-    if profiles:
-        intervals = {path: profiles[path].interval(_LEVEL) for path in shown if path in profiles}
-        inside = all(part.low <= other.values[path] <= part.high for path, part in intervals.items())
-        reach = "reach over it too" if inside else "stop short of it"
-    return (
-        f"A {name} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
-        f"{other.rise:.2g}. The intervals above {reach}."
-    )
+    return " ".join(_sentence(entry) for entry in estimates(result) if is_of_the_sample(entry.name))
 
 
 def summary(result: Fit, profiles: Mapping[str, Profile] | None = None) -> str:
@@ -147,14 +69,14 @@ def summary(result: Fit, profiles: Mapping[str, Profile] | None = None) -> str:
 
     Intervals are those of `profiles`, by name of the parameter, where there are some.
     """
-    found = [entry for entry in estimates(result, profiles) if _is_of_the_sample(entry.name)]
+    found = [entry for entry in estimates(result, profiles) if is_of_the_sample(entry.name)]
     lines = [f"**{_sentence(entry)}**" for entry in found]
-    paragraphs = [" ".join(lines), *rivals(result, profiles)]
+    paragraphs = [" ".join(lines), *advice(result, profiles), *rivals(result, profiles)]
     paragraphs += [
         f"{start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): "
         f"if one is wrong, so is the other."
         for first, second, value in strong_pairs(result)
-        if _is_of_the_sample(first) and _is_of_the_sample(second)
+        if is_of_the_sample(first) and is_of_the_sample(second)
     ]
     paragraphs += [
         text
@@ -178,7 +100,7 @@ def posterior_summary(posterior: Posterior) -> str:
                 f"{start(label(str(name)))} is not informed by these data: {_with_level(text)} is what was "
                 "known before."
             )
-        if _is_of_the_sample(str(name)):
+        if is_of_the_sample(str(name)):
             parts.append(f"**{sentence}**")
     d = posterior.diagnostics
     state = "The sampling converged" if posterior.converged else "**The sampling did not converge**"
@@ -197,15 +119,6 @@ def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
         if abs(matrix[i, j]) > STRONG
     ]
     return sorted(pairs, key=lambda pair: -abs(pair[2]))
-
-
-def _is_of_the_sample(name: str) -> bool:
-    return not name.startswith(("instrument.", "noise."))
-
-
-def start(text: str) -> str:
-    """Return `text` as it begins a sentence."""
-    return text[:1].upper() + text[1:]
 
 
 def _with_level(text: str) -> str:

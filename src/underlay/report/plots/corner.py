@@ -14,8 +14,8 @@ from scipy import ndimage
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.sampling.derived import kind_of_quantity
+from underlay.report.labels import label
 from underlay.report.plots.style import FIT, GREY, REFERENCE, YELLOW, axes, style
-from underlay.report.words import label
 from underlay.units import human_unit
 
 if TYPE_CHECKING:

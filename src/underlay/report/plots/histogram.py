@@ -7,8 +7,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from underlay.errors import InputError
+from underlay.report.labels import label
 from underlay.report.plots.style import FIT, INK, axes, style
-from underlay.report.words import label
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 

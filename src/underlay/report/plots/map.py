@@ -12,8 +12,8 @@ from scipy import spatial
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
+from underlay.report.labels import label
 from underlay.report.plots.style import GREY, SEQUENTIAL, axes, style, unit_for
-from underlay.report.words import label
 from underlay.scene.parameters import kind_of
 from underlay.units import human_unit
 

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from underlay.report.labels import label
 from underlay.report.plots.style import DIVERGING, GREY, INK
-from underlay.report.words import label
 
 __all__ = ["draw_matrix"]
 

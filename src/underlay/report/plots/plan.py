@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from underlay.report.labels import label
 from underlay.report.plots.style import GREY, INK, SEQUENTIAL, axes, style, unit_for
-from underlay.report.words import label
 
 if TYPE_CHECKING:
     from underlay.inference.planning import Plan

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
+from underlay.report.labels import label
 from underlay.report.plots.style import ACCENT, DATA, FIT, REFERENCE, SKY, axes, style
-from underlay.report.words import label
 from underlay.scene.parameters import kind_of
 from underlay.units import human_unit
 

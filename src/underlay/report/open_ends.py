@@ -1,0 +1,90 @@
+"""What a result leaves open, in sentences: other optima, and the second test that would tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from underlay.errors import UnderlayError
+from underlay.inference.profiles import interval_threshold
+from underlay.inference.remedy import remedy
+from underlay.report.intervals import estimates
+from underlay.report.labels import is_of_the_sample, label, start
+from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay.inference.fitting.fit_result import Alternative, Fit
+    from underlay.inference.profiles import Profile
+
+__all__ = ["advice", "rival_name", "rivals"]
+
+_LEVEL = 0.95
+_ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
+
+
+def rivals(result: Fit, profiles: Mapping[str, Profile] | None = None) -> list[str]:
+    """Return one sentence per other optimum that explains the data, or nearly does; most often none.
+
+    `profiles`, by name of the parameter, are those the intervals of the headline come from, if any.
+
+    Examples
+    --------
+    ``"A second optimum explains these data as well: layer modulus 0.3311 MPa, layer thickness 0.2276 mm;
+    chi-square higher by 3.6. The intervals above are those of the best alone."``
+    """
+    return [
+        _rival_sentence(result, other, rival_name(place), profiles or {})
+        for place, other in enumerate(result.alternatives)
+    ]
+
+
+def advice(result: Fit, profiles: Mapping[str, Profile] | None = None) -> list[str]:
+    """Return one sentence per parameter of the sample that stays open: which second tip would fix it.
+
+    Examples
+    --------
+    ``"Layer thickness: a second test with a 0.5 mm sphere, pressed as deep (force up to 3.7 mN) and fitted
+    jointly, would fix it to 4.3 %."``
+    """
+    sentences = []
+    for entry in estimates(result, profiles):
+        is_open = entry.not_fixed or math.isinf(entry.low) or math.isinf(entry.high)
+        if not is_open or not is_of_the_sample(entry.name):
+            continue
+        # Of an interval with one end the forecast supposes a value well inside.
+        supposed, words = None, ""
+        if not entry.not_fixed:
+            supposed = 2.0 * entry.low if math.isinf(entry.high) else 0.5 * entry.high
+            words = f", were it {format_quantity(supposed, kind_of(entry.path))}"
+        try:
+            found = remedy(result, entry.name, value=supposed)
+        except UnderlayError:
+            # A fit of several curves, a tip without a radius: nothing to advise.
+            continue
+        sentences.append(f"{start(label(entry.name))}{words}: {found.sentence}.")
+    return sentences
+
+
+def rival_name(place: int) -> str:
+    """Return what the optimum at this place of `Fit.alternatives` is called: ``"second"``."""
+    return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 2}th"
+
+
+def _rival_sentence(result: Fit, other: Alternative, name: str, profiles: Mapping[str, Profile]) -> str:
+    shown = [path for path in other.values if is_of_the_sample(path)] or list(other.values)
+    numbers = ", ".join(
+        f"{label(path)} {format_quantity(other.values[path], kind_of(path.partition('[')[0]))}"
+        for path in shown
+    )
+    nearly = "" if other.rise <= interval_threshold(result, _LEVEL) else "nearly "
+    reach = "are those of the best alone"
+    if profiles:
+        intervals = {path: profiles[path].interval(_LEVEL) for path in shown if path in profiles}
+        inside = all(part.low <= other.values[path] <= part.high for path, part in intervals.items())
+        reach = "reach over it too" if inside else "stop short of it"
+    return (
+        f"A {name} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
+        f"{other.rise:.2g}. The intervals above {reach}."
+    )
