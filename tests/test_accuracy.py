@@ -298,3 +298,17 @@ def test_unknown_methods_and_missing_substrates_are_named():
         contact_law(BALL, GEL, RIGID, max_depth=1e-5, method="magic")
     with pytest.raises(InputError, match="garcia2018 needs a substrate"):
         contact_law(BALL, Layer(GEL.material), None, max_depth=1e-5, method="garcia2018")
+
+
+@pytest.mark.parametrize("method", ["halfspace", "asymptotic", "exact"])
+def test_force_and_stiffness_together_are_the_two_alone(method):
+    layer, tip = Layer(Isotropic(3e6, 0.5), 1e-3), Paraboloid(1e-3)
+    law = contact_law(tip, layer, RIGID, max_depth=5e-5, method=method)
+    for depth in (np.linspace(-1e-5, 5e-5, 50), np.linspace(1e-6, 5e-5, 12).reshape(3, 4), 2e-5, -1e-5):
+        force, stiffness = law.force_and_stiffness(depth)
+        # One product of matrices for two rows rounds as two do, up to the order of its sums.
+        assert force == pytest.approx(law.force(depth), rel=1e-13)
+        assert stiffness == pytest.approx(law.stiffness(depth), rel=1e-13)
+    if np.isfinite(law.max_depth):
+        with pytest.raises(RangeError):
+            law.force_and_stiffness(np.array([2.0 * law.max_depth]))

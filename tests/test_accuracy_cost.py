@@ -160,6 +160,7 @@ def test_the_command_writes_table_and_pictures(tmp_path):
 def quick_bench(monkeypatch):
     """The real cases, each timed twice, and three numbers of depths."""
     monkeypatch.setattr("underlay.cli.bench.bench_table", lambda: bench.bench_table(rounds=2))
+    monkeypatch.setattr("underlay.cli.bench.fit_table", lambda: bench.fit_table(rounds=2))
     monkeypatch.setattr(
         "underlay.cli.bench.depth_table", lambda: bench.depth_table((10, 100, 1000), rounds=2)
     )
@@ -179,7 +180,10 @@ def test_bench_replaces_the_table_and_nothing_else(tmp_path):
     for case in bench.CASES:
         assert f"| {case.name} | " in text
     assert "| 1,000 | " in text
-    assert len((tmp_path / "bench.csv").read_text().splitlines()) == len(bench.CASES) + 2
+    # A header and the unit stand above the cases of each table.
+    for name, fits in (("bench.csv", False), ("bench.fits.csv", True)):
+        cases = [case for case in bench.CASES if case.is_fit is fits]
+        assert len((tmp_path / name).read_text().splitlines()) == len(cases) + 2
     assert (tmp_path / "bench.depths.csv").is_file()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
@@ -48,7 +49,7 @@ def _number(value: float, name: str) -> float:
 def finite(value: float, name: str, unit: str) -> float:
     """Return `value` as a float if it is finite."""
     number = _number(value, name)
-    if not np.isfinite(number):
+    if not math.isfinite(number):
         raise InputError(f"{name} must be finite ({unit}); got {value!r}")
     return number
 

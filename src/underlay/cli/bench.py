@@ -1,4 +1,4 @@
-"""`underlay bench`: what the forward models cost, and the README's table of it."""
+"""`underlay bench`: what the forward models and the fits cost, and the README's table of it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.options import OutputFolder
 from underlay.errors import FileAccessError, FileFormatError
-from underlay.report.bench import bench_markdown, bench_table, depth_table
+from underlay.report.bench import bench_markdown, bench_table, depth_table, fit_table
 
 __all__ = ["bench"]
 
@@ -27,22 +27,24 @@ def bench(
     ] = None,
     output: OutputFolder = None,
 ) -> None:
-    """Time the forward models against the explicit formula, in one process.
+    """Time models against the explicit formula, and fits against a plain Hertz fit, in one process.
 
     Example: `underlay bench --readme README.md`
     """
     page = None if readme is None else _read(readme)
     if output is not None:
         require_writable_folder(output)
-    table, curve = bench_table(), depth_table()
+    table, curve, fits = bench_table(), depth_table(), fit_table()
     say_table(table, "Times in units of the explicit formula, 1000 depths")
     say_table(curve, "Against the number of depths")
+    say_table(fits, "Times in units of lmfit's fit of Hertz's formula, 1000 points")
     if output is not None:
         say(f"wrote {write_atomic(output / 'bench.csv', table.to_csv(index=False))}")
         say(f"wrote {write_atomic(output / 'bench.depths.csv', curve.to_csv(index=False))}")
+        say(f"wrote {write_atomic(output / 'bench.fits.csv', fits.to_csv(index=False))}")
     if readme is not None and page is not None:
         before, after = page
-        text = f"{before}{_START}\n{bench_markdown(table, curve)}\n{_END}{after}"
+        text = f"{before}{_START}\n{bench_markdown(table, curve, fits)}\n{_END}{after}"
         say(f"wrote {write_atomic(readme, text)}")
 
 

@@ -142,6 +142,11 @@ class Noise:
         return sigma * ar1_sample(rng, np.shape(sigma), time, self.correlation_time)
 
 
+def _is_off(part: PerSet) -> bool:
+    """Whether a part of the noise is zero in every set; a fit asks this of single numbers at every step."""
+    return part == 0.0 if isinstance(part, float) else not np.any(part)
+
+
 def standard_deviation(
     force: FloatArray,
     stiffness: FloatArray | None = None,
@@ -161,7 +166,7 @@ def standard_deviation(
         If depth noise is asked for without a stiffness.
     """
     white = np.asarray(force_sd, dtype=np.float64)[..., None]
-    with_relative, with_depth = np.any(relative), np.any(depth_sd)
+    with_relative, with_depth = not _is_off(relative), not _is_off(depth_sd)
     if not (with_relative or with_depth):
         return np.broadcast_to(white, np.broadcast_shapes(white.shape, np.shape(force)))
     variance = white * white
@@ -196,7 +201,7 @@ def whiten(standardised: FloatArray, time: FloatArray | None, correlation_time: 
     InputError
         If a correlation time is set and `time` is missing or does not increase.
     """
-    if not np.any(correlation_time):
+    if _is_off(correlation_time):
         return standardised
     rho, spread = ar1_coefficients(time, correlation_time)
     white = np.empty(np.broadcast_shapes(standardised.shape, (*rho.shape[:-1], 1)))
@@ -239,7 +244,7 @@ def log_normalisation(sigma: FloatArray, time: FloatArray | None, correlation_ti
     else:
         log_sigma = np.log(sigma).sum(axis=-1)
     value = -log_sigma - 0.5 * points * np.log(2.0 * np.pi)
-    if np.any(correlation_time):
+    if not _is_off(correlation_time):
         _, spread = ar1_coefficients(time, correlation_time)
         value = value - np.log(spread).sum(axis=-1)
     return np.asarray(value)

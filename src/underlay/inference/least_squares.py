@@ -6,7 +6,6 @@ Standard errors are those of the delta method: the inverse of J'J in scaled coor
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +19,8 @@ from underlay.inference.fitting.fit_result import Fit, FitStatistics, FitWarning
 from underlay.inference.fitting.law_bias import law_bias
 from underlay.inference.fitting.noise_estimate import first_noises, renew
 from underlay.inference.fitting.objective import Minimum, Objective, weights_at
-from underlay.inference.fitting.start import scan_starts, thinned
+from underlay.inference.fitting.rough import rough_minima
+from underlay.inference.fitting.start import scan_starts
 from underlay.inference.problem import Problem
 from underlay.mechanics.accuracy import Accuracy
 
@@ -38,11 +38,6 @@ _IDLE = 0.01 * _TOLERANCE
 _MAX_ROUNDS = 12
 # From a start that the scan found ten evaluations are usual; a valley without an end takes hundreds.
 _MOST_EVALUATIONS = 300
-# A rough fit stays between the neighbours of its grid point (0.56 apart in ln h): beyond is another start's.
-_ROUGH_EVALUATIONS, _ROUGH_REACH = 12, 0.8
-# Two rough optima closer than this in every scaled coordinate are one; a rise of chi-square by 30 in the
-# blocks is not undone by looking at every point.
-_ONE_PLACE, _MAY_BE = 0.05, 30.0
 _MAX_REFINEMENTS = 4
 _LAW_SHARE = 1.0 / 3.0  # of a standard error that the law's own error may move a parameter by
 _TIGHTEST, _LOOSEST = 1e-12, 1e-2
@@ -100,14 +95,14 @@ def fit(
 def _fit_once(problem: Problem, method: str, robust: str | None, start: str) -> Fit:
     began = time.perf_counter()
     solver = "least_squares" if robust else method
-    starts = [problem.start] if start == "given" else scan_starts(problem) or [problem.start]
-    if len(starts) > 1:
-        starts = _sorted_out(problem, starts, robust)
+    starts = [problem.start] if start == "given" else _scanned(problem, robust)
     settled = [_settle(problem, _inside(problem, first), solver, robust) for first in starts]
     outcomes = [outcome for outcome in settled if outcome is not None]
     if not outcomes:
         raise _no_law(problem)
-    objective, minimum = min(outcomes, key=lambda outcome: outcome[0].loss(outcome[1].vector))
+    objective, minimum = outcomes[0]
+    if len(outcomes) > 1:
+        objective, minimum = min(outcomes, key=lambda outcome: outcome[0].loss(outcome[1].vector))
     return assemble(
         objective,
         minimum,
@@ -129,41 +124,14 @@ def _no_law(problem: Problem) -> FitError:
     )
 
 
-def _sorted_out(problem: Problem, starts: Sequence[FloatArray], robust: str | None) -> list[FloatArray]:
-    """Fit the starts roughly, to the curves in blocks, and keep those that may be the optimum, best first."""
-    thin = thinned(problem)
-    noises = first_noises(thin, thin.start)
-    objective = Objective(thin, weights_at(thin, thin.start, noises))
-    solver = "least_squares" if robust else "leastsq"
-    rough: list[tuple[float, FloatArray]] = []
-    for first in starts:
-        # The two problems scale contact and baseline by their own ranges: values go between them.
-        values = {name: value for name, value in problem.values(first).items() if name in thin.names}
-        begin = _inside(thin, thin.vector(values))
-        if not objective.exists(begin):
-            continue
-        found = minimise(
-            objective,
-            begin,
-            method=solver,
-            robust=robust,
-            max_evaluations=_ROUGH_EVALUATIONS,
-            reach=_ROUGH_REACH,
-        )
-        vector = problem.vector(problem.values(first) | thin.values(found.vector))
-        rough.append((float(np.square(objective.residuals(found.vector)).sum()), vector))
-    if not rough:
-        return list(starts)
-    rough.sort(key=lambda entry: entry[0])
-    least = rough[0][0]
-    degrees = max(thin.n_points - len(thin.names), 1)
-    kept: list[FloatArray] = []
-    for square, vector in rough:
-        same = any((np.abs(vector - other) < _ONE_PLACE).all() for other in kept)
-        if not same and (square - least) * degrees <= _MAY_BE * least:
-            kept.append(vector)
+def _scanned(problem: Problem, robust: str | None) -> list[FloatArray]:
+    """Starts from the data alone, those that may be the optimum, best first; the scene's own if there is none."""
+    starts = [_inside(problem, first) for first in scan_starts(problem)]
+    found = (
+        [entry.vector for entry in rough_minima(problem, starts, robust=robust is not None)] if starts else []
+    )
     # Robust fits of different scale do not compare by their losses: only the best is taken further.
-    return kept[:1] if robust else kept
+    return (found[:1] if robust else found) or starts or [problem.start]
 
 
 def _settle(
@@ -197,21 +165,21 @@ def minimise(
     method: str = "leastsq",
     robust: str | None = None,
     max_evaluations: int = _MOST_EVALUATIONS,
-    reach: float = np.inf,
 ) -> Minimum:
-    """Minimise the weighted sum of squares over the active entries, from a scaled start (k,).
-
-    No entry goes further than `reach` from its start.
-    """
+    """Minimise the weighted sum of squares over the active entries, from a scaled start (k,)."""
     active = objective.active
     if not active:
         return Minimum(start, success=True, message="nothing to vary.")
     names = [f"q{i}" for i in active]
-    bounds = objective.problem.bounds
-    low, high = np.maximum(bounds[:, 0], start - reach), np.minimum(bounds[:, 1], start + reach)
-    parameters = lmfit.Parameters()
-    for name, i in zip(names, active, strict=True):
-        parameters.add(name, value=float(start[i]), min=float(low[i]), max=float(high[i]))
+    low, high = objective.problem.bounds.T
+    parameters: Any = [
+        lmfit.Parameter(name, value=float(start[i]), min=float(low[i]), max=float(high[i]))
+        for name, i in zip(names, active, strict=True)
+    ]
+    if method == "least_squares":
+        # leastsq takes the list as it is and spares itself a copy, with its interpreter of expressions.
+        parameters, named = lmfit.Parameters(), parameters
+        parameters.add_many(*named)
 
     def vector(current: Any) -> FloatArray:
         full: FloatArray = np.array(start)

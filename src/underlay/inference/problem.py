@@ -7,11 +7,12 @@ Everything a fit or a sampler asks is a pure function of one vector of scaled co
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from typing import Self, TypeAlias
 
 import numpy as np
 
-from underlay._arrays import FloatArray
+from underlay._arrays import FloatArray, read_only
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.errors import InputError
@@ -161,7 +162,7 @@ class Problem:
 
     # --- what it is made of ---------------------------------------------------------------------------
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the free parameters, in the order of a vector."""
         return tuple(coordinate.name for coordinate in self.coordinates)
@@ -181,15 +182,15 @@ class Problem:
         """The scenes as given, one per curve."""
         return tuple(member.scene for member in self.members)
 
-    @property
+    @cached_property
     def n_points(self) -> int:
         """Number of points of all curves."""
         return sum(len(member.force) for member in self.members)
 
-    @property
+    @cached_property
     def bounds(self) -> FloatArray:
-        """Lower and upper bounds in scaled coordinates, (k, 2); infinite where there are none."""
-        return np.array([coordinate.bounds for coordinate in self.coordinates])
+        """Lower and upper bounds in scaled coordinates, (k, 2), read-only; infinite where there are none."""
+        return read_only(np.array([coordinate.bounds for coordinate in self.coordinates]))
 
     @property
     def start(self) -> FloatArray:

@@ -72,6 +72,14 @@ class ContactLaw(ABC):
         """Incremental stiffness dP/dw (N/m) (9.1), shape of `depth` (m); raises as `force` does."""
         return self._in_contact(depth, self._stiffness)
 
+    def force_and_stiffness(self, depth: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Force P (N) and dP/dw (N/m), each of the shape of `depth` (m), for less than the two alone cost.
+
+        Raises as `force` does.
+        """
+        both = self._in_contact(depth, self._force_and_stiffness, 2)
+        return both[0], both[1]
+
     def depth(self, force: ArrayLike) -> FloatArray:
         """Indentation depth (m) at `force` (N, not negative): the inverse of `force`.
 
@@ -104,12 +112,19 @@ class ContactLaw(ABC):
     def _stiffness(self, depth: FloatArray) -> FloatArray:
         """dP/dw (N/m) at positive depths (m), 1-D."""
 
+    def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
+        """Force (N) and dP/dw (N/m) at positive depths (m), (n,), as rows (2, n)."""
+        return np.stack((self._force(depth), self._stiffness(depth)))
+
     @property
     @abstractmethod
     def _beyond(self) -> str:
         """Why `max_depth` is the end, and what to do next; completes the sentence of a RangeError."""
 
-    def _in_contact(self, depth: ArrayLike, primitive: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    def _in_contact(
+        self, depth: ArrayLike, primitive: Callable[[FloatArray], FloatArray], *rows: int
+    ) -> FloatArray:
+        """Ask `primitive` where there is contact; `rows` are the axes that it puts before that of the depths."""
         w = np.asarray(depth, dtype=np.float64)
         flat = np.atleast_1d(w).ravel()
         # NaN fails the comparison too, and so does inf where the law has no end: as_finite names them.
@@ -122,12 +137,12 @@ class ContactLaw(ABC):
             )
         touching = flat > 0.0
         if touching.all():
-            return primitive(flat).reshape(w.shape)[()]
+            return primitive(flat).reshape((*rows, *w.shape))[()]
         as_finite(w, "depth")
-        values = np.zeros_like(flat)
+        values = np.zeros((*rows, flat.size))
         if touching.any():
-            values[touching] = primitive(flat[touching])
-        return values.reshape(w.shape)[()]
+            values[..., touching] = primitive(flat[touching])
+        return values.reshape((*rows, *w.shape))[()]
 
     def _solve_depth(self, load: FloatArray) -> FloatArray:
         """Invert an increasing law by Newton's method on ln P(ln w), kept inside a shrinking bracket."""

@@ -19,6 +19,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -131,7 +132,7 @@ class PowerLawShape(Indenter):
         def coefficient(self) -> float:
             """The paper's A (m^(1-lambda)), positive."""
 
-    @property
+    @cached_property
     def abel_coefficient(self) -> float:
         """A F_2(lambda): H(r) = A F_2 r^lambda."""
         return self.coefficient * float(abel_factor(self.exponent))

@@ -1,16 +1,18 @@
-"""What the forward models cost: the cases of the README's table, timed in one process and one unit.
+"""What the forward models and the fits cost: the cases of the README's tables, timed in one process.
 
-The unit is the explicit fourth-order formula (5.9) in plain numpy on the same depths. It is timed in turns
-with each case and every ratio is the median over the rounds. Times are processor times: a busy machine makes
-calls wait, and the longer a call the more of it is waiting. To add a case: one line in `CASES`; its `prepare`
-takes the depths and returns the call that is timed.
+The unit of a model is the explicit fourth-order formula (5.9) in plain numpy on the same depths; that of a fit is
+lmfit's fit of Hertz's formula to the same points. It is timed in turns with each case and every ratio is the
+median over the rounds. Times are processor times: a busy machine makes calls wait, and the longer a call the
+more of it is waiting. What is kept for the whole process, tables of exact laws, is there after the first round,
+which does not count. To add a case: one line in `CASES`; its `prepare` takes the depths and returns the call that
+is timed.
 """
 
 from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,10 +23,11 @@ from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, isotropic_constants
+from underlay.report.bench_fits import exact_fit, hertz_fit
 from underlay.scene.accuracy_cost import explicit_formula
 from underlay.scene.scene import Scene
 
-__all__ = ["CASES", "BenchCase", "bench_markdown", "bench_table", "depth_table"]
+__all__ = ["CASES", "BenchCase", "bench_markdown", "bench_table", "depth_table", "fit_table"]
 
 #: A call that is timed.
 Call = Callable[[], object]
@@ -32,15 +35,22 @@ Call = Callable[[], object]
 _GEL = Layer(Isotropic(3e6, 0.5), 1e-3)
 _TIP = Paraboloid(1e-3)
 _RIGID_BASE = Scene(_TIP, _GEL, RIGID)
-_STIFF_BASE = Scene(_TIP, _GEL, Isotropic(3e7, 0.3))
+_STIFF_BASE_MATERIAL = Isotropic(3e7, 0.3)
+_STIFF_BASE = Scene(_TIP, _GEL, _STIFF_BASE_MATERIAL)
 _SOFT_BASE = Scene(_TIP, _GEL, Isotropic(3e5, 0.3))
 _BALL = Scene(Sphere(4e-3), _GEL, RIGID)
 # a/h = 2 on the rigid base; a fiftieth of it is a/h = 0.2, where every asymptotic form answers.
 _DEEPEST, _SHALLOW = 1.8e-3, 0.02
 # The ball is larger: a fifth of the depth gives it a/h = 1.6.
 _BALL_SHARE = 0.2
+_E_H_CONTACT = ("layer.E", "layer.thickness", "instrument.contact_depth")
 _POINTS, _SETS, _ROUNDS = 1000, 256, 41
 _COUNTS = (10, 100, 1000, 10_000, 100_000, 1_000_000)
+
+
+def _formula(depth: FloatArray) -> Call:
+    formula = explicit_formula(_RIGID_BASE)
+    return lambda: formula(depth)
 
 
 @dataclass(frozen=True)
@@ -55,11 +65,19 @@ class BenchCase:
         Depths (m, shape (n,)) to the call that is timed.
     sets : int, default 1
         Parameter sets per call: the time is given for one.
+    unit : callable
+        Depths to the call whose time is the unit; the explicit formula unless said otherwise.
     """
 
     name: str
     prepare: Callable[[FloatArray], Call]
     sets: int = 1
+    unit: Callable[[FloatArray], Call] = _formula
+
+    @property
+    def is_fit(self) -> bool:
+        """Whether it is a fit, which is measured in fits."""
+        return self.unit is not _formula
 
 
 def _cold(
@@ -138,6 +156,21 @@ CASES = (
         _held(_BALL, share=_BALL_SHARE, method="exact", accuracy=Accuracy(1e-6)),
     ),
     BenchCase(f"exact to 1e-6, {_SETS} sets of materials at once, per set", _batched, _SETS),
+    BenchCase(
+        "fit: E, thickness, contact, rigid base",
+        exact_fit(RIGID, _E_H_CONTACT),
+        unit=hertz_fit(RIGID),
+    ),
+    BenchCase(
+        "fit: E, thickness, contact, base ten times stiffer",
+        exact_fit(_STIFF_BASE_MATERIAL, _E_H_CONTACT),
+        unit=hertz_fit(_STIFF_BASE_MATERIAL),
+    ),
+    BenchCase(
+        "fit: E, thickness, contact, base modulus",
+        exact_fit(_STIFF_BASE_MATERIAL, (*_E_H_CONTACT, "substrate.E")),
+        unit=hertz_fit(_STIFF_BASE_MATERIAL),
+    ),
 )
 
 
@@ -150,15 +183,31 @@ def bench_table(cases: tuple[BenchCase, ...] = CASES, rounds: int = _ROUNDS) -> 
         ``case``, ``ratio`` (median over the rounds of its time over that of the explicit formula), ``us``
         (median time in microseconds); the formula itself is the first row.
     """
+    models = [case for case in cases if not case.is_fit]
+    return _timed("explicit formula, coefficients at hand", models, rounds)
+
+
+def fit_table(cases: tuple[BenchCase, ...] = CASES, rounds: int = _ROUNDS) -> pd.DataFrame:
+    """Time the fits of 1000 points with noise of 0.5 % at a/h up to 0.8, from the problem to the result.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `bench_table`, in units of lmfit's fit of Hertz's formula to the same points, which is the first row.
+    """
+    fits = [case for case in cases if case.is_fit]
+    return _timed("Hertz's formula by lmfit: E, contact, baseline", fits, rounds)
+
+
+def _timed(unit_name: str, cases: Sequence[BenchCase], rounds: int) -> pd.DataFrame:
     depth = _depths(_POINTS)
-    formula = _formula(depth)
     rows, units = [], []
     for case in cases:
-        unit, taken = _in_turns(formula, case.prepare(depth), rounds)
+        unit, taken = _in_turns(case.unit(depth), case.prepare(depth), rounds)
         units.append(unit)
         per_set = taken / case.sets
         rows.append((case.name, float(np.median(per_set / unit)), 1e6 * float(np.median(per_set))))
-    first = ("explicit formula, coefficients at hand", 1.0, 1e6 * float(np.median(units)))
+    first = (unit_name, 1.0, 1e6 * float(np.median(units)))
     return pd.DataFrame([first, *rows], columns=["case", "ratio", "us"])
 
 
@@ -189,8 +238,8 @@ def depth_table(counts: tuple[int, ...] = _COUNTS, rounds: int = _ROUNDS) -> pd.
     return pd.DataFrame(rows)[columns]
 
 
-def bench_markdown(table: pd.DataFrame, curve: pd.DataFrame) -> str:
-    """Return both tables as Markdown, with what they were measured with."""
+def bench_markdown(table: pd.DataFrame, curve: pd.DataFrame, fits: pd.DataFrame) -> str:
+    """Return the tables as Markdown, with what they were measured with."""
     made_with = f"Python {platform.python_version()}, numpy {np.__version__}, {platform.machine()}"
     cells = curve[["depths", "formula us", "cold us", "held us", "held ratio"]].to_numpy()
     unit = f"{table['us'].iloc[0]:.0f} us for 1000"
@@ -205,8 +254,16 @@ def bench_markdown(table: pd.DataFrame, curve: pd.DataFrame) -> str:
         "| Depths | formula (us) | exact, from cold (us) | exact, law held (us) | held / formula |",
         "|---:|---:|---:|---:|---:|",
         *("| " + " | ".join(map(_short, row)) + " |" for row in cells),
+        "",
+        f"| Fit of 1000 points, exact law to 1e-6, a/h up to 0.8 | time, in Hertz fits ({_ms(fits)} ms) |",
+        "|---|---:|",
+        *(f"| {case} | {_short(ratio)} |" for case, ratio in zip(fits["case"], fits["ratio"], strict=True)),
     ]
     return "\n".join(lines)
+
+
+def _ms(table: pd.DataFrame) -> str:
+    return f"{1e-3 * table['us'].iloc[0]:.1f}"
 
 
 def _short(value: float) -> str:
@@ -215,11 +272,6 @@ def _short(value: float) -> str:
 
 def _depths(count: int) -> FloatArray:
     return np.linspace(_DEEPEST / count, _DEEPEST, count)
-
-
-def _formula(depth: FloatArray) -> Call:
-    formula = explicit_formula(_RIGID_BASE)
-    return lambda: formula(depth)
 
 
 def _in_turns(unit: Call, call: Call, rounds: int) -> tuple[FloatArray, FloatArray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -119,6 +120,11 @@ class Scene:
     @property
     def parameters(self) -> dict[str, float]:
         """Every number of the scene by its path, e.g. ``{"layer.E": 1.2e6, ...}`` (SI)."""
+        return dict(self._parameters)
+
+    @cached_property
+    def _parameters(self) -> dict[str, float]:
+        """Gathered once: a problem asks several times, and finding the numbers takes longer than a law."""
         return parameter_values(self)
 
     def with_values(self, values: Mapping[str, float]) -> Scene:

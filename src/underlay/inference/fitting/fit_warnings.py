@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from underlay._arrays import FloatArray
 from underlay.inference.fitting.diagnostics import ResidualDiagnostics
@@ -82,7 +81,9 @@ def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
     known = product > 0.0
     correlation = np.divide(covariance, product, out=np.zeros_like(product), where=known)
     linked = np.abs(correlation) > _STRONG_CORRELATION
-    _, group = connected_components(linked)
+    # Who reaches whom over as many links as there are parameters; the first of those names the group.
+    reached = np.linalg.matrix_power(linked | np.eye(len(linked), dtype=bool), len(linked))
+    group = np.argmax(reached, axis=1)
     warnings = []
     for number in np.unique(group):
         members = np.flatnonzero(group == number)

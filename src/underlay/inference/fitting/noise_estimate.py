@@ -17,13 +17,13 @@ from underlay._arrays import FloatArray
 from underlay.data.noise import Noise
 from underlay.inference.fitting.objective import Objective, Weights, weights_at
 from underlay.inference.model.forward import Reading
-from underlay.inference.model.noise_start import scatter
 from underlay.inference.problem import Problem
 
 __all__ = ["Renewal", "first_noises", "noise_covariance", "renew", "restricted_log_likelihood"]
 
 # A change of the weights by less than this moves a fit by less than its numerical tolerance times sigma.
 _SETTLED = 1e-4
+_RANK = float(np.finfo(float).eps)
 # 1 / 0.6745: standard deviation of a normal variable over its median absolute value.
 _MEDIAN_TO_SD = 1.4826022185056018
 
@@ -55,7 +55,7 @@ class Renewal:
 def first_noises(problem: Problem, vector: FloatArray) -> tuple[Noise, ...]:
     """Noise of every curve at a scaled vector; an unknown size from the scatter of neighbouring points."""
     return tuple(
-        replace(noise, force=scatter(member.curve)) if member.scale_is_unknown else noise
+        replace(noise, force=member.scatter) if member.scale_is_unknown else noise
         for member, noise in zip(problem.members, problem.noises(vector), strict=True)
     )
 
@@ -104,7 +104,10 @@ def _sizes(objective: Objective, vector: FloatArray, *, robust: bool) -> list[fl
             for size, r in zip(before, residuals, strict=False)
         ]
     jacobian = objective.jacobian(vector)[:, objective.active]
-    inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
+    # The pseudo-inverse of J'J as numpy.linalg.pinv has it, without the calls.
+    values, directions = np.linalg.eigh(jacobian.T @ jacobian)
+    fixed = directions[:, values > _RANK * len(values) * values[-1]]
+    inverse = (fixed / values[len(values) - fixed.shape[1] :]) @ fixed.T
     sizes = []
     for size, own, rows in zip(before, residuals, np.split(jacobian, ends), strict=False):
         degrees = len(own) - float(np.sum(inverse * (rows.T @ rows)))

@@ -76,7 +76,7 @@ class Objective:
     held: frozenset[int] = frozenset()
     _largest: float = field(default=1.0, repr=False)
     _last_models: tuple[bytes, list[FloatArray]] = field(default=(b"", []), repr=False)
-    _last_columns: tuple[bytes, list[FloatArray]] = field(default=(b"", []), repr=False)
+    _last_columns: dict[bool, tuple[bytes, list[FloatArray]]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         noisy = self.problem.noise_entries
@@ -84,6 +84,13 @@ class Objective:
         #: Entries of a vector that a minimiser varies: not the noise's, and not those held.
         self.active = [i for i in range(len(coordinates)) if i not in noisy and i not in self.held]
         self._informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
+        # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
+        self._one_law = not any(
+            member.forward.similarity.ratio_slopes(path)
+            for member in self.problem.members
+            if not member.forward.laws.tabulated
+            for path in member.entries
+        )
 
     @property
     def has_measured_priors(self) -> bool:
@@ -157,23 +164,30 @@ class Objective:
         return self._models(self.problem.physical(vector))
 
     # MINPACK asks for its first point twice and lmfit for its last; the weights may change in between. So the
-    # last answers are kept without weights.
+    # last answers are kept without weights. And nearly every point whose force is asked is then asked for its
+    # derivatives, which bring the force along: where they cost no law they are computed at once.
 
     def _models(self, physical: FloatArray) -> list[FloatArray]:
         key = physical.tobytes()
         if self._last_models[0] != key:
-            self.evaluations += 1
-            self._last_models = key, [member.model(physical) for member in self.problem.members]
+            if self._one_law:
+                self._columns(physical, rough=False)
+            else:
+                self.evaluations += 1
+                self._last_models = key, [member.model(physical) for member in self.problem.members]
         return self._last_models[1]
 
     def _columns(self, physical: FloatArray, *, rough: bool) -> list[FloatArray]:
-        key = physical.tobytes() + bytes(rough)
-        if self._last_columns[0] != key:
-            self._last_columns = (
-                key,
-                [member.jacobian(physical, rough=rough)[1] for member in self.problem.members],
-            )
-        return self._last_columns[1]
+        key, wanted = physical.tobytes(), rough and not self._one_law
+        last, columns = self._last_columns.get(wanted, (b"", []))
+        if last != key:
+            both = [member.jacobian(physical, rough=wanted) for member in self.problem.members]
+            columns = [own for _, own in both]
+            self._last_columns[wanted] = key, columns
+            if self._last_models[0] != key:
+                self.evaluations += 1
+                self._last_models = key, [reading.force for reading, _ in both]
+        return columns
 
     def _members(self) -> Iterator[tuple[Member, Noise, FloatArray]]:
         return zip(self.problem.members, self.weights.noises, self.weights.sigmas, strict=True)

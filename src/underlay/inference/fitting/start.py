@@ -2,31 +2,30 @@
 
 Thickness, modulus ratio and contact depth are laid on a coarse grid of scale-free values; for each, the
 layer's modulus (which scales the force when the ratio is held), the baseline and its slope follow by linear
-least squares. The scene's own values are only one more grid point, so a start wrong by orders of magnitude,
-or the last curve's result, does not decide where a fit ends. Every local minimum of the grid is a start:
-thin and stiffly backed can look like thick and stiff.
+least squares. Where the base's modulus is known, each thickness takes the ratio at which the layer's modulus
+and that ratio give it. The scene's own values are only one more grid point, so a start wrong by orders of
+magnitude, or the last curve's result, does not decide where a fit ends. Every local minimum of the grid is a
+start: thin and stiffly backed can look like thick and stiff.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import TypeAlias
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.inference.fitting.blocks import Blocks
 from underlay.inference.fitting.trial import (
     BASE_MODULUS,
     CONTACT,
     MODULUS,
     THICKNESS,
-    Blocks,
-    Candidate,
+    Sight,
     Trial,
 )
 from underlay.inference.model.coordinates import Coordinate
-from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
@@ -34,20 +33,33 @@ from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import FlatPunch
 from underlay.scene.scene import Scene
 
-__all__ = ["scan_starts", "thinned"]
+__all__ = ["scan_starts"]
 
 _SCAN_ACCURACY = Accuracy(rtol=1e-2)
-_ROUGH_ACCURACY = Accuracy(rtol=1e-3)
+_BLOCKS = 16  # enough to tell a contact to a grid step
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
-_RADIUS_RATIOS = np.geomspace(0.06, 5.0, 9)
-# Base over layer.
-_MODULUS_RATIOS = np.array([1e-2, 0.1, 0.5, 2.0, 10.0, 100.0])
-_MODULUS_STEPS = 3.0 ** np.arange(-5.0, 6.0)
-_CONTACT_STEPS = np.linspace(-0.2, 0.9, 18)
-#: Values of thickness and of moduli at a grid point, by path.
-Values: TypeAlias = dict[str, float]
-#: Position on the grid (thickness, moduli).
-Key: TypeAlias = tuple[int, int]
+_RADIUS_RATIOS = (0.06, 4.6)
+_SHARES = np.linspace(0.0, 1.0, 9)
+# Base over layer; the contact is looked for with the middle one first.
+_MODULUS_RATIOS = np.array([0.02, 0.2, 1.5, 10.0, 100.0])
+_FIRST_RATIO = 10.0
+_CONTACT_STEPS = np.linspace(-0.2, 0.9, 12)
+# For the other ratios: about the contacts of all thicknesses with the first one.
+_FEWER_CONTACTS = 6
+
+
+@dataclass(frozen=True)
+class _Scan:
+    """What one curve says to the grid: misfit (N^2) and values (SI) by path, each (thicknesses, moduli)."""
+
+    misfit: FloatArray
+    values: dict[str, FloatArray]
+
+    def best_along(self, axis: int) -> _Scan:
+        """The best of one axis, which then has one entry."""
+        which = np.expand_dims(np.argmin(self.misfit, axis=axis), axis)
+        values = {path: np.take_along_axis(value, which, axis) for path, value in self.values.items()}
+        return _Scan(np.take_along_axis(self.misfit, which, axis), values)
 
 
 def scan_starts(problem: Problem, count: int = 3) -> list[FloatArray]:
@@ -59,82 +71,146 @@ def scan_starts(problem: Problem, count: int = 3) -> list[FloatArray]:
     trials = [_trial(member, problem) for member in problem.members]
     radii = [_radius_scale(m.scene, trial.blocks) for m, trial in zip(problem.members, trials, strict=True)]
     scans = [
-        _scan(member, trial, problem, (min(radii), max(radii)), trials)
+        _scan(member, trial, problem, (min(radii), max(radii)))
         for member, trial in zip(problem.members, trials, strict=True)
     ]
-    keys = set.intersection(*(set(scan) for scan in scans))
-    total = {key: sum(scan[key].misfit for scan in scans) for key in keys}
-    if not total:
-        return []
-    best = min(total, key=lambda key: total[key])
+    total = np.sum([scan.misfit for scan in scans], axis=0)
+    minima = np.isfinite(total)
+    for axis in (0, 1):
+        beyond = np.full_like(np.take(total, [0], axis), np.inf)
+        padded = np.concatenate((beyond, total, beyond), axis)
+        before, after = np.delete(padded, [-1, -2], axis), np.delete(padded, [0, 1], axis)
+        minima &= (total <= before) & (total <= after)
     # The thin end of the grid is a minimum only if it is the lowest: else the curve is only falling there.
-    thinnest = 0 if any(key[0] for key in keys) else -1
-    minima = [key for key in keys if _is_local_minimum(total, key) and (key[0] != thinnest or key == best)]
-    ranked = sorted(minima, key=lambda key: total[key])
-    return [_vector(problem, [scan[key] for scan in scans]) for key in ranked[:count]]
+    if len(total) > 1:
+        minima[0] &= total[0] == total.min()
+    places = np.argwhere(minima)
+    ranked = places[np.argsort(total[minima], kind="stable")][:count]
+    return [_vector(problem, trials, scans, (int(i), int(j))) for i, j in ranked]
 
 
-def thinned(problem: Problem) -> Problem:
-    """Return the problem with its curves in blocks, a coarse law and white noise: cheap to fit roughly."""
-    free = {path: given for path, given in problem.free.items() if not path.startswith("noise.")}
-    options = problem.options
-    return Problem.joint(
-        [(member.scene, Blocks.of(member.curve).curve) for member in problem.members],
-        free,
-        [path for path in problem.shared if path in free],
-        accuracy=_ROUGH_ACCURACY,
-        method=options.method,
-        order=options.order,
-        form=options.form,
-    )
-
-
-def _is_local_minimum(total: Mapping[Key, float], key: Key) -> bool:
-    i, j = key
-    around = [(i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)]
-    return all(total[key] <= total.get(neighbour, np.inf) for neighbour in around)
-
-
-def _vector(problem: Problem, candidates: Sequence[Candidate]) -> FloatArray:
+def _vector(
+    problem: Problem, trials: Sequence[Trial], scans: Sequence[_Scan], place: tuple[int, int]
+) -> FloatArray:
     """Scaled vector of what each curve found; a shared parameter takes the mean."""
     found: list[list[float]] = [[] for _ in problem.coordinates]
-    for member, candidate in zip(problem.members, candidates, strict=True):
+    for member, trial, scan in zip(problem.members, trials, scans, strict=True):
+        values = {path: float(value[place]) for path, value in scan.values.items()}
+        values |= trial.linear({**member.base, **values})
         for path, entry in member.entries.items():
-            if path in candidate.values:
+            if path in values:
                 coordinate = problem.coordinates[entry]
-                value = min(max(candidate.values[path], coordinate.low), coordinate.high)
+                value = min(max(values[path], coordinate.low), coordinate.high)
                 if value > 0.0 or coordinate.scale is not None:
                     found[entry].append(coordinate.scaled(value))
     return np.array([float(np.mean(values)) if values else 0.0 for values in found])
 
 
 def _trial(member: Member, problem: Problem) -> Trial:
-    blocks = Blocks.of(member.curve)
+    blocks = Blocks.of(member.curve, _BLOCKS)
     free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
-    options = replace(member.forward.laws.options, accuracy=_SCAN_ACCURACY)
-    forward = Forward.compile(member.scene, blocks.depth, tuple(free), options, LawStore())
+    laws = member.forward.laws
+    laws = replace(laws, options=replace(laws.options, accuracy=_SCAN_ACCURACY), store=LawStore())
+    forward = replace(member.forward, depth=blocks.depth, laws=laws)
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
     return Trial(forward, blocks, free, _contacts(free, blocks, member.base[CONTACT]), scales)
 
 
-def _scan(
-    member: Member, trial: Trial, problem: Problem, radii: tuple[float, float], trials: Sequence[Trial]
-) -> dict[Key, Candidate]:
-    """Best candidate of one curve for every place of the shared grid."""
-    alone = len(trials) == 1
-    thickness_counts = alone or THICKNESS in problem.shared
-    moduli_count = alone or {MODULUS, BASE_MODULUS} & set(problem.shared)
+def _scan(member: Member, trial: Trial, problem: Problem, radii: tuple[float, float]) -> _Scan:
+    """Best of one curve for every place of the shared grid."""
+    alone = len(problem.members) == 1
     thicknesses = _thicknesses(trial.free, radii)
-    found: dict[Key, Candidate] = {}
-    # A grid that curves share is laid about what the first of them shows.
-    grid = _moduli(problem.members[0].base, trials[0]) if moduli_count else _moduli(member.base, trial)
-    for j, moduli in enumerate(grid):
-        rows = [{**member.base, **thickness, **moduli} for thickness in thicknesses]
-        for i, candidate in enumerate(trial.best(rows)):
-            key = (i if thickness_counts else 0, j if moduli_count else 0)
-            if candidate is not None and (key not in found or candidate.misfit < found[key].misfit):
-                found[key] = candidate
-    return found
+    moduli_are_shared = alone or not {MODULUS, BASE_MODULUS}.isdisjoint(problem.shared)
+    # A grid that curves share is laid about the values of the first of them.
+    bases = _base_moduli(trial.free, problem.members[0].base if moduli_are_shared else member.base)
+    base_is_known = bases.size > 0 and BASE_MODULUS not in trial.free
+    tried = replace(trial, scales=True) if base_is_known else trial
+    shape = (max(bases.size, 1), max(thicknesses.size, 1))
+    seen = _seen(tried, member, thicknesses, bases)
+    misfit, contact, amplitude = (
+        part.reshape(shape).T for part in (seen.misfit, seen.contact, seen.amplitude)
+    )
+    values = {CONTACT: contact}
+    if tried.scales:
+        values[MODULUS] = amplitude * member.base[MODULUS]
+    if bases.size and not base_is_known:
+        values[BASE_MODULUS] = amplitude * bases
+    if thicknesses.size:
+        values[THICKNESS] = np.repeat(thicknesses[:, None], shape[0], axis=1)
+    scan = _Scan(misfit, values)
+    if base_is_known:
+        scan = _consistent(scan, np.log(bases / member.base[BASE_MODULUS]) + np.log(amplitude))
+    if not (alone or THICKNESS in problem.shared):
+        scan = scan.best_along(0)
+    return scan if moduli_are_shared else scan.best_along(1)
+
+
+def _seen(trial: Trial, member: Member, thicknesses: FloatArray, bases: FloatArray) -> Sight:
+    """What the curve says to every thickness on the first base, then on the second, and so on."""
+    rows: dict[str, float | FloatArray] = dict(member.base)
+    count, contacts = max(thicknesses.size, 1), trial.contacts
+    if thicknesses.size:
+        rows[THICKNESS] = np.tile(thicknesses, max(bases.size, 1))
+    if bases.size <= 1:
+        if bases.size:
+            rows[BASE_MODULUS] = float(bases[0])
+        laws = trial.laws(rows)
+        found = trial.look(rows, laws, contacts)
+        return trial.closer(rows, laws, found) if len(contacts) > 1 else found
+    order = np.argsort(np.abs(np.log(bases / member.base[MODULUS] / _FIRST_RATIO)))
+    rows[BASE_MODULUS] = np.repeat(bases[order], count)
+    laws = trial.laws(rows)
+    first, others = slice(0, count), slice(count, None)
+    found = trial.look(_part(rows, first), laws.part(first), contacts)
+    about = _about(contacts, found)
+    found = found.followed_by(trial.look(_part(rows, others), laws.part(others), about))
+    if len(contacts) > 1:
+        found = trial.closer(rows, laws, found)
+    back = np.argsort(order)
+    return Sight(
+        *(part.reshape(-1, count)[back].ravel() for part in (found.misfit, found.contact, found.amplitude))
+    )
+
+
+def _part(rows: Mapping[str, float | FloatArray], which: slice) -> dict[str, float | FloatArray]:
+    return {path: value[which] if isinstance(value, np.ndarray) else value for path, value in rows.items()}
+
+
+def _about(contacts: FloatArray, seen: Sight) -> FloatArray:
+    """Contacts between those seen and a step of the grid beyond, two where a softer base would bend the curve."""
+    reached = seen.contact[np.isfinite(seen.misfit)]
+    if len(contacts) <= _FEWER_CONTACTS or not reached.size:
+        return contacts
+    step = contacts[1] - contacts[0]
+    low, high = max(reached.min() - step, contacts[0]), min(reached.max() + 2.0 * step, contacts[-1])
+    return np.linspace(low, high, _FEWER_CONTACTS)
+
+
+def _consistent(scan: _Scan, beyond: FloatArray) -> _Scan:
+    """What each thickness says where the base has the modulus that is known, between the ratios tried.
+
+    `beyond` (thicknesses, moduli) is the logarithm of the base's modulus that goes with the layer's, over the
+    known one.
+    """
+    usable = np.isfinite(scan.misfit)
+    below, above = beyond[:, :-1], beyond[:, 1:]
+    crosses = usable[:, :-1] & usable[:, 1:] & (below <= 0.0) & (above > 0.0)
+    share = np.where(crosses, -below / np.where(crosses, above - below, 1.0), 0.0)
+
+    def between(values: FloatArray) -> FloatArray:
+        """At the crossings, then at the ratios tried."""
+        inside = (1.0 - share) * values[:, :-1] + share * values[:, 1:]
+        return np.concatenate((inside, values), axis=1)
+
+    misfit = between(np.where(usable, scan.misfit, 0.0))
+    # A base beyond all that were tried is as good as rigid, or as none: the end tells the layer's modulus.
+    nearest = np.where(usable, np.abs(beyond), np.inf).argmin(axis=1)
+    alone = ~np.any(crosses, axis=1, keepdims=True)
+    ends = (np.arange(beyond.shape[1]) == nearest[:, None]) & usable & alone
+    misfit = np.where(np.concatenate((crosses, ends), axis=1), misfit, np.inf)
+    values = {path: between(value) for path, value in scan.values.items()}
+    values[MODULUS] = np.exp(between(np.log(scan.values[MODULUS])))
+    return _Scan(misfit, values).best_along(1)
 
 
 def _radius_scale(scene: Scene, blocks: Blocks) -> float:
@@ -159,30 +235,33 @@ def _contacts(free: Mapping[str, Coordinate], blocks: Blocks, known: float) -> F
     return inside if len(inside) > 1 else np.array([coordinate.reference])
 
 
-def _thicknesses(free: Mapping[str, Coordinate], radii: tuple[float, float]) -> list[dict[str, float]]:
+def _thicknesses(free: Mapping[str, Coordinate], radii: tuple[float, float]) -> FloatArray:
+    """Thicknesses (m) to try, ascending; empty where it is not free."""
     if THICKNESS not in free:
-        return [{}]
+        return np.zeros(0)
     coordinate = free[THICKNESS]
-    lowest, highest = radii[0] / _RADIUS_RATIOS[-1], radii[1] / _RADIUS_RATIOS[0]
-    grid = np.geomspace(lowest, highest, len(_RADIUS_RATIOS))
+    lowest, highest = radii[0] / _RADIUS_RATIOS[1], radii[1] / _RADIUS_RATIOS[0]
     low, high = coordinate.low, coordinate.high
-    if low > 0.0 and np.isfinite(high) and high / low < highest / lowest:
-        grid = np.geomspace(low, high, len(grid))
-    inside = grid[(grid >= low) & (grid <= high)].tolist()
-    return [{THICKNESS: value} for value in sorted({*inside, coordinate.reference})]
+    narrow = low > 0.0 and np.isfinite(high) and high / low < highest / lowest
+    first, last = (low, high) if narrow else (lowest, highest)
+    grid = first * (last / first) ** _SHARES
+    inside = grid[(grid >= low) & (grid <= high)]
+    # The scene's own is one more, but not where a fit is hopeless: the law of so thin a layer is dear.
+    own = coordinate.reference
+    return np.unique(np.append(inside, own)) if own >= lowest or not inside.size else inside
 
 
-def _moduli(base: Mapping[str, float], trial: Trial) -> list[dict[str, float]]:
-    """Pairs of moduli to try; where the layer's scales the force only their ratio matters."""
-    free = trial.free
+def _base_moduli(free: Mapping[str, Coordinate], base: Mapping[str, float]) -> FloatArray:
+    """Moduli (Pa) of the base to try under the scene's layer, ascending; empty where no ratio is free."""
     if BASE_MODULUS not in base or not {MODULUS, BASE_MODULUS} & free.keys():
-        return [{}]
-    if BASE_MODULUS in free:
-        values = {base[MODULUS] * float(ratio) for ratio in _MODULUS_RATIOS} | {base[BASE_MODULUS]}
-        return [{BASE_MODULUS: value} for value in sorted(values)]
-    # The base's modulus is known: the layer's is tried about the value that a half-space would have.
-    apparent = replace(trial, scales=True).best([{**base, BASE_MODULUS: base[MODULUS]}])[0]
-    centre = base[MODULUS] if apparent is None else apparent.values[MODULUS]
-    low, high = free[MODULUS].low, free[MODULUS].high
-    values = {min(max(centre * float(factor), low), high) for factor in _MODULUS_STEPS} | {base[MODULUS]}
-    return [{MODULUS: value} for value in sorted(values)]
+        return np.zeros(0)
+    (softest, hardest), (lowest, highest) = (
+        (free[path].low, free[path].high) if path in free else (base[path], base[path])
+        for path in (MODULUS, BASE_MODULUS)
+    )
+    # No ratio but those that the bounds leave.
+    low, high = lowest / hardest, highest / softest if softest > 0.0 else np.inf
+    ratios, own = np.clip(_MODULUS_RATIOS, low, high), base[BASE_MODULUS] / base[MODULUS]
+    # The scene's own is one more where the others do not reach.
+    beyond = not ratios[0] <= own <= ratios[-1]
+    return base[MODULUS] * np.unique(np.append(ratios, own) if beyond else ratios)

@@ -2,59 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.data.curve import Curve
-from underlay.errors import InputError
+from underlay.inference.fitting.blocks import Blocks
+from underlay.inference.fitting.law_rows import LawRows, Rows
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Forward
 
-__all__ = ["BASE_MODULUS", "CONTACT", "MODULUS", "THICKNESS", "Blocks", "Candidate", "Trial"]
+__all__ = ["BASE_MODULUS", "CONTACT", "MODULUS", "THICKNESS", "Sight", "Trial"]
 
 MODULUS, BASE_MODULUS, THICKNESS = "layer.E", "substrate.E", "layer.thickness"
 CONTACT = "instrument.contact_depth"
 _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
-_BLOCKS = 32  # points of a curve after taking neighbours together: enough to tell a contact to a grid step
-# Closer looks about the best contact so far, in steps of the look before.
-_CLOSER = np.linspace(-0.75, 0.75, 7)
-_LOOKS = 2
-
 
 @dataclass(frozen=True)
-class Blocks:
-    """A curve as medians of neighbouring points: depth (m), force (N), each (m,)."""
+class Sight:
+    """What a curve says to the rows of a grid, each (r,).
 
-    depth: FloatArray
-    force: FloatArray
+    Parameters
+    ----------
+    misfit : FloatArray
+        Sum of squares (N^2); infinite where no law reaches.
+    contact : FloatArray
+        Best contact depth (m).
+    amplitude : FloatArray
+        Factor on the moduli that goes with it.
+    """
 
-    @property
-    def curve(self) -> Curve:
-        """The same as a curve."""
-        return Curve(self.depth, self.force)
+    misfit: FloatArray
+    contact: FloatArray
+    amplitude: FloatArray
 
-    @classmethod
-    def of(cls, curve: Curve) -> Blocks:
-        """Take neighbouring depths together; medians, so that no outlier decides where a fit starts."""
-        order = np.argsort(curve.depth, kind="stable")
-        groups = np.array_split(order, min(_BLOCKS, len(order)))
-        return cls(
-            np.array([np.median(curve.depth[group]) for group in groups]),
-            np.array([np.median(curve.force[group]) for group in groups]),
+    def followed_by(self, other: Sight) -> Sight:
+        """These rows and then those of another."""
+        return Sight(*(np.concatenate(pair) for pair in self._beside(other)))
+
+    def better(self, other: Sight) -> Sight:
+        """Row by row the one that fits better."""
+        lower = other.misfit < self.misfit
+        return Sight(*(np.where(lower, theirs, ours) for ours, theirs in self._beside(other)))
+
+    def _beside(self, other: Sight) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        return (
+            (self.misfit, other.misfit),
+            (self.contact, other.contact),
+            (self.amplitude, other.amplitude),
         )
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """One grid point: misfit of a curve and the values (SI) by path that go with it."""
-
-    misfit: float
-    values: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -81,47 +80,62 @@ class Trial:
     contacts: FloatArray
     scales: bool
 
-    def best(self, rows: Sequence[Mapping[str, float]]) -> list[Candidate | None]:
-        """Best contact at every one of `rows` (values by path); None where no law reaches."""
-        found = self._look(rows, np.broadcast_to(self.contacts, (len(rows), len(self.contacts))))
-        if len(self.contacts) == 1:
-            return found
-        step = float(self.contacts[1] - self.contacts[0])
-        coordinate = self.free[CONTACT]
-        for _ in range(_LOOKS):
-            centres = [self.contacts[0] if one is None else one.values[CONTACT] for one in found]
-            closer = np.clip(np.array(centres)[:, None] + step * _CLOSER, coordinate.low, coordinate.high)
-            found = [
-                one if two is None or (one is not None and one.misfit <= two.misfit) else two
-                for one, two in zip(found, self._look(rows, closer), strict=True)
-            ]
-            step *= float(_CLOSER[1] - _CLOSER[0])
-        return found
+    def laws(self, rows: Rows) -> LawRows:
+        """Laws of the rows for every contact that is tried."""
+        return LawRows.of(self.forward, rows, float(self._travel(rows).max() - self.contacts[0]))
 
-    def _look(self, rows: Sequence[Mapping[str, float]], contacts: FloatArray) -> list[Candidate | None]:
-        """Best of the `contacts` (r, c) of every row."""
-        w = self._travel(rows[0]) - contacts[:, :, None]
-        forces, possible = self._forces(rows, w)
-        linear = self._linear_columns()
-        rest = self.blocks.force - self._fixed_offset(rows[0])
-        target, shapes = _project_out(rest, linear), _project_out(forces, linear)
+    def look(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> Sight:
+        """Best of the contacts (m), (c,) or (r, c), of every row."""
+        forces = laws.force(self._travel(rows) - np.atleast_2d(contacts)[:, :, None])
+        basis = self._linear_basis
+        target = _project_out(self.blocks.force - self._fixed_offset(rows), basis)
+        shapes = _project_out(forces, basis)
         amplitude = self._amplitudes(rows, target, shapes)
         left = target - amplitude[..., None] * shapes
-        misfit = np.where(possible[:, None], np.einsum("rcm,rcm->rc", left, left), np.inf)
-        found: list[Candidate | None] = []
-        for i, (values, j) in enumerate(zip(rows, np.argmin(misfit, axis=1), strict=True)):
-            if not possible[i]:
-                found.append(None)
-                continue
-            solved = self._solved(values, float(amplitude[i, j]), rest, forces[i, j], linear)
-            if CONTACT in self.free:
-                solved[CONTACT] = float(contacts[i, j])
-            found.append(Candidate(float(misfit[i, j]), solved))
-        return found
+        misfit = np.where(laws.possible[:, None], np.einsum("rcm,rcm->rc", left, left), np.inf)
+        chosen = np.arange(len(misfit)), np.argmin(misfit, axis=1)
+        return Sight(misfit[chosen], np.broadcast_to(contacts, misfit.shape)[chosen], amplitude[chosen])
 
-    def _amplitudes(
-        self, rows: Sequence[Mapping[str, float]], target: FloatArray, shapes: FloatArray
-    ) -> FloatArray:
+    def closer(self, rows: Rows, laws: LawRows, found: Sight) -> Sight:
+        """The same after a Gauss-Newton step of each contact, where that is better."""
+        step = float(self.contacts[1] - self.contacts[0])
+        moved = found.contact + np.clip(self._towards(rows, laws, found), -step, step)
+        # Not before the first contact: the laws reach no deeper.
+        moved = np.clip(moved, self.contacts[0], self.free[CONTACT].high)
+        return found.better(self.look(rows, laws, moved[:, None]))
+
+    def linear(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Baseline and slope, those that are free, that go best with the other numbers."""
+        columns = self._linear_columns()
+        if columns is None:
+            return {}
+        travel = self._travel(values) - values[CONTACT]
+        laws = LawRows.of(self.forward, values, float(travel.max()))
+        rest = self.blocks.force - self._fixed_offset(values) - laws.force(travel[None, None])[0, 0]
+        solved = np.linalg.lstsq(columns, rest, rcond=None)[0]
+        return dict(zip((path for path in _LINEAR if path in self.free), solved.tolist(), strict=True))
+
+    def _towards(self, rows: Rows, laws: LawRows, found: Sight) -> FloatArray:
+        """Gauss-Newton step of the contact depth (m), (r,), everything linear solved for beside it."""
+        basis = self._linear_basis
+        tip = (self._travel(rows) - found.contact[:, None])[:, None]
+        force, stiffness = laws.force(tip)[:, 0], laws.stiffness(tip)[:, 0]
+        slope = _project_out(-found.amplitude[:, None] * stiffness, basis)
+        shape = _project_out(force, basis)
+        left = _project_out(self.blocks.force - self._fixed_offset(rows), basis) - (
+            found.amplitude[:, None] * shape
+        )
+        if self.scales:
+            power = np.einsum("rm,rm->r", shape, shape)
+            felt = power > 0.0
+            share = np.einsum("rm,rm->r", slope, shape) / np.where(felt, power, 1.0)
+            slope = slope - share[:, None] * shape
+        power = np.einsum("rm,rm->r", slope, slope)
+        acts = power > 0.0
+        step = np.einsum("rm,rm->r", slope, left) / np.where(acts, power, 1.0)
+        return np.where(acts, step, 0.0)
+
+    def _amplitudes(self, rows: Rows, target: FloatArray, shapes: FloatArray) -> FloatArray:
         """Factor (r, c) on the layer's modulus that fits best, within its bounds; one if it is fixed."""
         if not self.scales:
             return np.ones(shapes.shape[:2])
@@ -129,55 +143,14 @@ class Trial:
         # A contact beyond the last point gives no force at all: it explains nothing.
         felt = power > 0.0
         amplitude = np.where(felt, shapes @ target / np.where(felt, power, 1.0), 0.0)
-        start = np.array([values[MODULUS] for values in rows])[:, None]
+        start = np.reshape(rows[MODULUS], (-1, 1))
         coordinate = self.free[MODULUS]
         lowest = max(coordinate.low, 1e-12 * float(start.min()))
         return np.asarray(np.clip(amplitude, lowest / start, coordinate.high / start))
 
-    def _forces(
-        self, rows: Sequence[Mapping[str, float]], w: FloatArray
-    ) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Contact forces (r, c, m) and which rows have a law; equal ratios are asked of one law at once."""
-        similarity, deepest = self.forward.similarity, max(float(w.max()), 0.0)
-        factors = np.array([similarity.factors(values) for values in rows])
-        ratios = [similarity.reduced(values) for values in rows]
-        b, c = factors[:, :1, None], factors[:, 1:, None]
-        if len(set(ratios)) == 1:
-            try:
-                law = self.forward.reference_law(ratios[0], float(b.max()) * deepest)
-                return c * law.force(b * w), np.ones(len(rows), dtype=bool)
-            except InputError:
-                pass  # one row is out of reach: each by itself
-        forces = np.zeros_like(w)
-        possible = np.ones(len(rows), dtype=bool)
-        for i, ratio in enumerate(ratios):
-            try:
-                law = self.forward.reference_law(ratio, float(factors[i, 0]) * deepest)
-                forces[i] = factors[i, 1] * law.force(factors[i, 0] * w[i])
-            except InputError:
-                possible[i] = False
-        return forces, possible
-
-    def _solved(
-        self,
-        values: Mapping[str, float],
-        amplitude: float,
-        rest: FloatArray,
-        force: FloatArray,
-        linear: FloatArray | None,
-    ) -> dict[str, float]:
-        """Values of one grid point with the linear parameters that go with it."""
-        found = {path: values[path] for path in (MODULUS, BASE_MODULUS, THICKNESS) if path in self.free}
-        if self.scales:
-            found |= {path: amplitude * found[path] for path in (MODULUS, BASE_MODULUS) if path in found}
-        if linear is not None:
-            solved = np.linalg.lstsq(linear, rest - amplitude * force, rcond=None)[0]
-            found.update(zip((path for path in _LINEAR if path in self.free), solved.tolist(), strict=True))
-        return found
-
-    def _travel(self, values: Mapping[str, float]) -> FloatArray:
+    def _travel(self, rows: Rows) -> FloatArray:
         """Depth without the frame's share, which the measured force gives without knowing the sample."""
-        compliance = values["instrument.compliance"]
+        compliance = rows["instrument.compliance"]
         return self.blocks.depth - compliance * self.blocks.force if compliance else self.blocks.depth
 
     def _linear_columns(self) -> FloatArray | None:
@@ -185,15 +158,18 @@ class Trial:
         free = [column for path, column in columns.items() if path in self.free]
         return np.stack(free, axis=1) if free else None
 
-    def _fixed_offset(self, values: Mapping[str, float]) -> FloatArray:
-        baseline, slope = (0.0 if path in self.free else values[path] for path in _LINEAR)
-        return baseline + slope * self.blocks.depth
+    @cached_property
+    def _linear_basis(self) -> FloatArray | None:
+        """Orthonormal columns (m, p) that span those of the linear parameters."""
+        columns = self._linear_columns()
+        # Columns are brought to unit length first: metres beside ones would cost digits.
+        return None if columns is None else np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
+
+    def _fixed_offset(self, rows: Rows) -> FloatArray:
+        baseline, slope = (0.0 if path in self.free else rows[path] for path in _LINEAR)
+        return np.asarray(baseline + slope * self.blocks.depth)
 
 
-def _project_out(rows: FloatArray, columns: FloatArray | None) -> FloatArray:
-    """What remains of `rows` (..., m) after a least-squares fit of `columns` (m, p)."""
-    if columns is None:
-        return rows
-    # Columns are brought to unit length first: metres beside ones would cost digits.
-    q, _ = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))
-    return np.asarray(rows - (rows @ q) @ q.T)
+def _project_out(rows: FloatArray, basis: FloatArray | None) -> FloatArray:
+    """What remains of `rows` (..., m) after a least-squares fit of the orthonormal columns `basis` (m, p)."""
+    return rows if basis is None else np.asarray(rows - (rows @ basis) @ basis.T)

@@ -49,13 +49,17 @@ def compile_members(
     coordinates = []
     entries: list[dict[str, int]] = [{} for _ in tests]
     paths = [request.path for request in requests]
+    spans = [_spans(curve) for _, curve in tests]
     for index, request in enumerate(requests):
         own = [tests[i] for i in request.curves]
         for scene, _ in own:
             require_acting(request.path, scene, paths, options.method)
         start = _common_start(request, own, noises[request.curves[0]])
-        spans = _spans([curve for _, curve in own])
-        coordinates.append(make_coordinate(request.name, request.path, start, request.given, spans))
+        widest = Spans(
+            depth=max(spans[i].depth for i in request.curves),
+            force=max(spans[i].force for i in request.curves),
+        )
+        coordinates.append(make_coordinate(request.name, request.path, start, request.given, widest))
         for i in request.curves:
             entries[i][request.path] = index
     members = tuple(
@@ -174,7 +178,7 @@ def _common_start(request: _Request, own: Sequence[tuple[Scene, Curve]], noise: 
         bounds = given if isinstance(given, tuple) else None
         return noise_start(field, noise, [curve for _, curve in own], prior, bounds)
     starts = [scene.parameters[request.path] for scene, _ in own]
-    if not np.allclose(starts, starts[0], rtol=1e-9, atol=0.0):
+    if len(starts) > 1 and not np.allclose(starts, starts[0], rtol=1e-9, atol=0.0):
         raise InputError(
             f"{request.name} is shared but its scenes start it at different values "
             f"({', '.join(f'{value:.6g}' for value in starts)}): give them one"
@@ -182,11 +186,8 @@ def _common_start(request: _Request, own: Sequence[tuple[Scene, Curve]], noise: 
     return starts[0]
 
 
-def _spans(curves: Sequence[Curve]) -> Spans:
-    return Spans(
-        depth=max(float(np.ptp(curve.depth)) for curve in curves),
-        force=max(float(np.ptp(curve.force)) for curve in curves),
-    )
+def _spans(curve: Curve) -> Spans:
+    return Spans(depth=float(np.ptp(curve.depth)), force=float(np.ptp(curve.force)))
 
 
 def _member(

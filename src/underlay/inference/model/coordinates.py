@@ -151,10 +151,11 @@ class ScaledSpace:
 
     def physical(self, q: FloatArray) -> FloatArray:
         """Values (SI), (..., k), at scaled vectors (..., k)."""
-        values: FloatArray = self.reference + self.scale * q
-        logarithmic = self.logarithmic
-        values[..., logarithmic] = self.reference[logarithmic] * np.exp(q[..., logarithmic])
-        return values
+        return np.where(
+            self.logarithmic,
+            self.reference * np.exp(np.where(self.logarithmic, q, 0.0)),
+            self.reference + self.scale * q,
+        )
 
     def slopes(self, physical: FloatArray) -> FloatArray:
         """dx/dq (SI), (..., k), at values (..., k)."""

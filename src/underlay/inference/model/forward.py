@@ -59,6 +59,11 @@ class ScaledLaw:
         """dP/dw (N/m), shape of `depth` (m)."""
         return (self.b * self.c) * self.law.stiffness(self.b * depth)
 
+    def force_and_stiffness(self, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """P (N) and dP/dw (N/m) together, each of the shape of `depth` (m)."""
+        force, stiffness = self.law.force_and_stiffness(self.b * depth)
+        return self.c * force, (self.b * self.c) * stiffness
+
     def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray:
         """dP/d ln k (N) of a law from a table, where the force (N) at `depth` (m) is `force`."""
         if not isinstance(self.law, FamilyLaw):
@@ -117,7 +122,7 @@ class Forward:
         law = self.law(values, self._deepest(instrument))
         # `tip_depth` asks a law for force, stiffness and max_depth, which a scaled law has.
         w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]
-        contact, stiffness = law.force(w), law.stiffness(w)
+        contact, stiffness = law.force_and_stiffness(w)
         return Reading(contact, stiffness, instrument.reading(self.depth, contact))
 
     def force(self, values: Mapping[str, float]) -> FloatArray:
@@ -140,7 +145,7 @@ class Forward:
         deepest = self._deepest(instrument)
         law = self.law(values, deepest)
         w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]  # as in `reading`
-        P, S = law.force(w), law.stiffness(w)
+        P, S = law.force_and_stiffness(w)
         share = 1.0 / (1.0 + instrument.compliance * S) if instrument.compliance else 1.0
         columns = np.empty((len(paths), len(w)))
         ratio_columns: dict[str, FloatArray] = {}
@@ -155,7 +160,7 @@ class Forward:
                 columns[row] = self.depth
             else:
                 columns[row] = share * self._mechanical(
-                    path, values, deepest, w, P, S, ratio_columns, rough=rough
+                    path, values, deepest, law, w, P, S, ratio_columns, rough=rough
                 )
         return Reading(P, S, instrument.reading(self.depth, P)), columns.T
 
@@ -164,6 +169,7 @@ class Forward:
         path: str,
         values: Mapping[str, float],
         deepest: float,
+        law: ScaledLaw,
         w: FloatArray,
         P: FloatArray,
         S: FloatArray,
@@ -176,7 +182,6 @@ class Forward:
         derivative = (log_c * P + log_b * np.maximum(w, 0.0) * S) / values[path]
         for ratio, slope in self.similarity.ratio_slopes(path).items():
             if ratio not in ratio_columns:
-                law = self.law(values, deepest)
                 ratio_columns[ratio] = (
                     law.ratio_slope(w, P)
                     if isinstance(law.law, FamilyLaw)
@@ -215,8 +220,12 @@ class Forward:
         return self.laws.law(reduced, depth)
 
 
+#: Fields of an instrument and their paths.
+_INSTRUMENT = tuple((part.name, f"instrument.{part.name}") for part in fields(Instrument))
+
+
 def _instrument(values: Mapping[str, float]) -> Instrument:
-    return Instrument(**{part.name: values[f"instrument.{part.name}"] for part in fields(Instrument)})
+    return Instrument(**{name: values[path] for name, path in _INSTRUMENT})
 
 
 #: (steps, weights) of a difference quotient.

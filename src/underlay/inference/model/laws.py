@@ -173,7 +173,7 @@ class LawSource:
         # What `_can_be_tabulated` found, in a form that types can follow.
         if not (isinstance(tip, PowerLawShape) and isinstance(layer.material, Isotropic)):
             return None
-        varpi = float(tip.halfspace_radius(np.array([depth]))[0]) / layer.thickness
+        varpi = float(tip.halfspace_radius(np.asarray(depth))) / layer.thickness
         key = (self.number, self.options, self.similarity.length, reduced, "table", range_number(varpi))
         law = self.store.get(key)
         if law is None:

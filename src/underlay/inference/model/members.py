@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise, log_normalisation, standard_deviation, whiten
 from underlay.inference.model.forward import Forward, Reading
 from underlay.inference.model.forward_batch import Readings, batched_readings
+from underlay.inference.model.noise_start import scatter
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.scene import Scene
 
@@ -50,6 +52,11 @@ class Member:
     def force(self) -> FloatArray:
         """Measured force (N), (n,)."""
         return self.curve.force
+
+    @cached_property
+    def scatter(self) -> float:
+        """Standard deviation (N) of the force about a smooth curve."""
+        return scatter(self.curve)
 
     @property
     def scale_is_unknown(self) -> bool:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import ceil, log, log10
+from math import ceil, floor, log, log10
 from typing import NamedTuple
 
 import numpy as np
@@ -106,12 +106,12 @@ class Cell(NamedTuple):
 
 def ratio_number(ratio: float) -> int:
     """Number of the span that holds a modulus ratio."""
-    return int(ratio_numbers(np.array([ratio]))[0])
+    return floor(log(ratio / _RATIO_EDGE) / log(_RATIO_STEP))
 
 
 def range_number(varpi: float) -> int:
     """Number of the span that reaches `varpi`."""
-    return int(range_numbers(np.array([varpi]))[0])
+    return ceil(log(max(varpi, range_end(_SMALLEST_RANGE)) / _RANGE_EDGE) / log(_RANGE_STEP))
 
 
 def ratio_numbers(ratio: FloatArray) -> FloatArray:
@@ -167,12 +167,14 @@ class CurveFamily:
         flat = powers @ self.coefficients.reshape(count, -1)
         return flat.reshape(-1, *self.coefficients.shape[1:])
 
-    def slopes(self, log_ratio: float) -> FloatArray:
-        """d/d ln k of the coefficients, (3, rows, 4), at one ratio."""
+    def slopes(self, which: Factor, log_ratio: float) -> FloatArray:
+        """d/d ln k of the coefficients of one factor, (rows, 4), at one ratio."""
         low, high = self.cell.log_ratios
         orders = np.arange(1, len(self.coefficients))
         powers = orders * self._position(np.array([log_ratio])) ** (orders - 1)
-        return np.tensordot(powers * (2.0 / (high - low)), self.coefficients[1:], 1)
+        table = self.coefficients[1:, which]
+        flat = (powers * (2.0 / (high - low))) @ table.reshape(len(table), -1)
+        return flat.reshape(table.shape[1:])
 
     def curve(self, log_ratio: float) -> MasterCurve:
         """Master curve at one ratio."""

@@ -47,7 +47,7 @@ class FamilyLaw(ExactLaw):
     def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray:
         """dP/d ln k (N) at fixed depth (m), (n,), where the force (N) is `force`; zero out of contact."""
         varpi = self.measure.halfspace_radius(np.maximum(depth, 0.0)) / self.thickness
-        table = self.family.slopes(self.log_ratio)[Factor.FORCE]
+        table = self.family.slopes(Factor.FORCE, self.log_ratio)
         return force * polynomial(table, self.family.stretch.z(varpi))
 
 
@@ -82,7 +82,7 @@ def tabulated_law(
     """
     reach = range_number(varpi)
     theta = float(isotropic_constants(*layer).theta)
-    max_depth = float(indenter.abel(np.array([range_end(reach) * thickness]))[0])
+    max_depth = float(indenter.abel(np.asarray(range_end(reach) * thickness)))
     if base is None:
         solved = _on_rigid_base(indenter.exponent, layer[1], reach, rtol)
         if solved is None:

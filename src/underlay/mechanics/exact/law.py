@@ -64,6 +64,15 @@ class ExactLaw(ContactLaw):
         force *= 4.0 * self.theta * self.measure.exponent / (self.measure.exponent + 1.0)
         return force
 
+    def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
+        radius = self.measure.halfspace_radius(depth)
+        both = self.curve.force_and_stiffness(radius / self.thickness)
+        both *= radius
+        both *= 4.0 * self.theta
+        both[0] *= depth
+        both[0] *= self.measure.exponent / (self.measure.exponent + 1.0)
+        return both
+
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
         radius = self.measure.halfspace_radius(depth)
         return radius * self.curve.factor(Factor.RADIUS, radius / self.thickness)

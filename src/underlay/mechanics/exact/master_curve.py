@@ -232,6 +232,16 @@ class MasterCurve:
             result[start : start + _CHUNK] = self._factor(which, varpi[start : start + _CHUNK])
         return result
 
+    def force_and_stiffness(self, varpi: FloatArray) -> FloatArray:
+        """P/P_half and (dP/dw)/(4 theta a_half) at `varpi` (n,), as rows (2, n): one polynomial for both."""
+        if len(self.edges) > 2 or varpi.size > _CHUNK:
+            radius = self.factor(Factor.RADIUS, varpi)
+            return np.stack((self.factor(Factor.FORCE, varpi), radius * self.factor(Factor.STIFFNESS, varpi)))
+        table = self.coefficients[0, [Factor.FORCE, Factor.STIFFNESS]]
+        table[1] += self.coefficients[0, Factor.RADIUS]
+        logarithms = polynomial(table, self.stretch.z(varpi))
+        return np.exp(logarithms, out=logarithms)
+
     def _factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
         logarithm = self.logarithm(which, varpi)
         return np.exp(logarithm, out=logarithm)

@@ -1,0 +1,102 @@
+"""Starts and rough fits: blocks, the scan's agreement with a known base, which minima are kept."""
+
+import numpy as np
+import pytest
+
+import underlay as ul
+from support.inverse import exact_curve, layer_on, measured, problem
+from underlay.data.curve import Curve
+from underlay.inference.fitting.blocked_squares import BlockedSquares
+from underlay.inference.fitting.blocks import Blocks
+from underlay.inference.fitting.rough import rough_minima
+from underlay.inference.fitting.start import scan_starts
+from underlay.inference.least_squares import fit
+from underlay.inference.plain_hertz import plain_hertz_fit
+from underlay.inference.problem import Problem
+
+E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
+BASELINE = "instrument.baseline"
+
+
+@pytest.mark.parametrize("points", [20, 32, 33, 1000])
+def test_blocks_are_the_medians_or_averages_of_neighbours(points):
+    rng = np.random.default_rng(points)
+    curve = Curve(rng.permutation(np.linspace(0.0, 1.0, points)), rng.standard_normal(points))
+    order = np.argsort(curve.depth)
+    groups = np.array_split(order, min(32, points))
+    for middle, averages in ((np.median, False), (np.mean, True)):
+        blocks = Blocks.of(curve, 32, averages=averages)
+        # Sums of the same numbers in another order: a few roundings.
+        assert blocks.force == pytest.approx([middle(curve.force[g]) for g in groups], rel=1e-12, abs=1e-14)
+        assert blocks.depth == pytest.approx([middle(curve.depth[g]) for g in groups], rel=1e-12, abs=1e-14)
+
+
+@pytest.mark.parametrize("indenter", [ul.Paraboloid(1e-3), ul.Sphere(1e-3), ul.Cone(1.2)])
+@pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(4e6, 0.3), ul.Isotropic(3e5, 0.3)])
+def test_blocked_derivatives_are_those_of_its_residuals(indenter, base):
+    scene = layer_on(base, indenter=indenter, baseline=2e-3)
+    free = [E, H, C, BASELINE, *([] if base is ul.RIGID else [BASE])]
+    p = problem(scene, free)
+    squares = BlockedSquares.of(p, robust=False)
+    vector = np.full(len(free), 0.01)
+    jacobian = squares._evaluate(vector)[1]
+    for k, step in enumerate(1e-3 * np.eye(len(free))):
+        change = squares._evaluate(vector + step)[0] - squares._evaluate(vector - step)[0]
+        # Laws to 1e-3: their differences over 2e-3 are within a few hundredths of the largest derivative.
+        assert np.abs(change / 2e-3 - jacobian[:, k]).max() < 0.05 * np.abs(jacobian[:, k]).max(), free[k]
+
+
+def test_linear_parameters_are_at_their_best_wherever_it_is_asked():
+    scene = layer_on(ul.Isotropic(4e6, 0.3), baseline=2e-3)
+    p = problem(scene, [E, H, C, BASE, BASELINE])
+    squares = BlockedSquares.of(p, robust=False)
+    wide = np.full(5, 5.0)
+    point = squares.point(np.array([0.7, 0.1, 0.02, 0.7, 0.3]), -wide, wide)
+    # Both moduli together, and the baseline: the gradient vanishes along them, up to the rounding of the solution.
+    scale = np.linalg.norm(point.jacobian, axis=0) * np.linalg.norm(point.residuals)
+    gradient = point.jacobian.T @ point.residuals
+    assert abs(gradient[0] + gradient[3]) < 1e-4 * scale[0]
+    assert abs(gradient[4]) < 1e-9 * scale[4]
+    ratio = point.at[3] - point.at[0]
+    assert ratio == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(4e6, 0.3)])
+def test_a_rough_fit_ends_within_a_fraction_of_a_standard_error(base):
+    scene = layer_on(base)
+    p = problem(scene, [E, H, C], measured(scene, points=1000))
+    found = fit(p)
+    deviation = np.sqrt(np.diag(found.scaled_covariance))
+    (rough,) = rough_minima(p, [found.vector + np.array([0.4, 0.3, 0.01])], robust=False)
+    # Averages of 31 points lose little of what 1000 tell; the law is coarse to 1e-3 of the force.
+    assert (np.abs(rough.vector - found.vector) < 0.5 * deviation).all()
+
+
+def test_one_place_is_kept_once():
+    scene = layer_on(ul.RIGID)
+    p = problem(scene, [E, H, C])
+    start = fit(p).vector
+    near = [
+        start + offset for offset in (np.zeros(3), np.array([0.05, 0.04, 0.0]), np.array([-0.1, -0.1, 0.0]))
+    ]
+    assert len(rough_minima(p, near, robust=False)) == 1
+
+
+@pytest.mark.parametrize("modulus", [4e6, 1e8, 2e5])
+def test_the_scan_agrees_with_a_base_that_is_known(modulus):
+    scene = layer_on(ul.Isotropic(modulus, 0.3))
+    start = scene.with_values({E: 1e3 * scene.parameters[E]})
+    p = Problem(start, exact_curve(scene), [E, C])
+    best = p.values(scan_starts(p)[0])
+    # Between ratios up to seven apart the straight line is off by a few tens of per cent.
+    assert abs(np.log(best[E] / 1e6)) < 0.5
+    assert abs(best[C] - 1e-5) < 0.05 * 1.8e-4
+
+
+def test_plain_hertz_finds_what_made_the_curve():
+    scene = ul.Scene(
+        ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45)), instrument=ul.Instrument(1e-5, 2e-3)
+    )
+    curve = exact_curve(scene)
+    found = plain_hertz_fit(curve.depth, curve.force, 1e-3, 0.45, E=3e6)
+    assert found == pytest.approx({"E": 1e6, "contact_depth": 1e-5, "baseline": 2e-3}, rel=1e-5)
