@@ -56,6 +56,8 @@ _SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
 # Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio,
 # and the terms in varpi that are dropped.
 _SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_TAIL = 0.5, 0.25, 0.15
+_SHARE_OF_PIECE = 0.25  # of rtol: the tail with what its terms do not show
+_NARROWEST = 0.3  # of a piece in z: eight pieces at most
 _DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
 _MOST_RATIOS = 24
 _TABLES_KEPT = 4096
@@ -138,9 +140,9 @@ class CurveFamily:
     ----------
     cell : Cell
         Where it holds.
-    stretch : Stretch
-        Of varpi.
-    coefficients : ndarray (ratio terms, 3, rows, 4)
+    stretch, edges
+        As in `MasterCurve`.
+    coefficients : ndarray (ratio terms, pieces, 3, rows, 4)
         What `MasterCurve` holds, in powers of the place of ln k in the span.
     error_estimate : float
         Relative error of the three factors, everything included.
@@ -154,6 +156,7 @@ class CurveFamily:
 
     cell: Cell
     stretch: Stretch
+    edges: tuple[float, ...]
     coefficients: FloatArray
     error_estimate: float
     resolution: Resolution
@@ -161,25 +164,25 @@ class CurveFamily:
     eps: float
 
     def tables(self, log_ratios: FloatArray) -> FloatArray:
-        """Coefficients (sets, 3, rows, 4) of the curves at `log_ratios` (sets,)."""
+        """Coefficients (sets, pieces, 3, rows, 4) of the curves at `log_ratios` (sets,)."""
         count = len(self.coefficients)
         powers = self._position(log_ratios)[:, None] ** np.arange(count)
         flat = powers @ self.coefficients.reshape(count, -1)
         return flat.reshape(-1, *self.coefficients.shape[1:])
 
     def slopes(self, which: Factor, log_ratio: float) -> FloatArray:
-        """d/d ln k of the coefficients of one factor, (rows, 4), at one ratio."""
+        """d/d ln k of the coefficients of one factor, (pieces, rows, 4), at one ratio."""
         low, high = self.cell.log_ratios
         orders = np.arange(1, len(self.coefficients))
         powers = orders * self._position(np.array([log_ratio])) ** (orders - 1)
-        table = self.coefficients[1:, which]
+        table = self.coefficients[1:, :, which]
         flat = (powers * (2.0 / (high - low))) @ table.reshape(len(table), -1)
         return flat.reshape(table.shape[1:])
 
     def curve(self, log_ratio: float) -> MasterCurve:
         """Master curve at one ratio."""
-        table = self.tables(np.array([log_ratio]))
-        return MasterCurve(self.stretch, (-1.0, 1.0), table, self.error_estimate)
+        table = self.tables(np.array([log_ratio]))[0]
+        return MasterCurve(self.stretch, self.edges, table, self.error_estimate)
 
     def _position(self, log_ratios: FloatArray) -> FloatArray:
         """Place of ln k in the span, in [-1, 1]."""
@@ -215,18 +218,30 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     if any(solved.curve.jumps for solved in solutions):
         return None
     stretch = Stretch.to(cell.top, Pair.of(*_constants(cell, float(np.exp(0.5 * (low + high))))).softness)
-    resampled, resampling = _resampled([solved.curve for solved in solutions], stretch, cell.rtol)
-    flat = chebyshev_coefficients(resampled.reshape(ratios, -1), angles)
-    truncation = float(truncation_error(_at_points(flat, resampled.shape[1:])))
+    pieces = _pieces([solved.curve for solved in solutions], stretch, (-1.0, 1.0), cell.rtol)
+    if pieces is None:
+        return None
+    expanded = [chebyshev_coefficients(piece.values.reshape(ratios, -1), angles) for piece in pieces]
+    truncation = max(
+        float(truncation_error(_at_points(flat, piece.values.shape[1:])))
+        for flat, piece in zip(expanded, pieces, strict=True)
+    )
     if truncation > _SHARE_OF_RATIO * cell.rtol:
         return None if 2 * ratios > _MOST_RATIOS else _expanded(cell, ratios + ratios // 2)
+    powers = [
+        np.tensordot(monomials(ratios).T, in_powers(flat.reshape(piece.values.shape)), 1)
+        for flat, piece in zip(expanded, pieces, strict=True)
+    ]
+    table = np.zeros((ratios, len(pieces), len(Factor), max(power.shape[2] for power in powers), 4))
+    for number, power in enumerate(powers):
+        table[:, number, :, : power.shape[2]] = power
     worst = max(solutions, key=lambda solved: solved.error_estimate)
-    powers = np.tensordot(monomials(ratios).T, in_powers(flat.reshape(ratios, *resampled.shape[1:])), 1)
     return CurveFamily(
         cell=cell,
         stretch=stretch,
-        coefficients=read_only(powers),
-        error_estimate=worst.error_estimate + resampling + truncation,
+        edges=(*(piece.ends[0] for piece in pieces), 1.0),
+        coefficients=read_only(table),
+        error_estimate=worst.error_estimate + max(piece.left_out for piece in pieces) + truncation,
         resolution=worst.resolution,
         radii=sum(solved.radii for solved in solutions),
         eps=max(solved.eps for solved in solutions),
@@ -241,20 +256,46 @@ def _at_points(flat: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     return np.asarray(series.reshape(len(flat), -1))
 
 
-def _resampled(curves: list[MasterCurve], stretch: Stretch, rtol: float) -> tuple[FloatArray, float]:
-    """Chebyshev coefficients (curves, terms, 3) on one stretch, and what they leave out.
+class _Piece(NamedTuple):
+    """A piece of all curves: its ends in z, Chebyshev coefficients (curves, terms, 3), what they leave out."""
+
+    ends: tuple[float, float]
+    values: FloatArray
+    left_out: float
+
+
+def _pieces(
+    curves: list[MasterCurve], stretch: Stretch, ends: tuple[float, float], rtol: float
+) -> list[_Piece] | None:
+    """Bring curves to one stretch, in as few pieces as the accuracy allows; None if it takes too many."""
+    piece = _resampled(curves, stretch, ends, rtol)
+    if piece.left_out <= _SHARE_OF_PIECE * rtol:
+        return [piece]
+    low, high = ends
+    if high - low < _NARROWEST:
+        return None
+    middle = 0.5 * (low + high)
+    below = _pieces(curves, stretch, (low, middle), rtol)
+    above = _pieces(curves, stretch, (middle, high), rtol)
+    return None if below is None or above is None else below + above
+
+
+def _resampled(curves: list[MasterCurve], stretch: Stretch, ends: tuple[float, float], rtol: float) -> _Piece:
+    """One piece of curves on one stretch.
 
     As many terms as there may be are taken and the last dropped while their sum stays below its share: every
     term costs time in each evaluation.
     """
+    low, high = ends
     angles = chebyshev_angles(MOST_TERMS)
-    varpi = stretch.v(np.cos(angles))
+    varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * np.cos(angles))
     values = np.stack([np.column_stack([c.logarithm(f, varpi) for f in Factor]) for c in curves], axis=1)
     flat = chebyshev_coefficients(values.reshape(MOST_TERMS, -1), angles)
     tails = np.cumsum(np.abs(flat).max(axis=1)[::-1])[::-1]
     kept = max(1, int(np.count_nonzero(tails > _SHARE_OF_TAIL * rtol)))
     left_out = float(truncation_error(flat)) + (float(tails[kept]) if kept < MOST_TERMS else 0.0)
-    return np.moveaxis(flat[:kept].reshape(kept, len(curves), len(Factor)), 1, 0), left_out
+    terms = np.moveaxis(flat[:kept].reshape(kept, len(curves), len(Factor)), 1, 0)
+    return _Piece(ends, terms, left_out)
 
 
 def _solved(cell: Cell, ratio: float) -> SolvedCurve:

@@ -53,9 +53,11 @@ class _Shelf:
     errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def with_table(self, number: int, cell: Cell, family: CurveFamily | None) -> Self:
-        """Shelf with one table more."""
+        """Shelf with one table more; one in several pieces counts as none here."""
+        if family is not None and len(family.edges) > 2:
+            family = None
         low, high = cell.log_ratios
-        flat = np.zeros((1, len(Factor), 1, 4)) if family is None else family.coefficients
+        flat = np.zeros((1, len(Factor), 1, 4)) if family is None else family.coefficients[:, 0]
         old = self.coefficients
         terms, rows = max(old.shape[1], flat.shape[0]), max(old.shape[3], flat.shape[2])
         coefficients = np.zeros((len(old) + 1, terms, len(Factor), rows, 4))

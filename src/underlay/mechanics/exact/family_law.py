@@ -20,7 +20,7 @@ from underlay.mechanics.exact.curve_family import (
     ratio_number,
 )
 from underlay.mechanics.exact.law import ExactLaw
-from underlay.mechanics.exact.master_curve import Factor, polynomial
+from underlay.mechanics.exact.master_curve import Factor, piecewise
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.materials import isotropic_constants
 
@@ -48,7 +48,7 @@ class FamilyLaw(ExactLaw):
         """dP/d ln k (N) at fixed depth (m), (n,), where the force (N) is `force`; zero out of contact."""
         varpi = self.measure.halfspace_radius(np.maximum(depth, 0.0)) / self.thickness
         table = self.family.slopes(Factor.FORCE, self.log_ratio)
-        return force * polynomial(table, self.family.stretch.z(varpi))
+        return force * piecewise(self.family.edges, table, self.family.stretch.z(varpi))
 
 
 def tabulated_law(

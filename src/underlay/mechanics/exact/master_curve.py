@@ -15,6 +15,7 @@ v = 1/softness.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
@@ -34,6 +35,7 @@ __all__ = [
     "chebyshev_coefficients",
     "in_powers",
     "monomials",
+    "piecewise",
     "polynomial",
     "truncation_error",
 ]
@@ -248,17 +250,19 @@ class MasterCurve:
 
     def logarithm(self, which: Factor, varpi: FloatArray) -> FloatArray:
         """Logarithm of one of the factors at `varpi` (n,), all of them at a time."""
-        z = self.stretch.z(varpi)
-        if len(self.edges) == 2:
-            logarithm = polynomial(self.coefficients[0, which], z)
-        else:
-            logarithm = np.empty_like(z)
-            piece = np.searchsorted(self.edges[1:-1], z)
-            for index, (low, high) in enumerate(pairwise(self.edges)):
-                here = piece == index
-                local = (z[here] - 0.5 * (low + high)) * (2.0 / (high - low))
-                logarithm[here] = polynomial(self.coefficients[index, which], local)
-        return logarithm
+        return piecewise(self.edges, self.coefficients[:, which], self.stretch.z(varpi))
+
+
+def piecewise(edges: Sequence[float], tables: FloatArray, z: FloatArray) -> FloatArray:
+    """Evaluate the polynomials `tables` (pieces, rows, 4) of the pieces between `edges` at z (n,)."""
+    if len(edges) == 2:
+        return polynomial(tables[0], z)
+    value = np.empty_like(z)
+    piece = np.searchsorted(edges[1:-1], z)
+    for index, (low, high) in enumerate(pairwise(edges)):
+        here = piece == index
+        value[here] = polynomial(tables[index], (z[here] - 0.5 * (low + high)) * (2.0 / (high - low)))
+    return value
 
 
 def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
