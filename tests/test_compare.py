@@ -96,3 +96,16 @@ def test_a_published_law_is_flagged_by_the_depth_of_the_data_alone():
         curve = ul.synthesize(scene, depth, ul.Noise(force=1e-7), 0)
         found = ul.fit(ul.Problem(scene, curve, ["layer.E"], method="dimitriadis2002"))
         assert any(warning.code == "law-range" for warning in found.warnings) == flagged
+
+
+def test_every_curve_of_a_joint_fit_answers_for_its_own_range():
+    layer = ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3)
+    tests = []
+    for radius in (2e-4, 2e-3):
+        scene = ul.Scene(ul.Paraboloid(radius), layer, ul.RIGID)
+        # X = sqrt(R w)/h: 0.13 for the small tip and 0.41 for the large one, with 0.385 allowed.
+        tests.append((scene, ul.synthesize(scene, np.linspace(0.0, 8.5e-5, 60), ul.Noise(force=1e-6), 0)))
+    found = ul.fit(ul.Problem.joint(tests, [E], [E], method="dimitriadis2002"))
+    told = [str(warning) for warning in found.warnings if warning.code == "law-range"]
+    assert len(told) == 1
+    assert "outside its range on curve 2" in told[0]

@@ -50,7 +50,7 @@ def separable_warnings(found: SeparableFit, problem: Callable[[], Problem]) -> t
     law, slopes = made.members[0].law(made.physical(vector)), made.slopes(vector)
     scaled = found.covariance / np.outer(slopes, slopes)
     diagnostics = diagnose(found.residuals / found.noise, found.residuals)
-    warnings = warnings_of(made, law, {}, {}, scaled, (diagnostics,), _statistics(found, made), ())
+    warnings = warnings_of(made, [law], {}, {}, scaled, (diagnostics,), _statistics(found, made), ())
     return tuple(str(warning) for warning in warnings)
 
 

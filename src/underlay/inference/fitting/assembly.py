@@ -69,7 +69,8 @@ def assemble(
     whitened = np.split(residuals, ends)[: len(forces)]
     alternatives = _alternatives(objective, vector, residuals, deviation_scaled, others)
     diagnostics = tuple(diagnose(own, force) for own, force in zip(whitened, forces, strict=True))
-    law = max((member.law(physical) for member in problem.members), key=lambda law: law.error_estimate)
+    laws = [member.law(physical) for member in problem.members]
+    law = max(laws, key=lambda law: law.error_estimate)
     statistics = _statistics(objective, minimum, whitened, law, method=method, robust=robust, seconds=seconds)
     return Fit(
         problem=problem,
@@ -85,7 +86,7 @@ def assemble(
         diagnostics=diagnostics,
         statistics=statistics,
         warnings=warnings_of(
-            problem, law, reasons, bounds_hit, covariance, diagnostics, statistics, alternatives
+            problem, laws, reasons, bounds_hit, covariance, diagnostics, statistics, alternatives
         ),
         alternatives=alternatives,
     )

@@ -24,7 +24,7 @@ _STRONG_CORRELATION = 0.99
 
 def warnings_of(
     problem: Problem,
-    law: ContactLaw,
+    laws: Sequence[ContactLaw],
     reasons: Mapping[str, str],
     bounds_hit: Mapping[str, str],
     covariance: FloatArray,
@@ -34,7 +34,8 @@ def warnings_of(
 ) -> tuple[FitWarning, ...]:
     """Everything a reader of the numbers should know first.
 
-    `reasons` and `bounds_hit` are those of `Fit`; `covariance` is the scaled one, (k, k).
+    `laws` are those behind the curves, one each; `reasons` and `bounds_hit` are those of `Fit`; `covariance`
+    is the scaled one, (k, k).
     """
     warnings = []
     if not statistics.success:
@@ -50,7 +51,7 @@ def warnings_of(
         *_correlated(problem, covariance),
         *_second_optima(alternatives),
         *_residuals(diagnostics),
-        *_law_range(law),
+        *_law_range(laws),
         *_law_error(problem, covariance, statistics),
     )
 
@@ -138,11 +139,16 @@ def _residuals(diagnostics: Sequence[ResidualDiagnostics]) -> list[FitWarning]:
     return warnings
 
 
-def _law_range(law: ContactLaw) -> list[FitWarning]:
-    if isinstance(law, PublishedLaw) and law.warnings:
-        broken = "; ".join(str(entry) for entry in law.warnings)
-        return [FitWarning("law-range", f"{law.method} is used outside its range: {broken}")]
-    return []
+def _law_range(laws: Sequence[ContactLaw]) -> list[FitWarning]:
+    """One warning per curve whose law, one of `laws`, leaves its range."""
+    warnings = []
+    for number, law in enumerate(laws, start=1):
+        if isinstance(law, PublishedLaw) and law.warnings:
+            which = f" on curve {number}" if len(laws) > 1 else ""
+            broken = "; ".join(str(entry) for entry in law.warnings)
+            text = f"{law.method} is used outside its range{which}: {broken}"
+            warnings.append(FitWarning("law-range", text))
+    return warnings
 
 
 def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatistics) -> list[FitWarning]:
