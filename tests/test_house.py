@@ -15,7 +15,7 @@ GROUND = {"errors", "units", "_arrays", "_files"}
 
 #: Third parties and the only modules (relative to the package, by prefix) that may import them.
 HOMES = {
-    "lmfit": ("inference/least_squares", "inference/profiles"),
+    "lmfit": ("inference/least_squares",),
     "emcee": ("inference/sampling/run", "inference/sampling/moves"),
     "dask": ("inference/batch/dask",),
     "distributed": ("inference/batch/dask",),

@@ -12,159 +12,21 @@ for two crossings and fails where one does not exist.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
-from scipy import interpolate, stats
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError
 from underlay.inference.fitting.fit_result import Fit
-from underlay.inference.fitting.objective import Minimum, Objective, Weights, weights_at
 from underlay.inference.least_squares import fit as least_squares_fit
-from underlay.inference.least_squares import minimise
 from underlay.inference.problem import Problem
-from underlay.scene.parameters import kind_of
-from underlay.units import format_quantity
+from underlay.inference.profiling.interval import Interval
+from underlay.inference.profiling.profile_result import Profile, interval_threshold
+from underlay.inference.profiling.walk import Walk
 
 __all__ = ["Interval", "Profile", "interval_threshold", "profile", "rise_at"]
 
-_STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
-_HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
-_GROWTH = 3.0  # a flattening profile is walked in steps at most this much longer each time
-_FARTHEST = 12.0  # scaled coordinate: a factor 1.6e5, or twelve times the range of the curve
-_MOST_STEPS = 60
-_MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
 # A fit found to be this much worse (in t) than a point of its own profile was not the optimum.
 _BETTER = 1e-3
-
-
-@dataclass(frozen=True)
-class Interval:
-    """Confidence interval of one parameter (SI); infinite where the data set no end.
-
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    level : float
-        Confidence, e.g. 0.95.
-    low, high : float
-        Ends (SI): -inf or inf where the data set none. Where a bound given by the caller or the reach of the
-        law ends it, that value.
-    low_reason, high_reason : str
-        ``"data"``, ``"bound"`` (the caller's), ``"law"`` (no contact law beyond), or ``"none"``.
-    """
-
-    name: str
-    level: float
-    low: float
-    high: float
-    low_reason: str
-    high_reason: str
-
-    def __str__(self) -> str:
-        kind = kind_of(self.name.partition("[")[0])
-        low, high = format_quantity(self.low, kind), format_quantity(self.high, kind)
-        at = f"({100.0 * self.level:g} %)"
-        has_low, has_high = self.low_reason == "data", self.high_reason == "data"
-        if has_low and has_high:
-            return f"{self.name} between {low} and {high} {at}"
-        if has_low:
-            limit = self._limit(self.high_reason, high)
-            return f"{self.name} > {low} {at}; no upper bound from these data{limit}"
-        if has_high:
-            limit = self._limit(self.low_reason, low)
-            return f"{self.name} < {high} {at}; no lower bound from these data{limit}"
-        return f"{self.name} is not bounded by these data {at}"
-
-    @staticmethod
-    def _limit(reason: str, value: str) -> str:
-        words = {"bound": f", only its own limit {value}", "law": f", as far as the law reaches ({value})"}
-        return words.get(reason, "")
-
-
-@dataclass(frozen=True, eq=False)
-class Profile:
-    """Profile likelihood of one parameter.
-
-    Parameters
-    ----------
-    name : str
-        The parameter.
-    fit : Fit
-        The optimum it starts from; a better one than was handed in, if the walk found one.
-    values : FloatArray
-        Values of the parameter (SI), (m,), increasing.
-    rise : FloatArray
-        t at each, (m,): zero at the optimum.
-    vectors : FloatArray
-        Scaled vectors with the other parameters fitted, (m, k).
-    ends : tuple of str
-        Why the walk ended below and above: ``"data"``, ``"bound"``, ``"law"`` or ``"none"``.
-    branches : tuple of Profile
-        The same about every other optimum of the fit, t still measured from the best.
-    """
-
-    name: str
-    fit: Fit
-    values: FloatArray
-    rise: FloatArray
-    vectors: FloatArray
-    ends: tuple[str, str]
-    branches: tuple[Profile, ...] = ()
-
-    def threshold(self, level: float) -> float:
-        """t that bounds an interval of this confidence.
-
-        Raises
-        ------
-        InputError
-            If the level is not between 0 and 0.999.
-        """
-        return interval_threshold(self.fit, level)
-
-    def interval(self, level: float = 0.95) -> Interval:
-        """Values the data do not reject at this level; see `Interval` for ends that are not there.
-
-        With a second optimum that is not rejected it is the hull of both.
-        """
-        z = float(np.sqrt(self.threshold(level)))
-        parts = [self, *(branch for branch in self.branches if np.sqrt(branch.rise.min()) <= z)]
-        low, low_reason = min((part.end(z, upper=False) for part in parts), key=lambda end: end[0])
-        high, high_reason = max((part.end(z, upper=True) for part in parts), key=lambda end: end[0])
-        return Interval(self.name, level, low, high, low_reason, high_reason)
-
-    def end(self, z: float, *, upper: bool) -> tuple[float, str]:
-        """Where the values below `z` end on one side (SI), and why: a reason as in `Interval`."""
-        index = self.fit.names.index(self.name)
-        coordinate = self.fit.problem.coordinates[index]
-        best = int(np.argmin(self.rise))
-        outwards = slice(best, None) if upper else slice(best, None, -1)
-        q, reason = self.vectors[outwards, index], self.ends[int(upper)]
-        crossing = _crossing(q, np.sqrt(self.rise[outwards]), z)
-        if crossing is not None:
-            return float(coordinate.physical(np.asarray(crossing))), "data"
-        if reason == "bound":
-            return coordinate.high if upper else coordinate.low, "bound"
-        if reason == "law":
-            return float(coordinate.physical(q[-1])), "law"
-        return (np.inf if upper else -np.inf), "none"
-
-
-def interval_threshold(fit: Fit, level: float) -> float:
-    """Rise t that bounds an interval: chi-square's quantile, F's where the noise was estimated.
-
-    Raises
-    ------
-    InputError
-        If the level is not between 0 and 0.999.
-    """
-    if not 0.0 < level <= 0.999:
-        raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
-    if fit.statistics.noise_estimated or fit.problem.noise_entries:
-        return float(stats.f.ppf(level, 1, fit.statistics.points - fit.statistics.parameters))
-    return float(stats.chi2.ppf(level, 1))
 
 
 def profile(problem: Problem | Fit, name: str) -> Profile:
@@ -190,7 +52,7 @@ def profile(problem: Problem | Fit, name: str) -> Profile:
             f"{name!r}: profiles freeze the noise; take its standard error, or sample the posterior"
         )
     index = fit.names.index(name)
-    below, above = (_Walk.start(fit, index).go(direction) for direction in (-1.0, 1.0))
+    below, above = (Walk.start(fit, index).go(direction) for direction in (-1.0, 1.0))
     better = min((below, above), key=lambda walk: walk.lowest)
     if better.lowest < -_BETTER:
         # The walk passed through a lower minimum: begin again from there.
@@ -199,12 +61,12 @@ def profile(problem: Problem | Fit, name: str) -> Profile:
             return profile(again, name)
     branches = []
     for other in fit.alternatives:
-        left, right = (_Walk.start(fit, index, other.vector).go(direction) for direction in (-1.0, 1.0))
+        left, right = (Walk.start(fit, index, other.vector).go(direction) for direction in (-1.0, 1.0))
         branches.append(_joined(fit, name, left, right))
     return _joined(fit, name, below, above, tuple(branches))
 
 
-def _joined(fit: Fit, name: str, below: _Walk, above: _Walk, branches: tuple[Profile, ...] = ()) -> Profile:
+def _joined(fit: Fit, name: str, below: Walk, above: Walk, branches: tuple[Profile, ...] = ()) -> Profile:
     index = fit.names.index(name)
     vectors = np.array([*below.vectors[:0:-1], *above.vectors])
     rise = np.maximum(np.array([*below.rises[:0:-1], *above.rises]), 0.0)
@@ -240,7 +102,7 @@ def rise_at(fit: Fit, name: str, value: float) -> float:
         )
     rises = []
     for optimum in (fit.vector, *(other.vector for other in fit.alternatives)):
-        walk = _Walk.start(fit, index, optimum)
+        walk = Walk.start(fit, index, optimum)
         found = walk.fit_at(coordinate.scaled(value))
         if found is not None:
             rises.append(float(np.square(walk.objective.residuals(found.vector)).sum()) - walk.base)
@@ -253,124 +115,3 @@ def _refit(fit: Fit, vector: FloatArray) -> Fit:
     problem = fit.problem
     moved = problem.revised(scenes=problem.scenes(vector))
     return least_squares_fit(moved, start="given")
-
-
-def _crossing(q: FloatArray, z: FloatArray, level: float) -> float | None:
-    """Outermost place where z passes `level`, walking outwards; None if it never does for good."""
-    inside = np.flatnonzero(z <= level)
-    last = int(inside[-1])
-    if last == len(z) - 1:
-        return None
-    # z is made increasing before it is inverted: beyond a second minimum only the last rise counts.
-    rising = np.maximum.accumulate(z[: last + 2])
-    kept = np.concatenate([[True], np.diff(rising) > 0.0])
-    kept[last + 1] = True
-    if kept.sum() < 3:
-        return float(np.interp(level, rising[kept], q[: last + 2][kept]))
-    return float(interpolate.PchipInterpolator(rising[kept], q[: last + 2][kept])(level))
-
-
-@dataclass(frozen=True, eq=False)
-class _Walk:
-    """Steps of a profile from the optimum to one side."""
-
-    fit: Fit
-    index: int
-    objective: Objective
-    base: float
-    vectors: list[FloatArray]
-    rises: list[float]
-    reason: str = "none"
-
-    @classmethod
-    def start(cls, fit: Fit, index: int, vector: FloatArray | None = None) -> _Walk:
-        """Stand at the optimum, or another one, with the noise of the fit frozen."""
-        weights: Weights = weights_at(fit.problem, fit.vector, fit.noises)
-        objective = Objective(fit.problem, weights, held=frozenset({index}))
-        base = float(np.square(objective.residuals(fit.vector)).sum())
-        if vector is None:
-            return cls(fit, index, objective, base, [np.array(fit.vector)], [0.0])
-        rise = float(np.square(objective.residuals(vector)).sum()) - base
-        return cls(fit, index, objective, base, [np.array(vector)], [rise])
-
-    @property
-    def lowest(self) -> float:
-        """Smallest t met: below zero if the fit was not the optimum."""
-        return min(self.rises)
-
-    def go(self, direction: float) -> _Walk:
-        """Walk until the rise ends every interval, or the parameter or the law does."""
-        bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
-        here = float(self.vectors[0][self.index])
-        room = abs(bound - here)
-        step = self._first_step()
-        for _ in range(_MOST_STEPS):
-            travelled = abs(float(self.vectors[-1][self.index]) - here)
-            step = min(step, room - travelled)
-            if step <= 1e-12 * (1.0 + travelled):
-                return replace(self, reason="bound")
-            if travelled >= _FARTHEST:
-                return replace(self, reason="none")
-            failures = self.objective.failures
-            found = self.fit_at(here + direction * (travelled + step))
-            if found is None or self._is_wall(failures, found):
-                if step < 1e-3 * self._first_step():
-                    return replace(self, reason="law")
-                step *= 0.25
-                continue
-            self.vectors.append(found.vector)
-            self.rises.append(float(np.square(self.objective.residuals(found.vector)).sum()) - self.base)
-            if self.rises[-1] > _HIGHEST**2:
-                return replace(self, reason="data")
-            step = self._next_step(step)
-        return replace(self, reason="none")
-
-    def _is_wall(self, failures: int, found: Minimum) -> bool:
-        """Whether no law exists at the place the minimiser stopped."""
-        if self.objective.failures == failures:
-            return False
-        before = self.objective.failures
-        self.objective.residuals(found.vector)
-        return self.objective.failures > before
-
-    def _first_step(self) -> float:
-        deviation = float(np.sqrt(self.fit.scaled_covariance[self.index, self.index]))
-        return _STEP * deviation if 0.0 < deviation < 1.0 else 0.1
-
-    def _next_step(self, step: float) -> float:
-        """Step for half a unit more of z, from the slope of the last one."""
-        z = np.sqrt(np.maximum(self.rises[-2:], 0.0))
-        slope = (z[1] - z[0]) / step
-        return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
-
-    def fit_at(self, q: float) -> Minimum | None:
-        """Others fitted with the parameter at q, starting where the last two steps point."""
-        start = np.array(self.vectors[-1])
-        if len(self.vectors) > 1:
-            moved = self.vectors[-1] - self.vectors[-2]
-            start = start + moved * (q - start[self.index]) / moved[self.index]
-        else:
-            start = start + self._tangent() * (q - start[self.index])
-        low, high = self.fit.problem.bounds.T
-        start = np.clip(start, low, high)
-        start[self.index] = q
-        for candidate in (start, _with(self.vectors[-1], self.index, q)):
-            failures = self.objective.failures
-            self.objective.residuals(candidate)
-            if self.objective.failures == failures:
-                return minimise(self.objective, candidate, max_evaluations=_MOST_EVALUATIONS)
-        return None
-
-    def _tangent(self) -> FloatArray:
-        """d others / d parameter along the profile at the optimum, from the covariance."""
-        column = np.array(self.fit.scaled_covariance[self.index])
-        own = column[self.index]
-        tangent: FloatArray = column / own if own > 0.0 else np.zeros_like(column)
-        tangent[self.index] = 1.0
-        return tangent
-
-
-def _with(vector: FloatArray, index: int, q: float) -> FloatArray:
-    changed = np.array(vector)
-    changed[index] = q
-    return changed

@@ -1,0 +1,130 @@
+"""Steps of a profile from an optimum to one side, the other parameters fitted again at each.
+
+Steps are of about half a standard deviation of z = sqrt(t), in which a profile is nearly straight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.fitting.fit_result import Fit
+from underlay.inference.fitting.objective import Minimum, Objective, Weights, weights_at
+from underlay.inference.least_squares import minimise
+
+__all__ = ["Walk"]
+
+_STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
+_HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
+_GROWTH = 3.0  # a flattening profile is walked in steps at most this much longer each time
+_FARTHEST = 12.0  # scaled coordinate: a factor 1.6e5, or twelve times the range of the curve
+_MOST_STEPS = 60
+_MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """Steps of a profile from the optimum to one side."""
+
+    fit: Fit
+    index: int
+    objective: Objective
+    base: float
+    vectors: list[FloatArray]
+    rises: list[float]
+    reason: str = "none"
+
+    @classmethod
+    def start(cls, fit: Fit, index: int, vector: FloatArray | None = None) -> Walk:
+        """Stand at the optimum, or another one, with the noise of the fit frozen."""
+        weights: Weights = weights_at(fit.problem, fit.vector, fit.noises)
+        objective = Objective(fit.problem, weights, held=frozenset({index}))
+        base = float(np.square(objective.residuals(fit.vector)).sum())
+        if vector is None:
+            return cls(fit, index, objective, base, [np.array(fit.vector)], [0.0])
+        rise = float(np.square(objective.residuals(vector)).sum()) - base
+        return cls(fit, index, objective, base, [np.array(vector)], [rise])
+
+    @property
+    def lowest(self) -> float:
+        """Smallest t met: below zero if the fit was not the optimum."""
+        return min(self.rises)
+
+    def go(self, direction: float) -> Walk:
+        """Walk until the rise ends every interval, or the parameter or the law does."""
+        bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
+        here = float(self.vectors[0][self.index])
+        room = abs(bound - here)
+        step = self._first_step()
+        for _ in range(_MOST_STEPS):
+            travelled = abs(float(self.vectors[-1][self.index]) - here)
+            step = min(step, room - travelled)
+            if step <= 1e-12 * (1.0 + travelled):
+                return replace(self, reason="bound")
+            if travelled >= _FARTHEST:
+                return replace(self, reason="none")
+            failures = self.objective.failures
+            found = self.fit_at(here + direction * (travelled + step))
+            if found is None or self._is_wall(failures, found):
+                if step < 1e-3 * self._first_step():
+                    return replace(self, reason="law")
+                step *= 0.25
+                continue
+            self.vectors.append(found.vector)
+            self.rises.append(float(np.square(self.objective.residuals(found.vector)).sum()) - self.base)
+            if self.rises[-1] > _HIGHEST**2:
+                return replace(self, reason="data")
+            step = self._next_step(step)
+        return replace(self, reason="none")
+
+    def _is_wall(self, failures: int, found: Minimum) -> bool:
+        """Whether no law exists at the place the minimiser stopped."""
+        if self.objective.failures == failures:
+            return False
+        before = self.objective.failures
+        self.objective.residuals(found.vector)
+        return self.objective.failures > before
+
+    def _first_step(self) -> float:
+        deviation = float(np.sqrt(self.fit.scaled_covariance[self.index, self.index]))
+        return _STEP * deviation if 0.0 < deviation < 1.0 else 0.1
+
+    def _next_step(self, step: float) -> float:
+        """Step for half a unit more of z, from the slope of the last one."""
+        z = np.sqrt(np.maximum(self.rises[-2:], 0.0))
+        slope = (z[1] - z[0]) / step
+        return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
+
+    def fit_at(self, q: float) -> Minimum | None:
+        """Others fitted with the parameter at q, starting where the last two steps point."""
+        start = np.array(self.vectors[-1])
+        if len(self.vectors) > 1:
+            moved = self.vectors[-1] - self.vectors[-2]
+            start = start + moved * (q - start[self.index]) / moved[self.index]
+        else:
+            start = start + self._tangent() * (q - start[self.index])
+        low, high = self.fit.problem.bounds.T
+        start = np.clip(start, low, high)
+        start[self.index] = q
+        for candidate in (start, _with(self.vectors[-1], self.index, q)):
+            failures = self.objective.failures
+            self.objective.residuals(candidate)
+            if self.objective.failures == failures:
+                return minimise(self.objective, candidate, max_evaluations=_MOST_EVALUATIONS)
+        return None
+
+    def _tangent(self) -> FloatArray:
+        """d others / d parameter along the profile at the optimum, from the covariance."""
+        column = np.array(self.fit.scaled_covariance[self.index])
+        own = column[self.index]
+        tangent: FloatArray = column / own if own > 0.0 else np.zeros_like(column)
+        tangent[self.index] = 1.0
+        return tangent
+
+
+def _with(vector: FloatArray, index: int, q: float) -> FloatArray:
+    changed = np.array(vector)
+    changed[index] = q
+    return changed
