@@ -53,10 +53,10 @@ def profile(problem: Problem | Fit, name: str) -> Profile:
         )
     index = fit.names.index(name)
     below, above = (Walk.start(fit, index).go(direction) for direction in (-1.0, 1.0))
-    better = min((below, above), key=lambda walk: walk.lowest)
-    if better.lowest < -_BETTER:
-        # The walk passed through a lower minimum: begin again from there.
-        again = _refit(fit, better.vectors[int(np.argmin(better.rises))])
+    better = min((below.deepest(), above.deepest()), key=lambda basin: basin[0])
+    if better[0] < -_BETTER:
+        # The walk met a lower minimum: begin again from there.
+        again = _refit(fit, better[1])
         if again.statistics.chi_square < fit.statistics.chi_square:
             return profile(again, name)
     branches = []
@@ -105,7 +105,7 @@ def rise_at(fit: Fit, name: str, value: float) -> float:
         walk = Walk.start(fit, index, optimum)
         found = walk.fit_at(coordinate.scaled(value))
         if found is not None:
-            rises.append(float(np.square(walk.objective.residuals(found.vector)).sum()) - walk.base)
+            rises.append(walk.rise(found))
     if not rises:
         raise InputError(f"no contact law at {name} = {value!r}")
     return min(rises)

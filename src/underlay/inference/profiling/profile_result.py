@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import interpolate, stats
+from scipy import interpolate, optimize, stats
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
@@ -104,10 +104,7 @@ def _crossing(q: FloatArray, z: FloatArray, level: float) -> float | None:
     last = int(inside[-1])
     if last == len(z) - 1:
         return None
-    # z is made increasing before it is inverted: beyond a second minimum only the last rise counts.
-    rising = np.maximum.accumulate(z[: last + 2])
-    kept = np.concatenate([[True], np.diff(rising) > 0.0])
-    kept[last + 1] = True
-    if kept.sum() < 3:
-        return float(np.interp(level, rising[kept], q[: last + 2][kept]))
-    return float(interpolate.PchipInterpolator(rising[kept], q[: last + 2][kept])(level))
+    outwards = np.abs(q - q[0])
+    z_at = interpolate.PchipInterpolator(outwards, z)
+    reached = optimize.brentq(lambda x: float(z_at(x)) - level, outwards[last], outwards[last + 1])
+    return float(q[0] + np.sign(q[-1] - q[0]) * reached)

@@ -13,15 +13,20 @@ from underlay._arrays import FloatArray
 from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.fitting.objective import Minimum, Objective, Weights, weights_at
 from underlay.inference.least_squares import minimise
+from underlay.inference.profiling.held import starts_with_held
 
 __all__ = ["Walk"]
 
 _STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
 _HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
+# A step that raised z by more than this is taken back: a second basin may lie within it, as wide as the first.
+_LEAP = 1.0
 _GROWTH = 3.0  # a flattening profile is walked in steps at most this much longer each time
 _FARTHEST = 12.0  # scaled coordinate: a factor 1.6e5, or twelve times the range of the curve
 _MOST_STEPS = 60
 _MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
+# Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
+_DOUBTED = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +52,22 @@ class Walk:
         rise = float(np.square(objective.residuals(vector)).sum()) - base
         return cls(fit, index, objective, base, [np.array(vector)], [rise])
 
-    @property
-    def lowest(self) -> float:
-        """Smallest t met: below zero if the fit was not the optimum."""
-        return min(self.rises)
+    def deepest(self) -> tuple[float, FloatArray]:
+        """Smallest t, and where: of the places met, and of the bottoms of basins that the walk crossed.
+
+        Below zero if the fit was not the optimum.
+        """
+        lowest = int(np.argmin(self.rises))
+        found = self.rises[lowest], self.vectors[lowest]
+        free = Objective(self.fit.problem, self.objective.weights)
+        for before, here, after, vector in zip(
+            self.rises, self.rises[1:], self.rises[2:], self.vectors[1:], strict=False
+        ):
+            if before > here < after:
+                bottom = minimise(free, vector, max_evaluations=_MOST_EVALUATIONS)
+                rise = float(np.square(free.residuals(bottom.vector)).sum()) - self.base
+                found = min(found, (rise, bottom.vector), key=lambda basin: basin[0])
+        return found
 
     def go(self, direction: float) -> Walk:
         """Walk until the rise ends every interval, or the parameter or the law does."""
@@ -65,39 +82,61 @@ class Walk:
                 return replace(self, reason="bound")
             if travelled >= _FARTHEST:
                 return replace(self, reason="none")
-            failures = self.objective.failures
             found = self.fit_at(here + direction * (travelled + step))
-            if found is None or self._is_wall(failures, found):
+            if found is None:
                 if step < 1e-3 * self._first_step():
                     return replace(self, reason="law")
                 step *= 0.25
                 continue
+            rise = self.rise(found)
+            leap = float(np.sqrt(max(rise, 0.0)) - np.sqrt(max(self.rises[-1], 0.0)))
+            if leap > _LEAP and step > 0.05 * self._first_step():
+                step *= max(0.1, _STEP / leap)
+                continue
             self.vectors.append(found.vector)
-            self.rises.append(float(np.square(self.objective.residuals(found.vector)).sum()) - self.base)
+            self.rises.append(rise)
             if self.rises[-1] > _HIGHEST**2:
                 return replace(self, reason="data")
             step = self._next_step(step)
         return replace(self, reason="none")
 
-    def _is_wall(self, failures: int, found: Minimum) -> bool:
-        """Whether no law exists at the place the minimiser stopped."""
-        if self.objective.failures == failures:
-            return False
-        before = self.objective.failures
-        self.objective.residuals(found.vector)
-        return self.objective.failures > before
+    def rise(self, found: Minimum) -> float:
+        """T at a minimum."""
+        return float(np.square(self.objective.residuals(found.vector)).sum()) - self.base
+
+    def _exists(self, vector: FloatArray) -> bool:
+        """Whether there is a law; where there is none, residuals count a failure."""
+        failures = self.objective.failures
+        self.objective.residuals(vector)
+        return self.objective.failures == failures
 
     def _first_step(self) -> float:
         deviation = float(np.sqrt(self.fit.scaled_covariance[self.index, self.index]))
         return _STEP * deviation if 0.0 < deviation < 1.0 else 0.1
 
     def _next_step(self, step: float) -> float:
-        """Step for half a unit more of z, from the slope of the last one."""
+        """Step for half a unit of z, from the slope of the last one."""
         z = np.sqrt(np.maximum(self.rises[-2:], 0.0))
-        slope = (z[1] - z[0]) / step
+        slope = abs(z[1] - z[0]) / step
         return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
 
     def fit_at(self, q: float) -> Minimum | None:
+        """Others fitted with the parameter at q; None if no law exists there.
+
+        First from where the walk points; if that leaves the value in doubt, also from a scan of the others.
+        """
+        found = self._follow(q)
+        if found is not None and self.rise(found) <= _DOUBTED:
+            return found
+        pinned = _with(self.vectors[-1] if found is None else found.vector, self.index, q)
+        low, high = self.fit.problem.bounds.T
+        for start in starts_with_held(self.fit.problem, self.index, pinned):
+            other = self._minimised(_with(np.clip(start, low, high), self.index, q))
+            if other is not None and (found is None or self.rise(other) < self.rise(found)):
+                found = other
+        return found
+
+    def _follow(self, q: float) -> Minimum | None:
         """Others fitted with the parameter at q, starting where the last two steps point."""
         start = np.array(self.vectors[-1])
         if len(self.vectors) > 1:
@@ -106,14 +145,18 @@ class Walk:
         else:
             start = start + self._tangent() * (q - start[self.index])
         low, high = self.fit.problem.bounds.T
-        start = np.clip(start, low, high)
-        start[self.index] = q
-        for candidate in (start, _with(self.vectors[-1], self.index, q)):
-            failures = self.objective.failures
-            self.objective.residuals(candidate)
-            if self.objective.failures == failures:
-                return minimise(self.objective, candidate, max_evaluations=_MOST_EVALUATIONS)
+        for candidate in (np.clip(start, low, high), self.vectors[-1]):
+            begin = _with(candidate, self.index, q)
+            if self._exists(begin):
+                return self._minimised(begin)
         return None
+
+    def _minimised(self, start: FloatArray) -> Minimum | None:
+        """Others fitted from a start; None if there is no law there or where that ends."""
+        if not self._exists(start):
+            return None
+        found = minimise(self.objective, start, max_evaluations=_MOST_EVALUATIONS)
+        return found if self._exists(found.vector) else None
 
     def _tangent(self) -> FloatArray:
         """d others / d parameter along the profile at the optimum, from the covariance."""
