@@ -25,6 +25,8 @@ class Interval:
         law ends it, that value.
     low_reason, high_reason : str
         ``"data"``, ``"bound"`` (the caller's), ``"law"`` (no contact law beyond), or ``"none"``.
+    calibrated : bool
+        Whether its thresholds come from curves drawn at its ends.
     """
 
     name: str
@@ -33,11 +35,12 @@ class Interval:
     high: float
     low_reason: str
     high_reason: str
+    calibrated: bool = False
 
     def __str__(self) -> str:
         kind = kind_of(self.name.partition("[")[0])
         low, high = format_quantity(self.low, kind), format_quantity(self.high, kind)
-        at = f"({100.0 * self.level:g} %)"
+        at = f"({100.0 * self.level:g} %{', calibrated' if self.calibrated else ''})"
         has_low, has_high = self.low_reason == "data", self.high_reason == "data"
         if has_low and has_high:
             return f"{self.name} between {low} and {high} {at}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +11,13 @@ from scipy import interpolate, optimize, stats
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.fitting.fit_result import Fit
+from underlay.inference.profiling.calibration import Calibration
 from underlay.inference.profiling.interval import Interval
 
 __all__ = ["Profile", "interval_threshold"]
+
+# t that a walk falls by between two steps: rounding of two refits is a thousand times less.
+_FALL = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +40,8 @@ class Profile:
         Why the walk ended below and above: ``"data"``, ``"bound"``, ``"law"`` or ``"none"``.
     branches : tuple of Profile
         The same about every other optimum of the fit, t still measured from the best.
+    calibration : Calibration, optional
+        Curves drawn at the ends, where the thresholds come from them.
     """
 
     name: str
@@ -44,36 +51,110 @@ class Profile:
     vectors: FloatArray
     ends: tuple[str, str]
     branches: tuple[Profile, ...] = ()
+    calibration: Calibration | None = None
 
-    def threshold(self, level: float) -> float:
-        """t that bounds an interval of this confidence.
+    @property
+    def index(self) -> int:
+        """Entry of the parameter in a vector."""
+        return self.fit.names.index(self.name)
+
+    @property
+    def has_two_basins(self) -> bool:
+        """Whether chi-square is in doubt: the fit has another optimum, or the profile falls again."""
+        outwards = (self.rise[self.best :], self.rise[self.best :: -1])
+        falls = any((np.diff(side) < -_FALL).any() for side in outwards)
+        return falls or bool(self.fit.alternatives)
+
+    @property
+    def best(self) -> int:
+        """Where the rise is smallest."""
+        return int(np.argmin(self.rise))
+
+    def threshold(self, level: float, *, upper: bool | None = None) -> float:
+        """T that bounds an interval of this confidence.
+
+        Parameters
+        ----------
+        level : float
+            The confidence.
+        upper : bool, optional
+            Which end of a calibrated profile; the larger of both without it.
 
         Raises
         ------
         InputError
-            If the level is not between 0 and 0.999.
+            If the level is not between 0 and 0.999, or higher than the drawn curves can tell.
         """
-        return interval_threshold(self.fit, level)
+        plain = interval_threshold(self.fit, level)
+        if upper is None:
+            return max(self.threshold(level, upper=False), self.threshold(level, upper=True))
+        centres = () if self.calibration is None else self.calibration.side(upper=upper)
+        return centres[-1].threshold(level) if centres else plain
+
+    def basis(self, level: float = 0.95) -> str:
+        """What the thresholds are and why, in a sentence."""
+        plain = interval_threshold(self.fit, level)
+        if self.fit.statistics.noise_estimated or self.fit.problem.noise_entries:
+            law = f"F(1, {self.fit.statistics.points - self.fit.statistics.parameters}), the noise estimated"
+        else:
+            law = "chi-square with one degree of freedom"
+        at = f"{100.0 * level:g} %"
+        if self.calibration is None:
+            doubt = (
+                "; there are two basins, where it is too small: use profile(..., calibrate=99)"
+                if self.has_two_basins
+                else ""
+            )
+            return f"threshold {plain:.3g}, the {at} quantile of {law}{doubt}"
+        ends = [
+            f"{self.threshold(level, upper=upper):.3g} {where}"
+            for upper, where in ((False, "below"), (True, "above"))
+            if self.calibration.side(upper=upper)
+        ]
+        if not ends:
+            return f"threshold {plain:.3g}, the {at} quantile of {law}: the data set no end to calibrate"
+        return (
+            f"threshold {' and '.join(ends)}, the {at} quantile of t in {self.calibration.draws} curves drawn "
+            f"at each end (seed {self.calibration.seed}); that of {law} would be {plain:.3g}"
+        )
 
     def interval(self, level: float = 0.95) -> Interval:
         """Values the data do not reject at this level; see `Interval` for ends that are not there.
 
         With a second optimum that is not rejected it is the hull of both.
         """
-        z = float(np.sqrt(self.threshold(level)))
-        parts = [self, *(branch for branch in self.branches if np.sqrt(branch.rise.min()) <= z)]
-        low, low_reason = min((part.end(z, upper=False) for part in parts), key=lambda end: end[0])
-        high, high_reason = max((part.end(z, upper=True) for part in parts), key=lambda end: end[0])
-        return Interval(self.name, level, low, high, low_reason, high_reason)
+        low, low_reason = self.end(level, upper=False)
+        high, high_reason = self.end(level, upper=True)
+        known = self.calibration is not None and any(self.calibration.side(upper=u) for u in (False, True))
+        return Interval(self.name, level, low, high, low_reason, high_reason, known)
 
-    def end(self, z: float, *, upper: bool) -> tuple[float, str]:
-        """Where the values below `z` end on one side (SI), and why: a reason as in `Interval`."""
-        index = self.fit.names.index(self.name)
-        coordinate = self.fit.problem.coordinates[index]
-        best = int(np.argmin(self.rise))
-        outwards = slice(best, None) if upper else slice(best, None, -1)
-        q, reason = self.vectors[outwards, index], self.ends[int(upper)]
-        crossing = _crossing(q, np.sqrt(self.rise[outwards]), z)
+    def end(self, level: float, *, upper: bool) -> tuple[float, str]:
+        """One end of the interval (SI), and why it is there: a reason as in `Interval`."""
+        limit = self._limit(level, upper=upper)
+        ends = [
+            part._own_end(limit, upper=upper)  # noqa: SLF001  own class
+            for part in (self, *self.branches)
+            if (np.sqrt(part.rise) <= limit(part.vectors[:, self.index])).any()
+        ]
+        return (max if upper else min)(ends, key=lambda end: end[0])
+
+    def _limit(self, level: float, *, upper: bool) -> Callable[[FloatArray], FloatArray]:
+        """Largest z inside the interval, by scaled value of the parameter."""
+        plain = interval_threshold(self.fit, level)
+        centres = () if self.calibration is None else self.calibration.side(upper=upper)
+        if not centres:
+            return lambda q: np.full(np.shape(q), np.sqrt(plain))
+        coordinate = self.fit.problem.coordinates[self.index]
+        pairs = sorted((coordinate.scaled(at.value), np.sqrt(at.threshold(level))) for at in centres)
+        places, roots = np.array(pairs).T
+        return lambda q: np.interp(q, places, roots)
+
+    def _own_end(self, limit: Callable[[FloatArray], FloatArray], *, upper: bool) -> tuple[float, str]:
+        """Where the values below the limit end on one side, other basins left aside."""
+        coordinate = self.fit.problem.coordinates[self.index]
+        outwards = slice(self.best, None) if upper else slice(self.best, None, -1)
+        q, reason = self.vectors[outwards, self.index], self.ends[int(upper)]
+        crossing = _crossing(q, np.sqrt(self.rise[outwards]), limit)
         if crossing is not None:
             return float(coordinate.physical(np.asarray(crossing))), "data"
         if reason == "bound":
@@ -98,13 +179,17 @@ def interval_threshold(fit: Fit, level: float) -> float:
     return float(stats.chi2.ppf(level, 1))
 
 
-def _crossing(q: FloatArray, z: FloatArray, level: float) -> float | None:
-    """Outermost place where z passes `level`, walking outwards; None if it never does for good."""
-    inside = np.flatnonzero(z <= level)
-    last = int(inside[-1])
+def _crossing(q: FloatArray, z: FloatArray, limit: Callable[[FloatArray], FloatArray]) -> float | None:
+    """Outermost place where z passes the limit, walking outwards; None if it never does for good."""
+    last = int(np.flatnonzero(z <= limit(q))[-1])
     if last == len(z) - 1:
         return None
     outwards = np.abs(q - q[0])
+    towards = np.sign(q[-1] - q[0])
     z_at = interpolate.PchipInterpolator(outwards, z)
-    reached = optimize.brentq(lambda x: float(z_at(x)) - level, outwards[last], outwards[last + 1])
-    return float(q[0] + np.sign(q[-1] - q[0]) * reached)
+
+    def over(x: float) -> float:
+        return float(z_at(x) - limit(np.asarray(q[0] + towards * x)))
+
+    reached = optimize.brentq(over, outwards[last], outwards[last + 1])
+    return float(q[0] + towards * reached)

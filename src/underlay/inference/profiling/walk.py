@@ -15,10 +15,10 @@ from underlay.inference.fitting.objective import Minimum, Objective, Weights, we
 from underlay.inference.least_squares import minimise
 from underlay.inference.profiling.held import starts_with_held
 
-__all__ = ["Walk"]
+__all__ = ["HIGHEST", "Walk"]
 
+HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
 _STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
-_HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
 # A step that raised z by more than this is taken back: a second basin may lie within it, as wide as the first.
 _LEAP = 1.0
 _GROWTH = 3.0  # a flattening profile is walked in steps at most this much longer each time
@@ -69,8 +69,8 @@ class Walk:
                 found = min(found, (rise, bottom.vector), key=lambda basin: basin[0])
         return found
 
-    def go(self, direction: float) -> Walk:
-        """Walk until the rise ends every interval, or the parameter or the law does."""
+    def go(self, direction: float, highest: float = HIGHEST) -> Walk:
+        """Walk until z is above `highest`, which ends every interval, or the parameter or the law ends."""
         bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
         here = float(self.vectors[0][self.index])
         room = abs(bound - here)
@@ -95,7 +95,7 @@ class Walk:
                 continue
             self.vectors.append(found.vector)
             self.rises.append(rise)
-            if self.rises[-1] > _HIGHEST**2:
+            if self.rises[-1] > highest**2:
                 return replace(self, reason="data")
             step = self._next_step(step)
         return replace(self, reason="none")
@@ -125,9 +125,15 @@ class Walk:
 
         First from where the walk points; if that leaves the value in doubt, also from a scan of the others.
         """
-        found = self._follow(q)
-        if found is not None and self.rise(found) <= _DOUBTED:
-            return found
+        found = self.follow(q)
+        return self.look_elsewhere(q, found) if self.in_doubt(found) else found
+
+    def in_doubt(self, found: Minimum | None) -> bool:
+        """Whether a better place for the others would matter to an interval."""
+        return found is None or self.rise(found) > _DOUBTED
+
+    def look_elsewhere(self, q: float, found: Minimum | None) -> Minimum | None:
+        """Others fitted with the parameter at q from a scan; `found` if that is no better."""
         pinned = _with(self.vectors[-1] if found is None else found.vector, self.index, q)
         low, high = self.fit.problem.bounds.T
         for start in starts_with_held(self.fit.problem, self.index, pinned):
@@ -136,7 +142,7 @@ class Walk:
                 found = other
         return found
 
-    def _follow(self, q: float) -> Minimum | None:
+    def follow(self, q: float) -> Minimum | None:
         """Others fitted with the parameter at q, starting where the last two steps point."""
         start = np.array(self.vectors[-1])
         if len(self.vectors) > 1:
