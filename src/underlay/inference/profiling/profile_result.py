@@ -13,6 +13,7 @@ from underlay.errors import InputError
 from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.profiling.calibration import Calibration
 from underlay.inference.profiling.interval import Interval
+from underlay.inference.profiling.walk import HIGHEST
 
 __all__ = ["Profile", "interval_threshold"]
 
@@ -137,6 +138,16 @@ class Profile:
             if (np.sqrt(part.rise) <= limit(part.vectors[:, self.index])).any()
         ]
         return (max if upper else min)(ends, key=lambda end: end[0])
+
+    def bottoms_beyond(self, value: float, *, upper: bool) -> list[float]:
+        """Values (SI) beyond one where t has a minimum that is not rejected at 99.9 %, the nearest first."""
+        bottoms = []
+        for part in (self, *self.branches):
+            t = np.concatenate([[np.inf], part.rise, [np.inf]])
+            lowest = (t[1:-1] <= t[:-2]) & (t[1:-1] <= t[2:]) & (t[1:-1] < HIGHEST**2)
+            bottoms += part.values[lowest].tolist()
+        beyond = [bottom for bottom in bottoms if (bottom > value if upper else bottom < value)]
+        return sorted(beyond, reverse=not upper)
 
     def _limit(self, level: float, *, upper: bool) -> Callable[[FloatArray], FloatArray]:
         """Largest z inside the interval, by scaled value of the parameter."""
