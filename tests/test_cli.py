@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from support.inverse import ambiguous
 from underlay.cli.app import app, main
+from underlay.data.curve_csv import curve_csv
 
 SAMPLES = Path(__file__).resolve().parents[1] / "data_samples"
 CURVE, SCENE = SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml"
@@ -49,6 +52,65 @@ def test_fit_prints_and_writes(run, tmp_path):
     written = json.loads((tmp_path / "new" / "folder" / "cartilage_on_bone.fit.json").read_text())
     assert written["values"]["layer.E"] == pytest.approx(0.62e6, rel=0.05)
     assert (tmp_path / "new" / "folder" / "cartilage_on_bone.fit.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_fit_says_a_second_optimum_beside_the_headline_and_once(run, tmp_path):
+    problem = ambiguous()
+    curve, scene = tmp_path / "curve.csv", tmp_path / "scene.toml"
+    curve.write_text(curve_csv(problem.curves[0], []), encoding="utf-8")
+    problem.base_scenes[0].save(scene)
+    free = "layer.E = {}\nlayer.thickness = {}\ninstrument.contact_depth = {}\n"
+    scene.write_text(scene.read_text() + "\n[fit]\n" + free, encoding="utf-8")
+    code, out, _ = run("fit", curve, "--scene", scene)
+    assert code == 0
+    first, second = out.strip().splitlines()[:2]
+    assert first.startswith("Layer modulus")
+    assert second.startswith("A second optimum explains these data as well: layer modulus 0.33")
+    assert out.count("optimum") == 1
+
+
+def test_formats_says_how_a_file_is_read_and_draws_its_segments(run, tmp_path):
+    measured = SAMPLES / "chiaro_cell_indentation.csv"
+    code, out, _ = run("formats", measured, "--output", tmp_path / "pictures")
+    assert code == 0
+    assert "format csv" in out
+    assert "loading 2533, unloading 233" in out
+    picture = tmp_path / "pictures" / "chiaro_cell_indentation.segments.png"
+    assert str(picture) in out
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_formats_takes_one_test_of_many_and_reads_as_the_scene_file_says(run, tmp_path):
+    both = tmp_path / "both.zip"
+    with zipfile.ZipFile(both, "w") as archive:
+        archive.writestr("first.csv", table(RAMP, "h (um),load (mN)"))
+        archive.writestr("second.csv", table(RAMP[:40], "h (um),load (mN)"))
+    scene = tmp_path / "scene.toml"
+    columns = '\n[curve]\ncolumns = { depth = "h (um)", force = "load (mN)" }\n'
+    scene.write_text(SCENE.read_text(encoding="utf-8") + columns, encoding="utf-8")
+    assert run("formats", both, "--scene", scene, "--output", tmp_path)[0] == 0
+    assert {path.name for path in tmp_path.glob("*.png")} == {"both-1.segments.png", "both-2.segments.png"}
+    code, out, _ = run("formats", both, "--scene", scene, "--test", 2)
+    assert code == 0
+    assert "loading 40" in out
+    assert "loading 60" not in out
+    for words, line in (
+        (("formats", both, "--scene", scene, "--test", 3), "no test 3; it holds 2"),
+        (("formats", "--test", 1), "name the file to read"),
+    ):
+        code, _, err = run(*words)
+        assert code == 2
+        assert line in err
+
+
+def test_fit_draws_the_segments_of_a_curve_that_comes_back(run, tmp_path):
+    assert run("fit", CURVE, "--scene", SCENE, "--output", tmp_path)[0] == 0
+    assert not list(tmp_path.glob("*.segments.png"))
+    words = ("fit", SAMPLES / "chiaro_cell_indentation.csv", "--scene", SAMPLES / "chiaro_cell.toml")
+    code, out, _ = run(*words, "--output", tmp_path)
+    assert code == 0
+    assert str(tmp_path / "chiaro_cell_indentation.segments.png") in out
+    assert (tmp_path / "chiaro_cell_indentation.segments.png").exists()
 
 
 def test_demo_says_where_its_files_are(run, tmp_path):

@@ -68,6 +68,16 @@ def test_new_notebook_is_ready_and_keeps_what_is_there(run, tmp_path):
     assert (tmp_path / "mine.ipynb").read_bytes() == before
 
 
+def test_notebook_of_a_curve_that_comes_back_draws_its_segments(run, tmp_path):
+    measured, scene = SAMPLES / "chiaro_cell_indentation.csv", SAMPLES / "chiaro_cell.toml"
+    for name, words in (("cell", (str(measured), str(scene))), ("cartilage", ("curve.csv", "scene.toml"))):
+        assert run("report", "--new-notebook", f"{name}.ipynb", *words)[0] == 0
+    cell, cartilage = (json.dumps(cells_of(tmp_path / f"{name}.ipynb")) for name in ("cell", "cartilage"))
+    assert "measured = {1: whole_curve(problem.curves[0])}" in cell
+    assert "ul.plots.segments(curve" in cell
+    assert "segments" not in cartilage
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [

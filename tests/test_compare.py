@@ -52,6 +52,16 @@ def test_laws_that_do_not_know_a_parameter_say_so():
     assert frame.loc["exact", H] > 0.0
 
 
+def test_a_law_without_error_bars_says_why():
+    # The first order on a large contact: its series has no end there, and the fit runs off to a layer of nothing.
+    scene = layer_on(ul.RIGID, indenter=ul.Paraboloid(4e-3))
+    found = compare(problem(scene, [E, H, C], measured(scene)), ["asymptotic:1", "exact"])
+    frame = found.to_frame()
+    assert np.isinf(frame.loc["asymptotic:1", f"{H} stderr"])
+    assert "has no error bar" in frame.loc["asymptotic:1", "notes"]
+    assert not frame.loc["exact", "notes"]
+
+
 def test_a_law_that_cannot_be_fitted_does_not_disturb_the_others():
     scene = layer_on(ul.Isotropic(4e6, 0.3), thickness=1e-3)
     p = problem(scene, [E, C], measured(scene))
@@ -75,3 +85,14 @@ def test_no_method_at_all():
     with pytest.raises(InputError, match="at least one"):
         compare(problem(layer_on(ul.RIGID), [E]), [])
     assert isinstance(compare(problem(layer_on(ul.RIGID), [E]), ["exact"]), Comparison)
+
+
+def test_a_published_law_is_flagged_by_the_depth_of_the_data_alone():
+    # The series of Dimitriadis (2002) holds up to X = sqrt(R w)/h = 0.385; laws are kept up to 0.5 here.
+    radius, thickness = 1e-3, 1e-3
+    scene = ul.Scene(ul.Paraboloid(radius), ul.Layer(ul.Isotropic(1e6, 0.5), thickness), ul.RIGID)
+    for share, flagged in ((0.37, False), (0.40, True)):
+        depth = np.linspace(0.0, (share * thickness) ** 2 / radius, 80)
+        curve = ul.synthesize(scene, depth, ul.Noise(force=1e-7), 0)
+        found = ul.fit(ul.Problem(scene, curve, ["layer.E"], method="dimitriadis2002"))
+        assert any(warning.code == "law-range" for warning in found.warnings) == flagged

@@ -13,7 +13,7 @@ import underlay as ul
 from underlay.data.readers import Format
 from underlay.data.readers._format import make_curve
 from underlay.data.readers._text import lines_of
-from underlay.errors import InputError
+from underlay.errors import FitError, InputError
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.published.correction import MEASURED_RANGE, RIGID_BONDED, PublishedCorrection
 from underlay.mechanics.published.factor import PolynomialFactor
@@ -117,6 +117,30 @@ def test_indenter_works_everywhere(tmp_path):
     punch = ul.contact_law(ul.FlatPunch(radius), scene.layer, ul.RIGID, max_depth=1e-6, method="exact")
     assert float(law.stiffness(2e-6)) == pytest.approx(float(punch.stiffness(1e-6)), rel=1e-4)
     ul.plots.save(ul.plots.scene(scene, depth=3e-6), tmp_path / "scene.png")
+
+
+class Endless(Hyperboloid):
+    """The same without an end, and without a name: scene files do not know it."""
+
+    shape: ClassVar[str] = ""
+
+    @property
+    def max_radius(self):
+        return np.inf
+
+
+def test_indenter_without_an_end_is_refused_where_the_exact_law_needs_one():
+    endless = Endless(WORN.half_angle, WORN.tip_radius)
+    layer = ul.Layer(ul.Isotropic(1e4, 0.5), 1e-5)
+    with pytest.raises(InputError, match=r"Endless\.max_radius is inf.*finite max_radius \(m\)"):
+        ul.contact_law(endless, layer, ul.RIGID, max_depth=3e-6, method="exact")
+    scene = ul.Scene(WORN, layer, ul.RIGID)
+    curve = ul.synthesize(scene, np.linspace(-1e-6, 3e-6, 50), noise=ul.Noise(force=1e-11), rng=0)
+    with pytest.raises(FitError, match="no contact law at the start of the fit: Endless"):
+        ul.fit(ul.Problem(replace(scene, indenter=endless), curve, free={"layer.E": (1e2, 1e6)}))
+    # Where nothing has to be solved it needs no end.
+    bare = ul.contact_law(endless, ul.Layer(ul.Isotropic(1e4, 0.5)), max_depth=3e-6)
+    assert bare.method == "halfspace"
 
 
 # --- a published correction ------------------------------------------------------------------------------

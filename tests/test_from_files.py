@@ -7,7 +7,7 @@ import pytest
 
 import underlay as ul
 from underlay.errors import InputError
-from underlay.inference.from_files import free_of, load_problem
+from underlay.inference.from_files import free_of, load_problem, whole_curve
 from underlay.scene.scene_file import read_scene_file
 
 SAMPLES = Path(__file__).resolve().parents[1] / "data_samples"
@@ -53,3 +53,24 @@ def test_no_point_left(tmp_path):
     text = '[curve]\nmin_depth = "5 mm"\n\n[solver]'
     with pytest.raises(InputError, match=r"no point of the loading part.*depths run from"):
         load_problem(CURVE, changed(tmp_path, "[solver]", text))
+
+
+def test_the_whole_curve_is_read_again_as_it_was_read(tmp_path):
+    path, scene = tmp_path / "curve.csv", tmp_path / "scene.toml"
+    rows = [f"{h},{max(h, 0.0) ** 1.5}" for h in [*np.linspace(-2, 20, 60), *np.linspace(20, -2, 50)]]
+    path.write_text("a (um),b (mN)\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    columns = '\n[curve]\ncolumns = { depth = "a (um)", force = "b (mN)" }\n'
+    scene.write_text(SCENE.read_text(encoding="utf-8") + columns, encoding="utf-8")
+    part = load_problem(path, scene).curves[0]
+    whole = whole_curve(part)
+    assert len(part) < 70 < len(whole) == 110
+    assert set(whole.segments()) == {"loading", "hold", "unloading"}
+    # Without a scene file the same reader and test are used; these columns it cannot know.
+    assert whole_curve(part.with_metadata(scene_path=None)) is None
+    assert len(whole_curve(ul.read(CURVE).loading())) == len(ul.read(CURVE))
+    # A curve made here, a file that has changed, and one that is gone.
+    assert whole_curve(ul.Curve(part.depth, part.force)) is None
+    path.write_text(path.read_text() + "0.0,0.0\n", encoding="utf-8")
+    assert whole_curve(part) is None
+    path.unlink()
+    assert whole_curve(part) is None

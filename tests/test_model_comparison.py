@@ -48,6 +48,11 @@ def test_the_right_model_wins_and_its_error_is_stated():
     assert table.loc["exact", "p_loo"] == pytest.approx(1.0, abs=0.6)
     assert table.loc["exact", "model_error"] < 1e-4
     assert table.loc["exact", "weight"] > 0.95
+    # The first point is not in contact: no draw changes its density, and that is no reason for doubt. A law
+    # that misses the deepest points by many standard errors is one.
+    assert DEPTH[0] == 0.0
+    assert not table.loc["exact", "warning"]
+    assert table.loc["no layer effect", "warning"]
 
 
 def test_a_stated_model_error_widens_the_interval():

@@ -51,7 +51,7 @@ def tab():
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("kind", ["fit", "posterior"])
+@pytest.mark.parametrize("kind", ["fit", "joint", "posterior"])
 def test_page(report_pages, tab, kind, width, scheme):
     events = tab.open(report_pages[kind][1].as_uri(), width=width, scheme=scheme)
 
@@ -63,7 +63,7 @@ def test_page(report_pages, tab, kind, width, scheme):
     assert tab.evaluate("document.scripts.length") == 0
 
     pictures = tab.evaluate(PICTURES)
-    assert len(pictures) >= (5 if kind == "fit" else 3)
+    assert len(pictures) >= (3 if kind == "posterior" else 5)
     for picture in pictures:
         assert picture["complete"], picture
         assert picture["natural"] > 300, picture

@@ -2,6 +2,7 @@
 
 import struct
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -185,6 +186,37 @@ def test_profile_shades_its_own_interval(fit):
     assert (box.x0, box.x1) == pytest.approx(
         (walk.interval().low / 1e-3, walk.interval().high / 1e-3), rel=1e-9
     )
+    plt.close("all")
+
+
+def moved(walk, factor, rise):
+    """Return a branch: the walk with its parameter times `factor`, everywhere higher by `rise`."""
+    index = walk.fit.names.index(walk.name)
+    vectors = walk.vectors.copy()
+    vectors[:, index] += np.log(factor)
+    values = walk.fit.problem.coordinates[index].physical(vectors[:, index])
+    return replace(walk, values=values, vectors=vectors, rise=walk.rise + rise)
+
+
+@pytest.mark.parametrize(("factor", "parts"), [(3.0, 2), (1.02, 1)], ids=["apart", "overlapping"])
+def test_profile_shades_every_part_of_its_interval(fit, factor, parts):
+    walk = ul.profile(fit, "layer.E")
+    branch = moved(walk, factor, 1.0)
+    both = replace(walk, branches=(branch, moved(walk, 30.0, 40.0)))
+    ax = ul.plots.profile(both)
+    boxes = [patch.get_extents().transformed(ax.transData.inverted()) for patch in ax.patches]
+    z = np.sqrt(walk.threshold(0.95))
+    assert len(boxes) == parts
+    assert boxes[0].x0 == pytest.approx(walk.interval().low / 1e6, rel=1e-9)
+    assert boxes[-1].x1 == pytest.approx(branch.end(z, upper=True)[0] / 1e6, rel=1e-9)
+    if parts == 2:
+        assert boxes[0].x1 == pytest.approx(walk.interval().high / 1e6, rel=1e-9)
+        assert boxes[1].x0 == pytest.approx(branch.end(z, upper=False)[0] / 1e6, rel=1e-9)
+    # The branch far above what the picture shows is not drawn, and makes no room for itself.
+    lines = [line for line in ax.get_lines() if line.get_label() == "about another optimum"]
+    np.testing.assert_allclose(lines[0].get_xdata() * 1e6, branch.values)
+    assert len(lines) == 1
+    assert ax.get_xlim()[1] < 1.2 * boxes[-1].x1
     plt.close("all")
 
 

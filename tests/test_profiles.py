@@ -1,6 +1,7 @@
 """Profile intervals: the truth inside as often as said, and ends that are not there said to be missing."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,56 @@ def test_the_ends_are_where_the_rise_is_the_threshold(name):
         assert rise_at(found, name, end) == pytest.approx(result.threshold(0.95), rel=1e-2)
     assert result.rise.min() == 0.0
     assert (np.diff(result.values) > 0.0).all()
+
+
+@pytest.mark.parametrize("name", [E, H, BASE])
+def test_a_valley_that_is_open_at_the_optimum_and_closed_further_on(name):
+    # A thin layer on a soft base answers as a thicker one on bone does: the thickness may rise by a half while the
+    # modulus of the base runs away, and no further, for beyond rigid there is nothing. What the curvature at
+    # the optimum foretells is then a step far too long.
+    scene = layer_on(ul.Isotropic(1e9, 0.3), thickness=8e-4, nu=0.5, indenter=ul.Paraboloid(5e-4))
+    curve = measured(scene, depth=5e-5, first=-1e-5, level=0.003, points=400)
+    found = fit(problem(scene.with_values({BASE: 1e8}), [E, H, BASE, C], curve))
+    result = profile(found, name)
+    interval = result.interval(0.95)
+    ends = [(interval.low, interval.low_reason), (interval.high, interval.high_reason)]
+    assert interval.low < scene.parameters[name] < interval.high
+    assert [reason for _, reason in ends] == ["data", "none" if name == BASE else "data"]
+    for end, reason in ends:
+        if reason == "data":
+            # Where the base becomes rigid the profile has a corner; cubics across it miss z by some hundredths.
+            assert rise_at(found, name, end) == pytest.approx(result.threshold(0.95), rel=5e-2)
+    steps = np.diff(np.sqrt(result.rise))
+    assert np.abs(steps).max() < 1.5
+
+
+@pytest.mark.parametrize("seed", [2, 3, 6])
+def test_a_base_that_might_be_rigid_has_a_lower_bound_and_one_optimum(seed):
+    # The fit ends anywhere on the plateau of rigid bases, ten orders of magnitude above where the data object.
+    scene = layer_on(ul.Isotropic(1e9, 0.3), thickness=8e-4, nu=0.5)
+    curve = measured(scene, depth=8e-5, first=-2e-5, level=0.003, points=400, rng=seed)
+    found = fit(problem(scene.with_values({BASE: 1e8}), [E, H, BASE, C], curve))
+    assert not found.alternatives
+    interval = profile(found, BASE).interval()
+    assert (interval.low_reason, interval.high_reason) == ("data", "none")
+    assert 1e6 < interval.low < 1e9
+    # With the base held rigid the thickness would end 5 % below its optimum.
+    assert profile(found, H).interval().low < 0.85 * found.values[H]
+
+
+def test_an_end_beyond_a_hump_is_read_from_its_last_rise():
+    walk = profile(problem(layer_on(ul.RIGID), [E, C]), E)
+    q = np.arange(7.0)
+    made = replace(
+        walk,
+        rise=np.array([0.0, 1.0, 9.0, 1.0, 1.0, 4.0, 16.0]),
+        vectors=np.column_stack([q, np.zeros(7)]),
+        ends=("bound", "data"),
+    )
+    end, reason = made.end(1.9, upper=True)
+    assert reason == "data"
+    scaled = made.fit.problem.coordinates[0].scaled(end)
+    assert 4.0 < scaled < 5.0
 
 
 def test_an_asymmetric_interval_is_wider_where_the_data_say_less():

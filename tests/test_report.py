@@ -4,6 +4,7 @@ import builtins
 import json
 import re
 import sys
+from dataclasses import replace
 
 import nbformat
 import numpy as np
@@ -11,15 +12,18 @@ import pandas as pd
 import pytest
 
 import underlay as ul
-from support.reports import SAMPLES, cells_of, page_text, small_posterior
+from support.inverse import ambiguous
+from support.reports import SAMPLES, cells_of, joint_fit, page_text, small_posterior
 from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
 from underlay.inference.priors import Truncated
-from underlay.report import maps, words
+from underlay.report import maps, tables, words
+from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.execution import execute
 from underlay.report.intervals import estimates
 from underlay.report.notebook import make_notebook
 from underlay.report.page import html_page
 from underlay.report.problem_source import problem_source, write_inputs
+from underlay.scene.effects import effects_table
 
 # --- words -----------------------------------------------------------------------------------------------
 
@@ -84,6 +88,74 @@ def test_intervals_that_are_too_narrow_are_said_to_be():
     curve = ul.synthesize(scene, np.linspace(0, 1e-4, 400), noise=noise, rng=3, time=np.linspace(0, 4, 400))
     fit = ul.fit(ul.Problem(scene, curve, free=["layer.E"], noise=ul.Noise(force=1e-3)))
     assert "intervals above are too narrow" in words.summary(fit)
+
+
+def test_a_second_optimum_stands_beside_the_headline():
+    fit = ul.fit(ambiguous())
+    (other,) = fit.alternatives
+    (sentence,) = words.rivals(fit)
+    numbers = re.fullmatch(
+        r"A second optimum explains these data as well: layer modulus ([\d.]+) MPa, layer thickness ([\d.]+) mm; "
+        r"chi-square higher by ([\d.]+)\. The intervals above are those of the best alone\.",
+        sentence,
+    )
+    assert numbers, sentence
+    # As many digits as are shown: four of the parameters, two of the rise.
+    assert float(numbers[1]) == pytest.approx(other.values["layer.E"] / 1e6, rel=5e-4)
+    assert float(numbers[2]) == pytest.approx(other.values["layer.thickness"] / 1e-3, rel=5e-4)
+    assert float(numbers[3]) == pytest.approx(other.rise, rel=0.05)
+    profiles = {name: ul.profile(fit, name) for name in ("layer.E", "layer.thickness")}
+    headline, beside = words.summary(fit, profiles).split("\n\n")[:2]
+    assert headline.startswith("**Layer modulus")
+    assert beside.startswith("A second optimum explains these data as well")
+    inside = [
+        walk.interval().low <= other.values[name] <= walk.interval().high for name, walk in profiles.items()
+    ]
+    assert beside.endswith(
+        f"The intervals above {'reach over it too' if all(inside) else 'stop short of it'}."
+    )
+    table = tables.interval_table(fit, profiles)
+    assert table.loc["layer modulus", "second optimum"] == f"{numbers[1]} MPa"
+
+
+def test_an_optimum_the_data_nearly_reject_is_said_to_be_that():
+    fit = ul.fit(ambiguous())
+    # 3.9 is the 95 % threshold of F(1, 197).
+    far, near = (replace(fit.alternatives[0], rise=rise) for rise in (5.0, 3.8))
+    first, second = words.rivals(
+        replace(fit, alternatives=(near, far)), {"layer.E": ul.profile(fit, "layer.E")}
+    )
+    assert first.startswith("A second optimum explains these data as well")
+    assert second.startswith("A third optimum explains these data nearly as well")
+    assert "higher by 5." in second
+    assert words.rivals(ul.fit(cartilage())) == []
+    assert not [name for name in tables.interval_table(ul.fit(cartilage())) if "optimum" in name]
+
+
+def test_summary_of_a_joint_fit_covers_every_curve():
+    fit = joint_fit()
+    ratios, depths = [], []
+    for scene, curve in zip(fit.scenes, fit.curves, strict=True):
+        deepest = curve.depth.max() - scene.instrument.contact_depth
+        bare = scene.contact_law(deepest, method="halfspace")
+        ratios.append(float(scene.contact_law(deepest).force(deepest) / bare.force(deepest)))
+        depths.append(deepest)
+    text = words.summary(fit)
+    # The first curve is of the scene of the third, which goes deeper.
+    assert f"({min(depths[1:]) / 1e-3:.4g} to {max(depths) / 1e-3:.4g} mm into the sample" in text
+    assert f"the force is {min(ratios[1:]):.3g} to {max(ratios):.3g} times" in text
+
+
+def test_curves_of_one_scene_are_shown_once_at_the_deepest():
+    fit = joint_fit()
+    first, second = distinct_scenes(fit.scenes, fit.curves)
+    assert (first.label, second.label) == ("curves 1 and 3", "curve 2")
+    assert first.scene == fit.scenes[2]
+    assert first.reading == fit.curves[2].depth.max()
+    assert first.deepest == pytest.approx(1.2e-4 - fit.values["instrument.contact_depth[2]"])
+    (alone,) = distinct_scenes(fit.scenes[::2], fit.curves[::2])
+    assert alone.label == ""
+    assert alone.curves == (1, 2)
 
 
 # --- a problem as files and source -----------------------------------------------------------------------
@@ -212,6 +284,40 @@ def test_notebook_beside_the_page_is_executed_and_gives_the_same_fit(report_page
     assert "Traceback" not in text
     # The hash of the points the notebook fitted is that of the points of this fit, to the last bit.
     assert fit.provenance["curves"][0]["data_sha256"] in text
+
+
+def test_page_of_a_joint_fit_shows_every_scene(report_pages):
+    fit, page = report_pages["joint"]
+    text = page_text(page)
+    scenes = distinct_scenes(fit.scenes, fit.curves)
+    assert [test.label for test in scenes] == ["curves 1 and 3", "curve 2"]
+    for test in scenes:
+        size = (
+            effects_table(test.scene, test.deepest)
+            .set_index("effect")
+            .loc["finite thickness", "size_percent"]
+        )
+        assert re.search(rf"{words.start(test.label)} effect .*finite thickness \+{size:.3g} % yes", text)
+    # Of every curve its fit, of every scene its drawing and its effects; correlations, and two profiles.
+    assert page.read_text().count("<img") == 3 + 2 + 2 + 1 + 2
+
+
+def test_segments_of_a_curve_that_comes_back_are_shown(tmp_path):
+    problem = ul.load_problem(SAMPLES / "chiaro_cell_indentation.csv", SAMPLES / "chiaro_cell.toml")
+    page = ul.report(ul.fit(problem), tmp_path / "cell.html")
+    assert "where the tip goes in, rests and comes back" in page_text(page)
+    kept = ul.read(tmp_path / "cell.inputs" / "measured-1.csv")
+    whole = ul.read(SAMPLES / "chiaro_cell_indentation.csv")
+    np.testing.assert_array_equal(kept.depth, whole.depth)
+    np.testing.assert_array_equal(kept.segments(), whole.segments())
+    (cell,) = [cell for cell in cells_of(page.with_suffix(".ipynb")) if "segments" in "".join(cell["source"])]
+    assert any("image/png" in output.get("data", {}) for output in cell["outputs"])
+
+
+def test_segments_of_a_curve_that_only_goes_in_are_not_shown(report_pages):
+    _, page = report_pages["fit"]
+    assert "segments" not in json.dumps(cells_of(page.with_suffix(".ipynb")))
+    assert not list(page.parent.glob("*.inputs/measured-*"))
 
 
 def test_report_of_a_posterior(report_pages):

@@ -17,6 +17,7 @@ from underlay.inference.planning import plan
 from underlay.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.inference.profiles import profile
+from underlay.inference.sampling.model_comparison import compare_models, with_model_error
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.run import sample
 from underlay.mechanics.accuracy import Accuracy, contact_law
@@ -64,6 +65,7 @@ __all__ = [
     "accuracy_cost",
     "check_quality",
     "compare",
+    "compare_models",
     "contact_law",
     "find_contact",
     "fit",
@@ -82,4 +84,5 @@ __all__ = [
     "sample",
     "simulate",
     "synthesize",
+    "with_model_error",
 ]

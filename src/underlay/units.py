@@ -52,6 +52,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "time": Kind("s", ("us", "ms", "s"), "2 s"),
         "speed": Kind("m/s", ("nm/s", "um/s", "mm/s", "m/s"), "5 um/s"),
         "frequency": Kind("Hz", ("Hz", "kHz", "MHz"), "10 Hz"),
+        "loading rate": Kind("N/s", ("pN/s", "nN/s", "uN/s", "mN/s", "N/s"), "1 uN/s"),
         "voltage": Kind("V", ("mV", "V"), "2 V"),
         "sensitivity": Kind("m/V", ("nm/V", "um/V", "m/V"), "60 nm/V"),
         "current sensitivity": Kind("m/A", ("nm/nA", "um/nA"), "60 nm/nA"),

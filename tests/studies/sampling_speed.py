@@ -5,10 +5,15 @@
 64 walkers, 500 points, four free parameters each. Ours: E, thickness, E2 and contact of a layer on an elastic
 base, exact law at rtol 1e-4, `ul.sample` with its moves, checks and bookkeeping. Bare: E, contact, baseline
 and slope of Hertz's formula, vectorised over the walkers, emcee's default move. The two take turns, processor
-time is counted, and the median of the ratios is printed with the effective samples each yields per second.
+time is counted, and the median of the ratios is kept with the effective samples each yields per second; then
+two processes against one on the wall clock.
 """
 
+import argparse
+import json
 import multiprocessing
+import os
+import platform
 import sys
 import time
 import warnings
@@ -31,7 +36,7 @@ from underlay.mechanics.indenters import Paraboloid  # noqa: E402
 from underlay.mechanics.materials import Isotropic, Layer  # noqa: E402
 from underlay.scene.scene import Scene  # noqa: E402
 
-WALKERS, STEPS, POINTS, ROUNDS = 64, 2000, 500, 1
+WALKERS, STEPS, POINTS, ROUNDS = 64, 2000, 500, 3
 ACCURACY = Accuracy(1e-4)
 
 
@@ -82,34 +87,56 @@ def bare(steps=STEPS):
 
 
 def side_by_side():
-    """Posteriors per second of two processes over that of one, on the wall clock."""
-    begin = time.perf_counter()
-    ours()
-    alone = time.perf_counter() - begin
+    """Steps per second of two processes over those of one, on the wall clock."""
+    rounds = []
     with multiprocessing.get_context("spawn").Pool(2) as pool:
-        pool.map(warm, range(2))
-        begin = time.perf_counter()
-        pool.map(ours, [STEPS, STEPS])
-        both = time.perf_counter() - begin
-    return 2.0 * alone / both
+        pool.map(warm, range(2), chunksize=1)
+        for _ in range(ROUNDS):
+            begin = time.perf_counter()
+            pool.apply(ours, (STEPS,))
+            alone = time.perf_counter() - begin
+            begin = time.perf_counter()
+            pool.map(ours, [STEPS, STEPS], chunksize=1)
+            rounds.append(2.0 * alone / (time.perf_counter() - begin))
+    return float(np.median(rounds))
 
 
 def warm(_):
-    return WALKERS
+    return ours(20)
 
 
-def main():
+def one_core():
+    """Times per step and effective samples per second of both, medians of rounds that take turns."""
     ours(20)
     bare(20)
     rounds = [(ours(), bare()) for _ in range(ROUNDS)]
-    ratio = np.median([mine[0] / theirs[0] for mine, theirs in rounds])
-    mine, theirs = np.median([a for a, _ in rounds], axis=0), np.median([b for _, b in rounds], axis=0)
-    print(
-        f"per step: exact law {1e3 * mine[0]:.2f} ms, bare Hertz {1e3 * theirs[0]:.2f} ms, ratio {ratio:.2f}"
-    )
-    print(f"effective samples per second: exact law {mine[1]:.0f}, bare Hertz {theirs[1]:.0f}")
-    if "--pair" in sys.argv:
-        print(f"two processes over one, wall clock: {side_by_side():.2f}")
+    mine, theirs = (np.median([pair[i] for pair in rounds], axis=0) for i in (0, 1))
+    return {
+        "exact law, ms per step": 1e3 * mine[0],
+        "bare emcee on Hertz, ms per step": 1e3 * theirs[0],
+        "ratio of times per step": float(np.median([mine[0] / theirs[0] for mine, theirs in rounds])),
+        "exact law, effective samples per second": mine[1],
+        "bare emcee on Hertz, effective samples per second": theirs[1],
+    }
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path, default=HERE / "results" / "sampling_speed.json")
+    arguments = parser.parse_args()
+    results = {
+        "machine": f"{platform.machine()}, {os.cpu_count()} processors, Python {platform.python_version()}",
+        "walkers": WALKERS,
+        "steps": STEPS,
+        "points": POINTS,
+        "load before": os.getloadavg()[0],
+        **one_core(),
+        # Other work on the machine spoils this one: it is a ratio of wall times.
+        "two processes, steps per second over one": side_by_side(),
+    }
+    text = json.dumps(results, indent=2) + "\n"
+    arguments.output.write_text(text, encoding="utf-8")
+    sys.stdout.write(text)
 
 
 if __name__ == "__main__":

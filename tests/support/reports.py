@@ -35,3 +35,20 @@ def page_text(path):
 def cells_of(path):
     """Cells of a notebook file."""
     return json.loads(path.read_text(encoding="utf-8"))["cells"]
+
+
+@functools.cache
+def joint_fit():
+    """A fit of three curves, the first and the last of one scene, the second with a larger ball."""
+    layer = ul.Layer(ul.Isotropic(1e6, 0.45), 1.3e-3)
+    tests = []
+    for number, (radius, depth) in enumerate(((5e-4, 8e-5), (2e-3, 1e-4), (5e-4, 1.2e-4))):
+        scene = ul.Scene(ul.Sphere(radius), layer, ul.RIGID, ul.Instrument(contact_depth=number * 1e-6))
+        curve = ul.synthesize(scene, np.linspace(-1e-5, depth, 80), noise=ul.Noise(force=1e-4), rng=number)
+        tests.append((scene, curve.with_metadata(name=f"site-{number + 1}")))
+    free = {
+        "layer.E": (1e4, 1e8),
+        "layer.thickness": (1e-4, 1e-2),
+        "instrument.contact_depth": (-1e-5, 1e-5),
+    }
+    return ul.fit(ul.Problem.joint(tests, free, shared=["layer.E", "layer.thickness"]))

@@ -14,8 +14,9 @@ from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
+from underlay.report.measured import beyond_loading
 from underlay.report.tables import correlated_pairs, fit_table
-from underlay.report.words import headline
+from underlay.report.words import headline, rivals
 
 __all__ = ["fit", "quality_doubts", "reservations", "show_fit", "write_fit"]
 
@@ -55,15 +56,20 @@ def quality_doubts(problem: Problem) -> list[str]:
 
 
 def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
-    """Return what the reader, the fit and the laws have to say, in that order."""
+    """Return what the reader, the fit and the laws have to say, in that order.
+
+    A second optimum is not among it: it stands beside the headline.
+    """
     reader = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
-    return [*reader, *map(str, result.warnings), *notes]
+    fitted = [str(warning) for warning in result.warnings if warning.code != "second-optimum"]
+    return [*reader, *fitted, *notes]
 
 
 def show_fit(result: Fit, name: str) -> None:
-    """Print what a fit found: in words, then as a table, then what hangs together."""
+    """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
     say("")
-    say(headline(result))
+    for sentence in (headline(result), *rivals(result)):
+        say(sentence)
     say_table(fit_table(result), f"Fit of {name}")
     pairs = correlated_pairs(result)
     if len(pairs):
@@ -72,9 +78,16 @@ def show_fit(result: Fit, name: str) -> None:
 
 
 def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
-    """Write the table, the full result and the picture of a fit; return the files."""
-    return [
+    """Write the table, the full result and the pictures of a fit; return the files.
+
+    A curve that was measured beyond loading gets a picture of its segments.
+    """
+    written = [
         write_atomic(folder / f"{stem}.fit.csv", fit_table(result).to_csv(index=False)),
         result.to_json(folder / f"{stem}.fit.json"),
         plots.save(plots.fit(result), folder / f"{stem}.fit.png"),
     ]
+    whole = beyond_loading(result.curves[0])
+    if whole is not None:
+        written.append(plots.save(plots.segments(whole), folder / f"{stem}.segments.png"))
+    return written

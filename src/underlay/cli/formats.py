@@ -1,20 +1,70 @@
-"""`underlay formats`: the instrument formats that can be read."""
+"""`underlay formats`: the instrument formats that can be read, and how one file is read."""
 
 from __future__ import annotations
 
-import pandas as pd
+from pathlib import Path
+from typing import Annotated
 
-from underlay.cli.console import say_table
-from underlay.data.readers import FORMATS
+import numpy as np
+import pandas as pd
+import typer
+
+from underlay._arrays import FloatArray
+from underlay._files import require_writable_folder
+from underlay.cli.console import say, say_table, say_warnings
+from underlay.cli.options import OutputFolder
+from underlay.data.curve import Curve
+from underlay.data.readers import FORMATS, read_all
+from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.errors import InputError
+from underlay.report import plots
+from underlay.scene.scene_file import read_scene_file
+from underlay.units import format_quantity
 
 __all__ = ["formats"]
 
+# What a scene file may say of how a file is read; which test of it is one more.
+_READING = ("format", "columns", "calibration")
 
-def formats() -> None:
-    """List the instrument formats that can be read; files are recognised by their content.
+
+def formats(
+    file: Annotated[
+        Path | None, typer.Argument(help="File to read; without one, the formats are listed.")
+    ] = None,
+    scene: Annotated[
+        Path | None,
+        typer.Option("--scene", "-s", help="Scene file (TOML) whose [curve] section says how to read it."),
+    ] = None,
+    test: Annotated[int | None, typer.Option(help="Which test of a file that holds several.")] = None,
+    output: OutputFolder = None,
+) -> None:
+    """List the instrument formats that can be read, or say how FILE is read and where its segments are.
+
+    Files are recognised by their content. With --output the segments are drawn.
 
     Example: `underlay formats`
+
+    Example: `underlay formats curve.csv --output results`
     """
+    if file is None:
+        if not (scene is None and test is None and output is None):
+            raise InputError("name the file to read, e.g. underlay formats curve.csv")
+        _list_formats()
+        return
+    if output is not None:
+        require_writable_folder(output)
+    stated = {} if scene is None else dict(read_scene_file(scene).curve)
+    curves = read_all(file, **{key: stated[key] for key in _READING if key in stated})
+    chosen = _chosen(curves, test if test is not None else stated.get("test"), file)
+    say_table(pd.DataFrame([_row(number, curve) for number, curve in chosen]), _title(file, chosen[0][1]))
+    say_warnings([str(note) for _, curve in chosen for note in curve.metadata.get("notes", ())])
+    if output is not None:
+        for number, curve in chosen:
+            stem = f"{file.stem}-{number}" if len(curves) > 1 else file.stem
+            say(f"wrote {plots.save(plots.segments(curve), output / f'{stem}.segments.png')}")
+
+
+def _list_formats() -> None:
     rows = [
         {
             "format": entry.name,
@@ -24,3 +74,38 @@ def formats() -> None:
         for entry in FORMATS
     ]
     say_table(pd.DataFrame(rows), "Formats")
+
+
+def _chosen(curves: list[Curve], test: int | None, file: Path) -> list[tuple[int, Curve]]:
+    """The tests asked for, with their numbers from 1."""
+    if test is None:
+        return list(enumerate(curves, start=1))
+    if not 1 <= test <= len(curves):
+        raise InputError(f"{file.name} has no test {test}; it holds {len(curves)}, counted from 1")
+    return [(test, curves[test - 1])]
+
+
+def _title(file: Path, curve: Curve) -> str:
+    name = curve.metadata["format"]
+    described = next((entry.description for entry in FORMATS if entry.name == name), "")
+    return f"{file.name}, format {name}" + (f" ({described})" if described else "")
+
+
+def _row(number: int, curve: Curve) -> dict[str, object]:
+    labels = curve.segments()
+    counts = {label: int((labels == label).sum()) for label in (LOADING, HOLD, UNLOADING)}
+    return {
+        "test": number,
+        "name": str(curve.metadata.get("name", "")),
+        "points": len(curve),
+        "depth": _span(curve.depth, "length"),
+        "force": _span(curve.force, "force"),
+        "segments": ", ".join(f"{label} {count}" for label, count in counts.items() if count),
+    }
+
+
+def _span(values: FloatArray, kind: str) -> str:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return "no finite number"
+    return f"{format_quantity(float(finite.min()), kind)} to {format_quantity(float(finite.max()), kind)}"

@@ -16,7 +16,7 @@ from underlay.inference.from_files import load_problem
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.run import sample as sample_posterior
 from underlay.report import plots
-from underlay.report.tables import posterior_table, prior_table
+from underlay.report.posterior_tables import posterior_table, prior_table
 
 __all__ = ["sample"]
 

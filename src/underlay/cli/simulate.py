@@ -3,47 +3,132 @@
 from __future__ import annotations
 
 import json
+import shlex
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from underlay._arrays import positive
 from underlay._files import write_atomic
 from underlay.cli.console import say
+from underlay.cli.named_quantities import named_quantities
 from underlay.cli.options import ScenePath, Seed
+from underlay.data.curve import Curve
 from underlay.data.curve_csv import curve_csv
 from underlay.data.noise import Noise
 from underlay.data.synthetic import simulate as noiseless
 from underlay.data.synthetic import synthesize
 from underlay.errors import InputError
-from underlay.scene.scene_file import read_scene_file
+from underlay.scene.scene_file import SceneFile, read_scene_file
+from underlay.units import parse_quantity
 
 __all__ = ["simulate"]
+
+#: What --noise takes: first the numbers of a `Noise`, as in [noise], then what else `synthesize` disturbs.
+_NOISE = {"force": "force", "relative": "dimensionless", "depth": "length", "correlation_time": "time"}
+_DISTURBANCES = {
+    "drift": "loading rate",
+    "quantisation": "force",
+    "outliers": "dimensionless",
+    "outlier_sd": "force",
+}
+#: What --offset takes: fields of the scene's instrument.
+_OFFSETS = {"contact_depth": "length", "baseline": "force", "baseline_slope": "stiffness"}
+
+NoiseOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--noise",
+        metavar="NAME=VALUE",
+        help='One disturbance; repeat it for more: force="2 uN" (white), relative=0.5% (of the force), '
+        'depth="3 nm", correlation_time="20 ms", drift="1 uN/s", quantisation="0.5 uN", outliers=1% with '
+        'outlier_sd="20 uN". Goes before what [noise] says under the same name; --noise none drops [noise].',
+    ),
+]
+OffsetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--offset",
+        metavar="NAME=VALUE",
+        help='One offset of the instrument; repeat it for more: contact_depth="5 um", baseline="10 uN", '
+        'baseline_slope="0.2 N/m". Goes before what [instrument] says.',
+    ),
+]
 
 
 def simulate(
     scene: ScenePath,
     output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.")] = Path("simulated.csv"),
     seed: Seed = 0,
+    noise: NoiseOption = None,
+    offset: OffsetOption = None,
+    sampling_rate: Annotated[
+        str | None,
+        typer.Option(
+            "--sampling-rate", help='Points per second, e.g. "100 Hz"; else as [simulate] duration says.'
+        ),
+    ] = None,
 ) -> None:
-    """Make a curve from a scene, with the noise its [noise] section names.
+    """Make a curve from a scene, with the noise that --noise and its [noise] section name, and no other.
 
     The depths are those of the scene's [simulate] section. Beside the CSV stands a JSON file with the truth.
 
     Example: `underlay simulate scene.toml --output curve.csv --seed 1`
+
+    Example: `underlay simulate scene.toml --output noisy.csv --noise force="2 uN" --noise relative=0.5%`
     """
     file = read_scene_file(scene)
     if file.simulate is None:
         raise InputError(
             f"{scene.name} has no [simulate] section; add one, e.g. max_depth = '100 um' and points = 200"
         )
-    depth, clock = file.simulate.depth, file.simulate.time
-    if file.noise:
-        curve = synthesize(file.scene, depth, Noise(**file.noise), seed, time=clock, **file.solver)
-    else:
-        curve = noiseless(file.scene, depth, time=clock, **file.solver)
-    command = f"underlay simulate {scene.name} --output {output.name} --seed {seed}"
+    curve = _made(file, seed, noise or [], offset or [], sampling_rate)
+    command = _command(scene, output, seed, noise or [], offset or [], sampling_rate)
     truth = {"command": command, "seed": seed, "truth": dict(curve.truth or {})}
     say(f"wrote {write_atomic(output, curve_csv(curve, [f'made by: {command}']))}")
     text = json.dumps(truth, indent=2) + "\n"
     say(f"wrote {write_atomic(output.with_suffix('.truth.json'), text)}")
+
+
+def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate: str | None) -> Curve:
+    """The curve of a scene file with what the options change."""
+    if file.simulate is None:
+        raise InputError(f"{file.path.name} has no [simulate] section")
+    given = [text for text in noise if text.strip() != "none"]
+    stated = file.noise if len(given) == len(noise) else {}
+    numbers = {**stated, **named_quantities("--noise", given, {**_NOISE, **_DISTURBANCES})}
+    offsets = named_quantities("--offset", offset, _OFFSETS)
+    scene = file.scene.with_values({f"instrument.{name}": value for name, value in offsets.items()})
+    if numbers.get("outlier_sd") and not numbers.get("outliers"):
+        raise InputError("outlier_sd is the size of outliers; say how many too, e.g. --noise outliers=1%")
+    disturbances: dict[str, Any] = {name: numbers[name] for name in _DISTURBANCES if numbers.get(name)}
+    model = _noise_model({name: numbers[name] for name in _NOISE if numbers.get(name)})
+    clock: dict[str, Any] = {"time": file.simulate.time}
+    if rate is not None:
+        clock = {"sampling_rate": positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")}
+    if model is None and not disturbances and rate is None:
+        return noiseless(scene, file.simulate.depth, **clock, **file.solver)
+    return synthesize(scene, file.simulate.depth, model, seed, **clock, **disturbances, **file.solver)
+
+
+def _noise_model(numbers: Mapping[str, float]) -> Noise | None:
+    """The noise model of what is not zero; none of nothing."""
+    if not numbers:
+        return None
+    if set(numbers) == {"correlation_time"}:
+        raise InputError(
+            'correlation_time says how long a noise lasts; name the noise too, e.g. --noise force="2 uN"'
+        )
+    return Noise(**numbers)
+
+
+def _command(
+    scene: Path, output: Path, seed: int, noise: list[str], offset: list[str], rate: str | None
+) -> str:
+    words = ["underlay", "simulate", scene.name, "--output", output.name, "--seed", str(seed)]
+    words += [word for text in noise for word in ("--noise", text)]
+    words += [word for text in offset for word in ("--offset", text)]
+    words += ["--sampling-rate", rate] if rate is not None else []
+    return shlex.join(words)

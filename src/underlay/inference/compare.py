@@ -93,7 +93,7 @@ class Comparison:
         notes = [
             warning.message
             for warning in found.warnings
-            if warning.code in {"law-range", "law-error", "bound"}
+            if warning.code in {"law-range", "law-error", "bound", "not-fixed", "not-converged"}
         ]
         if self.dropped.get(method):
             notes.append(f"does not know {', '.join(self.dropped[method])}")

@@ -12,12 +12,12 @@ from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.data.readers import read
-from underlay.errors import CurveError, InputError
+from underlay.errors import CurveError, InputError, UnderlayError
 from underlay.inference.priors import Normal, prior_from_numbers
 from underlay.inference.problem import Given, Problem
 from underlay.scene.scene_file import FreeParameter, SceneFile, read_scene_file
 
-__all__ = ["chosen_part", "free_of", "load_problem", "problem_from", "read_for"]
+__all__ = ["chosen_part", "free_of", "load_problem", "problem_from", "read_for", "read_whole", "whole_curve"]
 
 
 def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -> Problem:
@@ -41,9 +41,40 @@ def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -
 
 def read_for(file: SceneFile, path: str | os.PathLike[str]) -> Curve:
     """Read the part of a curve file that the scene file asks for."""
+    return chosen_part(read_whole(file, path), file.curve)
+
+
+def read_whole(file: SceneFile, path: str | os.PathLike[str]) -> Curve:
+    """Read a curve file as the scene file says it must be read, with every segment."""
     reader = ("format", "columns", "test", "calibration")
-    curve = read(path, **{key: file.curve[key] for key in reader if key in file.curve})
-    return chosen_part(curve, file.curve)
+    return read(path, **{key: file.curve[key] for key in reader if key in file.curve})
+
+
+def whole_curve(part: Curve) -> Curve | None:
+    """Read again the whole curve of which `part` was taken.
+
+    Parameters
+    ----------
+    part : Curve
+        Its metadata say from which file, and by which scene file, if it was read from one.
+
+    Returns
+    -------
+    Curve or None
+        None where there was no file, or it is gone, has changed or cannot be read in the same way.
+    """
+    path, scene = part.metadata.get("path"), part.metadata.get("scene_path")
+    if not path:
+        return None
+    try:
+        whole = (
+            read_whole(read_scene_file(scene), path)
+            if scene
+            else read(path, part.metadata.get("format"), test=part.metadata.get("test"))
+        )
+    except UnderlayError:
+        return None
+    return whole if whole.metadata.get("sha256") == part.metadata.get("sha256") else None
 
 
 def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:

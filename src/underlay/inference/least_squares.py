@@ -31,6 +31,10 @@ LOSSES = ("soft_l1", "huber", "cauchy", "arctan")
 
 # lmfit's own tolerances (1.5e-8) let a fit stop where two unit systems differ in the sixth digit.
 _TOLERANCE = 1e-8
+# An entry whose column is this small beside the largest does not act any more (a base so stiff that it might
+# be rigid). Levenberg and Marquardt measure a step by the columns: that entry's is then without end, the law
+# refuses it, and the steps of all entries shrink below the tolerance before that one is short enough.
+_IDLE = 0.01 * _TOLERANCE
 _MAX_ROUNDS = 12
 # From a start that the scan found ten evaluations are usual; a valley without an end takes hundreds.
 _MOST_EVALUATIONS = 300
@@ -214,6 +218,12 @@ def minimise(
         full[active] = [current[name].value for name in names]
         return full
 
+    def jacobian(current: Any) -> FloatArray:
+        columns = objective.jacobian(vector(current), rough=True)[:, active]
+        norms = np.linalg.norm(columns, axis=0)
+        # The minimiser leaves an entry whose column is zero where it is.
+        return np.where(norms > _IDLE * norms.max(), columns, 0.0)
+
     options: dict[str, Any] = {"ftol": _TOLERANCE, "xtol": _TOLERANCE, "gtol": 0.0}
     if method == "least_squares":
         options = {"ftol": _TOLERANCE, "xtol": _TOLERANCE, "gtol": None, "loss": robust or "linear"}
@@ -222,7 +232,7 @@ def minimise(
     )
     result = minimiser.minimize(
         method=method,
-        Dfun=lambda current: objective.jacobian(vector(current), rough=True)[:, active],
+        Dfun=jacobian,
         **options,
     )
     return Minimum(vector(result.params), bool(result.success), str(result.message))

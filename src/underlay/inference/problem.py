@@ -17,7 +17,7 @@ from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
-from underlay.inference.model.forward import LawOptions, LawStore
+from underlay.inference.model.laws import LawOptions, LawStore
 from underlay.inference.priors import Prior
 from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene
@@ -256,10 +256,7 @@ class Problem:
         A density in q: that of the physical parameter times |dx/dq|.
         """
         q = np.asarray(vectors, dtype=np.float64)
-        total = np.zeros(q.shape[:-1])
-        for index, coordinate in enumerate(self.coordinates):
-            total = total + coordinate.log_prior(q[..., index])
-        return total
+        return self.space.log_prior(q, self.space.physical(q))
 
     def log_likelihood(self, vectors: FloatArray) -> FloatArray:
         """Logarithm of the probability density of the data at scaled vectors (..., k), (...).
@@ -268,21 +265,24 @@ class Problem:
         finite prior and an infinite likelihood is a failed evaluation, and a sampler counts it.
         """
         q = np.asarray(vectors, dtype=np.float64)
-        physical = self.physical(q.reshape(-1, q.shape[-1]))
-        total = np.zeros(len(physical))
-        for member in self.members:
-            total = total + member.log_likelihood(physical)
-        return total.reshape(q.shape[:-1])
+        return self._likelihood_at(self.physical(q.reshape(-1, q.shape[-1]))).reshape(q.shape[:-1])
 
     def log_posterior(self, vectors: FloatArray) -> FloatArray:
         """log_prior + log_likelihood at scaled vectors (..., k), (...); no law where the prior is zero."""
         q = np.asarray(vectors, dtype=np.float64)
         flat = q.reshape(-1, q.shape[-1])
-        posterior = self.log_prior(flat)
+        physical = self.space.physical(flat)
+        posterior = self.space.log_prior(flat, physical)
         possible = np.isfinite(posterior)
         if possible.any():
-            posterior[possible] += self.log_likelihood(flat[possible])
+            posterior[possible] += self._likelihood_at(physical[possible])
         return posterior.reshape(q.shape[:-1])
+
+    def _likelihood_at(self, physical: FloatArray) -> FloatArray:
+        total = np.zeros(len(physical))
+        for member in self.members:
+            total = total + member.log_likelihood(physical)
+        return total
 
     def _one(self, vector: FloatArray) -> FloatArray:
         q = np.asarray(vector, dtype=np.float64)

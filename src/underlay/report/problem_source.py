@@ -11,8 +11,9 @@ from underlay._files import require_writable_folder, write_atomic
 from underlay.data.curve import Curve
 from underlay.inference.priors import Prior
 from underlay.inference.problem import Problem
+from underlay.report.measured import beyond_loading
 
-__all__ = ["problem_source", "write_inputs"]
+__all__ = ["problem_source", "write_inputs", "write_measured"]
 
 
 def write_inputs(problem: Problem, folder: Path) -> list[Path]:
@@ -29,6 +30,22 @@ def write_inputs(problem: Problem, folder: Path) -> list[Path]:
         written.append(write_atomic(folder / f"curve-{number}.csv", _exact_csv(curve)))
         written.append(scene.save(folder / f"scene-{number}.toml"))
     return written
+
+
+def write_measured(problem: Problem, folder: Path) -> dict[int, Path]:
+    """Write into `folder` each whole curve that holds more than loading; return the files by number from 1.
+
+    Raises
+    ------
+    FileAccessError
+        If the folder cannot be written.
+    """
+    wholes = {number: beyond_loading(curve) for number, curve in enumerate(problem.curves, start=1)}
+    return {
+        number: write_atomic(folder / f"measured-{number}.csv", _exact_csv(whole))
+        for number, whole in wholes.items()
+        if whole is not None
+    }
 
 
 def problem_source(problem: Problem, files: list[str]) -> str:

@@ -12,12 +12,14 @@ import pandas as pd
 from underlay._files import require_writable_folder, write_atomic
 from underlay.errors import InputError
 from underlay.inference.fitting.fit_result import Fit
+from underlay.inference.from_files import load_problem
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.posterior import Posterior
 from underlay.report.execution import execute
+from underlay.report.measured import beyond_loading, segments_part
 from underlay.report.notebook import make_notebook, report_library, template_text
 from underlay.report.page import html_page
-from underlay.report.problem_source import problem_source, write_inputs
+from underlay.report.problem_source import problem_source, write_inputs, write_measured
 
 __all__ = [
     "file_notebook",
@@ -85,16 +87,17 @@ def report(
         repeat |= _origins(problem)
     files = [] if problem is None else write_inputs(problem, inputs)
     names = [file.relative_to(target.parent).as_posix() for file in files]
+    measured = {} if problem is None else write_measured(problem, inputs)
+    wholes = {number: file.relative_to(target.parent).as_posix() for number, file in measured.items()}
     load = "" if problem is None else problem_source(problem, names)
     name = "one curve" if problem is None else _title(problem)
     if isinstance(result, Fit):
-        notebook = _fit_notebook(name, load, repeat, names)
+        notebook = _fit_notebook(name, load, repeat, names, segments_part(wholes))
     else:
         saved = require_writable_folder(inputs) / "posterior.npz"
         result.save(saved)
-        notebook = _posterior_notebook(
-            name, load, repeat, [saved.relative_to(target.parent).as_posix(), *names]
-        )
+        names = [saved.relative_to(target.parent).as_posix(), *names]
+        notebook = _posterior_notebook(name, load, repeat, names, segments_part(wholes))
     return write_report(notebook, target)
 
 
@@ -113,7 +116,8 @@ def file_notebook(
         What repeats it.
     """
     names = [_seen_from(folder, path) for path in (curve, scene)]
-    return _fit_notebook(Path(curve).name, _load_source(names), {"to repeat": command}, names)
+    segments = _file_segments(curve, scene)
+    return _fit_notebook(Path(curve).name, _load_source(names), {"to repeat": command}, names, segments)
 
 
 def posterior_notebook(
@@ -129,7 +133,8 @@ def posterior_notebook(
     names = [_seen_from(folder, path) for path in (posterior, *(files or ()))]
     load = _load_source(names[1:]) if files else ""
     title = Path(files[0]).name if files else Path(posterior).name
-    return _posterior_notebook(title, load, {"to repeat": command}, names)
+    segments = _file_segments(*files) if files else ""
+    return _posterior_notebook(title, load, {"to repeat": command}, names, segments)
 
 
 def map_notebook(table: str | os.PathLike[str], folder: Path, command: str) -> Any:
@@ -149,25 +154,29 @@ def _map_notebook(name: str, facts: Mapping[str, str], table: str) -> Any:
     )
 
 
-def _fit_notebook(name: str, load: str, facts: Mapping[str, str], files: Sequence[str]) -> Any:
+def _fit_notebook(name: str, load: str, facts: Mapping[str, str], files: Sequence[str], segments: str) -> Any:
     return make_notebook(
         "fit",
         {
             "title": f"Indentation of a layer: {name}",
             "load": load,
+            "segments_part": segments,
             "facts": repr({**facts, "random numbers": "none"}),
             "files": ", ".join(map(repr, files)),
         },
     )
 
 
-def _posterior_notebook(name: str, load: str, facts: Mapping[str, str], files: Sequence[str]) -> Any:
+def _posterior_notebook(
+    name: str, load: str, facts: Mapping[str, str], files: Sequence[str], segments: str
+) -> Any:
     return make_notebook(
         "posterior",
         {
             "title": f"Uncertainty of an indentation test: {name}",
             "posterior": repr(files[0]),
             "load": load,
+            "segments_part": segments,
             "scene_part": template_text("posterior_scene") if load else "",
             "facts": repr(dict(facts)),
             "files": ", ".join(map(repr, files)),
@@ -187,6 +196,12 @@ def _origins(problem: Problem) -> dict[str, str]:
     return {
         f"curve {n} taken from": f"{path}, SHA-256 {sha}" for n, (path, sha) in enumerate(known, 1) if path
     }
+
+
+def _file_segments(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -> str:
+    """Return the part that draws the segments of a curve file, if it holds more than loading."""
+    part = load_problem(curve, scene).curves[0]
+    return segments_part(None if beyond_loading(part) is not None else {})
 
 
 def _load_source(names: Sequence[str]) -> str:

@@ -6,7 +6,6 @@ import hashlib
 import math
 import platform
 from collections.abc import Iterable, Mapping
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +14,8 @@ import pandas as pd
 
 from underlay.errors import FileAccessError
 from underlay.inference.fitting.provenance import version_record
-from underlay.mechanics.materials import Rigid
 from underlay.report.intervals import estimates
-from underlay.report.words import deepest_point, label, quantity_with_interval, strong_pairs
+from underlay.report.words import label, quantity_with_interval, rival_name, strong_pairs
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
@@ -26,24 +24,18 @@ if TYPE_CHECKING:
     from underlay.inference.identifiability import Identifiability
     from underlay.inference.profiles import Profile
     from underlay.inference.sampling.posterior import Posterior
-    from underlay.scene.scene import Scene
 
 __all__ = [
     "combinations_table",
     "correlated_pairs",
     "diagnostics_table",
-    "effects_table",
     "facts_table",
     "file_hash",
     "fit_table",
     "interval_table",
     "labelled_table",
-    "posterior_diagnostics_table",
-    "posterior_table",
-    "prior_table",
     "provenance_table",
     "reservations_table",
-    "scene_table",
     "source_rows",
 ]
 
@@ -88,11 +80,16 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
 def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -> pd.DataFrame:
     """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
 
-    Intervals are those of `profiles`, by name of the parameter, where there are some.
+    Intervals are those of `profiles`, by name of the parameter, where there are some. Another optimum the data
+    hardly reject has a column of its own.
     """
     rows = []
     for entry in estimates(result, profiles):
         kind = kind_of(entry.path)
+        others = {
+            f"{rival_name(place)} optimum": format_quantity(other.values[entry.name], kind)
+            for place, other in enumerate(result.alternatives)
+        }
         rows.append(
             {
                 "parameter": label(entry.name),
@@ -101,6 +98,7 @@ def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -
                     if entry.not_fixed
                     else quantity_with_interval(entry.value, entry.low, entry.high, kind)
                 ),
+                **others,
                 "standard error": _error_text(result, entry.name, entry.value, kind),
                 "before the test": _prior_text(result, entry.name, kind),
                 "path": entry.name,
@@ -133,84 +131,17 @@ def _prior_text(result: Fit, name: str, kind: str) -> str:
     return ", ".join(part for part in (shape, " ".join(bounds)) if part) or "free"
 
 
-def scene_table(*scenes: Scene) -> pd.DataFrame:
-    """Return scenes, one row per number: part, quantity, and the value in each of them."""
-    tables = [_scene_rows(scene) for scene in scenes]
-    if len(tables) == 1:
-        return tables[0]
-    keyed = [table.set_index("quantity", append=True)["value"] for table in tables]
-    side_by_side = pd.concat(keyed, axis=1, keys=[f"curve {n}" for n in range(1, len(keyed) + 1)])
-    return side_by_side.fillna("").reset_index(level=1, names=["part", "quantity"])
-
-
-def _scene_rows(scene: Scene) -> pd.DataFrame:
-    rows = [{"part": "indenter", "quantity": "shape", "value": scene.indenter.shape.replace("_", " ")}]
-    rows += _numbers("indenter", scene.indenter)
-    rows += _numbers("layer", scene.layer.material)
-    thick = scene.layer.thickness
-    rows.append(
-        {
-            "part": "layer",
-            "quantity": "thickness",
-            "value": format_quantity(thick, "length") if math.isfinite(thick) else "infinite (a half-space)",
-        }
-    )
-    if isinstance(scene.substrate, Rigid):
-        rows.append({"part": "substrate", "quantity": "material", "value": "rigid, bonded to the layer"})
-    elif scene.substrate is not None:
-        rows += _numbers("substrate", scene.substrate)
-    ideal = [row for row in _numbers("instrument", scene.instrument) if not row["value"].startswith("0 ")]
-    rows += ideal or [{"part": "instrument", "quantity": "effects", "value": "none"}]
-    return labelled_table(rows)
-
-
-def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
-    if not is_dataclass(owner):
-        return []
-    rows = []
-    for field in fields(owner):
-        value = getattr(owner, field.name)
-        kind = kind_of(f"{part}.{field.name}")
-        name = {"E": "Young's modulus E", "nu": "Poisson's ratio"}.get(
-            field.name, field.name.replace("_", " ")
-        )
-        if isinstance(value, float):
-            text = f"{math.degrees(value):.4g} deg" if kind == "angle" else format_quantity(value, kind)
-        else:
-            text = f"{np.size(value)} values"
-        rows.append({"part": part, "quantity": name, "value": text})
-    return rows
-
-
-def effects_table(result: Fit, curve: int = 0) -> pd.DataFrame:
-    """Return the ledger of effects at the deepest point of a curve, as text; see `Scene.effects`."""
-    scene = result.scenes[curve]
-    ledger = scene.effects(deepest_point(result, curve), result.solver["accuracy"])
-    rows = [
-        {
-            "effect": str(row["effect"]),
-            "changes the force by": (
-                "not in this scene" if math.isnan(row["size_percent"]) else f"{row['size_percent']:+.3g} %"
-            ),
-            "simulated": "yes" if row["simulated"] else "no",
-            "adds to the time": f"{row['cost_percent']:+.0f} %" if row["simulated"] else "nothing",
-            "note": str(row["note"]),
-        }
-        for _, row in ledger.iterrows()
-    ]
-    return labelled_table(rows)
-
-
 def diagnostics_table(result: Fit) -> pd.DataFrame:
     """Return how well and how the fit was reached, and what the residuals look like, as text."""
     s = result.statistics
+    which_law = "contact law" if len(result.curves) == 1 else "contact law, of the curve where it errs most"
     rows = {
         "points, parameters": f"{s.points}, {s.parameters}",
         "noise": "; ".join(_noise_text(noise) for noise in result.noises)
         + (" (estimated from the scatter)" if s.noise_estimated else " (given or fitted)"),
         "chi-square": f"{s.chi_square:.6g} (reduced {s.reduced_chi_square:.4g})",
         "AIC, BIC": f"{s.aic:.6g}, {s.bic:.6g}",
-        "contact law": f"{s.law_method}: {s.law_reason}",
+        which_law: f"{s.law_method}: {s.law_reason}",
         "its estimated error": f"{s.law_error:.1e} of the force",
         "minimiser": f"{s.method}: {s.stopped}",
         "effort": f"{s.evaluations} evaluations, {s.laws_built} contact laws, {1e3 * s.seconds:.0f} ms",
@@ -304,74 +235,6 @@ def combinations_table(told: Identifiability) -> pd.DataFrame:
         for entry in told.combinations
     ]
     return labelled_table(rows or [{"product": "none", "verdict": "", "relative error": ""}])
-
-
-def posterior_table(posterior: Posterior) -> pd.DataFrame:
-    """Return one row per parameter and derived quantity: median, intervals, what the data told; as text."""
-    rows = []
-    for name, row in posterior.summary(derived=True).iterrows():
-        kind = _derived_kind(str(name))
-        rows.append(
-            {
-                "parameter": label(str(name)),
-                "median (95 % interval)": quantity_with_interval(
-                    row["median"], row["hdi95_low"], row["hdi95_high"], kind
-                ),
-                "68 % interval": _span(row["hdi68_low"], row["hdi68_high"], kind),
-                "effective draws": f"{row['ess']:.0f}",
-                "R-hat": f"{row['rhat']:.4f}",
-                "data": row["informed"],
-            }
-        )
-    return labelled_table(rows)
-
-
-def _span(low: float, high: float, kind: str) -> str:
-    return f"{format_quantity(low, kind)} to {format_quantity(high, kind)}"
-
-
-def _derived_kind(name: str) -> str:
-    path = name.partition("[")[0]
-    if path == "stiffness":
-        return "stiffness"
-    return "pressure" if path.endswith("modulus") else kind_of(path)
-
-
-def prior_table(posterior: Posterior) -> pd.DataFrame:
-    """Return each parameter before and after the test, and what the data told, as text."""
-    rows = []
-    for name, row in posterior.prior_comparison().iterrows():
-        kind = kind_of(str(name).partition("[")[0])
-        spans = {
-            when: _span(row[f"{key}_low"], row[f"{key}_high"], kind)
-            for when, key in (("before (95 %)", "prior"), ("after (95 %)", "posterior"))
-        }
-        narrowed = f"{100.0 * row['narrowing']:.0f} %"
-        rows.append(
-            {"parameter": label(str(name)), **spans, "narrowed by": narrowed, "data": row["informed"]}
-        )
-    return labelled_table(rows)
-
-
-def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
-    """Return how the sampling went, as text."""
-    d = posterior.diagnostics
-    rows = {
-        "converged": "yes" if d.converged else "NO",
-        "why it stopped": d.reason,
-        "steps, walkers": f"{d.steps}, {d.walkers} ({d.burn_in} dropped, every {d.thin}th kept)",
-        "autocorrelation time": ", ".join(f"{t:.0f}" for t in d.autocorrelation_time) + " steps",
-        "R-hat": ", ".join(f"{r:.4f}" for r in d.rhat),
-        "acceptance": f"{100.0 * d.acceptance:.0f} %",
-        "evaluations": f"{d.evaluations}, of which {d.failures} failed",
-        "model error": f"{d.model_error:.1e} of the force",
-        "data in the 95 % band": ", ".join(
-            f"{100.0 * band.coverage():.1f} %" for band in posterior.predictive
-        ),
-        "seed": "not given" if d.seed is None else str(d.seed),
-        "time": f"{d.seconds:.1f} s",
-    }
-    return facts_table(rows)
 
 
 def source_rows(files: Iterable[str]) -> dict[str, str]:

@@ -8,21 +8,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from underlay._arrays import ArrayLike
+from underlay.inference.profiles import interval_threshold
+from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.intervals import Estimate, estimates
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
+    from underlay.inference.fitting.fit_result import Alternative, Fit
     from underlay.inference.profiles import Profile
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
-    "deepest_point",
     "headline",
     "label",
     "posterior_summary",
     "quantity_with_interval",
+    "rival_name",
+    "rivals",
     "start",
     "strong_pairs",
     "summary",
@@ -53,6 +57,9 @@ _LABELS = {
 }
 #: Above this, two parameters are not known one by one, only together.
 STRONG = 0.9
+#: Confidence of the intervals in a sentence.
+_LEVEL = 0.95
+_ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
 # A change of the force below this is not worth a sentence.
 _NOTICEABLE = 0.01
 
@@ -96,14 +103,53 @@ def headline(result: Fit) -> str:
     return " ".join(_sentence(entry) for entry in estimates(result) if _is_of_the_sample(entry.name))
 
 
+def rivals(result: Fit, profiles: Mapping[str, Profile] | None = None) -> list[str]:
+    """Return one sentence per other optimum that explains the data, or nearly does; most often none.
+
+    `profiles`, by name of the parameter, are those the intervals of the headline come from, if any.
+
+    Examples
+    --------
+    ``"A second optimum explains these data as well: layer modulus 0.3311 MPa, layer thickness 0.2276 mm;
+    chi-square higher by 3.6. The intervals above are those of the best alone."``
+    """
+    return [
+        _rival_sentence(result, other, rival_name(place), profiles or {})
+        for place, other in enumerate(result.alternatives)
+    ]
+
+
+def rival_name(place: int) -> str:
+    """Return what the optimum at this place of `Fit.alternatives` is called: ``"second"``."""
+    return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 2}th"
+
+
+def _rival_sentence(result: Fit, other: Alternative, name: str, profiles: Mapping[str, Profile]) -> str:
+    shown = [path for path in other.values if _is_of_the_sample(path)] or list(other.values)
+    numbers = ", ".join(
+        f"{label(path)} {format_quantity(other.values[path], kind_of(path.partition('[')[0]))}"
+        for path in shown
+    )
+    nearly = "" if other.rise <= interval_threshold(result, _LEVEL) else "nearly "
+    reach = "are those of the best alone"
+    if profiles:
+        intervals = {path: profiles[path].interval(_LEVEL) for path in shown if path in profiles}
+        inside = all(part.low <= other.values[path] <= part.high for path, part in intervals.items())
+        reach = "reach over it too" if inside else "stop short of it"
+    return (
+        f"A {name} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
+        f"{other.rise:.2g}. The intervals above {reach}."
+    )
+
+
 def summary(result: Fit, profiles: Mapping[str, Profile] | None = None) -> str:
-    """Return the result as Markdown: the numbers, what holds them together, the substrate, the reservations.
+    """Return the result as Markdown: the numbers, their rivals, what holds them together, the substrate, doubts.
 
     Intervals are those of `profiles`, by name of the parameter, where there are some.
     """
     found = [entry for entry in estimates(result, profiles) if _is_of_the_sample(entry.name)]
     lines = [f"**{_sentence(entry)}**" for entry in found]
-    paragraphs = [" ".join(lines)]
+    paragraphs = [" ".join(lines), *rivals(result, profiles)]
     paragraphs += [
         f"{start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): "
         f"if one is wrong, so is the other."
@@ -138,12 +184,6 @@ def posterior_summary(posterior: Posterior) -> str:
     state = "The sampling converged" if posterior.converged else "**The sampling did not converge**"
     reason = d.reason.removeprefix("converged: ").rstrip(".")
     return "\n\n".join([" ".join(parts), f"{state}: {reason}."])
-
-
-def deepest_point(result: Fit, curve: int = 0) -> float:
-    """Return how deep the tip went since contact (m); zero where it never touched."""
-    scene, depth = result.scenes[curve], result.curves[curve].depth
-    return max(float(depth.max()) - scene.instrument.contact_depth, 0.0)
 
 
 def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
@@ -184,26 +224,38 @@ def _sentence(entry: Estimate) -> str:
 
 
 def _substrate_sentence(result: Fit) -> str:
-    """How much the substrate does at the deepest point of the first curve."""
-    scene = result.scene
-    if scene.substrate is None:
+    """How much the substrate does at the deepest point of every curve."""
+    if all(scene.substrate is None for scene in result.scenes):
         return "The sample is taken as a half-space: no substrate was declared."
-    deepest = deepest_point(result)
-    if not deepest > 0.0:
+    ratios, deepest, contacts = [], [], []
+    for test in distinct_scenes(result.scenes, result.curves):
+        if not test.deepest > 0.0:
+            continue
+        at = np.array([test.deepest])
+        law = test.scene.contact_law(test.deepest, **result.solver)
+        bare = test.scene.contact_law(test.deepest, method="halfspace")
+        ratios.append(float(law.force(at)[0] / bare.force(at)[0]))
+        contacts.append(float(law.contact_radius(at)[0]) / test.scene.layer.thickness)
+        deepest.append(test.deepest)
+    if not ratios:
         return ""
-    law = scene.contact_law(deepest, **result.solver)
-    bare = scene.contact_law(deepest, method="halfspace")
-    ratio = float(law.force(np.array([deepest]))[0] / bare.force(np.array([deepest]))[0])
-    if abs(ratio - 1.0) < _NOTICEABLE:
-        return "The substrate changes the force at the deepest point by less than 1 %."
-    wrong = "large" if ratio > 1.0 else "small"
-    contact = float(law.contact_radius(np.array([deepest]))[0])
-    which = " of the first curve" if len(result.curves) > 1 else ""
+    which = "the deepest point" if len(result.curves) == 1 else "the deepest points of the curves"
+    if all(abs(ratio - 1.0) < _NOTICEABLE for ratio in ratios):
+        return f"The substrate changes the force at {which} by less than 1 %."
+    length, mm = human_unit(max(deepest), "length")
+    wrong = {"large" if ratio > 1.0 else "small" for ratio in ratios if abs(ratio - 1.0) >= _NOTICEABLE}
     return (
-        f"At the deepest point{which} ({format_quantity(deepest, 'length')} into the sample, contact radius "
-        f"{contact / scene.layer.thickness:.2f} of the thickness) the force is {ratio:.3g} times that on a "
-        f"half-space of the same modulus: a half-space formula would make the modulus too {wrong}."
+        f"At {which} ({_range(np.divide(deepest, mm), 4)} {length} into the sample, contact radius "
+        f"{_range(contacts, 2)} of the thickness) the force is {_range(ratios, 3)} times that on a "
+        f"half-space of the same modulus: a half-space formula would make the modulus too "
+        f"{' or too '.join(sorted(wrong))}."
     )
+
+
+def _range(values: ArrayLike, digits: int) -> str:
+    """Return ``"0.12"``, or ``"0.12 to 0.2"`` where the smallest and the largest differ in writing."""
+    low, high = (f"{end:.{digits}g}" for end in (np.min(values), np.max(values)))
+    return low if low == high else f"{low} to {high}"
 
 
 def _narrowness_sentence(result: Fit) -> str:

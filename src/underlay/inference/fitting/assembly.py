@@ -28,6 +28,8 @@ _SINGULAR = 1e-9
 # Two minima within this share of a standard error are one; a rise of chi-square beyond 3.4^2 is rejected
 # at 99.9 %.
 _SAME, _REJECTED = 0.3, 11.6
+# Two places with no higher hill of chi-square than this between them lie on one plateau or in one valley.
+_HILL = 0.01
 
 
 def assemble(
@@ -136,7 +138,7 @@ def _alternatives(
         if any((np.abs(other - there) <= _SAME * (deviation + 1e-6)).all() for there in known):
             continue
         rise = float(np.square(objective.residuals(other)).sum()) - base
-        if rise < _REJECTED:
+        if rise < _REJECTED and not any(_joined(objective, other, there) for there in known):
             found.append(Alternative(read_only(other), objective.problem.values(other), max(rise, 0.0)))
     return tuple(sorted(found, key=lambda entry: entry.rise))
 
@@ -177,6 +179,16 @@ def _bounds_hit(problem: Problem, vector: FloatArray, active: list[int]) -> dict
             if abs(vector[i] - end) < _ON_BOUND * width:
                 hit[coordinate.name] = f"{side} bound {format_quantity(value, kind_of(coordinate.path))}"
     return hit
+
+
+def _joined(objective: Objective, one: FloatArray, other: FloatArray) -> bool:
+    """Whether one can go straight from one place to the other without climbing."""
+
+    def square(share: float) -> float:
+        return float(np.square(objective.residuals(one + share * (other - one))).sum())
+
+    top = max(square(0.0), square(1.0)) + _HILL
+    return all(square(share) <= top for share in (0.25, 0.5, 0.75))
 
 
 def _statistics(

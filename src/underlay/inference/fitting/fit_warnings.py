@@ -112,7 +112,7 @@ def _residuals(diagnostics: Sequence[ResidualDiagnostics]) -> list[FitWarning]:
     warnings = []
     for number, entry in enumerate(diagnostics):
         if entry.correlated:
-            which = f"curve {number}: " if len(diagnostics) > 1 else ""
+            which = f"curve {number + 1}: " if len(diagnostics) > 1 else ""
             warnings.append(
                 FitWarning(
                     "correlated-residuals",

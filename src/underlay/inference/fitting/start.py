@@ -26,7 +26,8 @@ from underlay.inference.fitting.trial import (
     Trial,
 )
 from underlay.inference.model.coordinates import Coordinate
-from underlay.inference.model.forward import Forward, LawStore
+from underlay.inference.model.forward import Forward
+from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.accuracy import Accuracy
@@ -110,7 +111,7 @@ def _vector(problem: Problem, candidates: Sequence[Candidate]) -> FloatArray:
 def _trial(member: Member, problem: Problem) -> Trial:
     blocks = Blocks.of(member.curve)
     free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
-    options = replace(member.forward.options, accuracy=_SCAN_ACCURACY)
+    options = replace(member.forward.laws.options, accuracy=_SCAN_ACCURACY)
     forward = Forward.compile(member.scene, blocks.depth, tuple(free), options, LawStore())
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
     return Trial(forward, blocks, free, _contacts(free, blocks, member.base[CONTACT]), scales)

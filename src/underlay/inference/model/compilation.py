@@ -14,7 +14,8 @@ from underlay.data.noise import Noise
 from underlay.errors import CurveError, InputError, ParameterError
 from underlay.inference.model.acting import NOISE_PATHS, require_acting
 from underlay.inference.model.coordinates import Coordinate, Spans, make_coordinate
-from underlay.inference.model.forward import Forward, LawOptions, LawStore
+from underlay.inference.model.forward import Forward
+from underlay.inference.model.laws import LawOptions, LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.model.noise_start import noise_start
 from underlay.inference.priors import Prior

@@ -86,6 +86,15 @@ class Coordinate:
             return float(np.log(value / self.reference))
         return (value - self.reference) / self.scale
 
+    @property
+    def even_density(self) -> float | None:
+        """Log-density of q inside the bounds where it is the same everywhere; None where it is not."""
+        if self.scale is None and isinstance(self.prior, LogUniform):
+            return -float(np.log(np.log(self.prior.high / self.prior.low)))
+        if self.scale is not None and isinstance(self.prior, Uniform):
+            return float(np.log(self.scale / (self.prior.high - self.prior.low)))
+        return None
+
     def log_prior(self, q: FloatArray) -> FloatArray:
         """Log-density of q: that of x plus ln |dx/dq|; -inf outside the bounds."""
         value = self.physical(np.asarray(q, dtype=np.float64))
@@ -96,20 +105,49 @@ class Coordinate:
 
 @dataclass(frozen=True, eq=False)
 class ScaledSpace:
-    """All coordinates of a problem at once: vectors (..., k) in and out without a loop over entries."""
+    """All coordinates of a problem at once: vectors (..., k) in and out without a loop over entries.
+
+    Parameters
+    ----------
+    reference, scale, logarithmic : ndarray (k,)
+        Of every coordinate; the scale of a logarithmic one is 1.
+    low, high : ndarray (k,)
+        Bounds (SI).
+    even : float
+        Sum of the log-densities of the coordinates whose density is the same everywhere.
+    uneven : tuple of (int, Coordinate)
+        The others, with their entries.
+    """
 
     reference: FloatArray
     scale: FloatArray
     logarithmic: NDArray[np.bool_]
+    low: FloatArray
+    high: FloatArray
+    even: float
+    uneven: tuple[tuple[int, Coordinate], ...]
 
     @classmethod
     def of(cls, coordinates: Sequence[Coordinate]) -> ScaledSpace:
         """Gather the coordinates of a problem."""
+        densities = [c.even_density for c in coordinates]
         return cls(
             reference=np.array([c.reference for c in coordinates]),
             scale=np.array([1.0 if c.scale is None else c.scale for c in coordinates]),
             logarithmic=np.array([c.scale is None for c in coordinates]),
+            low=np.array([c.low for c in coordinates]),
+            high=np.array([c.high for c in coordinates]),
+            even=sum(density for density in densities if density is not None),
+            uneven=tuple((i, c) for i, c in enumerate(coordinates) if densities[i] is None),
         )
+
+    def log_prior(self, q: FloatArray, physical: FloatArray) -> FloatArray:
+        """Log-density (...) of scaled vectors (..., k), whose values (SI) are `physical`."""
+        inside = ((physical >= self.low) & (physical <= self.high)).all(axis=-1)
+        total = np.where(inside, self.even, -np.inf)
+        for index, coordinate in self.uneven:
+            total = total + coordinate.log_prior(q[..., index])
+        return total
 
     def physical(self, q: FloatArray) -> FloatArray:
         """Values (SI), (..., k), at scaled vectors (..., k)."""

@@ -1,90 +1,32 @@
 """The forward model of one curve, compiled once: parameter values in, instrument readings out.
 
-Laws are built at the reference of a `Similarity` and kept in a `LawStore`, so that a fit in which the ratios
-stay put builds one law. The range of a stored law is its needed depth rounded up to a power of two: the
-reading is then a function of the parameters alone, not of what was asked before.
+Laws belong to the reference of a `Similarity` (`laws.py`), so that a fit in which the ratios stay put needs one
+law.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError, RangeError, UnderlayWarning
+from underlay.errors import InputError
+from underlay.inference.model.laws import LawOptions, LawSource, LawStore
 from underlay.inference.model.similarity import Similarity, compile_similarity
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.batch import ExactBatch
+from underlay.mechanics.exact.family_law import FamilyLaw
 from underlay.mechanics.published import published_names
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
 
-__all__ = ["Forward", "LawOptions", "LawStore", "Reading"]
+__all__ = ["Forward", "Reading", "ScaledLaw"]
 
 # Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
 # derivative, and a law's own error of 1e-6 enters with 1e-3.
 _RATIO_STEP = 1e-3
-_LAWS_KEPT = 64
-
-
-@dataclass(frozen=True)
-class LawOptions:
-    """How laws are built: the keywords of `Scene.contact_law`."""
-
-    accuracy: Accuracy | None = None
-    method: str = "auto"
-    order: int = 4
-    form: str = "auto"
-
-    def build(self, scene: Scene, max_depth: float) -> ContactLaw:
-        """Build the law of `scene` up to `max_depth` (m).
-
-        A published correction warns where it leaves its range; a fit passes through such places and reports
-        only those of its result, which the law carries itself.
-        """
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnderlayWarning)
-            return scene.contact_law(
-                max_depth, accuracy=self.accuracy, method=self.method, order=self.order, form=self.form
-            )
-
-
-@dataclass
-class LawStore:
-    """The laws built last, or why one could not be, and what is compiled for batches; `built` counts laws.
-
-    Owned by one problem.
-    """
-
-    laws: OrderedDict[tuple[object, ...], ContactLaw | RangeError] = field(default_factory=OrderedDict)
-    references: list[Scene] = field(default_factory=list)
-    refusals: dict[tuple[object, ...], RangeError] = field(default_factory=dict)
-    batches: dict[tuple[object, ...], ExactBatch | None] = field(default_factory=dict)
-    built: int = 0
-
-    def number(self, reference: Scene) -> int:
-        """Short name of a reference scene: equal ones share their laws."""
-        if reference not in self.references:
-            self.references.append(reference)
-        return self.references.index(reference)
-
-    def get(self, key: tuple[object, ...]) -> ContactLaw | RangeError | None:
-        """Return a kept law, or None."""
-        return self.laws.get(key)
-
-    def keep(self, key: tuple[object, ...], law: ContactLaw | RangeError) -> ContactLaw | RangeError:
-        """Keep a law; the oldest goes."""
-        self.built += 1
-        self.laws[key] = law
-        if len(self.laws) > _LAWS_KEPT:
-            self.laws.popitem(last=False)
-        return law
 
 
 @dataclass(frozen=True)
@@ -117,6 +59,12 @@ class ScaledLaw:
         """dP/dw (N/m), shape of `depth` (m)."""
         return (self.b * self.c) * self.law.stiffness(self.b * depth)
 
+    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray:
+        """dP/d ln k (N) of a law from a table, where the force (N) at `depth` (m) is `force`."""
+        if not isinstance(self.law, FamilyLaw):
+            raise TypeError(f"a law by {self.law.method!r} has no derivative in the ratio of moduli")
+        return self.law.ratio_slope(self.b * depth, force)
+
 
 @dataclass(frozen=True)
 class Forward:
@@ -128,19 +76,13 @@ class Forward:
         Compiled from the scene.
     depth : FloatArray
         Depth readings (m), (n,).
-    options : LawOptions
-        How laws are built.
-    store : LawStore
-        Where they are kept.
-    number : int
-        Name of the reference in the store.
+    laws : LawSource
+        Where its laws come from.
     """
 
     similarity: Similarity
     depth: FloatArray
-    options: LawOptions
-    store: LawStore
-    number: int
+    laws: LawSource
 
     @classmethod
     def compile(
@@ -149,7 +91,7 @@ class Forward:
         """Compile `scene` for readings `depth` (m) when the parameters at the paths `free` vary."""
         reference = replace(scene, instrument=Instrument())
         similarity = compile_similarity(scene, free, power_law=options.method not in published_names())
-        return cls(similarity, depth, options, store, store.number(reference))
+        return cls(similarity, depth, LawSource.of(similarity, reference, free, options, store))
 
     def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
@@ -163,8 +105,11 @@ class Forward:
         return ScaledLaw(self.reference_law(self.similarity.reduced(values), b * deepest), b, c)
 
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
-        """Reference law that the reading at `values` comes from; raises as `law` does."""
-        return self.law(values, self._deepest(_instrument(values))).law
+        """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
+        b, _ = self.similarity.factors(values)
+        return self.laws.for_statements(
+            self.similarity.reduced(values), b * self._deepest(_instrument(values))
+        )
 
     def reading(self, values: Mapping[str, float]) -> Reading:
         """Force and stiffness at every reading; raises as `law` does."""
@@ -231,7 +176,12 @@ class Forward:
         derivative = (log_c * P + log_b * np.maximum(w, 0.0) * S) / values[path]
         for ratio, slope in self.similarity.ratio_slopes(path).items():
             if ratio not in ratio_columns:
-                ratio_columns[ratio] = self._ratio_derivative(ratio, values, deepest, w, rough=rough)
+                law = self.law(values, deepest)
+                ratio_columns[ratio] = (
+                    law.ratio_slope(w, P)
+                    if isinstance(law.law, FamilyLaw)
+                    else self._ratio_derivative(ratio, values, deepest, w, rough=rough)
+                )
             in_log = ratio not in self.similarity.direct
             derivative = derivative + ratio_columns[ratio] * (slope / values[path] if in_log else slope)
         return derivative
@@ -244,13 +194,14 @@ class Forward:
         reduced = dict(zip(self.similarity.ratio_paths, self.similarity.reduced(values), strict=True))
         k = reduced[ratio]
         in_log = ratio not in self.similarity.direct
+        finer = self.laws.for_differences
         size = _RATIO_STEP
         if ratio.startswith("indenter.") or ratio == "layer.thickness":
             size *= abs(k)
 
         def force(steps: float) -> FloatArray:
             value = k * np.exp(steps * _RATIO_STEP) if in_log else k + steps * size
-            law = self.reference_law(tuple((reduced | {ratio: value}).values()), b * deepest)
+            law = finer.law(tuple((reduced | {ratio: value}).values()), b * deepest)
             return law.force(b * w)
 
         difference = _first_possible(force, _ROUGH_STENCILS if rough else _STENCILS)
@@ -260,45 +211,8 @@ class Forward:
         return max(float(self.depth.max()) - instrument.contact_depth, 0.0)
 
     def reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
-        """Law at the reference with these ratios, for its depths up to `depth` (m); kept and used again."""
-        octave = float(np.ceil(np.log2(depth))) if depth > 0.0 else -np.inf
-        key = (self.number, self.similarity.length, reduced, octave)
-        law = self.store.get(key)
-        if law is None:
-            law = self.store.keep(key, self._build(reduced, float(np.exp2(octave))))
-        if isinstance(law, RangeError):
-            raise law
-        if depth > law.max_depth:
-            raise self._refusal(key, reduced, depth, law)
-        return law
-
-    def _refusal(
-        self, key: tuple[object, ...], reduced: tuple[float, ...], depth: float, law: ContactLaw
-    ) -> RangeError:
-        """Why a law ends before `depth` (m), in the words of its solver; asked once for each law."""
-        if key not in self.store.refusals:
-            try:
-                self.options.build(self._scene(reduced), depth)
-                words = f"depth {depth:.6g} m is beyond {law.max_depth:.6g} m, where this law ends"
-            except RangeError as error:
-                words = str(error)
-            self.store.refusals[key] = RangeError(words, max_depth=law.max_depth)
-        return self.store.refusals[key]
-
-    def _scene(self, reduced: tuple[float, ...]) -> Scene:
-        similarity = self.similarity
-        return similarity.scene.with_values(dict(zip(similarity.ratio_paths, reduced, strict=True)))
-
-    def _build(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | RangeError:
-        """Law up to `depth` (m), or as deep as it reaches; the refusal itself where it reaches nowhere."""
-        scene = self._scene(reduced)
-        try:
-            return self.options.build(scene, depth)
-        except RangeError as error:
-            if not error.max_depth:
-                return error
-            # A hair less: the depth a message quotes may be rounded up.
-            return self.options.build(scene, error.max_depth * (1.0 - 1e-6))
+        """Law at the reference with these ratios, for its depths up to `depth` (m)."""
+        return self.laws.law(reduced, depth)
 
 
 def _instrument(values: Mapping[str, float]) -> Instrument:

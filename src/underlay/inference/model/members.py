@@ -82,7 +82,8 @@ class Member:
     def law(self, physical: FloatArray) -> ContactLaw:
         """Contact law behind the model at a physical vector (k,), at the reference of the similarity.
 
-        Its range is up to twice the curve's, so its error estimate is not below that of the curve.
+        The range of the exact law is up to twice the curve's, so its error estimate is not below that of the
+        curve.
         """
         return self.forward.law_behind(self.values_at(physical))
 
@@ -111,21 +112,26 @@ class Member:
     def log_likelihood(self, physical: FloatArray) -> FloatArray:
         """Log-likelihood (B,) at physical vectors (B, k); -inf where no law exists."""
         by_depth = bool(self.noise.depth) or "depth" in self.noise_entries
-        contact, stiffness, force, possible = self.readings(physical, stiffness=by_depth)
-        numbers = {name: physical[possible, j] for name, j in self.noise_entries.items()}
+        readings = self.readings(physical, stiffness=by_depth)
+        possible = readings.possible
         result = np.full(len(physical), -np.inf)
         if not possible.any():
             return result
+        # A copy of the rows that exist costs as much as the noise does: mostly all of them do.
+        contact, stiffness, force = (
+            readings[:3] if possible.all() else (part[possible] for part in readings[:3])
+        )
+        numbers = {name: physical[possible, j] for name, j in self.noise_entries.items()}
         tau = numbers.get("correlation_time", self.noise.correlation_time)
         force_sd = numbers.get("force", self.noise.force)
         sigma = standard_deviation(
-            contact[possible],
-            stiffness[possible],
+            contact,
+            stiffness,
             force_sd=1.0 if force_sd is None else force_sd,
             relative=numbers.get("relative", self.noise.relative),
             depth_sd=numbers.get("depth", self.noise.depth),
         )
-        residuals = whiten((self.force - force[possible]) / sigma, self.curve.time, tau)
+        residuals = whiten((self.force - force) / sigma, self.curve.time, tau)
         square = np.einsum("...n,...n->...", residuals, residuals)
         normalisation = log_normalisation(sigma, self.curve.time, tau)
         if force_sd is not None:

@@ -58,7 +58,7 @@ def _with_end(profile: Profile, level: float, draws: int, seed: int, *, upper: b
 
 def _next_place(profile: Profile, centres: Sequence[Draws], level: float, *, upper: bool) -> float | None:
     """Where the threshold is needed and not known yet (SI); None if nowhere."""
-    value, reason = profile.end(level, upper=upper)
+    value, reason = profile.end_of_hull(level, upper=upper)
     # Where the data set no end there is no place to draw at; the side stays open.
     if reason != "data":
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from scipy import interpolate, optimize, stats
@@ -16,6 +17,9 @@ from underlay.inference.profiling.interval import Interval
 from underlay.inference.profiling.walk import HIGHEST
 
 __all__ = ["Profile", "interval_threshold"]
+
+#: Largest z inside an interval, by scaled value of the parameter, any shape.
+Limit: TypeAlias = Callable[[FloatArray], FloatArray]
 
 # t that a walk falls by between two steps: rounding of two refits is a thousand times less.
 _FALL = 1e-3
@@ -124,19 +128,42 @@ class Profile:
 
         With a second optimum that is not rejected it is the hull of both.
         """
-        low, low_reason = self.end(level, upper=False)
-        high, high_reason = self.end(level, upper=True)
+        low, low_reason = self.end_of_hull(level, upper=False)
+        high, high_reason = self.end_of_hull(level, upper=True)
         known = self.calibration is not None and any(self.calibration.side(upper=u) for u in (False, True))
         return Interval(self.name, level, low, high, low_reason, high_reason, known)
 
-    def end(self, level: float, *, upper: bool) -> tuple[float, str]:
+    def parts(self, level: float = 0.95) -> list[tuple[float, float]]:
+        """Stretches of the interval (SI), lowest first: what each optimum keeps, joined where they meet.
+
+        Where the data set no end a stretch goes as far as the profile was walked.
+        """
+        limits = [self._limit(level, upper=upper) for upper in (False, True)]
+        stretches = []
+        for part in (self, *self.branches):
+            if not self._keeps(part, limits[0]) and not self._keeps(part, limits[1]):
+                continue
+            (low, below), (high, above) = (
+                part.end(limit, upper=upper) for limit, upper in zip(limits, (False, True), strict=True)
+            )
+            stretches.append(
+                (low if below == "data" else part.values[0], high if above == "data" else part.values[-1])
+            )
+        joined: list[tuple[float, float]] = []
+        for low, high in sorted(stretches):
+            if joined and low <= joined[-1][1]:
+                joined[-1] = (joined[-1][0], max(high, joined[-1][1]))
+            else:
+                joined.append((low, high))
+        return joined
+
+    def _keeps(self, part: Profile, limit: Limit) -> bool:
+        return bool((np.sqrt(part.rise) <= limit(part.vectors[:, self.index])).any())
+
+    def end_of_hull(self, level: float, *, upper: bool) -> tuple[float, str]:
         """One end of the interval (SI), and why it is there: a reason as in `Interval`."""
         limit = self._limit(level, upper=upper)
-        ends = [
-            part._own_end(limit, upper=upper)  # noqa: SLF001  own class
-            for part in (self, *self.branches)
-            if (np.sqrt(part.rise) <= limit(part.vectors[:, self.index])).any()
-        ]
+        ends = [part.end(limit, upper=upper) for part in (self, *self.branches) if self._keeps(part, limit)]
         return (max if upper else min)(ends, key=lambda end: end[0])
 
     def bottoms_beyond(self, value: float, *, upper: bool) -> list[float]:
@@ -149,19 +176,20 @@ class Profile:
         beyond = [bottom for bottom in bottoms if (bottom > value if upper else bottom < value)]
         return sorted(beyond, reverse=not upper)
 
-    def _limit(self, level: float, *, upper: bool) -> Callable[[FloatArray], FloatArray]:
+    def _limit(self, level: float, *, upper: bool) -> Limit:
         """Largest z inside the interval, by scaled value of the parameter."""
         plain = interval_threshold(self.fit, level)
         centres = () if self.calibration is None else self.calibration.side(upper=upper)
         if not centres:
-            return lambda q: np.full(np.shape(q), np.sqrt(plain))
+            return _constant(float(np.sqrt(plain)))
         coordinate = self.fit.problem.coordinates[self.index]
         pairs = sorted((coordinate.scaled(at.value), np.sqrt(at.threshold(level))) for at in centres)
         places, roots = np.array(pairs).T
         return lambda q: np.interp(q, places, roots)
 
-    def _own_end(self, limit: Callable[[FloatArray], FloatArray], *, upper: bool) -> tuple[float, str]:
-        """Where the values below the limit end on one side, other basins left aside."""
+    def end(self, z: float | Limit, *, upper: bool) -> tuple[float, str]:
+        """Where the values below `z` end on one side (SI), branches left aside, and why; see `Interval`."""
+        limit = z if callable(z) else _constant(z)
         coordinate = self.fit.problem.coordinates[self.index]
         outwards = slice(self.best, None) if upper else slice(self.best, None, -1)
         q, reason = self.vectors[outwards, self.index], self.ends[int(upper)]
@@ -190,7 +218,11 @@ def interval_threshold(fit: Fit, level: float) -> float:
     return float(stats.chi2.ppf(level, 1))
 
 
-def _crossing(q: FloatArray, z: FloatArray, limit: Callable[[FloatArray], FloatArray]) -> float | None:
+def _constant(z: float) -> Limit:
+    return lambda q: np.full(np.shape(q), z)
+
+
+def _crossing(q: FloatArray, z: FloatArray, limit: Limit) -> float | None:
     """Outermost place where z passes the limit, walking outwards; None if it never does for good."""
     last = int(np.flatnonzero(z <= limit(q))[-1])
     if last == len(z) - 1:

@@ -19,14 +19,21 @@ __all__ = ["HIGHEST", "Walk"]
 
 HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
 _STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
-# A step that raised z by more than this is taken back: a second basin may lie within it, as wide as the first.
-_LEAP = 1.0
+# A rise of z in one step beyond which the step is taken again, shorter.
+_STEEPEST = 2.0 * _STEP
 _GROWTH = 3.0  # a flattening profile is walked in steps at most this much longer each time
-_FARTHEST = 12.0  # scaled coordinate: a factor 1.6e5, or twelve times the range of the curve
+# In scaled coordinates, from the optimum and from the scene's own value: a factor 1.6e5, or twelve times the
+# range of the curve.
+_FARTHEST = 12.0
 _MOST_STEPS = 60
 _MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
+# An entry that moves all readings together by less than this many standard deviations per unit lies on a plateau.
+_FLAT = 1e-3
 # Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
+_LOOK = 1.0  # of z, after which a walk looks again whether the others would be better elsewhere
+# A start of the scan this close to where the others are (scaled coordinates) ends where they are.
+_SAME_PLACE = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,27 +81,34 @@ class Walk:
         bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
         here = float(self.vectors[0][self.index])
         room = abs(bound - here)
-        step = self._first_step()
+        step, doubt = self._first_step(), 1.0
         for _ in range(_MOST_STEPS):
             travelled = abs(float(self.vectors[-1][self.index]) - here)
             step = min(step, room - travelled)
             if step <= 1e-12 * (1.0 + travelled):
                 return replace(self, reason="bound")
-            if travelled >= _FARTHEST:
+            # An optimum far out on a plateau (a base that might be rigid) is walked back from all the way.
+            if travelled >= _FARTHEST and direction * float(self.vectors[-1][self.index]) >= _FARTHEST:
                 return replace(self, reason="none")
-            found = self.fit_at(here + direction * (travelled + step))
+            q = here + direction * (travelled + step)
+            found = self.follow(q)
             if found is None:
                 if step < 1e-3 * self._first_step():
                     return replace(self, reason="law")
                 step *= 0.25
                 continue
-            rise = self.rise(found)
-            leap = float(np.sqrt(max(rise, 0.0)) - np.sqrt(max(self.rises[-1], 0.0)))
-            if leap > _LEAP and step > 0.05 * self._first_step():
-                step *= max(0.1, _STEP / leap)
+            climb = self._z(self.rise(found)) - self._z(self.rises[-1])
+            if climb > _STEEPEST and step > 1e-3 * self._first_step():
+                # A valley that lies open at the optimum and closes further on: its curvature there, or the
+                # slope of the last step, foretold too long a step, and there is nothing to read between; or
+                # a second basin lies within it.
+                step *= max(_STEP / climb, 0.1)
                 continue
+            if self._z(self.rise(found)) > doubt:
+                found = self.look_elsewhere(q, found) or found
+                doubt = self._z(self.rise(found)) + _LOOK
             self.vectors.append(found.vector)
-            self.rises.append(rise)
+            self.rises.append(self.rise(found))
             if self.rises[-1] > highest**2:
                 return replace(self, reason="data")
             step = self._next_step(step)
@@ -103,6 +117,10 @@ class Walk:
     def rise(self, found: Minimum) -> float:
         """T at a minimum."""
         return float(np.square(self.objective.residuals(found.vector)).sum()) - self.base
+
+    @staticmethod
+    def _z(rise: float) -> float:
+        return float(np.sqrt(max(rise, 0.0)))
 
     def _exists(self, vector: FloatArray) -> bool:
         """Whether there is a law; where there is none, residuals count a failure."""
@@ -116,17 +134,8 @@ class Walk:
 
     def _next_step(self, step: float) -> float:
         """Step for half a unit of z, from the slope of the last one."""
-        z = np.sqrt(np.maximum(self.rises[-2:], 0.0))
-        slope = abs(z[1] - z[0]) / step
+        slope = abs(self._z(self.rises[-1]) - self._z(self.rises[-2])) / step
         return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
-
-    def fit_at(self, q: float) -> Minimum | None:
-        """Others fitted with the parameter at q; None if no law exists there.
-
-        First from where the walk points; if that leaves the value in doubt, also from a scan of the others.
-        """
-        found = self.follow(q)
-        return self.look_elsewhere(q, found) if self.in_doubt(found) else found
 
     def in_doubt(self, found: Minimum | None) -> bool:
         """Whether a better place for the others would matter to an interval."""
@@ -137,6 +146,8 @@ class Walk:
         pinned = _with(self.vectors[-1] if found is None else found.vector, self.index, q)
         low, high = self.fit.problem.bounds.T
         for start in starts_with_held(self.fit.problem, self.index, pinned):
+            if found is not None and (np.abs(start - found.vector) < _SAME_PLACE).all():
+                continue
             other = self._minimised(_with(np.clip(start, low, high), self.index, q))
             if other is not None and (found is None or self.rise(other) < self.rise(found)):
                 found = other
@@ -161,8 +172,29 @@ class Walk:
         """Others fitted from a start; None if there is no law there or where that ends."""
         if not self._exists(start):
             return None
-        found = minimise(self.objective, start, max_evaluations=_MOST_EVALUATIONS)
+        found = self._off_plateau(minimise(self.objective, start, max_evaluations=_MOST_EVALUATIONS))
         return found if self._exists(found.vector) else None
+
+    def _off_plateau(self, found: Minimum) -> Minimum:
+        """Try again with an entry that does not act at the scene's own value, and keep the better.
+
+        A minimiser finds no way back from the middle of a plateau: a base left rigid there would stay so,
+        and the profile of the thickness would not know that a thinner layer on a softer base answers alike.
+        """
+        for i in self._flat(found.vector):
+            begin = _with(found.vector, i, 0.0)
+            if not self.objective.exists(begin):
+                continue
+            other = minimise(self.objective, begin, max_evaluations=_MOST_EVALUATIONS)
+            found = min((found, other), key=self.rise)
+        return found
+
+    def _flat(self, vector: FloatArray) -> list[int]:
+        """Entries that do not act here; none where no law exists."""
+        if not self.objective.exists(vector):
+            return []
+        norms = np.linalg.norm(self.objective.jacobian(vector, rough=True), axis=0)
+        return [i for i in self.objective.active if norms[i] < _FLAT]
 
     def _tangent(self) -> FloatArray:
         """d others / d parameter along the profile at the optimum, from the covariance."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,9 @@ __all__ = ["compare_models", "pointwise_log_likelihood", "with_model_error"]
 
 # Enough for a standard error far below that between models; the weights need some hundred per tail.
 _DRAWS = 2000
+# Largest tail index with which the estimate converges at a useful rate, and 1 - 1/log10(draws) where that is
+# less: Vehtari, Simpson, Gelman, Yao and Gabry (2024), Pareto smoothed importance sampling.
+_GOOD_K = 0.7
 
 
 def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFrame:
@@ -43,8 +47,9 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     -------
     DataFrame
         Best first: ``elpd_loo``, ``p_loo`` (effective number of parameters), ``elpd_diff`` and its standard
-        error ``dse``, ``weight``, ``warning`` (True where a Pareto k above 0.7 makes the estimate
-        unreliable), and ``model_error``, the relative error of the force the contact law itself admits.
+        error ``dse``, ``weight``, ``warning`` (True where a Pareto k above 0.7, a little less with few draws,
+        makes the estimate unreliable), and ``model_error``, the relative error of the force the contact law
+        itself admits.
 
     Raises
     ------
@@ -52,6 +57,24 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
         If there are fewer than two models, or their curves differ.
     MissingExtraError
         If arviz is not installed (extra ``uq``).
+
+    Examples
+    --------
+    A layer on a rigid base, and the half-space it is not:
+
+    >>> from underlay import Isotropic, Layer, LogUniform, Noise, Paraboloid, RIGID, Scene, sample, synthesize
+    >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.45), 5e-4), RIGID)
+    >>> noise = Noise(force=2e-4)
+    >>> curve = synthesize(scene, np.linspace(0.0, 5e-5, 40), noise, rng=1)
+    >>> models = {}
+    >>> for law in ("halfspace", "exact"):
+    ...     problem = Problem(scene, curve, {"layer.E": LogUniform(1e4, 1e8)}, noise, method=law)
+    ...     models[law] = problem, sample(problem, walkers=16, rng=0)
+    >>> table = compare_models(models)
+    >>> list(table.index)
+    ['exact', 'halfspace']
+    >>> bool(table.loc["halfspace", "elpd_diff"] > 3.0 * table.loc["halfspace", "dse"])
+    True
     """
     if len(models) < 2:
         raise InputError("compare at least two models, e.g. {'exact': (problem, posterior), ...}")
@@ -69,7 +92,8 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
         # What arviz says of large Pareto k is the column `warning`; what pandas says is for arviz.
         warnings.simplefilter("ignore", UserWarning)
         warnings.simplefilter("ignore", DeprecationWarning)
-        table = pd.DataFrame(arviz.compare(data, ic="loo", scale="log"))
+        scores = {name: _score(arviz, entry) for name, entry in data.items()}
+        table = pd.DataFrame(arviz.compare(scores))
     table["model_error"] = [models[str(name)][1].diagnostics.model_error for name in table.index]
     return table
 
@@ -105,10 +129,32 @@ def with_model_error(problem: Problem, model_error: float) -> Problem:
     squares: the statement that the residuals may be that large for no fault of the data. (It is a stated
     term, not an estimate: errors of a law are smooth, and a smooth error of this size is within it.)
 
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted or sampled with an approximate law.
+    model_error : float
+        Relative error of the force (dimensionless), e.g. `Fit.statistics.law_error`,
+        ``posterior.diagnostics.model_error`` or the ``error`` of `accuracy_cost`.
+
+    Returns
+    -------
+    Problem
+        The same with the wider noise.
+
     Raises
     ------
     InputError
         If `model_error` is negative.
+
+    Examples
+    --------
+    >>> from underlay import Isotropic, Layer, Noise, Paraboloid, RIGID, Scene, simulate
+    >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.45), 1e-3), RIGID)
+    >>> curve = simulate(scene, np.linspace(0.0, 1e-5, 50))
+    >>> problem = Problem(scene, curve, ["layer.E"], Noise(force=1e-5, relative=0.003), method="dimitriadis2002")
+    >>> with_model_error(problem, 0.004).noise[0].relative
+    0.005
     """
     if not model_error >= 0.0:
         raise InputError(f"model_error is a share of the force, zero or more; got {model_error!r}")
@@ -117,6 +163,21 @@ def with_model_error(problem: Problem, model_error: float) -> Problem:
         for member in problem.members
     ]
     return problem.revised(noise=widened)
+
+
+def _score(arviz: ModuleType, data: Any) -> Any:
+    """Score one model, with `warning` set by the points that tell it anything.
+
+    A point before contact has the same density at every draw: its weights are equal whatever the tail, for
+    which arviz gives a k of infinity.
+    """
+    score = arviz.loo(data, pointwise=True, scale="log")
+    density = data.log_likelihood["force"].to_numpy()
+    tells = np.ptp(density, axis=(0, 1)) > 0.0
+    draws = density.shape[0] * density.shape[1]
+    largest = min(1.0 - 1.0 / np.log10(draws), _GOOD_K)
+    score["warning"] = bool((score.pareto_k.to_numpy()[tells] > largest).any())
+    return score
 
 
 def _inference_data(problem: Problem, posterior: Posterior) -> Any:

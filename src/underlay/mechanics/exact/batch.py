@@ -6,21 +6,20 @@ with the materials, so one matrix product builds every kernel and one batched so
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, pi
 from typing import Self
 
 import numpy as np
 
-from underlay._arrays import ArrayLike, FloatArray, as_finite
-from underlay.errors import RangeError
+from underlay._arrays import FloatArray
 from underlay.mechanics.exact.contact_curve import (
     SHARE_OF_NODES,
     ContactProblem,
     contact_factors,
     solve_curve,
 )
+from underlay.mechanics.exact.curve_batch import CurveBatch
 from underlay.mechanics.exact.gauss import EvenRule, even_rule
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
@@ -28,7 +27,6 @@ from underlay.mechanics.exact.master_curve import (
     Stretch,
     chebyshev_angles,
     in_powers,
-    polynomial,
     truncation_error,
 )
 from underlay.mechanics.exact.nodes import Resolution, curve_terms
@@ -37,10 +35,7 @@ from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import one_minus_L
 from underlay.mechanics.materials import PlaneConstants
 
-__all__ = ["CurveBatch", "ExactBatch", "thickness_derivative"]
-
-# Depths times sets evaluated at a time: what fits the processor's cache.
-_CHUNK = 4096
+__all__ = ["ExactBatch", "thickness_derivative"]
 
 
 @dataclass(frozen=True)
@@ -143,7 +138,9 @@ class ExactBatch:
         coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
         errors = SHARE_OF_NODES * self.rtol + truncation_error(coefficients)
         errors = np.where(lengths[:, 0] > thickest, np.inf, errors)
-        return CurveBatch(self.measure, self.top, reach, in_powers(coefficients), errors)
+        return CurveBatch(
+            self.measure, self.top, reach, np.zeros_like(reach), in_powers(coefficients), errors
+        )
 
     def _punch(self, inner: PlaneConstants, outer: PlaneConstants | None) -> PunchSolution:
         strength = (2.0 / np.pi) * self.weights * np.atleast_2d(one_minus_L(self.u, inner, outer))
@@ -156,121 +153,6 @@ class ExactBatch:
         solved: FloatArray = np.asarray(np.linalg.solve(matrix, sides), dtype=np.float64)
         g = solved[..., 0]
         return PunchSolution(self.eps, self.rule, g, solved[..., 1], g @ self.rule.weights)
-
-
-@dataclass(frozen=True)
-class CurveBatch:
-    """Master curves of many parameter sets, one polynomial each.
-
-    Parameters
-    ----------
-    measure : PowerLawShape
-        Shape that measures depth.
-    top : float
-        Largest varpi.
-    lengths : ndarray (sets, 1)
-        Length of the variable arcsinh(varpi) of each curve.
-    coefficients : ndarray (sets, 3, rows, 4)
-        As in `MasterCurve`.
-    error_estimate : ndarray (sets,)
-        Relative error of each; above the `rtol` of the batch where a set's materials lie too far from those
-        it was compiled for: solve such a set alone.
-    """
-
-    measure: PowerLawShape
-    top: float
-    lengths: FloatArray
-    coefficients: FloatArray
-    error_estimate: FloatArray
-
-    def force(
-        self,
-        depth: ArrayLike,
-        theta: FloatArray,
-        thickness: FloatArray,
-        abel_coefficient: FloatArray | None = None,
-    ) -> FloatArray:
-        """Forces (N), shape (sets, n); zero where the depth is not positive.
-
-        Parameters
-        ----------
-        depth : array_like (n,) or (sets, n)
-            Indentation depths (m).
-        theta, thickness : ndarray (sets,)
-            Elastic constant (Pa) and thickness (m) of the layers.
-        abel_coefficient : ndarray (sets,), optional
-            A F_2(lambda) of the shapes, where they differ from the compiled one.
-
-        Raises
-        ------
-        RangeError
-            If a depth is beyond what was compiled for.
-        """
-        exponent = self.measure.exponent
-        scale = 4.0 * theta * exponent / (exponent + 1.0)
-        return self._evaluate(depth, thickness, abel_coefficient, (Factor.FORCE,), scale, with_depth=True)
-
-    def stiffness(
-        self,
-        depth: ArrayLike,
-        theta: FloatArray,
-        thickness: FloatArray,
-        abel_coefficient: FloatArray | None = None,
-    ) -> FloatArray:
-        """dP/dw (N/m), shape (sets, n); arguments and errors as for `force`."""
-        factors = (Factor.RADIUS, Factor.STIFFNESS)
-        return self._evaluate(depth, thickness, abel_coefficient, factors, 4.0 * theta, with_depth=False)
-
-    def _evaluate(
-        self,
-        depth: ArrayLike,
-        thickness: FloatArray,
-        abel_coefficient: FloatArray | None,
-        factors: Sequence[Factor],
-        scale: FloatArray,
-        *,
-        with_depth: bool,
-    ) -> FloatArray:
-        """Half-space radius times the factors times `scale`, and times the depth where asked."""
-        w = as_finite(depth, "depth")
-        touching = np.maximum(w, 0.0)
-        exponent = self.measure.exponent
-        if abel_coefficient is None:
-            radius, per_set = self.measure.halfspace_radius(touching), np.ones_like(thickness)
-        else:
-            radius, per_set = touching ** (1.0 / exponent), abel_coefficient ** (-1.0 / exponent)
-        radius, w = np.atleast_2d(radius), np.atleast_2d(touching)
-        to_varpi = per_set / thickness
-        self._check(radius, to_varpi)
-        sets, size = thickness.size, radius.shape[-1]
-        result = np.empty((sets, size))
-        # The sum of the factors' logarithms is one polynomial.
-        table = self.coefficients[:, factors[0]]
-        for factor in factors[1:]:
-            table = table + self.coefficients[:, factor]
-        step = max(1, _CHUNK // max(size, 1))
-        for start in range(0, sets, step):
-            part = slice(start, min(start + step, sets))
-            rows = part if radius.shape[0] > 1 else slice(0, 1)
-            z = np.arcsinh(radius[rows] * to_varpi[part, None])
-            z *= 2.0 / self.lengths[part]
-            z -= 1.0
-            value = polynomial(table[part], z)
-            np.exp(value, out=value)
-            value *= radius[rows]
-            value *= (scale * per_set)[part, None]
-            if with_depth:
-                value *= w[rows]
-            result[part] = value
-        return result
-
-    def _check(self, radius: FloatArray, to_varpi: FloatArray) -> None:
-        deepest = float((radius.max(axis=-1) * to_varpi).max(initial=0.0))
-        if deepest > self.top * (1.0 + 1e-12):
-            raise RangeError(
-                f"varpi = {deepest:.6g} is beyond {self.top:.6g}, which the batch was compiled for: compile "
-                "it with a larger max_depth or a smaller thickness"
-            )
 
 
 def thickness_derivative(

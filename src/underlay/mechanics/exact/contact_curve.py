@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import RangeError
+from underlay.errors import InputError, RangeError
 from underlay.mechanics.exact.gauss import EvenRule, even_legendre, legendre_rule
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
@@ -329,11 +329,24 @@ def _check_reach(problem: ContactProblem, top: float, rtol: float) -> None:
 
 
 def depth_measure(indenter: Indenter) -> PowerLawShape:
-    """Power law whose half-space radius measures depth: the indenter itself, or the apex of another shape."""
+    """Power law whose half-space radius measures depth: the indenter itself, or the apex of another shape.
+
+    Raises
+    ------
+    InputError
+        If the shape is no power law and never ends: nothing says how near its apex is.
+    """
     if isinstance(indenter, PowerLawShape):
         return indenter
     if isinstance(indenter, Sphere):
         return Paraboloid(indenter.radius)
+    if not np.isfinite(indenter.max_radius):
+        name = type(indenter).__name__
+        raise InputError(
+            f"{name}.max_radius is {indenter.max_radius!r}, and {name} is no power law: the exact law measures "
+            "such a shape up to its largest contact radius. Give the class a finite max_radius (m), e.g. the "
+            "radius at which the shank begins, or derive it from PowerLawShape"
+        )
     near, far = indenter.abel(indenter.max_radius * np.array([1e-6, 2e-6])).tolist()
     exponent = max(1.0, round(float(np.log2(far / near))))
     deepest = float(indenter.abel(np.array(indenter.max_radius)))

@@ -157,7 +157,7 @@ def exact_law(
     top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
     solved = solve_curve(problem, top, rtol)
     reason = (
-        f"exact contact problem, a/h up to {solved.eps:.3g}, {solved.resolution.radial} nodes"
+        f"exact contact problem, solved for a/h up to {solved.eps:.3g}, {solved.resolution.radial} nodes"
         if layer.thickness < np.inf
         else "exact contact problem of a half-space"
     )

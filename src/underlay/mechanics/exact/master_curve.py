@@ -33,6 +33,7 @@ __all__ = [
     "chebyshev_angles",
     "chebyshev_coefficients",
     "in_powers",
+    "monomials",
     "polynomial",
     "truncation_error",
 ]
@@ -124,6 +125,11 @@ def _monomial_table(count: int) -> FloatArray:
 # rate at which a piece's coefficients fall: below 1e-12 for 24 terms, and far below with the usual rho > 3.
 MOST_TERMS = 24
 _MONOMIALS = _monomial_table(MOST_TERMS)
+
+
+def monomials(count: int) -> FloatArray:
+    """Coefficients (count, count) of T_0 ... T_(count - 1), one a row, in powers; at most `MOST_TERMS`."""
+    return _MONOMIALS[:count, :count]
 
 
 def in_powers(coefficients: FloatArray) -> FloatArray:
@@ -227,6 +233,11 @@ class MasterCurve:
         return result
 
     def _factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
+        logarithm = self.logarithm(which, varpi)
+        return np.exp(logarithm, out=logarithm)
+
+    def logarithm(self, which: Factor, varpi: FloatArray) -> FloatArray:
+        """Logarithm of one of the factors at `varpi` (n,), all of them at a time."""
         z = self.stretch.z(varpi)
         if len(self.edges) == 2:
             logarithm = polynomial(self.coefficients[0, which], z)
@@ -237,7 +248,7 @@ class MasterCurve:
                 here = piece == index
                 local = (z[here] - 0.5 * (low + high)) * (2.0 / (high - low))
                 logarithm[here] = polynomial(self.coefficients[index, which], local)
-        return np.exp(logarithm, out=logarithm)
+        return logarithm
 
 
 def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:

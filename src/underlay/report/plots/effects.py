@@ -23,6 +23,7 @@ def effects(
     max_depth: float | None = None,
     accuracy: Accuracy | None = None,
     *,
+    title: str = "",
     ax: Axes | None = None,
 ) -> Axes:
     """Draw the size of each effect of a scene against depth.
@@ -36,6 +37,8 @@ def effects(
         thickness, or half the tip's radius where that comes first.
     accuracy : Accuracy, optional
         Drawn as a line: what lies below it need not be simulated.
+    title : str, optional
+        Written above the names of the effects, e.g. which curves the scene is of.
     ax : matplotlib Axes, optional
         Where to draw.
 
@@ -65,7 +68,13 @@ def effects(
         drawn.set_xlabel(f"depth since contact ({length})")
         drawn.set_ylabel("change of the force (%)")
         if len(sizes.columns):
-            drawn.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+            drawn.legend(
+                loc="lower left",
+                bbox_to_anchor=(0.0, 1.0),
+                borderaxespad=0.2,
+                title=title or None,
+                alignment="left",
+            )
     return drawn
 
 

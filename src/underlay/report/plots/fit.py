@@ -59,6 +59,8 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         upper.set_ylabel(f"force ({load})")
         upper.tick_params(labelbottom=False)
         upper.legend(loc="upper left")
+        if len(result.curves) > 1:
+            upper.set_title(f"curve {curve + 1}")
         residual = result.residuals[curve]
         small, uN = unit_for(residual, "force")
         lower.axhline(0.0, color=FIT, lw=1.0)

@@ -55,6 +55,8 @@ def predictive(posterior: Posterior, *, curve: int = 0, ax: Axes | None = None) 
         upper.tick_params(labelbottom=False)
         upper.set_ylabel(f"force ({load})")
         upper.legend(loc="upper left")
+        if len(posterior.predictive) > 1:
+            upper.set_title(f"curve {curve + 1}")
         lower.set_xlabel(f"depth ({length})")
         lower.set_ylabel(f"less the median ({small})")
     return upper

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from underlay.report.plots.style import DATA, FIT, REFERENCE, SKY, axes, style
+from underlay._arrays import FloatArray
+from underlay.report.plots.style import ACCENT, DATA, FIT, REFERENCE, SKY, axes, style
 from underlay.report.words import label
 from underlay.scene.parameters import kind_of
 from underlay.units import human_unit
@@ -23,6 +24,9 @@ _LEVELS = ((0.68, ":"), (0.95, "--"))
 def profile(walk: Profile, *, ax: Axes | None = None) -> Axes:
     """Draw a profile likelihood with its 68 % and 95 % intervals.
 
+    Where the fit has other optima, so has the profile: each is drawn as far as it stands in the picture, and
+    what 95 % do not reject may be shaded in several parts.
+
     Parameters
     ----------
     walk : Profile
@@ -37,13 +41,15 @@ def profile(walk: Profile, *, ax: Axes | None = None) -> Axes:
     value, error = walk.fit.values[walk.name], walk.fit.stderr[walk.name]
     unit, factor = human_unit(value, kind_of(walk.name.partition("[")[0]))
     top = 1.25 * max(walk.threshold(0.95), float(walk.rise.min()))
+    parts = [walk, *(branch for branch in walk.branches if branch.rise.min() < top)]
     with style():
         ax = axes(ax, height=2.3)
-        found = walk.interval(0.95)
-        low = found.low if found.low_reason == "data" else float(walk.values[0])
-        high = found.high if found.high_reason == "data" else float(walk.values[-1])
-        ax.axvspan(low / factor, high / factor, color=SKY, alpha=0.25, lw=0.0)
+        for low, high in walk.parts(0.95):
+            ax.axvspan(low / factor, high / factor, color=SKY, alpha=0.25, lw=0.0)
         ax.plot(walk.values / factor, walk.rise, "o-", ms=2.5, color=FIT, label="profile")
+        for number, branch in enumerate(parts[1:]):
+            ax.plot(branch.values / factor, branch.rise, "s--", ms=2.5, lw=1.0, color=ACCENT,
+                    label="" if number else "about another optimum")  # fmt: skip
         if np.isfinite(error) and error > 0.0:
             x = np.linspace(walk.values[0], walk.values[-1], 200)
             parabola = np.square((x - value) / error)
@@ -53,7 +59,26 @@ def profile(walk: Profile, *, ax: Axes | None = None) -> Axes:
             ax.text(1.0, walk.threshold(level), f"{100 * level:.0f} %", transform=ax.get_yaxis_transform(),
                     ha="left", va="center", size=7.0, color=DATA)  # fmt: skip
         ax.set_ylim(0.0, top)
+        ends = np.array([_reach(part, top) for part in parts]) / factor
+        room = 0.05 * np.ptp(ends)
+        ax.set_xlim(ends.min() - room, ends.max() + room)
         ax.set_xlabel(f"{label(walk.name)} ({unit})" if unit else label(walk.name))
         ax.set_ylabel("rise of chi-square")
-        ax.legend(loc="upper center")
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
     return ax
+
+
+def _reach(part: Profile, top: float) -> tuple[float, float]:
+    """Where the line of a profile leaves the picture (SI), or ends."""
+    inside = np.flatnonzero(part.rise < top)
+    return (
+        _leaving(part.values[: inside[0] + 1][::-1], part.rise[: inside[0] + 1][::-1], top),
+        _leaving(part.values[inside[-1] :], part.rise[inside[-1] :], top),
+    )
+
+
+def _leaving(values: FloatArray, rise: FloatArray, top: float) -> float:
+    """Value at which the line through the first two points, walking outwards, meets `top`."""
+    if len(values) == 1:
+        return float(values[0])
+    return float(np.interp(top, rise[:2], values[:2]))

@@ -23,7 +23,7 @@ _POINTS = 400
 _THIN = 0.2
 
 
-def scene(test: Scene, *, depth: float, ax: Axes | None = None, **solver: Any) -> Axes:
+def scene(test: Scene, *, depth: float, title: str = "", ax: Axes | None = None, **solver: Any) -> Axes:
     """Draw a scene to scale.
 
     Parameters
@@ -32,6 +32,8 @@ def scene(test: Scene, *, depth: float, ax: Axes | None = None, **solver: Any) -
         What to draw.
     depth : float
         Depth reading (m) at which it is drawn.
+    title : str, optional
+        Written above, e.g. which curves the scene is of.
     ax : matplotlib Axes, optional
         Where to draw.
     **solver
@@ -68,6 +70,7 @@ def scene(test: Scene, *, depth: float, ax: Axes | None = None, **solver: Any) -
         _write(ax, test, tip, radius, (half, shown, bottom, top), factor)
         ax.set_xlabel(f"distance from the axis ({unit})")
         ax.set_ylabel(f"height ({unit})")
+        ax.set_title(title)
     return ax
 
 

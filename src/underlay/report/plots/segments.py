@@ -15,13 +15,15 @@ _COLOURS = {LOADING: FIT, HOLD: DATA, UNLOADING: REFERENCE}
 _MARKS = {LOADING: ".", HOLD: "s", UNLOADING: "x"}
 
 
-def segments(curve: Curve, *, ax: Axes | None = None) -> Axes:
+def segments(curve: Curve, *, title: str = "", ax: Axes | None = None) -> Axes:
     """Draw depth, and below it force, against time with every segment in its own colour and mark.
 
     Parameters
     ----------
     curve : Curve
         What `read` returned; without times the number of the point serves.
+    title : str, optional
+        Written above, e.g. which curve it is.
     ax : matplotlib Axes, optional
         Where to draw; its lower part becomes the strip with the force.
 
@@ -44,6 +46,7 @@ def segments(curve: Curve, *, ax: Axes | None = None) -> Axes:
         upper.set_ylabel(f"depth ({length})")
         upper.tick_params(labelbottom=False)
         upper.legend(loc="best")
+        upper.set_title(title)
         lower.set_ylabel(f"force ({load})")
         lower.set_xlabel("point" if curve.time is None else "time (s)")
     return upper

@@ -1,0 +1,125 @@
+"""Parameter sets of one curve as arrays: what they have in common, where they differ, and their scales."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.model.forward import Forward
+from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.indenters import PowerLawShape
+
+__all__ = ["ParameterSets", "Values"]
+
+#: Numbers of a scene by path: one for all sets, or one per set, (sets,).
+Values: TypeAlias = Mapping[str, float | FloatArray]
+
+
+class ParameterSets:
+    """Parameter sets of one curve.
+
+    Parameters
+    ----------
+    forward : Forward
+        The compiled scene.
+    values : mapping of path to float or ndarray
+        Every number of the scene (SI), (sets,) where it varies.
+    sets : int
+        How many.
+
+    Attributes
+    ----------
+    shared : tuple of float or None
+        The ratios of all sets where none varies between them.
+    tip : ndarray (sets, n)
+        Indentation depths (m) by the reading, without compliance.
+    deepest : ndarray (sets,)
+        The largest of each, not negative.
+    """
+
+    def __init__(self, forward: Forward, values: Values, sets: int) -> None:
+        self.forward, self.values, self.sets = forward, values, sets
+        similarity = forward.similarity
+        # `reduced` and `factors` divide and multiply: arrays go through them as numbers do.
+        numbers: Any = values
+        ratios = similarity.reduced(numbers)
+        # By what may vary, not by what happens to: one set alone goes the way it would go in company.
+        self.shared = None if any(isinstance(ratio, np.ndarray) for ratio in ratios) else ratios
+        self.tip = forward.depth - self.column("instrument.contact_depth")
+        self.deepest = np.maximum(self.tip.max(axis=1), 0.0)
+
+    @property
+    def rtol(self) -> float:
+        """Relative error asked of the laws."""
+        return (self.forward.laws.options.accuracy or Accuracy()).rtol
+
+    @property
+    def rows(self) -> range:
+        """Numbers of the sets."""
+        return range(self.sets)
+
+    def row(self, row: int) -> dict[str, float]:
+        """Every number of one set."""
+        return {path: float(v[row]) if isinstance(v, np.ndarray) else v for path, v in self.values.items()}
+
+    def varies(self, path: str) -> bool:
+        """Whether a number may differ between the sets."""
+        return isinstance(self.values[path], np.ndarray)
+
+    def column(self, path: str) -> FloatArray:
+        """Values of one number, (sets, 1)."""
+        value = self.values[path]
+        return value[:, None] if isinstance(value, np.ndarray) else np.full((self.sets, 1), value)
+
+    def instrument_force(self, contact: FloatArray) -> FloatArray:
+        """Force of the instrument (N), (sets, n): contact, baseline and slope."""
+        force = contact
+        for path, column in (("instrument.baseline", 1.0), ("instrument.baseline_slope", self.forward.depth)):
+            if self.varies(path) or self.values[path]:
+                force = force + self.column(path) * column
+        return force
+
+    def varpi(self, thickness: FloatArray) -> FloatArray:
+        """Largest half-space contact radius over thickness of each set."""
+        measure = depth_measure(self.forward.similarity.scene.indenter)
+        # w = A F_2 a^lambda, so a goes with A^(-1/lambda).
+        radius = measure.halfspace_radius(self.deepest)
+        if self._shape_varies:
+            radius = radius * self._coefficient_ratio() ** (-1.0 / measure.exponent)
+        return np.asarray(radius / thickness)
+
+    @property
+    def _shape_varies(self) -> bool:
+        return any(self.varies(path) for path in self.forward.similarity.shape)
+
+    def _coefficient_ratio(self) -> FloatArray:
+        """A over that of the reference shape, (sets,): what b leaves when the thickness is taken out."""
+        similarity = self.forward.similarity
+        if not similarity.shape or similarity.exponent is None:
+            return np.ones(self.sets)
+        thin = np.broadcast_to(self.values["layer.thickness"], self.sets)
+        stretch = thin / float(similarity.values["layer.thickness"])
+        return np.asarray(stretch**-similarity.exponent / self.factors[0])
+
+    def abel_coefficients(self) -> FloatArray | None:
+        """A F_2 of the shape of each set, (sets,), where it varies."""
+        indenter = self.forward.similarity.scene.indenter
+        if not self._shape_varies or not isinstance(indenter, PowerLawShape):
+            return None
+        return np.asarray(indenter.abel_coefficient * self._coefficient_ratio())
+
+    @cached_property
+    def factors(self) -> tuple[FloatArray, FloatArray]:
+        """The factors b and c of `Similarity`, each (sets,)."""
+        similarity = self.forward.similarity
+        if self._shape_varies:
+            both = np.array([similarity.factors(self.row(row)) for row in self.rows])
+            return both[:, 0], both[:, 1]
+        numbers: Any = self.values  # as in __init__
+        b, c = similarity.factors(numbers)
+        return np.broadcast_to(b, self.sets), np.broadcast_to(c, self.sets)

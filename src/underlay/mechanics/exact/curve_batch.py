@@ -1,0 +1,138 @@
+"""Master curves of many parameter sets, evaluated together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay.errors import RangeError
+from underlay.mechanics.exact.master_curve import Factor, polynomial
+from underlay.mechanics.indenters import PowerLawShape
+
+__all__ = ["CurveBatch"]
+
+# Depths times sets evaluated at a time: fewer cost more in calls, more leave the processor's second cache.
+_CHUNK = 16384
+
+
+@dataclass(frozen=True)
+class CurveBatch:
+    """Master curves of many parameter sets, one polynomial each.
+
+    Parameters
+    ----------
+    measure : PowerLawShape
+        Shape that measures depth.
+    top : float or ndarray (sets,)
+        Largest varpi.
+    lengths, softness : ndarray (sets, 1)
+        Of the stretched variable of each curve; see `Stretch`.
+    coefficients : ndarray (sets, 3, rows, 4)
+        As in `MasterCurve`.
+    error_estimate : ndarray (sets,)
+        Relative error of each; above the `rtol` of the batch where a set's materials lie too far from those
+        it was compiled for: solve such a set alone.
+    """
+
+    measure: PowerLawShape
+    top: float | FloatArray
+    lengths: FloatArray
+    softness: FloatArray
+    coefficients: FloatArray
+    error_estimate: FloatArray
+
+    def force(
+        self,
+        depth: ArrayLike,
+        theta: FloatArray,
+        thickness: FloatArray,
+        abel_coefficient: FloatArray | None = None,
+    ) -> FloatArray:
+        """Forces (N), shape (sets, n); zero where the depth is not positive.
+
+        Parameters
+        ----------
+        depth : array_like (n,) or (sets, n)
+            Indentation depths (m).
+        theta, thickness : ndarray (sets,)
+            Elastic constant (Pa) and thickness (m) of the layers.
+        abel_coefficient : ndarray (sets,), optional
+            A F_2(lambda) of the shapes, where they differ from the compiled one.
+
+        Raises
+        ------
+        RangeError
+            If a depth is beyond what was compiled for.
+        """
+        exponent = self.measure.exponent
+        scale = 4.0 * theta * exponent / (exponent + 1.0)
+        return self._evaluate(depth, thickness, abel_coefficient, (Factor.FORCE,), scale, with_depth=True)
+
+    def stiffness(
+        self,
+        depth: ArrayLike,
+        theta: FloatArray,
+        thickness: FloatArray,
+        abel_coefficient: FloatArray | None = None,
+    ) -> FloatArray:
+        """dP/dw (N/m), shape (sets, n); arguments and errors as for `force`."""
+        factors = (Factor.RADIUS, Factor.STIFFNESS)
+        return self._evaluate(depth, thickness, abel_coefficient, factors, 4.0 * theta, with_depth=False)
+
+    def _evaluate(
+        self,
+        depth: ArrayLike,
+        thickness: FloatArray,
+        abel_coefficient: FloatArray | None,
+        factors: Sequence[Factor],
+        scale: FloatArray,
+        *,
+        with_depth: bool,
+    ) -> FloatArray:
+        """Half-space radius times the factors times `scale`, and times the depth where asked."""
+        touching = np.atleast_2d(np.maximum(as_finite(depth, "depth"), 0.0))
+        exponent = self.measure.exponent
+        if abel_coefficient is None:
+            radius, per_set = self.measure.halfspace_radius(touching), np.ones_like(thickness)
+        else:
+            radius, per_set = touching ** (1.0 / exponent), abel_coefficient ** (-1.0 / exponent)
+        to_varpi = per_set / thickness
+        self._check(radius, to_varpi)
+        sets, size = thickness.size, radius.shape[-1]
+        result = np.empty((sets, size))
+        # The sum of the factors' logarithms is one polynomial; the scale is the largest part of its first
+        # coefficient.
+        table = self.coefficients[:, list(factors)].sum(axis=1)
+        table[:, 0, 0] += np.log(scale * per_set)
+        step = max(1, _CHUNK // max(size, 1))
+        for start in range(0, sets, step):
+            part = slice(start, min(start + step, sets))
+            rows = part if radius.shape[0] > 1 else slice(0, 1)
+            varpi = radius[rows] * to_varpi[part, None]
+            z = np.arcsinh(varpi)
+            if self.softness[part].any():
+                varpi *= self.softness[part]
+                z += np.log1p(varpi, out=varpi)
+            z *= 2.0 / self.lengths[part]
+            z -= 1.0
+            value = polynomial(table[part], z)
+            np.exp(value, out=value)
+            value *= radius[rows]
+            if with_depth:
+                value *= touching[rows]
+            result[part] = value
+        return result
+
+    def _check(self, radius: FloatArray, to_varpi: FloatArray) -> None:
+        deepest = radius.max(axis=-1) * to_varpi
+        beyond = deepest > np.asarray(self.top) * (1.0 + 1e-12)
+        if beyond.any():
+            worst = int(np.argmax(beyond))
+            top = float(np.broadcast_to(self.top, beyond.shape)[worst])
+            raise RangeError(
+                f"varpi = {deepest[worst]:.6g} is beyond {top:.6g}, which the batch was compiled for: compile "
+                "it with a larger max_depth or a smaller thickness"
+            )

@@ -1,0 +1,266 @@
+"""Master curves of one power-law tip over a range of modulus ratios, tabulated once and read off at once.
+
+With Poisson's ratios fixed, the master curve of a layer on a base depends on one number more than varpi: the
+ratio k of the base's modulus to the layer's. A fit or a sampler that varies moduli asks for thousands of
+values of k. The coefficients of the curve are analytic in ln k: the kernel's poles lie where k is negative,
+at Im ln k = pi. So Chebyshev polynomials over a span of ln 4 gain a factor of 9 with each term, and half a dozen
+solutions serve every ratio in the span, with the derivative in ln k beside them.
+
+The spans ("cells") of ratio and of varpi are fixed numbers, not taken from what was asked before: a law is a
+function of its parameters alone. Everything here is dimensionless, so one table serves any tip size, thickness
+and modulus, and tables are kept for the whole process.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import ceil, log, log10
+from typing import NamedTuple
+
+import numpy as np
+
+from underlay._arrays import FloatArray, read_only
+from underlay.errors import RangeError
+from underlay.mechanics.exact.contact_curve import ContactProblem, SolvedCurve, solve_curve
+from underlay.mechanics.exact.master_curve import (
+    MOST_TERMS,
+    Factor,
+    MasterCurve,
+    Stretch,
+    chebyshev_angles,
+    chebyshev_coefficients,
+    in_powers,
+    monomials,
+    truncation_error,
+)
+from underlay.mechanics.exact.nodes import Pair, Resolution
+from underlay.mechanics.indenters import PowerLaw
+from underlay.mechanics.materials import PlaneConstants, isotropic_constants
+
+__all__ = [
+    "Cell",
+    "CurveFamily",
+    "curve_family",
+    "range_end",
+    "range_number",
+    "range_numbers",
+    "ratio_number",
+    "ratio_numbers",
+]
+
+# Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
+_RATIO_STEP, _RATIO_EDGE = 4.0, 1.37
+_RANGE_STEP, _RANGE_EDGE = 2.0, 1.31
+_SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
+# Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio,
+# and the terms in varpi that are dropped.
+_SHARE_OF_SOLUTIONS, _SHARE_OF_RATIO, _SHARE_OF_TAIL = 0.5, 0.25, 0.15
+_DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
+_MOST_RATIOS = 24
+_TABLES_KEPT = 4096
+
+
+class Cell(NamedTuple):
+    """Which table: the tip's exponent, both Poisson's ratios, the spans and the accuracy.
+
+    Parameters
+    ----------
+    exponent : float
+        Of the tip's power law.
+    layer_nu, base_nu : float
+        Poisson's ratios of the layer and of the base.
+    ratio : int
+        Number of the span in ln k.
+    range : int
+        Number of the span in varpi.
+    rtol : float
+        Relative error asked for.
+    """
+
+    exponent: float
+    layer_nu: float
+    base_nu: float
+    ratio: int
+    range: int
+    rtol: float
+
+    @classmethod
+    def holding(
+        cls, exponent: float, layer_nu: float, base_nu: float, ratio: float, varpi: float, rtol: float
+    ) -> Cell:
+        """Cell that holds a modulus ratio and a largest varpi."""
+        return cls(exponent, layer_nu, base_nu, ratio_number(ratio), range_number(varpi), rtol)
+
+    @property
+    def log_ratios(self) -> tuple[float, float]:
+        """Ends of the span in ln k."""
+        low = log(_RATIO_EDGE) + self.ratio * log(_RATIO_STEP)
+        return low, low + log(_RATIO_STEP)
+
+    @property
+    def top(self) -> float:
+        """Largest varpi."""
+        return range_end(self.range)
+
+
+def ratio_number(ratio: float) -> int:
+    """Number of the span that holds a modulus ratio."""
+    return int(ratio_numbers(np.array([ratio]))[0])
+
+
+def range_number(varpi: float) -> int:
+    """Number of the span that reaches `varpi`."""
+    return int(range_numbers(np.array([varpi]))[0])
+
+
+def ratio_numbers(ratio: FloatArray) -> FloatArray:
+    """Return the same for many, as whole floats."""
+    return np.asarray(np.floor(np.log(ratio / _RATIO_EDGE) / log(_RATIO_STEP)), dtype=np.float64)
+
+
+def range_numbers(varpi: FloatArray) -> FloatArray:
+    """Return the same for many, as whole floats."""
+    smallest = _RANGE_EDGE * _RANGE_STEP**_SMALLEST_RANGE
+    return np.ceil(np.log(np.maximum(varpi, smallest) / _RANGE_EDGE) / log(_RANGE_STEP))
+
+
+def range_end(number: int) -> float:
+    """Largest varpi of a span."""
+    return _RANGE_EDGE * _RANGE_STEP**number
+
+
+@dataclass(frozen=True)
+class CurveFamily:
+    """The three factors against varpi and the modulus ratio, over one cell.
+
+    Parameters
+    ----------
+    cell : Cell
+        Where it holds.
+    stretch : Stretch
+        Of varpi.
+    coefficients : ndarray (ratio terms, 3, rows, 4)
+        What `MasterCurve` holds, in powers of the place of ln k in the span.
+    error_estimate : float
+        Relative error of the three factors, everything included.
+    resolution : Resolution
+        Nodes of the finest solution behind it.
+    radii : int
+        Contact radii solved for, all ratios together.
+    eps : float
+        Largest a/h.
+    """
+
+    cell: Cell
+    stretch: Stretch
+    coefficients: FloatArray
+    error_estimate: float
+    resolution: Resolution
+    radii: int
+    eps: float
+
+    def tables(self, log_ratios: FloatArray) -> FloatArray:
+        """Coefficients (sets, 3, rows, 4) of the curves at `log_ratios` (sets,)."""
+        count = len(self.coefficients)
+        powers = self._position(log_ratios)[:, None] ** np.arange(count)
+        flat = powers @ self.coefficients.reshape(count, -1)
+        return flat.reshape(-1, *self.coefficients.shape[1:])
+
+    def slopes(self, log_ratio: float) -> FloatArray:
+        """d/d ln k of the coefficients, (3, rows, 4), at one ratio."""
+        low, high = self.cell.log_ratios
+        orders = np.arange(1, len(self.coefficients))
+        powers = orders * self._position(np.array([log_ratio])) ** (orders - 1)
+        return np.tensordot(powers * (2.0 / (high - low)), self.coefficients[1:], 1)
+
+    def curve(self, log_ratio: float) -> MasterCurve:
+        """Master curve at one ratio."""
+        table = self.tables(np.array([log_ratio]))
+        return MasterCurve(self.stretch, (-1.0, 1.0), table, self.error_estimate)
+
+    def _position(self, log_ratios: FloatArray) -> FloatArray:
+        """Place of ln k in the span, in [-1, 1]."""
+        low, high = self.cell.log_ratios
+        place = (log_ratios - low) * (2.0 / (high - low)) - 1.0
+        if (np.abs(place) > 1.0 + 1e-9).any():
+            raise RangeError(
+                f"modulus ratios {np.exp(log_ratios.min()):.6g} to {np.exp(log_ratios.max()):.6g} leave the "
+                f"table's span {np.exp(low):.6g} to {np.exp(high):.6g}: ask the cell that holds them"
+            )
+        return place
+
+
+@lru_cache(maxsize=_TABLES_KEPT)
+def curve_family(cell: Cell) -> CurveFamily | None:
+    """Table of one cell; None where there is none: beyond 20 thicknesses, at a fold, or out of terms."""
+    try:
+        return _expanded(cell, _first_ratios(cell))
+    except RangeError:
+        return None
+
+
+def _first_ratios(cell: Cell) -> int:
+    return ceil(-log10(_SHARE_OF_RATIO * cell.rtol) / _DIGITS_PER_TERM) + 1
+
+
+def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
+    """Solve at Chebyshev points in ln k, bring the curves to one stretch, and expand; more points if need be."""
+    low, high = cell.log_ratios
+    angles = chebyshev_angles(ratios)
+    log_ratios = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angles)
+    solutions = [_solved(cell, float(np.exp(log_ratio))) for log_ratio in log_ratios]
+    if any(solved.curve.jumps for solved in solutions):
+        return None
+    stretch = Stretch.to(cell.top, Pair.of(*_constants(cell, float(np.exp(0.5 * (low + high))))).softness)
+    resampled, resampling = _resampled([solved.curve for solved in solutions], stretch, cell.rtol)
+    flat = chebyshev_coefficients(resampled.reshape(ratios, -1), angles)
+    truncation = float(truncation_error(_at_points(flat, resampled.shape[1:])))
+    if truncation > _SHARE_OF_RATIO * cell.rtol:
+        return None if 2 * ratios > _MOST_RATIOS else _expanded(cell, ratios + ratios // 2)
+    worst = max(solutions, key=lambda solved: solved.error_estimate)
+    powers = np.tensordot(monomials(ratios).T, in_powers(flat.reshape(ratios, *resampled.shape[1:])), 1)
+    return CurveFamily(
+        cell=cell,
+        stretch=stretch,
+        coefficients=read_only(powers),
+        error_estimate=worst.error_estimate + resampling + truncation,
+        resolution=worst.resolution,
+        radii=sum(solved.radii for solved in solutions),
+        eps=max(solved.eps for solved in solutions),
+    )
+
+
+def _at_points(flat: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """Series in ln k (ratios, points 3) of the factors at the Chebyshev points of varpi."""
+    terms = shape[0]
+    values = np.cos(np.multiply.outer(chebyshev_angles(terms), np.arange(terms)))
+    series = np.einsum("pt,rtf->rpf", values, flat.reshape(-1, *shape))
+    return np.asarray(series.reshape(len(flat), -1))
+
+
+def _resampled(curves: list[MasterCurve], stretch: Stretch, rtol: float) -> tuple[FloatArray, float]:
+    """Chebyshev coefficients (curves, terms, 3) on one stretch, and what they leave out.
+
+    As many terms as there may be are taken and the last dropped while their sum stays below its share: every
+    term costs time in each evaluation.
+    """
+    angles = chebyshev_angles(MOST_TERMS)
+    varpi = stretch.v(np.cos(angles))
+    values = np.stack([np.column_stack([c.logarithm(f, varpi) for f in Factor]) for c in curves], axis=1)
+    flat = chebyshev_coefficients(values.reshape(MOST_TERMS, -1), angles)
+    tails = np.cumsum(np.abs(flat).max(axis=1)[::-1])[::-1]
+    kept = max(1, int(np.count_nonzero(tails > _SHARE_OF_TAIL * rtol)))
+    left_out = float(truncation_error(flat)) + (float(tails[kept]) if kept < MOST_TERMS else 0.0)
+    return np.moveaxis(flat[:kept].reshape(kept, len(curves), len(Factor)), 1, 0), left_out
+
+
+def _solved(cell: Cell, ratio: float) -> SolvedCurve:
+    """Exact curve at one ratio, of a tip w = A F_2 a^lambda of any size on a layer of unit thickness."""
+    inner, outer = _constants(cell, ratio)
+    problem = ContactProblem.of(PowerLaw(cell.exponent, 1.0), 1.0, inner, outer)
+    return solve_curve(problem, cell.top, _SHARE_OF_SOLUTIONS * cell.rtol)
+
+
+def _constants(cell: Cell, ratio: float) -> tuple[PlaneConstants, PlaneConstants]:
+    return isotropic_constants(1.0, cell.layer_nu), isotropic_constants(ratio, cell.base_nu)

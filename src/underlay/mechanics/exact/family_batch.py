@@ -1,0 +1,131 @@
+"""Master curves of many parameter sets at once, read off the tables of their cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.mechanics.exact.curve_batch import CurveBatch
+from underlay.mechanics.exact.curve_family import (
+    Cell,
+    CurveFamily,
+    curve_family,
+    range_numbers,
+    ratio_numbers,
+)
+from underlay.mechanics.exact.master_curve import Factor
+from underlay.mechanics.indenters import PowerLawShape
+
+__all__ = ["family_batch"]
+
+# Ranges per span of ratios in the number of a cell: any more than there are.
+_RANGES = 1024
+
+
+@dataclass(frozen=True)
+class _Shelf:
+    """Tables of one tip and one pair of Poisson's ratios, side by side; every array has one entry a cell.
+
+    A set without a table finds an entry with an infinite error.
+
+    Parameters
+    ----------
+    places : dict of int to int
+        Entry of a cell, by its number.
+    coefficients : ndarray (cells, ratio terms, 3, rows, 4)
+        In powers of the ratio's place in its span; see `CurveFamily`.
+    middles, halves : ndarray (cells,)
+        Of the span in ln k.
+    lengths, softness, tops, errors : ndarray (cells,)
+        Of the curves; see `CurveBatch`.
+    """
+
+    places: dict[int, int] = field(default_factory=dict)
+    coefficients: FloatArray = field(default_factory=lambda: np.zeros((0, 1, len(Factor), 1, 4)))
+    middles: FloatArray = field(default_factory=lambda: np.zeros(0))
+    halves: FloatArray = field(default_factory=lambda: np.zeros(0))
+    lengths: FloatArray = field(default_factory=lambda: np.zeros(0))
+    softness: FloatArray = field(default_factory=lambda: np.zeros(0))
+    tops: FloatArray = field(default_factory=lambda: np.zeros(0))
+    errors: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def with_table(self, number: int, cell: Cell, family: CurveFamily | None) -> Self:
+        """Shelf with one table more."""
+        low, high = cell.log_ratios
+        flat = np.zeros((1, len(Factor), 1, 4)) if family is None else family.coefficients
+        old = self.coefficients
+        terms, rows = max(old.shape[1], flat.shape[0]), max(old.shape[3], flat.shape[2])
+        coefficients = np.zeros((len(old) + 1, terms, len(Factor), rows, 4))
+        coefficients[:-1, : old.shape[1], :, : old.shape[3]] = old
+        coefficients[-1, : flat.shape[0], :, : flat.shape[2]] = flat
+        stretch = None if family is None else family.stretch
+        return type(self)(
+            self.places | {number: len(self.places)},
+            coefficients,
+            np.append(self.middles, 0.5 * (low + high)),
+            np.append(self.halves, 0.5 * (high - low)),
+            np.append(self.lengths, 1.0 if stretch is None else stretch.length),
+            np.append(self.softness, 0.0 if stretch is None else stretch.softness),
+            np.append(self.tops, np.inf if family is None else cell.top),
+            np.append(self.errors, np.inf if family is None else family.error_estimate),
+        )
+
+
+# Like the tables, shelves are the same whatever was asked before, and are kept for the whole process. A shelf
+# is never changed but replaced, so that two threads at most build a table twice.
+_SHELVES: dict[tuple[float, float, float, float], _Shelf] = {}
+
+
+def family_batch(
+    indenter: PowerLawShape,
+    *,
+    layer_nu: float,
+    base_nu: float,
+    ratio: FloatArray,
+    varpi: FloatArray,
+    rtol: float,
+) -> CurveBatch:
+    """Master curves of many parameter sets, each from the table of its cell.
+
+    Parameters
+    ----------
+    indenter : PowerLawShape
+        The tip; its size may change from set to set through `CurveBatch.force`.
+    layer_nu, base_nu : float
+        Poisson's ratios.
+    ratio, varpi : ndarray (sets,)
+        Modulus of the base over that of the layer, and the largest varpi.
+    rtol : float
+        Relative error asked for.
+
+    Returns
+    -------
+    CurveBatch
+        With an infinite error estimate where there is no table.
+    """
+    spans, ranges = ratio_numbers(ratio), range_numbers(varpi)
+    numbers = (spans * _RANGES + ranges).astype(np.int64).tolist()
+    key = (indenter.exponent, layer_nu, base_nu, rtol)
+    shelf = _SHELVES.get(key, _Shelf())
+    missing = {number: first for first, number in enumerate(numbers) if number not in shelf.places}
+    for number, first in missing.items():
+        cell = Cell(indenter.exponent, layer_nu, base_nu, int(spans[first]), int(ranges[first]), rtol)
+        shelf = shelf.with_table(number, cell, curve_family(cell))
+    if missing:
+        _SHELVES[key] = shelf
+    places = np.array([shelf.places[number] for number in numbers])
+    table = shelf.coefficients[places]
+    position = (np.log(ratio) - shelf.middles[places]) / shelf.halves[places]
+    powers = position[:, None, None] ** np.arange(table.shape[1])
+    curves = (powers @ table.reshape(*table.shape[:2], -1)).reshape(ratio.size, *table.shape[2:])
+    return CurveBatch(
+        indenter,
+        shelf.tops[places],
+        shelf.lengths[places][:, None],
+        shelf.softness[places][:, None],
+        curves,
+        shelf.errors[places],
+    )

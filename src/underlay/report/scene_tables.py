@@ -1,0 +1,88 @@
+"""Tables of scenes: the numbers of each, and the ledger of its effects."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from underlay.mechanics.materials import Rigid
+from underlay.report.tables import labelled_table
+from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay.mechanics.accuracy import Accuracy
+    from underlay.scene.scene import Scene
+
+__all__ = ["effects_table", "scene_table"]
+
+
+def scene_table(*scenes: Scene) -> pd.DataFrame:
+    """Return scenes, one row per number: part, quantity, and the value in each of them."""
+    tables = [_scene_rows(scene) for scene in scenes]
+    if len(tables) == 1:
+        return tables[0]
+    keyed = [table.set_index("quantity", append=True)["value"] for table in tables]
+    side_by_side = pd.concat(keyed, axis=1, keys=[f"curve {n}" for n in range(1, len(keyed) + 1)])
+    return side_by_side.fillna("").reset_index(level=1, names=["part", "quantity"])
+
+
+def _scene_rows(scene: Scene) -> pd.DataFrame:
+    rows = [{"part": "indenter", "quantity": "shape", "value": scene.indenter.shape.replace("_", " ")}]
+    rows += _numbers("indenter", scene.indenter)
+    rows += _numbers("layer", scene.layer.material)
+    thick = scene.layer.thickness
+    rows.append(
+        {
+            "part": "layer",
+            "quantity": "thickness",
+            "value": format_quantity(thick, "length") if math.isfinite(thick) else "infinite (a half-space)",
+        }
+    )
+    if isinstance(scene.substrate, Rigid):
+        rows.append({"part": "substrate", "quantity": "material", "value": "rigid, bonded to the layer"})
+    elif scene.substrate is not None:
+        rows += _numbers("substrate", scene.substrate)
+    ideal = [row for row in _numbers("instrument", scene.instrument) if not row["value"].startswith("0 ")]
+    rows += ideal or [{"part": "instrument", "quantity": "effects", "value": "none"}]
+    return labelled_table(rows)
+
+
+def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
+    if not is_dataclass(owner):
+        return []
+    rows = []
+    for field in fields(owner):
+        value = getattr(owner, field.name)
+        kind = kind_of(f"{part}.{field.name}")
+        name = {"E": "Young's modulus E", "nu": "Poisson's ratio"}.get(
+            field.name, field.name.replace("_", " ")
+        )
+        if isinstance(value, float):
+            text = f"{math.degrees(value):.4g} deg" if kind == "angle" else format_quantity(value, kind)
+        else:
+            text = f"{np.size(value)} values"
+        rows.append({"part": part, "quantity": name, "value": text})
+    return rows
+
+
+def effects_table(scene: Scene, deepest: float, accuracy: Accuracy | None = None) -> pd.DataFrame:
+    """Return the ledger of effects at `deepest` (m) since contact, as text; see `Scene.effects`."""
+    ledger = scene.effects(deepest, accuracy)
+    rows = [
+        {
+            "effect": str(row["effect"]),
+            "changes the force by": (
+                "not in this scene" if math.isnan(row["size_percent"]) else f"{row['size_percent']:+.3g} %"
+            ),
+            "simulated": "yes" if row["simulated"] else "no",
+            "adds to the time": f"{row['cost_percent']:+.0f} %" if row["simulated"] else "nothing",
+            "note": str(row["note"]),
+        }
+        for _, row in ledger.iterrows()
+    ]
+    return labelled_table(rows)

@@ -1,0 +1,121 @@
+"""Tables of master curves over the modulus ratio: as accurate as they claim, and functions of the ratio alone."""
+
+import numpy as np
+import pytest
+
+from underlay.errors import RangeError
+from underlay.mechanics.exact.curve_family import Cell, curve_family, range_number
+from underlay.mechanics.exact.family_law import tabulated_law
+from underlay.mechanics.exact.law import exact_law
+from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw
+from underlay.mechanics.materials import RIGID, Isotropic, Layer
+
+TIPS = {"paraboloid": Paraboloid(2e-4), "cone": Cone(np.deg2rad(70.0)), "quartic": PowerLaw(4.0, 1e9)}
+THICKNESS = 3e-4
+
+
+def pair(tip, ratio, varpi, rtol, *, layer_nu=0.45, base_nu=0.3, reference_rtol=1e-10):
+    """The law from a table and the exact law of the same scene, solved for itself."""
+    law = tabulated_law(
+        tip,
+        layer=(1e6, layer_nu),
+        base=None if ratio is None else (ratio * 1e6, base_nu),
+        thickness=THICKNESS,
+        varpi=varpi,
+        rtol=rtol,
+    )
+    depth = np.linspace(0.01, 1.0, 50) * float(tip.abel(np.array([varpi * THICKNESS]))[0])
+    base = RIGID if ratio is None else Isotropic(ratio * 1e6, base_nu)
+    layer = Layer(Isotropic(1e6, layer_nu), THICKNESS)
+    return law, exact_law(tip, layer, base, max_depth=depth[-1], rtol=reference_rtol), depth
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("ratio", [0.01, 0.3, 1.0, 3.0, 50.0, 2000.0, None])
+@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
+def test_a_table_keeps_the_error_it_claims(tip, ratio, rtol):
+    law, solved, depth = pair(tip, ratio, 1.1, rtol)
+    if law is None:
+        # The tightest tables of the softest bases need more terms than there are: a law is solved instead.
+        assert rtol == 1e-6
+        assert ratio == 0.01
+        return
+    assert law.error_estimate <= rtol
+    for asked in ("force", "stiffness", "contact_radius"):
+        error = np.abs(getattr(law, asked)(depth) / getattr(solved, asked)(depth) - 1.0).max()
+        # 1e-10 is what the reference may be off by.
+        assert error <= law.error_estimate + 1e-10
+
+
+@pytest.mark.parametrize("ratio", [0.2, 1.0, 5.0, 300.0])
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_the_derivative_in_the_ratio_is_that_of_the_force(ratio, nu):
+    tip = TIPS["paraboloid"]
+    law, _, depth = pair(tip, ratio, 1.1, 1e-6, layer_nu=nu)
+    step = 1e-3
+    up, down = (pair(tip, ratio * np.exp(s), 1.1, 1e-6, layer_nu=nu)[1].force(depth) for s in (step, -step))
+    central = (up - down) / (2.0 * step)
+    # A central difference is off by step^2/6 of a third derivative of order one, and the reference's own error
+    # of 1e-10 enters with 1e-7; the slope of a series may be off by terms^2 (at most 64) times its own error.
+    error = np.abs(law.ratio_slope(depth, law.force(depth)) - central) / law.force(depth)
+    assert error.max() < 1e-6 / 6.0 + 1e-7 + 64e-6
+
+
+def test_neighbouring_cells_agree_on_their_common_edge():
+    cell = Cell.holding(2.0, 0.45, 0.3, ratio=3.0, varpi=1.0, rtol=1e-6)
+    varpi = np.linspace(0.0, cell.top, 30)
+    edge = cell.log_ratios[1]
+    here, there = (curve_family(c).curve(edge) for c in (cell, cell._replace(ratio=cell.ratio + 1)))
+    for which in range(3):
+        assert np.abs(here.logarithm(which, varpi) - there.logarithm(which, varpi)).max() < 2e-6
+
+
+def test_every_ratio_and_range_has_a_cell_that_holds_it():
+    rng = np.random.default_rng(0)
+    for ratio, varpi in zip(10.0 ** rng.uniform(-8, 8, 500), 10.0 ** rng.uniform(-6, 1, 500), strict=True):
+        cell = Cell.holding(2.0, 0.5, 0.5, ratio, varpi, 1e-4)
+        low, high = cell.log_ratios
+        assert low <= np.log(ratio) <= high
+        assert varpi <= cell.top
+        assert cell.top <= 2.0 * varpi or cell.range == range_number(0.0)
+
+
+def test_another_cell_s_ratio_is_refused():
+    family = curve_family(Cell.holding(2.0, 0.45, 0.3, ratio=3.0, varpi=1.0, rtol=1e-4))
+    with pytest.raises(RangeError, match="ask the cell that holds them"):
+        family.curve(np.log(300.0))
+
+
+def test_where_the_contact_is_too_wide_there_is_no_table():
+    assert curve_family(Cell.holding(2.0, 0.5, 0.3, 1e3, varpi=18.0, rtol=1e-4)) is None
+    too_wide = {"base": None, "thickness": 1e-3, "varpi": 18.0, "rtol": 1e-4}
+    assert tabulated_law(TIPS["paraboloid"], layer=(1e6, 0.5), **too_wide) is None
+
+
+def test_a_rigid_base_has_one_curve_for_every_modulus_thickness_and_radius():
+    laws = [
+        tabulated_law(Paraboloid(radius), layer=(E, 0.5), base=None, thickness=h, varpi=8.0, rtol=1e-6)
+        for radius, E, h in ((1e-3, 1e6, 1e-3), (1e-5, 5e2, 3e-6))
+    ]
+    assert laws[0].curve is laws[1].curve
+
+
+def test_no_table_understates_its_error():
+    rng = np.random.default_rng(5)
+    tabulated = 0
+    for _ in range(40):
+        tip = PowerLaw(float(rng.choice([1.0, 2.0, 4.0])), 1e3)
+        law, solved, depth = pair(
+            tip,
+            10.0 ** rng.uniform(-4.0, 5.0),
+            10.0 ** rng.uniform(-2.0, 0.6),
+            1e-4,
+            layer_nu=float(rng.choice([0.0, 0.3, 0.5])),
+            base_nu=float(rng.choice([0.2, 0.5])),
+            reference_rtol=1e-7,
+        )
+        if law is not None:
+            tabulated += 1
+            assert np.abs(law.force(depth) / solved.force(depth) - 1.0).max() <= law.error_estimate + 1e-7
+    # Those without are wide contacts on bases a hundred times softer and more.
+    assert tabulated >= 34
