@@ -112,20 +112,19 @@ class Case:
             ul.Instrument(contact_depth=1e-5),
         )
 
-    def fits(self, replicas, seed):
-        """Fit of every replica, from a start that is not the truth."""
+    def fit_of(self, replica, seed=0, understated=1.0):
+        """Fit of one replica, from a start that is not the truth."""
         scene = self.scene
         depth, time = np.linspace(-5e-5, DEPTH, POINTS), np.linspace(0.0, 1.0, POINTS)
         white, relative, tau = NOISES[self.noise]
-        size = white * float(scene.force(DEPTH))
-        noise = Noise(force=size, relative=relative, correlation_time=tau)
+        noise = Noise(white * float(scene.force(DEPTH)), relative, tau)
+        rng = np.random.default_rng([seed, replica])
+        curve = synthesize(scene, depth, time=time, noise=noise, rng=rng)
         # White noise is fitted with its size unknown, as most curves are; the others with their numbers.
-        model = None if self.fitted_as == "white" else noise
+        told = Noise(noise.force / understated, relative / understated, tau)
+        model = None if self.fitted_as == "white" else told
         start = scene.with_values({"layer.E": 3e6, "instrument.contact_depth": 0.0})
-        for replica in range(replicas):
-            rng = np.random.default_rng([seed, replica])
-            curve = synthesize(scene, depth, time=time, noise=noise, rng=rng)
-            yield fit(Problem(start, curve, self.names, noise=model))
+        return fit(Problem(start, curve, self.names, noise=model))
 
 
 def all_cases():
@@ -148,7 +147,8 @@ def run(case, replicas, seed=0):
     """Coverage of every free parameter, and how often the fit warned of correlated residuals."""
     truth = case.scene.parameters
     inside, between, warned, doubled = dict.fromkeys(case.names, 0), dict.fromkeys(case.names, 0), 0, 0
-    for found in case.fits(replicas, seed):
+    for replica in range(replicas):
+        found = case.fit_of(replica, seed)
         threshold = interval_threshold(found, LEVEL)
         for name in case.names:
             held = rise_at(found, name, truth[name]) <= threshold
@@ -167,17 +167,18 @@ def run(case, replicas, seed=0):
     }
 
 
-def run_calibrated(case, replicas, seed=0, draws=DRAWS, enough=ENOUGH):
+def run_calibrated(case, replicas, seed=0, *, draws=DRAWS, enough=ENOUGH, names=None, understated=1.0):
     """Coverage with the threshold from drawn curves; the replicas are the first of `run`."""
     truth = case.scene.parameters
-    inside = dict.fromkeys(case.names, 0)
-    for number, found in enumerate(case.fits(replicas, seed)):
-        for name in case.names:
-            chance = int(np.random.default_rng([seed, number]).integers(2**31))
+    inside = dict.fromkeys(names or case.names, 0)
+    for replica in range(replicas):
+        found = case.fit_of(replica, seed, understated)
+        for name in inside:
+            chance = int(np.random.default_rng([seed, replica]).integers(2**31))
             p = p_value_at(found, name, truth[name], draws, chance, enough=enough)
             inside[name] += p > 1.0 - LEVEL + 1e-9
-        if number % 50 == 49:
-            print(f"  {number + 1}: {_shares(inside, number + 1)}", flush=True)
+        if replica % 50 == 49:
+            print(f"  {replica + 1}: {_shares(inside, replica + 1)}", flush=True)
     return {
         "replicas": replicas,
         "draws": draws,
