@@ -86,8 +86,8 @@ def profile(
 
 
 def _walked(fit: Fit, name: str, index: int, highest: float) -> Profile:
-    below, above = (Walk.start(fit, index).go(direction, highest) for direction in (-1.0, 1.0))
-    better = min((below.deepest(), above.deepest()), key=lambda basin: basin[0])
+    below, above = _both_sides(fit, index, fit.vector, highest)
+    better = min((below.deepest, above.deepest), key=lambda basin: basin[0])
     if better[0] < -_BETTER:
         # The walk met a lower minimum: begin again from there.
         again = _refit(fit, better[1])
@@ -95,9 +95,14 @@ def _walked(fit: Fit, name: str, index: int, highest: float) -> Profile:
             return _walked(again, name, index, highest)
     branches = []
     for other in fit.alternatives:
-        left, right = (Walk.start(fit, index, other.vector).go(side, highest) for side in (-1.0, 1.0))
+        left, right = _both_sides(fit, index, other.vector, highest)
         branches.append(_joined(fit, name, left, right))
     return _joined(fit, name, below, above, tuple(branches))
+
+
+def _both_sides(fit: Fit, index: int, vector: FloatArray, highest: float) -> list[Walk]:
+    """Walk down and up from an optimum."""
+    return [Walk.start(fit, index, vector).go(side, highest).with_bottoms() for side in (-1.0, 1.0)]
 
 
 def _joined(fit: Fit, name: str, below: Walk, above: Walk, branches: tuple[Profile, ...] = ()) -> Profile:

@@ -55,7 +55,7 @@ def constrained_fit(
             f"{name} = {value!r} is outside its bounds [{coordinate.low!r}, {coordinate.high!r}]"
         )
     q = coordinate.scaled(value)
-    walk = Walk.start(fit, index)
+    walk = Walk.start(fit, index, fit.vector)
     best = None if near is None else Walk.start(fit, index, near).follow(q)
     if walk.in_doubt(best):
         for optimum in (fit.vector, *(other.vector for other in fit.alternatives)):

@@ -138,7 +138,7 @@ class Profile:
 
         Where the data set no end a stretch goes as far as the profile was walked.
         """
-        limits = [self._limit(level, upper=upper) for upper in (False, True)]
+        limits = [self.limit(level, upper=upper) for upper in (False, True)]
         stretches = []
         for part in (self, *self.branches):
             if not self._keeps(part, limits[0]) and not self._keeps(part, limits[1]):
@@ -162,7 +162,7 @@ class Profile:
 
     def end_of_hull(self, level: float, *, upper: bool) -> tuple[float, str]:
         """One end of the interval (SI), and why it is there: a reason as in `Interval`."""
-        limit = self._limit(level, upper=upper)
+        limit = self.limit(level, upper=upper)
         ends = [part.end(limit, upper=upper) for part in (self, *self.branches) if self._keeps(part, limit)]
         return (max if upper else min)(ends, key=lambda end: end[0])
 
@@ -176,8 +176,8 @@ class Profile:
         beyond = [bottom for bottom in bottoms if (bottom > value if upper else bottom < value)]
         return sorted(beyond, reverse=not upper)
 
-    def _limit(self, level: float, *, upper: bool) -> Limit:
-        """Largest z inside the interval, by scaled value of the parameter."""
+    def limit(self, level: float, *, upper: bool) -> Limit:
+        """Largest z inside the interval on one side, by scaled value of the parameter; raises as `threshold`."""
         plain = interval_threshold(self.fit, level)
         centres = () if self.calibration is None else self.calibration.side(upper=upper)
         if not centres:

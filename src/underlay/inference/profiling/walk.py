@@ -21,7 +21,7 @@ HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
 _STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
 # A rise of z in one step beyond which the step is taken again, shorter.
 _STEEPEST = 2.0 * _STEP
-_GROWTH = 3.0  # a flattening profile is walked in steps at most this much longer each time
+_GROWTH = 2.0  # a flattening profile is walked in steps at most this much longer each time
 # In scaled coordinates, from the optimum and from the scene's own value: a factor 1.6e5, or twelve times the
 # range of the curve.
 _FARTHEST = 12.0
@@ -31,7 +31,7 @@ _MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
 _FLAT = 1e-3
 # Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
-_LOOK = 1.0  # of z, after which a walk looks again whether the others would be better elsewhere
+_LOOK = 0.5  # of z, after which a walk looks again whether the others would be better elsewhere
 # A start of the scan this close to where the others are (scaled coordinates) ends where they are.
 _SAME_PLACE = 0.3
 
@@ -49,32 +49,41 @@ class Walk:
     reason: str = "none"
 
     @classmethod
-    def start(cls, fit: Fit, index: int, vector: FloatArray | None = None) -> Walk:
-        """Stand at the optimum, or another one, with the noise of the fit frozen."""
+    def start(cls, fit: Fit, index: int, vector: FloatArray) -> Walk:
+        """Stand at the optimum or another place (k,), with the noise of the fit frozen."""
         weights: Weights = weights_at(fit.problem, fit.vector, fit.noises)
         objective = Objective(fit.problem, weights, held=frozenset({index}))
         base = float(np.square(objective.residuals(fit.vector)).sum())
-        if vector is None:
-            return cls(fit, index, objective, base, [np.array(fit.vector)], [0.0])
         rise = float(np.square(objective.residuals(vector)).sum()) - base
         return cls(fit, index, objective, base, [np.array(vector)], [rise])
 
+    @property
     def deepest(self) -> tuple[float, FloatArray]:
-        """Smallest t, and where: of the places met, and of the bottoms of basins that the walk crossed.
-
-        Below zero if the fit was not the optimum.
-        """
+        """Smallest t met, and where: below zero if the fit was not the optimum."""
         lowest = int(np.argmin(self.rises))
-        found = self.rises[lowest], self.vectors[lowest]
+        return self.rises[lowest], self.vectors[lowest]
+
+    def with_bottoms(self) -> Walk:
+        """Return the walk with the bottoms of the basins it crossed, found with the parameter free.
+
+        Steps are long where a profile is flat: without its bottom a basin would be read too narrow, and a
+        deeper optimum in it missed.
+        """
         free = Objective(self.fit.problem, self.objective.weights)
-        for before, here, after, vector in zip(
-            self.rises, self.rises[1:], self.rises[2:], self.vectors[1:], strict=False
-        ):
-            if before > here < after:
-                bottom = minimise(free, vector, max_evaluations=_MOST_EVALUATIONS)
-                rise = float(np.square(free.residuals(bottom.vector)).sum()) - self.base
-                found = min(found, (rise, bottom.vector), key=lambda basin: basin[0])
-        return found
+        q = [float(vector[self.index]) for vector in self.vectors]
+        vectors, rises = list(self.vectors), list(self.rises)
+        # From the far end, so that the places before an insertion keep their numbers.
+        for i in range(len(rises) - 2, 0, -1):
+            if not self.rises[i - 1] > self.rises[i] < self.rises[i + 1]:
+                continue
+            bottom = minimise(free, self.vectors[i], max_evaluations=_MOST_EVALUATIONS).vector
+            rise = float(np.square(free.residuals(bottom)).sum()) - self.base
+            here = float(bottom[self.index])
+            if rise < self.rises[i] and min(q[i - 1], q[i + 1]) < here < max(q[i - 1], q[i + 1]):
+                place = i + 1 if abs(here - q[0]) > abs(q[i] - q[0]) else i
+                vectors.insert(place, bottom)
+                rises.insert(place, rise)
+        return replace(self, vectors=vectors, rises=rises)
 
     def go(self, direction: float, highest: float = HIGHEST) -> Walk:
         """Walk until z is above `highest`, which ends every interval, or the parameter or the law ends."""

@@ -54,18 +54,35 @@ def profile(walk: Profile, *, ax: Axes | None = None) -> Axes:
             x = np.linspace(walk.values[0], walk.values[-1], 200)
             parabola = np.square((x - value) / error)
             ax.plot(x / factor, parabola, "-", lw=0.9, color=REFERENCE, label="standard error")
-        for level, line in _LEVELS:
-            ax.axhline(walk.threshold(level), ls=line, lw=0.8, color=DATA)
-            ax.text(1.0, walk.threshold(level), f"{100 * level:.0f} %", transform=ax.get_yaxis_transform(),
-                    ha="left", va="center", size=7.0, color=DATA)  # fmt: skip
         ax.set_ylim(0.0, top)
         ends = np.array([_reach(part, top) for part in parts]) / factor
         room = 0.05 * np.ptp(ends)
         ax.set_xlim(ends.min() - room, ends.max() + room)
+        for level, line in _LEVELS:
+            _draw_threshold(ax, walk, level, line, factor)
         ax.set_xlabel(f"{label(walk.name)} ({unit})" if unit else label(walk.name))
         ax.set_ylabel("rise of chi-square")
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
     return ax
+
+
+def _draw_threshold(ax: Axes, walk: Profile, level: float, line: str, factor: float) -> None:
+    """Draw the rise that ends the interval; from drawn curves it is another one at each end, and in between."""
+    low, high = ax.get_xlim()
+    x = np.linspace(low, high, 201)
+    q = np.array([_scaled(walk, value * factor) for value in x])
+    middle = float(walk.fit.vector[walk.index])
+    below, above = (np.square(walk.limit(level, upper=upper)(q)) for upper in (False, True))
+    rise = np.where(q < middle, below, above)
+    ax.plot(x, rise, ls=line, lw=0.8, color=DATA)
+    ax.text(1.0, rise[-1], f"{100 * level:.0f} %", transform=ax.get_yaxis_transform(),
+            ha="left", va="center", size=7.0, color=DATA)  # fmt: skip
+
+
+def _scaled(walk: Profile, value: float) -> float:
+    """Scaled value of the parameter; that of the lowest walked where the picture goes below what can be."""
+    coordinate = walk.fit.problem.coordinates[walk.index]
+    return coordinate.scaled(max(value, float(walk.values[0])) if coordinate.scale is None else value)
 
 
 def _reach(part: Profile, top: float) -> tuple[float, float]:
