@@ -166,12 +166,12 @@ def test_words_of_bad_numbers():
 def test_calibrated_intervals_cover_where_chi_square_does_not():
     # The study has hundreds of replicas and 99 curves each; here 19, of which one as bad as the data is enough.
     # Of 25 at 95 %, 19 or fewer inside have probability 1e-3.
-    found = coverage.run_calibrated(HARD, 25, seed=1, draws=19, enough=1, names=[E])
+    *_, found = coverage.run_calibrated(HARD, 25, seed=1, draws=19, enough=1, names=[E])
     assert found["coverage"][E] * 25 > 19
 
 
 def test_curves_drawn_with_too_little_noise_do_not_cover():
     # The control: with the noise four times too small the truth is as far out as four standard deviations are
     # usual. A normal estimate would be inside in 38 %: of 12, 10 or more then have probability 2e-3.
-    found = coverage.run_calibrated(HARD, 12, seed=1, draws=19, enough=1, names=[E], understated=4.0)
+    *_, found = coverage.run_calibrated(HARD, 12, seed=1, draws=19, enough=1, names=[E], understated=4.0)
     assert found["coverage"][E] * 12 < 10

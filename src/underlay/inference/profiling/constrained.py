@@ -46,7 +46,7 @@ def constrained_fit(
 ) -> tuple[float, FloatArray]:
     """T of one value (SI) and the scaled vector (k,) of the best fit that has it; raises as `rise_at`.
 
-    `near` is a vector (k,) to begin at: where that leaves the value out of doubt, nothing else is tried.
+    `near` is a vector (k,) to begin at instead of the optima: the truth of a drawn curve.
     """
     index = index_of(fit, name)
     coordinate = fit.problem.coordinates[index]
@@ -56,12 +56,12 @@ def constrained_fit(
         )
     q = coordinate.scaled(value)
     walk = Walk.start(fit, index, fit.vector)
-    best = None if near is None else Walk.start(fit, index, near).follow(q)
-    if walk.in_doubt(best):
-        for optimum in (fit.vector, *(other.vector for other in fit.alternatives)):
-            found = Walk.start(fit, index, optimum).follow(q)
-            if found is not None and (best is None or walk.rise(found) < walk.rise(best)):
-                best = found
+    begin = [near] if near is not None else [fit.vector, *(other.vector for other in fit.alternatives)]
+    best = None
+    for place in begin:
+        found = Walk.start(fit, index, place).follow(q)
+        if found is not None and (best is None or walk.rise(found) < walk.rise(best)):
+            best = found
     if walk.in_doubt(best):
         best = walk.look_elsewhere(q, best)
     if best is None:
