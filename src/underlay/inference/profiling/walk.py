@@ -31,7 +31,9 @@ _MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
 _FLAT = 1e-3
 # Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
-_LOOK = 0.5  # of z, after which a walk looks again whether the others would be better elsewhere
+_BETTER = 0.01  # of t: less than that changes no interval by a hundredth of its width
+# Of a start elsewhere: after so many evaluations it must be within this rise of what it competes with.
+_ROUGH_EVALUATIONS, _MAY_BE = 12, 30.0
 # A start of the scan this close to where the others are (scaled coordinates) ends where they are.
 _SAME_PLACE = 0.3
 
@@ -86,11 +88,26 @@ class Walk:
         return replace(self, vectors=vectors, rises=rises)
 
     def go(self, direction: float, highest: float = HIGHEST) -> Walk:
-        """Walk until z is above `highest`, which ends every interval, or the parameter or the law ends."""
+        """Walk until z is above `highest`, which ends every interval, or the parameter or the law ends.
+
+        Where the others turn out to be better elsewhere at that end, the walk is made again and looks at
+        every step.
+        """
+        walked = self._afresh()._steps(direction, highest, watchful=False)  # noqa: SLF001  own class
+        if walked.reason != "lost":
+            return walked
+        return self._afresh()._steps(direction, highest, watchful=True)  # noqa: SLF001  own class
+
+    def _afresh(self) -> Walk:
+        """Return a walk that stands where this one began."""
+        return replace(self, vectors=self.vectors[:1], rises=self.rises[:1])
+
+    def _steps(self, direction: float, highest: float, *, watchful: bool) -> Walk:
+        """Walk once; ``"lost"`` if only its end showed that the others are better elsewhere."""
         bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
         here = float(self.vectors[0][self.index])
         room = abs(bound - here)
-        step, doubt = self._first_step(), 1.0
+        step = self._first_step()
         for _ in range(_MOST_STEPS):
             travelled = abs(float(self.vectors[-1][self.index]) - here)
             step = min(step, room - travelled)
@@ -113,12 +130,15 @@ class Walk:
                 # a second basin lies within it.
                 step *= max(_STEP / climb, 0.1)
                 continue
-            if self._z(self.rise(found)) > doubt:
-                found = self.look_elsewhere(q, found) or found
-                doubt = self._z(self.rise(found)) + _LOOK
+            ended = self.rise(found) > highest**2
+            if ended or (watchful and self.in_doubt(found)):
+                other = self.look_elsewhere(q, found) or found
+                if not watchful and self.rise(other) < self.rise(found) - _BETTER:
+                    return replace(self, reason="lost")
+                found, ended = other, self.rise(other) > highest**2
             self.vectors.append(found.vector)
             self.rises.append(self.rise(found))
-            if self.rises[-1] > highest**2:
+            if ended:
                 return replace(self, reason="data")
             step = self._next_step(step)
         return replace(self, reason="none")
@@ -157,7 +177,11 @@ class Walk:
         for start in starts_with_held(self.fit.problem, self.index, pinned):
             if found is not None and (np.abs(start - found.vector) < _SAME_PLACE).all():
                 continue
-            other = self._minimised(_with(np.clip(start, low, high), self.index, q))
+            begin = _with(np.clip(start, low, high), self.index, q)
+            other = self._minimised(begin, _ROUGH_EVALUATIONS)
+            if other is None or (found is not None and self.rise(other) > self.rise(found) + _MAY_BE):
+                continue
+            other = self._minimised(other.vector)
             if other is not None and (found is None or self.rise(other) < self.rise(found)):
                 found = other
         return found
@@ -177,11 +201,11 @@ class Walk:
                 return self._minimised(begin)
         return None
 
-    def _minimised(self, start: FloatArray) -> Minimum | None:
+    def _minimised(self, start: FloatArray, evaluations: int = _MOST_EVALUATIONS) -> Minimum | None:
         """Others fitted from a start; None if there is no law there or where that ends."""
         if not self._exists(start):
             return None
-        found = self._off_plateau(minimise(self.objective, start, max_evaluations=_MOST_EVALUATIONS))
+        found = self._off_plateau(minimise(self.objective, start, max_evaluations=evaluations))
         return found if self._exists(found.vector) else None
 
     def _off_plateau(self, found: Minimum) -> Minimum:
