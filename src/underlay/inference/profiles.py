@@ -26,6 +26,7 @@ from underlay.inference.profiling.calibrated_profile import calibrated
 from underlay.inference.profiling.calibration import Calibration, Draws, p_value_at, require_draws
 from underlay.inference.profiling.constrained import index_of, rise_at
 from underlay.inference.profiling.interval import Interval
+from underlay.inference.profiling.noise_profile import noise_profile
 from underlay.inference.profiling.profile_result import Profile, interval_threshold
 from underlay.inference.profiling.walk import HIGHEST, Walk
 
@@ -56,7 +57,8 @@ def profile(
     problem : Problem or Fit
         What is asked; a problem is fitted first.
     name : str
-        The parameter, as in `Problem.names`; not one of the noise's.
+        The parameter, as in `Problem.names`. One of the noise's, ``"noise.correlation_time"``, is walked
+        along its restricted likelihood; the others freeze the noise at the fit.
     calibrate : int, default 0
         How many curves are drawn and fitted at each of two or three places per end, so that the interval
         covers where chi-square does not: 99 are usual, 19 the fewest for 95 %. None by default.
@@ -73,11 +75,14 @@ def profile(
     Raises
     ------
     InputError
-        If the parameter is not free, or is the noise's, or there are too few curves for the level.
+        If the parameter is not free, there are too few curves for the level, or a parameter of the noise is
+        to be calibrated.
     FitError
         If too many of the drawn curves cannot be fitted.
     """
     fit = least_squares_fit(problem) if isinstance(problem, Problem) else problem
+    if name in fit.names and name.startswith("noise.") and not calibrate:
+        return noise_profile(fit, name)
     index = index_of(fit, name)
     if calibrate:
         require_draws(calibrate, level, seed)

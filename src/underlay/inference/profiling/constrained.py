@@ -22,7 +22,8 @@ def index_of(fit: Fit, name: str) -> int:
         raise InputError(f"{name!r} is not free here; free are {', '.join(fit.names)}")
     if name.startswith("noise."):
         raise InputError(
-            f"{name!r}: profiles freeze the noise; take its standard error, or sample the posterior"
+            f"{name!r}: the noise is frozen where a value is held or drawn curves are fitted; "
+            "profile(fit, name) without calibration walks its likelihood"
         )
     return fit.names.index(name)
 

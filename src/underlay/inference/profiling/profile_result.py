@@ -90,16 +90,25 @@ class Profile:
         InputError
             If the level is not between 0 and 0.999, or higher than the drawn curves can tell.
         """
-        plain = interval_threshold(self.fit, level)
+        plain = self._plain(level)
         if upper is None:
             return max(self.threshold(level, upper=False), self.threshold(level, upper=True))
         centres = () if self.calibration is None else self.calibration.side(upper=upper)
         return centres[-1].threshold(level) if centres else plain
 
+    @property
+    def _noise_is_frozen(self) -> bool:
+        return not self.name.startswith("noise.")
+
+    def _plain(self, level: float) -> float:
+        """T without calibration; what is profiled of the noise is no scatter about a fit: chi-square."""
+        plain = interval_threshold(self.fit, level)
+        return plain if self._noise_is_frozen else float(stats.chi2.ppf(level, 1))
+
     def basis(self, level: float = 0.95) -> str:
         """What the thresholds are and why, in a sentence."""
-        plain = interval_threshold(self.fit, level)
-        if self.fit.statistics.noise_estimated or self.fit.problem.noise_entries:
+        plain = self._plain(level)
+        if self._noise_is_frozen and _estimates_noise(self.fit):
             law = f"F(1, {self.fit.statistics.points - self.fit.statistics.parameters}), the noise estimated"
         else:
             law = "chi-square with one degree of freedom"
@@ -178,7 +187,7 @@ class Profile:
 
     def limit(self, level: float, *, upper: bool) -> Limit:
         """Largest z inside the interval on one side, by scaled value of the parameter; raises as `threshold`."""
-        plain = interval_threshold(self.fit, level)
+        plain = self._plain(level)
         centres = () if self.calibration is None else self.calibration.side(upper=upper)
         if not centres:
             return _constant(float(np.sqrt(plain)))
@@ -213,9 +222,13 @@ def interval_threshold(fit: Fit, level: float) -> float:
     """
     if not 0.0 < level <= 0.999:
         raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
-    if fit.statistics.noise_estimated or fit.problem.noise_entries:
+    if _estimates_noise(fit):
         return float(stats.f.ppf(level, 1, fit.statistics.points - fit.statistics.parameters))
     return float(stats.chi2.ppf(level, 1))
+
+
+def _estimates_noise(fit: Fit) -> bool:
+    return fit.statistics.noise_estimated or bool(fit.problem.noise_entries)
 
 
 def _constant(z: float) -> Limit:
