@@ -169,8 +169,10 @@ def test_parameters_that_cannot_be_profiled():
     p = problem(layer_on(ul.RIGID), {E: (1e5, 1e7), "noise.force": None})
     with pytest.raises(InputError, match="not free here"):
         profile(p, "layer.nu")
-    with pytest.raises(InputError, match="freeze the noise"):
-        profile(p, "noise.force")
+    with pytest.raises(InputError, match="the noise is frozen"):
+        profile(p, "noise.force", calibrate=19)
+    with pytest.raises(InputError, match="the noise is frozen"):
+        rise_at(fit(p), "noise.force", 1e-3)
     with pytest.raises(InputError, match="outside its bounds"):
         rise_at(fit(p), E, 1e8)
 

@@ -32,7 +32,8 @@ def rivals(result: Fit, profiles: Mapping[str, Profile] | None = None) -> list[s
     Examples
     --------
     ``"A second optimum explains these data as well: layer modulus 0.3311 MPa, layer thickness 0.2276 mm;
-    chi-square higher by 3.6. The intervals above are those of the best alone."``
+    chi-square higher by 3.6. The intervals above are those of the best alone;
+    ul.profile(fit, name, calibrate=99) gives honest ones."``
     """
     return [
         _rival_sentence(result, other, rival_name(place), profiles or {})
@@ -79,12 +80,15 @@ def _rival_sentence(result: Fit, other: Alternative, name: str, profiles: Mappin
         for path in shown
     )
     nearly = "" if other.rise <= interval_threshold(result, _LEVEL) else "nearly "
-    reach = "are those of the best alone"
+    reach, mended = "are those of the best alone", False
     if profiles:
         intervals = {path: profiles[path].interval(_LEVEL) for path in shown if path in profiles}
         inside = all(part.low <= other.values[path] <= part.high for path, part in intervals.items())
         reach = "reach over it too" if inside else "stop short of it"
+        mended = all(part.calibrated for part in intervals.values())
+    # With two optima intervals from chi-square hold the truth less often than they say.
+    help_for_it = "" if mended else "; ul.profile(fit, name, calibrate=99) gives honest ones"
     return (
         f"A {name} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
-        f"{other.rise:.2g}. The intervals above {reach}."
+        f"{other.rise:.2g}. The intervals above {reach}{help_for_it}."
     )

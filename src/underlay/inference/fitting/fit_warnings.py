@@ -115,7 +115,7 @@ def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:
             FitWarning(
                 "second-optimum",
                 f"another optimum explains the data nearly as well (chi-square {entry.rise:.2g} higher): "
-                f"{values}; standard errors say nothing of it, profile() does",
+                f"{values}; standard errors say nothing of it, profile(fit, name, calibrate=99) does",
             )
         )
     return warnings

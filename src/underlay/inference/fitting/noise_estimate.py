@@ -19,7 +19,14 @@ from underlay.inference.fitting.objective import Objective, Weights, weights_at
 from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
 
-__all__ = ["Renewal", "first_noises", "noise_covariance", "renew", "restricted_log_likelihood"]
+__all__ = [
+    "Renewal",
+    "first_noises",
+    "most_likely",
+    "noise_covariance",
+    "renew",
+    "restricted_log_likelihood",
+]
 
 # A change of the weights by less than this moves a fit by less than its numerical tolerance times sigma.
 _SETTLED = 1e-4
@@ -66,7 +73,7 @@ def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
     noises = objective.weights.noises
     if problem.noise_entries:
         linear = [member.jacobian(physical) for member in problem.members]
-        vector = _most_likely(problem, vector, sorted(problem.noise_entries), linear)
+        vector = most_likely(problem, vector, sorted(problem.noise_entries), linear)
         noises = problem.noises(vector)
     if any(member.scale_is_unknown for member in problem.members):
         sizes = _sizes(objective, vector, robust=robust)
@@ -115,7 +122,7 @@ def _sizes(objective: Objective, vector: FloatArray, *, robust: bool) -> list[fl
     return sizes
 
 
-def _most_likely(
+def most_likely(
     problem: Problem,
     vector: FloatArray,
     entries: Sequence[int],
@@ -183,6 +190,11 @@ def restricted_log_likelihood(
         if not (sigma > 0.0).all():
             return -np.inf
         residuals = noise.whiten((member.force - reading.force) / sigma, time)
+        if member.scale_is_unknown:
+            # Its size is the most likely one beside the other numbers, paid for as in `_sizes`.
+            degrees = len(residuals) * (1.0 - len(mechanical) / problem.n_points)
+            size = float(np.sqrt(residuals @ residuals / degrees))
+            sigma, residuals = size * sigma, residuals / size
         total += float(noise.log_normalisation(sigma, time)) - 0.5 * float(residuals @ residuals)
         rows = noise.whiten((columns * slopes)[:, mechanical].T / sigma, time)
         normal += rows @ rows.T

@@ -44,7 +44,7 @@ def profile(walk: Profile, *, ax: Axes | None = None) -> Axes:
     parts = [walk, *(branch for branch in walk.branches if branch.rise.min() < top)]
     with style():
         ax = axes(ax, height=2.3)
-        for low, high in _kept(parts, walk.threshold(0.95)):
+        for low, high in walk.parts(0.95):
             ax.axvspan(low / factor, high / factor, color=SKY, alpha=0.25, lw=0.0)
         ax.plot(walk.values / factor, walk.rise, "o-", ms=2.5, color=FIT, label="profile")
         for number, branch in enumerate(parts[1:]):
@@ -54,39 +54,35 @@ def profile(walk: Profile, *, ax: Axes | None = None) -> Axes:
             x = np.linspace(walk.values[0], walk.values[-1], 200)
             parabola = np.square((x - value) / error)
             ax.plot(x / factor, parabola, "-", lw=0.9, color=REFERENCE, label="standard error")
-        for level, line in _LEVELS:
-            ax.axhline(walk.threshold(level), ls=line, lw=0.8, color=DATA)
-            ax.text(1.0, walk.threshold(level), f"{100 * level:.0f} %", transform=ax.get_yaxis_transform(),
-                    ha="left", va="center", size=7.0, color=DATA)  # fmt: skip
         ax.set_ylim(0.0, top)
         ends = np.array([_reach(part, top) for part in parts]) / factor
         room = 0.05 * np.ptp(ends)
         ax.set_xlim(ends.min() - room, ends.max() + room)
+        for level, line in _LEVELS:
+            _draw_threshold(ax, walk, level, line, factor)
         ax.set_xlabel(f"{label(walk.name)} ({unit})" if unit else label(walk.name))
         ax.set_ylabel("rise of chi-square")
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
     return ax
 
 
-def _kept(parts: list[Profile], threshold: float) -> list[tuple[float, float]]:
-    """Parts of the interval (SI), lowest first: what each optimum keeps below the threshold, joined where alike."""
-    z = float(np.sqrt(threshold))
-    spans = []
-    for part in parts:
-        if part.rise.min() <= threshold:
-            low, below = part.end(z, upper=False)
-            high, above = part.end(z, upper=True)
-            # Where the data set no end the shade goes as far as the profile was walked.
-            spans.append(
-                (low if below == "data" else part.values[0], high if above == "data" else part.values[-1])
-            )
-    joined: list[tuple[float, float]] = []
-    for low, high in sorted(spans):
-        if joined and low <= joined[-1][1]:
-            joined[-1] = (joined[-1][0], max(high, joined[-1][1]))
-        else:
-            joined.append((low, high))
-    return joined
+def _draw_threshold(ax: Axes, walk: Profile, level: float, line: str, factor: float) -> None:
+    """Draw the rise that ends the interval; from drawn curves it is another one at each end, and in between."""
+    low, high = ax.get_xlim()
+    x = np.linspace(low, high, 201)
+    q = np.array([_scaled(walk, value * factor) for value in x])
+    middle = float(walk.fit.vector[walk.index])
+    below, above = (np.square(walk.limit(level, upper=upper)(q)) for upper in (False, True))
+    rise = np.where(q < middle, below, above)
+    ax.plot(x, rise, ls=line, lw=0.8, color=DATA)
+    ax.text(1.0, rise[-1], f"{100 * level:.0f} %", transform=ax.get_yaxis_transform(),
+            ha="left", va="center", size=7.0, color=DATA)  # fmt: skip
+
+
+def _scaled(walk: Profile, value: float) -> float:
+    """Scaled value of the parameter; that of the lowest walked where the picture goes below what can be."""
+    coordinate = walk.fit.problem.coordinates[walk.index]
+    return coordinate.scaled(max(value, float(walk.values[0])) if coordinate.scale is None else value)
 
 
 def _reach(part: Profile, top: float) -> tuple[float, float]:

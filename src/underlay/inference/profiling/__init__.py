@@ -1,0 +1,1 @@
+"""Parts of a profile likelihood; `profiles.py` is the way in."""

@@ -1,0 +1,226 @@
+"""Thresholds of a profile from curves drawn anew, where chi-square is not the law of the likelihood ratio.
+
+With two optima, a bound nearby or a parameter the curve hardly shows, the rise t at the truth is not
+distributed as chi-square. Its distribution is then found by simulation (parametric bootstrap; Beran 1987,
+doi:10.1093/biomet/74.3.457; Davison and Hinkley 1997, doi:10.1017/CBO9780511802843, equation 4.11): curves
+are drawn from the best fit that has the hypothesised value, fitted as the data were, and t of that value is
+taken in each. With N curves the value is inside where its t in the data is at most the k-th smallest of
+those, k = ceil((N + 1) level).
+
+The centre is the constrained fit, not the free one: the error of the level is then of higher order in the
+number of points (DiCiccio, Martin and Stern 2001, doi:10.2307/3316051). In 160 curves with two optima both
+centres covered alike within chance (`tests/studies/coverage.py`).
+
+An interval would need this at every value. Its ends are where it matters: see `calibrated_profile.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from underlay._arrays import FloatArray, read_only
+from underlay.errors import FitError, InputError
+from underlay.inference.fitting.fit_result import Fit
+from underlay.inference.fitting.objective import Objective, weights_at
+from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.problem import Problem
+from underlay.inference.profiling.constrained import constrained_fit, rise_at
+from underlay.inference.profiling.redraw import redrawn
+
+__all__ = ["Calibration", "Draws", "draw_rises", "p_value_at", "require_draws"]
+
+# Curves that cannot be fitted are left out; more than this share of them, and what is left is a selection.
+_MOST_FAILURES = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Rises t of a value in curves drawn where it is the truth.
+
+    Parameters
+    ----------
+    value : float
+        The value (SI).
+    rises : FloatArray
+        t in every curve, (N,), increasing.
+    failures : int
+        Curves that could not be fitted.
+    """
+
+    value: float
+    rises: FloatArray
+    failures: int = 0
+
+    def threshold(self, level: float) -> float:
+        """The rise t that ends an interval of this confidence.
+
+        Raises
+        ------
+        InputError
+            If there are too few curves for the level.
+        """
+        return float(self.rises[_rank(len(self.rises), level) - 1])
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Thresholds from drawn curves, one set per end.
+
+    Parameters
+    ----------
+    level : float
+        Confidence whose ends the curves were drawn at.
+    draws, seed : int
+        Curves per centre, and where their chance came from.
+    below, above : tuple of Draws
+        Centres at the lower and at the upper end; none where the data set no end.
+    """
+
+    level: float
+    draws: int
+    seed: int
+    below: tuple[Draws, ...] = ()
+    above: tuple[Draws, ...] = ()
+
+    def side(self, *, upper: bool) -> tuple[Draws, ...]:
+        """Centres of one end."""
+        return self.above if upper else self.below
+
+    def with_side(self, centres: tuple[Draws, ...], *, upper: bool) -> Calibration:
+        """Return the same with other centres at one end."""
+        return replace(self, above=centres) if upper else replace(self, below=centres)
+
+
+def _rank(curves: int, level: float) -> int:
+    """Which of the rises, counted from the smallest, is the threshold; raises as `Draws.threshold`."""
+    if not 0.0 < level < 1.0:
+        raise InputError(f"level must be between 0 and 1; got {level!r}")
+    # Rounded first: 20 times 0.95 is 19, not a rounding error above it.
+    rank = math.ceil(round((curves + 1) * level, 9))
+    if rank > curves:
+        needed = math.ceil(round(level / (1.0 - level), 9))
+        raise InputError(
+            f"a level of {level:g} needs at least {needed} curves; there are {curves}: "
+            f"use profile(..., calibrate={needed}) or more"
+        )
+    return rank
+
+
+def require_draws(draws: int, level: float, seed: int) -> None:
+    """Refuse a number of curves that cannot tell the level.
+
+    Raises
+    ------
+    InputError
+        If the number is too small or negative, or the seed is negative.
+    """
+    _require_chance(draws, seed)
+    _rank(draws, level)
+
+
+def _require_chance(draws: int, seed: int) -> None:
+    for name, value, least in (("the number of curves to draw", draws, 1), ("the seed", seed, 0)):
+        if value != int(value) or value < least:
+            raise InputError(f"{name} must be a whole number, {least} or more; got {value!r}")
+
+
+def draw_rises(
+    fit: Fit, name: str, value: float, draws: int, seed: int, *, beyond: tuple[float, int] | None = None
+) -> Draws:
+    """T of a value (SI) in curves drawn from the best fit that has it.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit of the data.
+    name, value
+        The hypothesis.
+    draws : int
+        How many curves.
+    seed : int
+        Curve number b is drawn from the seed (seed, b), whatever the hypothesis: neighbouring values
+        share their chance.
+    beyond : (float, int), optional
+        Only count rises of at least this size, and stop after so many: where a smaller one is certain
+        without it, the held fit is not made, and its rise is an upper bound.
+
+    Raises
+    ------
+    InputError
+        As `rise_at`, or if a number is not allowed.
+    FitError
+        If more than a tenth of the curves cannot be fitted.
+    """
+    _require_chance(draws, seed)
+    least, most = (0.0, draws) if beyond is None else beyond
+    _, centre = constrained_fit(fit, name, value)
+    rises: list[float] = []
+    failures, reached = 0, 0
+    for number in range(draws):
+        again = redrawn(fit.problem, centre, fit.noises, np.random.default_rng([seed, number]))
+        try:
+            rise = _rise_of_truth(again, name, value, again.vector(fit.problem.values(centre)), least)
+        except (FitError, InputError):
+            failures += 1
+            continue
+        rises.append(rise)
+        reached += rise >= least
+        if reached >= most:
+            break
+    if failures > _MOST_FAILURES * (failures + len(rises)):
+        raise FitError(
+            f"{failures} of {failures + len(rises)} curves drawn at {name} = {value!r} could not be fitted: "
+            "the fit is too close to where no law exists to be calibrated"
+        )
+    return Draws(value, read_only(np.sort(rises)), failures)
+
+
+def _rise_of_truth(problem: Problem, name: str, value: float, truth: FloatArray, least: float) -> float:
+    """T of the value a problem was drawn at; an upper bound of it where that is below `least`."""
+    fit = least_squares_fit(problem)
+    objective = Objective(fit.problem, weights_at(fit.problem, fit.vector, fit.noises))
+    at_truth, at_optimum = (float(np.square(objective.residuals(q)).sum()) for q in (truth, fit.vector))
+    # All parameters at the truth explain the curve at most as well as the best fit with one of them there.
+    bound = at_truth - at_optimum
+    rise = bound if bound < least else constrained_fit(fit, name, value, truth)[0]
+    # A fit that missed the optimum can lie above the held one: then the value is no worse.
+    return max(rise, 0.0)
+
+
+def p_value_at(
+    fit: Fit, name: str, value: float, draws: int = 99, seed: int = 0, *, enough: int | None = None
+) -> float:
+    """How well the data go with one value (SI): the share of curves drawn there that fit it as badly.
+
+    (1 + number of rises at least as large) / (draws + 1); a calibrated interval of level 1 - p holds the
+    values with more than p.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit of the data.
+    name : str
+        The parameter.
+    value : float
+        The hypothesis.
+    draws, seed : int
+        How many curves, and where their chance comes from.
+    enough : int, optional
+        Stop after this many rises at least as large, and return their share of the curves drawn so far
+        (Besag and Clifford 1991, doi:10.1093/biomet/78.2.301): whether the share of all would be above
+        `enough` / (`draws` + 1) is then already known.
+
+    Raises
+    ------
+    InputError, FitError
+        As `draw_rises`.
+    """
+    here = rise_at(fit, name, value)
+    drawn = draw_rises(fit, name, value, draws, seed, beyond=(here, enough or draws))
+    worse = int(np.sum(drawn.rises >= here))
+    if enough is not None and worse >= enough:
+        return worse / len(drawn.rises)
+    return (1 + worse) / (1 + len(drawn.rises))

@@ -1,0 +1,70 @@
+"""The best fit with one parameter held, from every optimum that the fit knows and from a scan."""
+
+from __future__ import annotations
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.fitting.fit_result import Fit
+from underlay.inference.profiling.walk import Walk
+
+__all__ = ["constrained_fit", "index_of", "rise_at"]
+
+
+def index_of(fit: Fit, name: str) -> int:
+    """Entry of a free parameter that is not the noise's.
+
+    Raises
+    ------
+    InputError
+        If the parameter is not free, or is the noise's.
+    """
+    if name not in fit.names:
+        raise InputError(f"{name!r} is not free here; free are {', '.join(fit.names)}")
+    if name.startswith("noise."):
+        raise InputError(
+            f"{name!r}: the noise is frozen where a value is held or drawn curves are fitted; "
+            "profile(fit, name) without calibration walks its likelihood"
+        )
+    return fit.names.index(name)
+
+
+def rise_at(fit: Fit, name: str, value: float) -> float:
+    """T of one value (SI): how much the sum of squares rises when the parameter is held there.
+
+    The value is inside the interval of a level where this is at most `Profile.threshold`; one refit
+    instead of a walk.
+
+    Raises
+    ------
+    InputError
+        If the parameter is not free, the value is outside its bounds, or no law exists there.
+    """
+    return constrained_fit(fit, name, value)[0]
+
+
+def constrained_fit(
+    fit: Fit, name: str, value: float, near: FloatArray | None = None
+) -> tuple[float, FloatArray]:
+    """T of one value (SI) and the scaled vector (k,) of the best fit that has it; raises as `rise_at`.
+
+    `near` is a vector (k,) to begin at instead of the optima: the truth of a drawn curve.
+    """
+    index = index_of(fit, name)
+    coordinate = fit.problem.coordinates[index]
+    if not coordinate.low <= value <= coordinate.high:
+        raise InputError(
+            f"{name} = {value!r} is outside its bounds [{coordinate.low!r}, {coordinate.high!r}]"
+        )
+    q = coordinate.scaled(value)
+    walk = Walk.start(fit, index, fit.vector)
+    begin = [near] if near is not None else [fit.vector, *(other.vector for other in fit.alternatives)]
+    best = None
+    for place in begin:
+        found = Walk.start(fit, index, place).follow(q)
+        if found is not None and (best is None or walk.rise(found) < walk.rise(best)):
+            best = found
+    if walk.in_doubt(best):
+        best = walk.look_elsewhere(q, best)
+    if best is None:
+        raise InputError(f"no contact law at {name} = {value!r}")
+    return walk.rise(best), best.vector

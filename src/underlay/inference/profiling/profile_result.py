@@ -1,0 +1,251 @@
+"""A walked profile likelihood, and where it crosses the threshold of an interval."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from scipy import interpolate, optimize, stats
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.fitting.fit_result import Fit
+from underlay.inference.profiling.calibration import Calibration
+from underlay.inference.profiling.interval import Interval
+from underlay.inference.profiling.walk import HIGHEST
+
+__all__ = ["Profile", "interval_threshold"]
+
+#: Largest z inside an interval, by scaled value of the parameter, any shape.
+Limit: TypeAlias = Callable[[FloatArray], FloatArray]
+
+# t that a walk falls by between two steps: rounding of two refits is a thousand times less.
+_FALL = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Profile likelihood of one parameter.
+
+    Parameters
+    ----------
+    name : str
+        The parameter.
+    fit : Fit
+        The optimum it starts from; a better one than was handed in, if the walk found one.
+    values : FloatArray
+        Values of the parameter (SI), (m,), increasing.
+    rise : FloatArray
+        t at each, (m,): zero at the optimum.
+    vectors : FloatArray
+        Scaled vectors with the other parameters fitted, (m, k).
+    ends : tuple of str
+        Why the walk ended below and above: ``"data"``, ``"bound"``, ``"law"`` or ``"none"``.
+    branches : tuple of Profile
+        The same about every other optimum of the fit, t still measured from the best.
+    calibration : Calibration, optional
+        Curves drawn at the ends, where the thresholds come from them.
+    """
+
+    name: str
+    fit: Fit
+    values: FloatArray
+    rise: FloatArray
+    vectors: FloatArray
+    ends: tuple[str, str]
+    branches: tuple[Profile, ...] = ()
+    calibration: Calibration | None = None
+
+    @property
+    def index(self) -> int:
+        """Entry of the parameter in a vector."""
+        return self.fit.names.index(self.name)
+
+    @property
+    def has_two_basins(self) -> bool:
+        """Whether chi-square is in doubt: the fit has another optimum, or the profile falls again."""
+        outwards = (self.rise[self.best :], self.rise[self.best :: -1])
+        falls = any((np.diff(side) < -_FALL).any() for side in outwards)
+        return falls or bool(self.fit.alternatives)
+
+    @property
+    def best(self) -> int:
+        """Where the rise is smallest."""
+        return int(np.argmin(self.rise))
+
+    def threshold(self, level: float, *, upper: bool | None = None) -> float:
+        """T that bounds an interval of this confidence.
+
+        Parameters
+        ----------
+        level : float
+            The confidence.
+        upper : bool, optional
+            Which end of a calibrated profile; the larger of both without it.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 0.999, or higher than the drawn curves can tell.
+        """
+        plain = self._plain(level)
+        if upper is None:
+            return max(self.threshold(level, upper=False), self.threshold(level, upper=True))
+        centres = () if self.calibration is None else self.calibration.side(upper=upper)
+        return centres[-1].threshold(level) if centres else plain
+
+    @property
+    def _noise_is_frozen(self) -> bool:
+        return not self.name.startswith("noise.")
+
+    def _plain(self, level: float) -> float:
+        """T without calibration; what is profiled of the noise is no scatter about a fit: chi-square."""
+        plain = interval_threshold(self.fit, level)
+        return plain if self._noise_is_frozen else float(stats.chi2.ppf(level, 1))
+
+    def basis(self, level: float = 0.95) -> str:
+        """What the thresholds are and why, in a sentence."""
+        plain = self._plain(level)
+        if self._noise_is_frozen and _estimates_noise(self.fit):
+            law = f"F(1, {self.fit.statistics.points - self.fit.statistics.parameters}), the noise estimated"
+        else:
+            law = "chi-square with one degree of freedom"
+        at = f"{100.0 * level:g} %"
+        if self.calibration is None:
+            doubt = (
+                "; there are two basins, where it is too small: use profile(..., calibrate=99)"
+                if self.has_two_basins
+                else ""
+            )
+            return f"threshold {plain:.3g}, the {at} quantile of {law}{doubt}"
+        ends = [
+            f"{self.threshold(level, upper=upper):.3g} {where}"
+            for upper, where in ((False, "below"), (True, "above"))
+            if self.calibration.side(upper=upper)
+        ]
+        if not ends:
+            return f"threshold {plain:.3g}, the {at} quantile of {law}: the data set no end to calibrate"
+        return (
+            f"threshold {' and '.join(ends)}, the {at} quantile of t in {self.calibration.draws} curves drawn "
+            f"at each end (seed {self.calibration.seed}); that of {law} would be {plain:.3g}"
+        )
+
+    def interval(self, level: float = 0.95) -> Interval:
+        """Values the data do not reject at this level; see `Interval` for ends that are not there.
+
+        With a second optimum that is not rejected it is the hull of both.
+        """
+        low, low_reason = self.end_of_hull(level, upper=False)
+        high, high_reason = self.end_of_hull(level, upper=True)
+        known = self.calibration is not None and any(self.calibration.side(upper=u) for u in (False, True))
+        return Interval(self.name, level, low, high, low_reason, high_reason, known)
+
+    def parts(self, level: float = 0.95) -> list[tuple[float, float]]:
+        """Stretches of the interval (SI), lowest first: what each optimum keeps, joined where they meet.
+
+        Where the data set no end a stretch goes as far as the profile was walked.
+        """
+        limits = [self.limit(level, upper=upper) for upper in (False, True)]
+        stretches = []
+        for part in (self, *self.branches):
+            if not self._keeps(part, limits[0]) and not self._keeps(part, limits[1]):
+                continue
+            (low, below), (high, above) = (
+                part.end(limit, upper=upper) for limit, upper in zip(limits, (False, True), strict=True)
+            )
+            stretches.append(
+                (low if below == "data" else part.values[0], high if above == "data" else part.values[-1])
+            )
+        joined: list[tuple[float, float]] = []
+        for low, high in sorted(stretches):
+            if joined and low <= joined[-1][1]:
+                joined[-1] = (joined[-1][0], max(high, joined[-1][1]))
+            else:
+                joined.append((low, high))
+        return joined
+
+    def _keeps(self, part: Profile, limit: Limit) -> bool:
+        return bool((np.sqrt(part.rise) <= limit(part.vectors[:, self.index])).any())
+
+    def end_of_hull(self, level: float, *, upper: bool) -> tuple[float, str]:
+        """One end of the interval (SI), and why it is there: a reason as in `Interval`."""
+        limit = self.limit(level, upper=upper)
+        ends = [part.end(limit, upper=upper) for part in (self, *self.branches) if self._keeps(part, limit)]
+        return (max if upper else min)(ends, key=lambda end: end[0])
+
+    def bottoms_beyond(self, value: float, *, upper: bool) -> list[float]:
+        """Values (SI) beyond one where t has a minimum that is not rejected at 99.9 %, the nearest first."""
+        bottoms = []
+        for part in (self, *self.branches):
+            t = np.concatenate([[np.inf], part.rise, [np.inf]])
+            lowest = (t[1:-1] <= t[:-2]) & (t[1:-1] <= t[2:]) & (t[1:-1] < HIGHEST**2)
+            bottoms += part.values[lowest].tolist()
+        beyond = [bottom for bottom in bottoms if (bottom > value if upper else bottom < value)]
+        return sorted(beyond, reverse=not upper)
+
+    def limit(self, level: float, *, upper: bool) -> Limit:
+        """Largest z inside the interval on one side, by scaled value of the parameter; raises as `threshold`."""
+        plain = self._plain(level)
+        centres = () if self.calibration is None else self.calibration.side(upper=upper)
+        if not centres:
+            return _constant(float(np.sqrt(plain)))
+        coordinate = self.fit.problem.coordinates[self.index]
+        pairs = sorted((coordinate.scaled(at.value), np.sqrt(at.threshold(level))) for at in centres)
+        places, roots = np.array(pairs).T
+        return lambda q: np.interp(q, places, roots)
+
+    def end(self, z: float | Limit, *, upper: bool) -> tuple[float, str]:
+        """Where the values below `z` end on one side (SI), branches left aside, and why; see `Interval`."""
+        limit = z if callable(z) else _constant(z)
+        coordinate = self.fit.problem.coordinates[self.index]
+        outwards = slice(self.best, None) if upper else slice(self.best, None, -1)
+        q, reason = self.vectors[outwards, self.index], self.ends[int(upper)]
+        crossing = _crossing(q, np.sqrt(self.rise[outwards]), limit)
+        if crossing is not None:
+            return float(coordinate.physical(np.asarray(crossing))), "data"
+        if reason == "bound":
+            return coordinate.high if upper else coordinate.low, "bound"
+        if reason == "law":
+            return float(coordinate.physical(q[-1])), "law"
+        return (np.inf if upper else -np.inf), "none"
+
+
+def interval_threshold(fit: Fit, level: float) -> float:
+    """Rise t that bounds an interval: chi-square's quantile, F's where the noise was estimated.
+
+    Raises
+    ------
+    InputError
+        If the level is not between 0 and 0.999.
+    """
+    if not 0.0 < level <= 0.999:
+        raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
+    if _estimates_noise(fit):
+        return float(stats.f.ppf(level, 1, fit.statistics.points - fit.statistics.parameters))
+    return float(stats.chi2.ppf(level, 1))
+
+
+def _estimates_noise(fit: Fit) -> bool:
+    return fit.statistics.noise_estimated or bool(fit.problem.noise_entries)
+
+
+def _constant(z: float) -> Limit:
+    return lambda q: np.full(np.shape(q), z)
+
+
+def _crossing(q: FloatArray, z: FloatArray, limit: Limit) -> float | None:
+    """Outermost place where z passes the limit, walking outwards; None if it never does for good."""
+    last = int(np.flatnonzero(z <= limit(q))[-1])
+    if last == len(z) - 1:
+        return None
+    outwards = np.abs(q - q[0])
+    towards = np.sign(q[-1] - q[0])
+    z_at = interpolate.PchipInterpolator(outwards, z)
+
+    def over(x: float) -> float:
+        return float(z_at(x) - limit(np.asarray(q[0] + towards * x)))
+
+    reached = optimize.brentq(over, outwards[last], outwards[last + 1])
+    return float(q[0] + towards * reached)

@@ -1,0 +1,244 @@
+"""Steps of a profile from an optimum to one side, the other parameters fitted again at each.
+
+Steps are of about half a standard deviation of z = sqrt(t), in which a profile is nearly straight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.fitting.fit_result import Fit
+from underlay.inference.fitting.objective import Minimum, Objective, Weights, weights_at
+from underlay.inference.least_squares import minimise
+from underlay.inference.profiling.held import starts_with_held
+
+__all__ = ["HIGHEST", "Walk"]
+
+HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
+_STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
+# A rise of z in one step beyond which the step is taken again, shorter.
+_STEEPEST = 2.0 * _STEP
+_GROWTH = 2.0  # a flattening profile is walked in steps at most this much longer each time
+# In scaled coordinates, from the optimum and from the scene's own value: a factor 1.6e5, or twelve times the
+# range of the curve.
+_FARTHEST = 12.0
+_MOST_STEPS = 60
+_MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
+# An entry that moves all readings together by less than this many standard deviations per unit lies on a plateau.
+_FLAT = 1e-3
+# Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
+_DOUBTED = 1.0
+_BETTER = 0.01  # of t: less than that changes no interval by a hundredth of its width
+# Of a start elsewhere: after so many evaluations it must be within this rise of what it competes with.
+_ROUGH_EVALUATIONS, _MAY_BE = 12, 30.0
+# A start of the scan this close to where the others are (scaled coordinates) ends where they are.
+_SAME_PLACE = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """Steps of a profile from the optimum to one side."""
+
+    fit: Fit
+    index: int
+    objective: Objective
+    base: float
+    vectors: list[FloatArray]
+    rises: list[float]
+    reason: str = "none"
+
+    @classmethod
+    def start(cls, fit: Fit, index: int, vector: FloatArray) -> Walk:
+        """Stand at the optimum or another place (k,), with the noise of the fit frozen."""
+        weights: Weights = weights_at(fit.problem, fit.vector, fit.noises)
+        objective = Objective(fit.problem, weights, held=frozenset({index}))
+        base = float(np.square(objective.residuals(fit.vector)).sum())
+        rise = float(np.square(objective.residuals(vector)).sum()) - base
+        return cls(fit, index, objective, base, [np.array(vector)], [rise])
+
+    @property
+    def deepest(self) -> tuple[float, FloatArray]:
+        """Smallest t met, and where: below zero if the fit was not the optimum."""
+        lowest = int(np.argmin(self.rises))
+        return self.rises[lowest], self.vectors[lowest]
+
+    def with_bottoms(self) -> Walk:
+        """Return the walk with the bottoms of the basins it crossed, found with the parameter free.
+
+        Steps are long where a profile is flat: without its bottom a basin would be read too narrow, and a
+        deeper optimum in it missed.
+        """
+        free = Objective(self.fit.problem, self.objective.weights)
+        q = [float(vector[self.index]) for vector in self.vectors]
+        vectors, rises = list(self.vectors), list(self.rises)
+        # From the far end, so that the places before an insertion keep their numbers.
+        for i in range(len(rises) - 2, 0, -1):
+            if not self.rises[i - 1] > self.rises[i] < self.rises[i + 1]:
+                continue
+            bottom = minimise(free, self.vectors[i], max_evaluations=_MOST_EVALUATIONS).vector
+            rise = float(np.square(free.residuals(bottom)).sum()) - self.base
+            here = float(bottom[self.index])
+            if rise < self.rises[i] and min(q[i - 1], q[i + 1]) < here < max(q[i - 1], q[i + 1]):
+                place = i + 1 if abs(here - q[0]) > abs(q[i] - q[0]) else i
+                vectors.insert(place, bottom)
+                rises.insert(place, rise)
+        return replace(self, vectors=vectors, rises=rises)
+
+    def go(self, direction: float, highest: float = HIGHEST) -> Walk:
+        """Walk until z is above `highest`, which ends every interval, or the parameter or the law ends.
+
+        Where the others turn out to be better elsewhere at that end, the walk is made again and looks at
+        every step.
+        """
+        walked = self._afresh()._steps(direction, highest, watchful=False)  # noqa: SLF001  own class
+        if walked.reason != "lost":
+            return walked
+        return self._afresh()._steps(direction, highest, watchful=True)  # noqa: SLF001  own class
+
+    def _afresh(self) -> Walk:
+        """Return a walk that stands where this one began."""
+        return replace(self, vectors=self.vectors[:1], rises=self.rises[:1])
+
+    def _steps(self, direction: float, highest: float, *, watchful: bool) -> Walk:
+        """Walk once; ``"lost"`` if only its end showed that the others are better elsewhere."""
+        bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
+        here = float(self.vectors[0][self.index])
+        room = abs(bound - here)
+        step = self._first_step()
+        for _ in range(_MOST_STEPS):
+            travelled = abs(float(self.vectors[-1][self.index]) - here)
+            step = min(step, room - travelled)
+            if step <= 1e-12 * (1.0 + travelled):
+                return replace(self, reason="bound")
+            # An optimum far out on a plateau (a base that might be rigid) is walked back from all the way.
+            if travelled >= _FARTHEST and direction * float(self.vectors[-1][self.index]) >= _FARTHEST:
+                return replace(self, reason="none")
+            q = here + direction * (travelled + step)
+            found = self.follow(q)
+            if found is None:
+                if step < 1e-3 * self._first_step():
+                    return replace(self, reason="law")
+                step *= 0.25
+                continue
+            climb = self._z(self.rise(found)) - self._z(self.rises[-1])
+            if climb > _STEEPEST and step > 1e-3 * self._first_step():
+                # A valley that lies open at the optimum and closes further on: its curvature there, or the
+                # slope of the last step, foretold too long a step, and there is nothing to read between; or
+                # a second basin lies within it.
+                step *= max(_STEP / climb, 0.1)
+                continue
+            ended = self.rise(found) > highest**2
+            if ended or (watchful and self.in_doubt(found)):
+                other = self.look_elsewhere(q, found) or found
+                if not watchful and self.rise(other) < self.rise(found) - _BETTER:
+                    return replace(self, reason="lost")
+                found, ended = other, self.rise(other) > highest**2
+            self.vectors.append(found.vector)
+            self.rises.append(self.rise(found))
+            if ended:
+                return replace(self, reason="data")
+            step = self._next_step(step)
+        return replace(self, reason="none")
+
+    def rise(self, found: Minimum) -> float:
+        """T at a minimum."""
+        return float(np.square(self.objective.residuals(found.vector)).sum()) - self.base
+
+    @staticmethod
+    def _z(rise: float) -> float:
+        return float(np.sqrt(max(rise, 0.0)))
+
+    def _exists(self, vector: FloatArray) -> bool:
+        """Whether there is a law; where there is none, residuals count a failure."""
+        failures = self.objective.failures
+        self.objective.residuals(vector)
+        return self.objective.failures == failures
+
+    def _first_step(self) -> float:
+        deviation = float(np.sqrt(self.fit.scaled_covariance[self.index, self.index]))
+        return _STEP * deviation if 0.0 < deviation < 1.0 else 0.1
+
+    def _next_step(self, step: float) -> float:
+        """Step for half a unit of z, from the slope of the last one."""
+        slope = abs(self._z(self.rises[-1]) - self._z(self.rises[-2])) / step
+        return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
+
+    def in_doubt(self, found: Minimum | None) -> bool:
+        """Whether a better place for the others would matter to an interval."""
+        return found is None or self.rise(found) > _DOUBTED
+
+    def look_elsewhere(self, q: float, found: Minimum | None) -> Minimum | None:
+        """Others fitted with the parameter at q from a scan; `found` if that is no better."""
+        pinned = _with(self.vectors[-1] if found is None else found.vector, self.index, q)
+        low, high = self.fit.problem.bounds.T
+        for start in starts_with_held(self.fit.problem, self.index, pinned):
+            if found is not None and (np.abs(start - found.vector) < _SAME_PLACE).all():
+                continue
+            begin = _with(np.clip(start, low, high), self.index, q)
+            other = self._minimised(begin, _ROUGH_EVALUATIONS)
+            if other is None or (found is not None and self.rise(other) > self.rise(found) + _MAY_BE):
+                continue
+            other = self._minimised(other.vector)
+            if other is not None and (found is None or self.rise(other) < self.rise(found)):
+                found = other
+        return found
+
+    def follow(self, q: float) -> Minimum | None:
+        """Others fitted with the parameter at q, starting where the last two steps point."""
+        start = np.array(self.vectors[-1])
+        if len(self.vectors) > 1:
+            moved = self.vectors[-1] - self.vectors[-2]
+            start = start + moved * (q - start[self.index]) / moved[self.index]
+        else:
+            start = start + self._tangent() * (q - start[self.index])
+        low, high = self.fit.problem.bounds.T
+        for candidate in (np.clip(start, low, high), self.vectors[-1]):
+            begin = _with(candidate, self.index, q)
+            if self._exists(begin):
+                return self._minimised(begin)
+        return None
+
+    def _minimised(self, start: FloatArray, evaluations: int = _MOST_EVALUATIONS) -> Minimum | None:
+        """Others fitted from a start; None if there is no law there or where that ends."""
+        if not self._exists(start):
+            return None
+        found = self._off_plateau(minimise(self.objective, start, max_evaluations=evaluations))
+        return found if self._exists(found.vector) else None
+
+    def _off_plateau(self, found: Minimum) -> Minimum:
+        """Try again with an entry that does not act at the scene's own value, and keep the better.
+
+        A minimiser finds no way back from the middle of a plateau: a base left rigid there would stay so,
+        and the profile of the thickness would not know that a thinner layer on a softer base answers alike.
+        """
+        for i in self._flat(found.vector):
+            begin = _with(found.vector, i, 0.0)
+            if not self.objective.exists(begin):
+                continue
+            other = minimise(self.objective, begin, max_evaluations=_MOST_EVALUATIONS)
+            found = min((found, other), key=self.rise)
+        return found
+
+    def _flat(self, vector: FloatArray) -> list[int]:
+        """Entries that do not act here; none where no law exists."""
+        if not self.objective.exists(vector):
+            return []
+        norms = np.linalg.norm(self.objective.jacobian(vector, rough=True), axis=0)
+        return [i for i in self.objective.active if norms[i] < _FLAT]
+
+    def _tangent(self) -> FloatArray:
+        """d others / d parameter along the profile at the optimum, from the covariance."""
+        column = np.array(self.fit.scaled_covariance[self.index])
+        own = column[self.index]
+        tangent: FloatArray = column / own if own > 0.0 else np.zeros_like(column)
+        tangent[self.index] = 1.0
+        return tangent
+
+
+def _with(vector: FloatArray, index: int, q: float) -> FloatArray:
+    changed = np.array(vector)
+    changed[index] = q
+    return changed
