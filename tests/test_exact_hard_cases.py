@@ -7,6 +7,7 @@ import pytest
 
 from support import reference_contact
 from support.hard_case_table import HardCaseTable, Row
+from underlay.errors import RangeError
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
@@ -125,3 +126,24 @@ def test_depths_at_and_below_the_smallest(shape, table):
         assert answer >= 0.0
     table.add(Row(f"denormal depth, {type(shape).__name__}", 0.0, 0.0, "absolute", 0.0, 1e-300))
     assert law.force(smallest) < 1e-300
+
+
+@pytest.mark.parametrize("ratio", [1e-18, 3e-20])
+def test_a_base_of_nearly_nothing_follows_its_own_scaling(ratio):
+    # A plate on a half-space: the radius of the dimple is h (E/E2)^(1/3), far beyond any contact, so the force
+    # at a given depth goes as E2^(2/3).
+    tip, layer = Paraboloid(1.0), Layer(Isotropic(1.0, 0.45), 1.0)
+    soft, softer = (
+        exact_law(tip, layer, Isotropic(k, 0.45), max_depth=0.36, rtol=1e-4).force(0.36)
+        for k in (ratio * 10.0, ratio)
+    )
+    assert soft / softer == pytest.approx(10.0 ** (2.0 / 3.0), rel=3e-4)
+
+
+@pytest.mark.parametrize("ratio", [1e-21, 1e-40])
+def test_a_base_of_nothing_is_refused_by_name(ratio):
+    tip, layer = Paraboloid(1.0), Layer(Isotropic(1.0, 0.45), 1.0)
+    with pytest.raises(RangeError, match="the exact law ends at 1e-20: check the units"):
+        exact_law(tip, layer, Isotropic(ratio, 0.45), max_depth=0.36)
+    with pytest.raises(RangeError, match="the exact law ends at 1e-20"):
+        exact_law(FlatPunch(0.5), layer, Isotropic(ratio, 0.45), max_depth=0.36)

@@ -2,9 +2,13 @@
 
     python tests/studies/calibration.py run --replicas 300   # adds to calibration.csv; stop it any time
     python tests/studies/calibration.py show                 # table and rank plot from calibration.csv
+    python tests/studies/calibration.py check                # calibration_check.csv: see below
 
 Replicas are numbered: a run skips those that are there, and `--part 0/3` takes every third, so that several
 processes can share the work (each writes a file of its own; `show` reads them all).
+
+The check computes the same posteriors by importance sampling for the two scenes with known noise, on the first 300
+curves, where it must agree with the sampler, and on 1200 others, where luck is another.
 """
 
 import argparse
@@ -22,7 +26,7 @@ from scipy import stats
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parent.parent / "src")]
 
-from support.calibration import BINS, DRAWS, cases, replica, uniformity  # noqa: E402  # after the path is set
+from support.calibration import BINS, DRAWS, cases, levels, replica, uniformity  # noqa: E402  # after the path is set
 
 COLUMNS = ("scene", "replica", "parameter", "rank", "inside90", "converged", "steps", "failures", "seconds")
 
@@ -53,7 +57,7 @@ def run(replicas, part, folder):
 
 def load(folder):
     files = sorted(folder.glob("calibration*.csv"))
-    files = [file for file in files if not file.name.endswith("_summary.csv")]
+    files = [file for file in files if not file.stem.endswith(("_summary", "_check"))]
     return pd.concat([pd.read_csv(file) for file in files], ignore_index=True)
 
 
@@ -113,15 +117,48 @@ def show(folder):
     draw(results, folder / "calibration.png")
 
 
+CHECKED = ("rigid base", "elastic base")
+
+
+def check(folder):
+    """Coverage of 90 % intervals by importance sampling, on the study's curves and on others."""
+    rows = []
+    for name in CHECKED:
+        for part, seeds in (("of the study", range(300)), ("others", range(1000, 2200))):
+            found = [levels(cases()[name], seed) for seed in seeds]
+            smallest = min(size for _, size in found)
+            for parameter in found[0][0]:
+                below = np.array([entry[parameter] for entry, _ in found])
+                inside = int(((below > 0.05) & (below < 0.95)).sum())
+                low, high = stats.binomtest(inside, len(below)).proportion_ci(0.95, "wilson")
+                rows.append(
+                    {
+                        "scene": name,
+                        "curves": part,
+                        "parameter": parameter,
+                        "replicas": len(below),
+                        "coverage of 90 %": round(100.0 * inside / len(below), 1),
+                        "its 95 % interval": f"{100 * low:.1f} to {100 * high:.1f}",
+                        "p (Kolmogorov)": round(float(stats.kstest(below, "uniform").pvalue), 4),
+                        "smallest effective sample": round(smallest),
+                    }
+                )
+    frame = pd.DataFrame(rows)
+    frame.to_csv(folder / "calibration_check.csv", index=False)
+    print(frame.to_string(index=False))  # a command
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["run", "show"])
+    parser.add_argument("what", choices=["run", "show", "check"])
     parser.add_argument("--replicas", type=int, default=300)
     parser.add_argument("--part", default="0/1", help="n/N: every N-th replica from the n-th")
     parser.add_argument("--folder", type=Path, default=HERE / "results")
     arguments = parser.parse_args()
     arguments.folder.mkdir(exist_ok=True)
-    if arguments.what == "run":
+    if arguments.what == "check":
+        check(arguments.folder)
+    elif arguments.what == "run":
         number, _, of = arguments.part.partition("/")
         run(arguments.replicas, (int(number), int(of)), arguments.folder)
     else:

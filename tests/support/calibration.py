@@ -15,6 +15,7 @@ from scipy import stats
 from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.errors import UnderlayWarning
+from underlay.inference.information import information, prior_information
 from underlay.inference.priors import LogNormal, Normal
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
@@ -42,6 +43,10 @@ class Case:
 
     def problem(self, curve, noise=None):
         return Problem(self.scene, curve, self.free, noise or self.noise, accuracy=ACCURACY)
+
+    def generator(self, seed):
+        """Chance of one replica: scenes do not share theirs."""
+        return np.random.default_rng([seed, zlib.crc32(self.title.encode())])
 
     def draw(self, rng):
         """A curve made with numbers from the prior."""
@@ -109,8 +114,7 @@ def replica(case, seed, *, walkers=32, max_steps=8000, understated=1.0):
 
     `understated` divides the noise the likelihood believes in: the control that must fail.
     """
-    # Scenes do not share their luck.
-    rng = np.random.default_rng([seed, zlib.crc32(case.title.encode())])
+    rng = case.generator(seed)
     curve = case.draw(rng)
     noise = case.noise if understated == 1.0 else replace(case.noise, force=case.noise.force / understated)
     with warnings.catch_warnings():
@@ -125,6 +129,36 @@ def replica(case, seed, *, walkers=32, max_steps=8000, understated=1.0):
         truth = curve.truth[name]
         rows[name] = {"rank": int((few < truth).sum()), "inside90": bool(low <= truth <= high)}
     return rows, posterior.diagnostics
+
+
+def levels(case, seed):
+    """Posterior probability below each true value of `replica`'s curve, without a Markov chain.
+
+    Importance sampling from a Student distribution (4 degrees of freedom) whose mean and covariance are learnt
+    in four rounds, from the curvature at the truth on: it must agree with the sampler on the same curves, and
+    is quick enough for many more. For scenes with known noise.
+    """
+    rng = case.generator(seed)
+    curve = case.draw(rng)
+    problem = case.problem(curve)
+    mean = problem.vector({name: curve.truth[name] for name in problem.names})
+    told = information(problem, mean, problem.noises(mean)) + prior_information(problem, mean)
+    covariance = 1.5 * np.linalg.inv(told)
+    for draws in (3000, 3000, 3000, 3000, 8000):
+        proposal = stats.multivariate_t(mean, covariance, df=4)
+        vectors = proposal.rvs(draws, random_state=rng)
+        ratio = problem.log_posterior(vectors) - proposal.logpdf(vectors)
+        weights = np.exp(ratio - ratio.max())
+        weights /= weights.sum()
+        mean = weights @ vectors
+        centred = vectors - mean
+        # A little wider than the posterior, whose tails the weights must reach.
+        covariance = 1.3 * (centred.T * weights) @ centred
+    values = problem.physical(vectors)
+    below = {
+        name: float(weights[values[:, i] < curve.truth[name]].sum()) for i, name in enumerate(problem.names)
+    }
+    return below, float(1.0 / np.square(weights).sum())
 
 
 def uniformity(ranks):

@@ -13,10 +13,15 @@ from typing import Any, Self
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.errors import RangeError
 from underlay.mechanics.exact.gauss import legendre_rule
 from underlay.mechanics.materials import PlaneConstants
 
-__all__ = ["Pair", "Resolution", "curve_terms", "series_terms"]
+__all__ = ["SOFTEST", "Pair", "Resolution", "curve_terms", "series_terms"]
+
+
+#: Smallest theta of the substrate over that of the layer: below, the layer bends in the rounding of 1 - L.
+SOFTEST = 1e-20
 
 
 def _lowest(value: Any) -> float:
@@ -49,7 +54,13 @@ class Pair:
 
     @classmethod
     def of(cls, layer: PlaneConstants, substrate: PlaneConstants | None) -> Self:
-        """Read off the constants, floats or (batch, 1)."""
+        """Read off the constants, floats or (batch, 1).
+
+        Raises
+        ------
+        RangeError
+            If the substrate is more than 1e20 times softer than the layer.
+        """
         half, p = 0.5 * layer.sigma, layer.p
         square = half * half - p
         spread = (square * (square > 0.0)) ** 0.5
@@ -61,6 +72,11 @@ class Pair:
         if substrate is None:
             return cls(decay, fastest, inf, inf, firmness)
         ratio = _lowest(substrate.theta / layer.theta)
+        if not ratio >= SOFTEST:
+            raise RangeError(
+                f"the substrate is {ratio:.3g} times as stiff as the layer, and the exact law ends at "
+                f"{SOFTEST:g}: check the units of the moduli; a layer on nothing carries no load"
+            )
         stretch = _lowest(substrate.g / (layer.g * substrate.sigma))
         return cls(decay, fastest, ratio, stretch, firmness)
 
