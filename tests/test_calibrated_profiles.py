@@ -142,12 +142,12 @@ def test_a_value_behind_a_fold_is_found(replica):
     found = HARD.fit_of(replica)
     here = rise_at(found, C, 1e-5)
     assert here < 2.5
-    # As low as a fit that is begun at the truth.
-    scene = HARD.scene
-    held = Problem(scene, found.curves[0], [E, H], noise=found.noises[0])
-    free_fit = float(np.square(found.problem.residuals(found.vector)).sum())
-    held_fit = float(np.square(held.residuals(fit(held, start="given").vector)).sum())
-    assert here == pytest.approx(held_fit - free_fit, abs=1e-6)
+    # As low as a fit that is begun at the truth, above the lower of two optima: the fit of curve 111 is not it.
+    scene, curve, noise = HARD.scene, found.curves[0], found.noises[0]
+    free, held = (fit(Problem(scene, curve, names, noise), start="given") for names in (found.names, [E, H]))
+    best = min(free.statistics.chi_square, found.statistics.chi_square)
+    # Two minimisers at one optimum: flat to their tolerance, squared.
+    assert here == pytest.approx(held.statistics.chi_square - best, abs=1e-5)
 
 
 def test_words_of_bad_numbers():

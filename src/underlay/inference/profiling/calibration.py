@@ -27,7 +27,7 @@ from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.fitting.objective import Objective, weights_at
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.problem import Problem
-from underlay.inference.profiling.constrained import constrained_fit, rise_at
+from underlay.inference.profiling.constrained import constrained_fit, missed, rise_at
 from underlay.inference.profiling.redraw import redrawn
 
 __all__ = ["Calibration", "Draws", "draw_rises", "p_value_at", "require_draws"]
@@ -182,12 +182,11 @@ def _rise_of_truth(problem: Problem, name: str, value: float, truth: FloatArray,
     """T of the value a problem was drawn at; an upper bound of it where that is below `least`."""
     fit = least_squares_fit(problem)
     objective = Objective(fit.problem, weights_at(fit.problem, fit.vector, fit.noises))
-    at_truth, at_optimum = (float(np.square(objective.residuals(q)).sum()) for q in (truth, fit.vector))
+    at_truth, at_fit = (float(np.square(objective.residuals(q)).sum()) for q in (truth, fit.vector))
+    below = missed(fit, truth)
     # All parameters at the truth explain the curve at most as well as the best fit with one of them there.
-    bound = at_truth - at_optimum
-    rise = bound if bound < least else constrained_fit(fit, name, value, truth)[0]
-    # A fit that missed the optimum can lie above the held one: then the value is no worse.
-    return max(rise, 0.0)
+    bound = at_truth - at_fit - below
+    return bound if bound < least else constrained_fit(fit, name, value, truth)[0] - below
 
 
 def p_value_at(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.fitting.fit_result import Fit
+from underlay.inference.fitting.objective import Objective, weights_at
+from underlay.inference.least_squares import minimise
 from underlay.inference.profiling.walk import Walk
 
-__all__ = ["constrained_fit", "index_of", "rise_at"]
+__all__ = ["constrained_fit", "index_of", "missed", "rise_at"]
 
 
 def index_of(fit: Fit, name: str) -> int:
@@ -31,21 +35,34 @@ def index_of(fit: Fit, name: str) -> int:
 def rise_at(fit: Fit, name: str, value: float) -> float:
     """T of one value (SI): how much the sum of squares rises when the parameter is held there.
 
-    The value is inside the interval of a level where this is at most `Profile.threshold`; one refit
-    instead of a walk.
+    It rises from that of the fit, or of a better one that is found with the parameter let go again. The
+    value is inside the interval of a level where this is at most `Profile.threshold`; two refits instead of
+    a walk.
 
     Raises
     ------
     InputError
         If the parameter is not free, the value is outside its bounds, or no law exists there.
     """
-    return constrained_fit(fit, name, value)[0]
+    rise, vector = constrained_fit(fit, name, value)
+    return rise - missed(fit, vector)
+
+
+def missed(fit: Fit, vector: FloatArray) -> float:
+    """How far (t, zero or below) a fit begun at a scaled vector (k,) gets below the one handed in.
+
+    Of two optima a fit may have found the higher one only.
+    """
+    objective = Objective(fit.problem, weights_at(fit.problem, fit.vector, fit.noises))
+    found = minimise(objective, vector).vector
+    here, there = (float(np.square(objective.residuals(q)).sum()) for q in (fit.vector, found))
+    return min(there - here, 0.0)
 
 
 def constrained_fit(
     fit: Fit, name: str, value: float, near: FloatArray | None = None
 ) -> tuple[float, FloatArray]:
-    """T of one value (SI) and the scaled vector (k,) of the best fit that has it; raises as `rise_at`.
+    """T above the fit and the scaled vector (k,) of the best one that has a value (SI); raises as `rise_at`.
 
     `near` is a vector (k,) to begin at instead of the optima: the truth of a drawn curve.
     """
