@@ -100,3 +100,26 @@ def test_plain_hertz_finds_what_made_the_curve():
     curve = exact_curve(scene)
     found = plain_hertz_fit(curve.depth, curve.force, 1e-3, 0.45, E=3e6)
     assert found == pytest.approx({"E": 1e6, "contact_depth": 1e-5, "baseline": 2e-3}, rel=1e-5)
+
+
+@pytest.mark.parametrize("replica", range(10))
+def test_a_second_basin_between_the_points_of_the_grid_is_found(replica):
+    # A layer on a base four times stiffer, whose modulus is known: 2.7 times thinner and softer fits nearly as
+    # well, and its basin shadows the true one on the coarse grid.
+    scene = ul.Scene(
+        ul.Paraboloid(1e-3),
+        ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4),
+        ul.Isotropic(4e6, 0.3),
+        ul.Instrument(contact_depth=1e-5),
+    )
+    noise = ul.Noise(force=0.002 * float(scene.force(2e-4)))
+    depth = np.linspace(-5e-5, 2e-4, 200)
+    curve = ul.synthesize(scene, depth, noise, np.random.default_rng([0, replica]))
+    free = ("layer.E", "layer.thickness", "instrument.contact_depth")
+    start = scene.with_values({"layer.E": 3e6, "instrument.contact_depth": 0.0})
+    blind, told = (
+        ul.fit(ul.Problem(start, curve, free, noise)),
+        ul.fit(ul.Problem(scene, curve, free, noise), start="given"),
+    )
+    # The same optimum to the tolerance of the minimiser, or a better one.
+    assert blind.statistics.chi_square <= told.statistics.chi_square + 1e-3

@@ -5,7 +5,7 @@ layer's modulus (which scales the force when the ratio is held), the baseline an
 least squares. Where the base's modulus is known, each thickness takes the ratio at which the layer's modulus
 and that ratio give it. The scene's own values are only one more grid point, so a start wrong by orders of
 magnitude, or the last curve's result, does not decide where a fit ends. Every local minimum of the grid is a
-start: thin and stiffly backed can look like thick and stiff.
+start, and so are places thinner and thicker than the best: thin and stiffly backed can look like thick and stiff.
 """
 
 from __future__ import annotations
@@ -46,6 +46,8 @@ _FIRST_RATIO = 10.0
 _CONTACT_STEPS = np.linspace(-0.2, 0.9, 12)
 # For the other ratios: about the contacts of all thicknesses with the first one.
 _FEWER_CONTACTS = 6
+# ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
+_RIVAL, _APART = np.log(2.7), np.log(1.6)
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,27 @@ def scan_starts(problem: Problem, count: int = 3) -> list[FloatArray]:
         minima[0] &= total[0] == total.min()
     places = np.argwhere(minima)
     ranked = places[np.argsort(total[minima], kind="stable")][:count]
-    return [_vector(problem, trials, scans, (int(i), int(j))) for i, j in ranked]
+    chosen = [(int(i), int(j)) for i, j in ranked]
+    if THICKNESS in scans[0].values:
+        chosen += _beside(total, np.log(scans[0].values[THICKNESS].max(axis=1)), chosen)
+    return [_vector(problem, trials, scans, place) for place in chosen]
+
+
+def _beside(
+    total: FloatArray, log_thickness: FloatArray, chosen: Sequence[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """Places a rival's distance thinner and thicker than the best, where none is chosen yet.
+
+    A second basin may be as narrow as the noise and stand between the points of the grid: then no local minimum
+    of the grid tells of it. Rivals were found 2.5 to 3 times thinner or thicker than the best.
+    """
+    added: list[tuple[int, int]] = []
+    for aim in (log_thickness[chosen[0][0]] + side * _RIVAL for side in (-1.0, 1.0)) if chosen else ():
+        near = int(np.argmin(np.abs(log_thickness - aim)))
+        known = [log_thickness[i] for i, _ in (*chosen, *added)]
+        if np.abs(log_thickness[near] - known).min() > _APART and np.isfinite(total[near]).any():
+            added.append((near, int(np.argmin(total[near]))))
+    return added
 
 
 def _vector(
