@@ -89,7 +89,9 @@ def scan_starts(problem: Problem, count: int = 3) -> list[FloatArray]:
     places = np.argwhere(minima)
     ranked = places[np.argsort(total[minima], kind="stable")][:count]
     chosen = [(int(i), int(j)) for i, j in ranked]
-    if THICKNESS in scans[0].values:
+    # With the base's modulus free the two basins are one valley.
+    one_base = not any(BASE_MODULUS in member.entries for member in problem.members)
+    if one_base and THICKNESS in scans[0].values:
         chosen += _beside(total, np.log(scans[0].values[THICKNESS].max(axis=1)), chosen)
     return [_vector(problem, trials, scans, place) for place in chosen]
 
