@@ -20,14 +20,16 @@ for callers that estimate them; the last axis is always that of the points.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import TypeAlias
+from dataclasses import dataclass, field
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from scipy import linalg
 
 from underlay._arrays import FloatArray, finite
 from underlay.errors import InputError
+from underlay.quantities import Part, field_quantities, quantity
+from underlay.units import KINDS
 
 __all__ = [
     "Noise",
@@ -41,11 +43,9 @@ __all__ = [
 #: One number for all sets, or one per set: shape () or (...,), the batch axes.
 PerSet: TypeAlias = float | FloatArray
 
-_UNITS = {"force": "N", "relative": "dimensionless", "correlation_time": "s", "depth": "m"}
-
 
 @dataclass(frozen=True)
-class Noise:
+class Noise(Part):
     """What disturbs a force reading; every part is off unless named.
 
     Parameters
@@ -71,22 +71,28 @@ class Noise:
     array([3.e-06, 5.e-06])
     """
 
-    force: float | None = None
-    relative: float = 0.0
-    correlation_time: float = 0.0
-    depth: float = 0.0
+    parts: ClassVar[tuple[str, ...]] = ("noise",)
+
+    force: float | None = field(
+        default=None, metadata=quantity("force", "noise of the force", bounds=(0.0, np.inf))
+    )
+    relative: float = field(
+        default=0.0, metadata=quantity("dimensionless", "relative noise", bounds=(0.0, np.inf))
+    )
+    correlation_time: float = field(
+        default=0.0, metadata=quantity("time", "correlation time of the noise", bounds=(0.0, np.inf))
+    )
+    depth: float = field(default=0.0, metadata=quantity("length", "noise of the depth", bounds=(0.0, np.inf)))
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            given = getattr(self, field.name)
-            if given is None and field.name == "force":
+        for name, known in field_quantities(self).items():
+            given, unit = getattr(self, name), KINDS[known.kind].si or "dimensionless"
+            if given is None and name == "force":
                 continue
-            value = finite(given, f"noise.{field.name}", _UNITS[field.name])
+            value = finite(given, f"noise.{name}", unit)
             if value < 0.0:
-                raise InputError(
-                    f"noise.{field.name} must be zero or positive ({_UNITS[field.name]}); got {given!r}"
-                )
-            object.__setattr__(self, field.name, value)
+                raise InputError(f"noise.{name} must be zero or positive ({unit}); got {given!r}")
+            object.__setattr__(self, name, value)
         if self.force == 0.0 and self.relative == 0.0 and self.depth == 0.0:
             raise InputError(
                 "zero noise: noise.force, noise.relative and noise.depth are all 0, and no measurement is "

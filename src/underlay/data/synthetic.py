@@ -18,6 +18,7 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.mechanics.accuracy import Accuracy
+from underlay.quantities import field_quantities
 from underlay.scene.scene import Scene
 
 __all__ = ["simulate", "synthesize"]
@@ -59,10 +60,11 @@ def simulate(
         If the law cannot reach the deepest point.
     """
     readings = _column(depth, "depth")
+    clock = None if time is None else _times(time, readings.size)
     return Curve(
         depth=readings,
-        force=scene.force(readings, accuracy=accuracy, method=method, order=order, form=form),
-        time=None if time is None else _times(time, readings.size),
+        force=scene.force(readings, clock, accuracy=accuracy, method=method, order=order, form=form),
+        time=clock,
         truth=scene.parameters,
     )
 
@@ -141,8 +143,8 @@ def synthesize(
 
     # One evaluation of the law: the proportional noise needs the contact force without the baseline.
     bare = replace(scene, instrument=replace(scene.instrument, baseline=0.0, baseline_slope=0.0))
-    contact = bare.force(readings, accuracy=accuracy, method=method, order=order, form=form)
-    force = scene.instrument.reading(readings, contact)
+    contact = bare.force(readings, clock, accuracy=accuracy, method=method, order=order, form=form)
+    force = scene.instrument.chain.reading(contact, readings)
     shown = readings
     if noise is not None:
         force = force + _force_noise(noise, for_noise, contact, clock)
@@ -188,13 +190,8 @@ def _drift(rate: float, clock: FloatArray | None) -> FloatArray:
 
 def _noise_settings(noise: Noise | None) -> dict[str, float]:
     if noise is None:
-        return {f"noise.{name}": 0.0 for name in ("force", "relative", "correlation_time", "depth")}
-    return {
-        "noise.force": noise.force or 0.0,
-        "noise.relative": noise.relative,
-        "noise.correlation_time": noise.correlation_time,
-        "noise.depth": noise.depth,
-    }
+        return {f"noise.{name}": 0.0 for name in field_quantities(Noise)}
+    return {f"noise.{name}": getattr(noise, name) or 0.0 for name in field_quantities(noise)}
 
 
 def _checked_settings(

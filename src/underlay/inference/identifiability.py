@@ -128,7 +128,7 @@ class Identifiability:
         """What is fixed and what is not, in words."""
         lines = [str(combination) for combination in self.combinations]
         for name in self.names:
-            kind = kind_of(name.partition("[")[0])
+            kind = kind_of(name)
             error, bare = self.stderr[name], self.stderr_data_only[name]
             if not np.isfinite(error):
                 lines.append(f"{name}: not fixed by these data")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Self, TypeAlias
+from typing import Self
 
 import numpy as np
 
@@ -19,14 +19,11 @@ from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
 from underlay.inference.model.laws import LawOptions, LawStore
-from underlay.inference.priors import Prior
+from underlay.inference.priors import Given, Prior
 from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene
 
 __all__ = ["Given", "Problem"]
-
-#: What may be said of a free parameter: a prior, bounds, or nothing.
-Given: TypeAlias = Prior | tuple[float, float] | None
 
 
 class Problem:

@@ -16,6 +16,7 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError, RangeError
+from underlay.mechanics.response import Response
 
 __all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw"]
 
@@ -28,8 +29,8 @@ _LARGEST = float(np.finfo(float).max)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactLaw(ABC):
-    """Force against depth for one indenter, layer and substrate.
+class ContactLaw(Response, ABC):
+    """Force against depth for one indenter, layer and substrate: the response that ignores time.
 
     Depth is the indentation depth w (m) from first contact, positive into the sample; force is positive
     in compression (N). Zero or negative depth means no contact: force, radius and stiffness are zero.
@@ -52,8 +53,8 @@ class ContactLaw(ABC):
     max_depth: float
     error_estimate: float
 
-    def force(self, depth: ArrayLike) -> FloatArray:
-        """Force P (N), shape of `depth` (m).
+    def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
+        """Force P (N), shape of `depth` (m); an elastic sample does not ask for `time`.
 
         Raises
         ------
@@ -62,14 +63,16 @@ class ContactLaw(ABC):
         InputError
             If a depth is not finite.
         """
+        del time
         return self._in_contact(depth, self._force)
 
     def contact_radius(self, depth: ArrayLike) -> FloatArray:
         """Contact radius a (m), shape of `depth` (m); raises as `force` does."""
         return self._in_contact(depth, self._contact_radius)
 
-    def stiffness(self, depth: ArrayLike) -> FloatArray:
+    def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Incremental stiffness dP/dw (N/m) (9.1), shape of `depth` (m); raises as `force` does."""
+        del time
         return self._in_contact(depth, self._stiffness)
 
     def force_and_stiffness(self, depth: ArrayLike) -> tuple[FloatArray, FloatArray]:

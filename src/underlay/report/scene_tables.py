@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from underlay.mechanics.materials import Rigid
+from underlay.quantities import quantity_of
 from underlay.report.tables import labelled_table
-from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
@@ -57,8 +57,7 @@ def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
         return []
     rows = []
     for field in fields(owner):
-        value = getattr(owner, field.name)
-        kind = kind_of(f"{part}.{field.name}")
+        value, kind = getattr(owner, field.name), quantity_of(field).kind
         name = {"E": "Young's modulus E", "nu": "Poisson's ratio"}.get(
             field.name, field.name.replace("_", " ")
         )

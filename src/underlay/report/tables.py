@@ -54,8 +54,7 @@ def fit_table(result: Fit) -> pd.DataFrame:
     """
     rows = []
     for name, value in result.values.items():
-        path = name.partition("[")[0]
-        unit, factor = human_unit(value, kind_of(path))
+        unit, factor = human_unit(value, kind_of(name))
         error = result.stderr[name]
         rows.append(
             {

@@ -18,9 +18,9 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Optional sections: ``[instrument]``, ``[solver]`` (method, rtol, order, form), ``[noise]``, ``[curve]`` (which
-part of which file, and column names) and ``[simulate]`` (depths of a made curve). A new indenter
-needs no change here.
+Optional sections: ``[instrument]``, ``[history]`` (model, and its numbers), ``[solver]`` (method, rtol, order,
+form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made
+curve). A new indenter or history needs no change here.
 """
 
 from __future__ import annotations
@@ -38,6 +38,8 @@ from underlay.errors import FileAccessError, FileFormatError, InputError, Underl
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
+from underlay.mechanics.response import History
+from underlay.quantities import field_quantities
 from underlay.scene.fit_section import FreeParameter, free_parameters
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
@@ -46,7 +48,6 @@ from underlay.scene.scene_schema import (
     NoiseSection,
     SimulateSection,
     SolverSection,
-    ThicknessSection,
     check,
     schema_of,
 )
@@ -171,6 +172,7 @@ _SECTIONS = (
     "layer",
     "substrate",
     "instrument",
+    "history",
     "fit",
     "solver",
     "noise",
@@ -186,12 +188,12 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
     for name in ("indenter", "layer"):
         if name not in document:
             raise InputError(f"section [{name}] is missing")
-    layer, thickness = _material("layer", dict(_table(document, "layer")))
     scene = Scene(
         indenter=_indenter(dict(_table(document, "indenter"))),
-        layer=Layer(layer, thickness),
+        layer=_layer(dict(_table(document, "layer"))),
         substrate=_substrate(document),
         instrument=_build(Instrument, "instrument", _table(document, "instrument")),
+        history=_history(document),
     )
     solver = check(SolverSection, "solver", _table(document, "solver"))
     accuracy = {"accuracy": Accuracy(solver.pop("rtol"))} if "rtol" in solver else {}
@@ -225,12 +227,16 @@ def _indenter(table: dict[str, Any]) -> Indenter:
     return indenter
 
 
-def _material(section: str, table: dict[str, Any]) -> tuple[Material, float]:
-    thickness = np.inf
-    if section == "layer" and "thickness" in table:
-        thickness = check(ThicknessSection, section, {"thickness": table.pop("thickness")})["thickness"]
+def _layer(table: dict[str, Any]) -> Layer:
+    own = {name: table.pop(name) for name in field_quantities(Layer) if name in table}
+    numbers = check(schema_of(Layer), "layer", own)
+    return Layer(_material("layer", table), **numbers)
+
+
+def _material(section: str, table: dict[str, Any]) -> Material:
     kind = TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
-    return _build(kind, section, table), thickness
+    material: Material = _build(kind, section, table)
+    return material
 
 
 def _substrate(document: Mapping[str, Any]) -> Substrate | None:
@@ -241,10 +247,24 @@ def _substrate(document: Mapping[str, Any]) -> Substrate | None:
     if not isinstance(rigid, bool):
         raise InputError(f"[substrate] rigid: must be true or false, not {rigid!r}")
     if not rigid:
-        return _material("substrate", table)[0]
+        return _material("substrate", table)
     if table:
         raise InputError(f"[substrate] is rigid and needs nothing else; remove {', '.join(table)}")
     return RIGID
+
+
+def _history(document: Mapping[str, Any]) -> History | None:
+    if "history" not in document:
+        return None
+    table = dict(_table(document, "history"))
+    models = {kind.model: kind for kind in History.models()}
+    name = table.pop("model", None)
+    if name not in models:
+        raise InputError(
+            f"[history] model: {name!r} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
+        )
+    history: History = _build(models[name], "history", table)
+    return history
 
 
 def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
@@ -258,4 +278,4 @@ def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
 
 def _build(kind: type[Any], section: str, table: Mapping[str, Any]) -> Any:
     """Make a dataclass from a section; its fields say which keys there are."""
-    return kind(**check(schema_of(kind, section), section, table))
+    return kind(**check(schema_of(kind), section, table))

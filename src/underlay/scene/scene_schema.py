@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
 from underlay.errors import InputError
-from underlay.scene.parameters import kind_of
+from underlay.quantities import quantity_of
 from underlay.units import parse_quantity
 
 __all__ = [
@@ -18,7 +18,6 @@ __all__ = [
     "NoiseSection",
     "SimulateSection",
     "SolverSection",
-    "ThicknessSection",
     "check",
     "free_parameter_schema",
     "schema_of",
@@ -38,12 +37,13 @@ def _quantity(kind: str) -> BeforeValidator:
     return BeforeValidator(parse)
 
 
-def schema_of(kind: type[Any], section: str) -> type[BaseModel]:
-    """Pydantic model of a section, from the dataclass it describes."""
+def schema_of(kind: type[Any]) -> type[BaseModel]:
+    """Pydantic model of a section, from the dataclass it describes and what that declares of its numbers."""
     definitions: dict[str, Any] = {}
     for field in fields(kind):
-        default = ... if field.default is MISSING else field.default
-        definitions[field.name] = (Annotated[Any, _quantity(kind_of(f"{section}.{field.name}"))], default)
+        if not field.metadata.get("inlined"):
+            default = ... if field.default is MISSING else field.default
+            definitions[field.name] = (Annotated[Any, _quantity(quantity_of(field).kind)], default)
     return create_model(kind.__name__, __config__=ConfigDict(extra="forbid"), **definitions)
 
 
@@ -60,12 +60,6 @@ def free_parameter_schema(kind: str) -> type[BaseModel]:
 
 class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid")
-
-
-class ThicknessSection(_Section):
-    """``thickness`` of the layer."""
-
-    thickness: Annotated[float, _quantity("length")]
 
 
 class SolverSection(_Section):

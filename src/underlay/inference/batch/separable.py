@@ -194,6 +194,7 @@ class SeparableModel:
         noise = member.noise
         separable = (
             _MODULUS in member.entries
+            and member.forward.history is None
             and set(problem.names) <= _SEPARABLE
             and member.forward.similarity.moduli == (_MODULUS,)
             and not any(coordinate.prior.informative for coordinate in problem.coordinates)

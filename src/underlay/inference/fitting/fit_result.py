@@ -223,7 +223,7 @@ class Fit:
         lines = ["parameter                     value and standard error"]
         for name, value in self.values.items():
             error = self.stderr[name]
-            kind = kind_of(name.partition("[")[0])
+            kind = kind_of(name)
             text = format_quantity(value, kind, error if math.isfinite(error) else None)
             reason = self.no_error_bars.get(name) or self.bounds_hit.get(name, "")
             lines.append(f"{name:<28}  {text}{f'  ({reason})' if reason else ''}")

@@ -22,7 +22,7 @@ from underlay.data.noise import ar1_coefficients, whiten
 from underlay.errors import InputError
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.inference.sampling.arviz_bridge import arviz_library, to_inference_data
+from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.predictive import sigma_of_draws
 
@@ -187,7 +187,7 @@ def _inference_data(problem: Problem, posterior: Posterior) -> Any:
     )
     flat = few.chain.reshape(-1, few.chain.shape[-1])
     pointwise = pointwise_log_likelihood(problem, flat)
-    return to_inference_data(few, pointwise.reshape(*few.chain.shape[:2], -1))
+    return few.to_inference_data(pointwise.reshape(*few.chain.shape[:2], -1))
 
 
 def _pointwise(member: Member, physical: FloatArray) -> FloatArray:
