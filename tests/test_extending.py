@@ -8,12 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import underlay as ul
+from underlay.data.noise import NoiseModel
 from underlay.data.readers import Format
 from underlay.data.readers._format import make_curve
 from underlay.data.readers._text import lines_of
-from underlay.errors import CurveError, FitError, InputError
+from underlay.errors import CurveError, FitError, InputError, ParameterError
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.published.correction import MEASURED_RANGE, RIGID_BONDED, PublishedCorrection
 from underlay.mechanics.published.factor import PolynomialFactor
@@ -21,6 +23,7 @@ from underlay.mechanics.published.measured_error import MeasuredError
 from underlay.mechanics.published.quantities import LAYER_NU
 from underlay.mechanics.response import History
 from underlay.quantities import quantity
+from underlay.report import tables as fit_tables
 from underlay.report.labels import label
 from underlay.scene.effects import Effect, effects_table
 
@@ -276,6 +279,47 @@ def test_memory_stands_in_a_scene_file_and_in_the_ledger(tmp_path):
     RELAXING.save(tmp_path / "scene.toml")
     assert ul.load_scene(tmp_path / "scene.toml") == RELAXING
     assert RELAXING.effects(5e-5).set_index("effect").loc["history", "simulated"]
+
+
+# --- a noise model ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Pump(NoiseModel):
+    """Noise that is louder from the moment a pump starts."""
+
+    start: ClassVar[float] = 1.0  # s
+
+    quiet: float = field(metadata=quantity("force", "noise before the pump starts", bounds=(0.0, np.inf)))
+    loud: float = field(metadata=quantity("force", "noise of the pump", bounds=(0.0, np.inf)))
+
+    def sigma(self, force, stiffness=None, time=None):
+        del stiffness
+        return np.where(time < self.start, self.quiet, self.loud) * np.ones_like(force)
+
+
+def test_noise_model_is_drawn_and_fitted():
+    scene = replace(RELAXING, history=None)
+    curve = ul.synthesize(scene, RAMP_AND_HOLD, Pump(2e-5, 4e-4), rng=2, time=CLOCK)
+    assert curve.truth["noise.loud"] == 4e-4
+    free = {"layer.E": (1e3, 1e7), "noise.loud": None}
+    problem = ul.Problem(scene, curve, free, noise=Pump(2e-5, 1e-4))
+    fit = ul.fit(problem)
+    # The standard deviation of a standard deviation from 160 points is 6 %.
+    assert fit.values["noise.loud"] == pytest.approx(4e-4, rel=0.25)
+    assert 0.03 < fit.stderr["noise.loud"] / fit.values["noise.loud"] < 0.12
+    assert abs(fit.values["layer.E"] - 1e5) < 4.0 * fit.stderr["layer.E"]
+    assert label("noise.loud") in fit_tables.diagnostics_table(fit).to_string()
+    # The same density for many vectors at once as for each alone, and as the normal distribution has it.
+    vectors = np.stack([fit.vector, fit.vector + 0.1, fit.vector - 0.2])
+    many = problem.log_likelihood(vectors)
+    for vector, density in zip(vectors, many, strict=True):
+        values = problem.values(vector)
+        model = scene.with_values({"layer.E": values["layer.E"]}).force(RAMP_AND_HOLD)
+        sigma = np.where(CLOCK < 1.0, 2e-5, values["noise.loud"])
+        assert density == pytest.approx(stats.norm.logpdf(curve.force, model, sigma).sum(), rel=1e-5)
+    with pytest.raises(ParameterError, match=r"did you mean 'noise\.loud'"):
+        ul.Problem(scene, curve, {"layer.E": None, "noise.laud": None}, noise=Pump(2e-5, 1e-4))
 
 
 # --- an effect -------------------------------------------------------------------------------------------

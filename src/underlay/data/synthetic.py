@@ -15,7 +15,7 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, finite, positive
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import InputError
 from underlay.mechanics.accuracy import Accuracy
 from underlay.quantities import field_quantities
@@ -72,7 +72,7 @@ def simulate(
 def synthesize(
     scene: Scene,
     depth: ArrayLike,
-    noise: Noise | None = None,
+    noise: NoiseModel | None = None,
     rng: int | np.random.Generator = 0,
     *,
     time: ArrayLike | None = None,
@@ -94,7 +94,7 @@ def synthesize(
         The test; contact offset, tilted baseline and compliance are its instrument's.
     depth : ArrayLike
         True depth axis (m), (n,). Depth noise is added to what the curve reports, not to where the tip is.
-    noise : Noise, optional
+    noise : Noise or another NoiseModel, optional
         White, proportional, correlated and depth noise. A white noise of None is left out. With a
         correlation time, force and depth noise are both correlated.
     rng : int or numpy Generator, default 0
@@ -148,8 +148,9 @@ def synthesize(
     shown = readings
     if noise is not None:
         force = force + _force_noise(noise, for_noise, contact, clock)
-        if noise.depth:
-            shown = readings + noise.sample(for_depth, np.full(readings.size, noise.depth), clock)
+        if noise.depth_deviation:
+            spread = np.full(readings.size, noise.depth_deviation)
+            shown = readings + noise.sample(for_depth, spread, clock)
     if drift:
         force = force + _drift(drift, clock)
     if outliers:
@@ -167,18 +168,13 @@ def synthesize(
 
 
 def _force_noise(
-    noise: Noise, rng: np.random.Generator, contact: FloatArray, clock: FloatArray | None
+    noise: NoiseModel, rng: np.random.Generator, contact: FloatArray, clock: FloatArray | None
 ) -> FloatArray:
-    """Force noise (N), (n,): white and proportional parts; the depth noise acts on the depth itself."""
-    if noise.force is None and not (noise.relative or noise.depth):
-        raise InputError(
-            "noise.force is unknown (None), which a generator cannot draw: give it a value (N), or pass no "
-            "noise for a clean curve"
-        )
-    if not (noise.force or noise.relative):
+    """Noise of the force reading (N), (n,); what disturbs the depth acts on the depth itself."""
+    drawn = noise.of_force()
+    if drawn is None:
         return np.zeros_like(contact)
-    drawn = replace(noise, force=noise.force or 0.0, depth=0.0)
-    return drawn.sample(rng, drawn.sigma(contact), clock)
+    return drawn.sample(rng, drawn.sigma(contact, None, clock), clock)
 
 
 def _drift(rate: float, clock: FloatArray | None) -> FloatArray:
@@ -188,10 +184,10 @@ def _drift(rate: float, clock: FloatArray | None) -> FloatArray:
     return rate * elapsed
 
 
-def _noise_settings(noise: Noise | None) -> dict[str, float]:
+def _noise_settings(noise: NoiseModel | None) -> dict[str, float]:
     if noise is None:
         return {f"noise.{name}": 0.0 for name in field_quantities(Noise)}
-    return {f"noise.{name}": getattr(noise, name) or 0.0 for name in field_quantities(noise)}
+    return {f"noise.{name}": float(getattr(noise, name) or 0.0) for name in field_quantities(noise)}
 
 
 def _checked_settings(

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, read_only
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
 from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.information import expected_problem, information, marginal, prior_information
@@ -145,7 +145,7 @@ def identifiability(
     *,
     depth: ArrayLike | None = None,
     free: Mapping[str, Given] | Iterable[str] | None = None,
-    noise: Noise | None = None,
+    noise: NoiseModel | None = None,
 ) -> Identifiability:
     """Say what a test can tell.
 
@@ -184,7 +184,7 @@ def identifiability(
     return judge(fitted.problem, fitted.vector, fitted.noises)
 
 
-def judge(problem: Problem, vector: FloatArray, noises: tuple[Noise, ...]) -> Identifiability:
+def judge(problem: Problem, vector: FloatArray, noises: tuple[NoiseModel, ...]) -> Identifiability:
     """Identifiability of a problem at a scaled vector (k,) with the noise of every curve."""
     kept = [i for i, c in enumerate(problem.coordinates) if not c.path.startswith("noise.")]
     coordinates = [problem.coordinates[i] for i in kept]

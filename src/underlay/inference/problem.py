@@ -14,7 +14,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
@@ -39,7 +39,7 @@ class Problem:
         Paths of the scene (``"layer.E"``, ``"instrument.contact_depth"``, ...) or of the noise
         (``"noise.force"``, ...), each with a `Prior`, bounds ``(low, high)`` (SI) or None. Finite bounds mean
         LogUniform for a quantity that is positive by nature and Uniform for another.
-    noise : Noise, optional
+    noise : Noise or another NoiseModel, optional
         What disturbs the force. Without it, or with ``Noise(force=None)``, the noise is white (or AR(1)) of
         unknown size: a fit estimates it, and the likelihood has it integrated out under 1/sigma.
     accuracy, method, order, form
@@ -65,7 +65,7 @@ class Problem:
         scene: Scene,
         curve: Curve,
         free: Mapping[str, Given] | Iterable[str],
-        noise: Noise | None = None,
+        noise: NoiseModel | None = None,
         *,
         accuracy: Accuracy | None = None,
         method: str = "auto",
@@ -80,7 +80,7 @@ class Problem:
         tests: Sequence[tuple[Scene, Curve]],
         free: Mapping[str, Given] | Iterable[str],
         shared: Iterable[str] = (),
-        noise: Noise | Sequence[Noise | None] | None = None,
+        noise: NoiseModel | Sequence[NoiseModel | None] | None = None,
         *,
         accuracy: Accuracy | None = None,
         method: str = "auto",
@@ -119,7 +119,7 @@ class Problem:
         tests: Sequence[tuple[Scene, Curve]],
         free: Mapping[str, Given] | Iterable[str],
         shared: tuple[str, ...],
-        noise: Noise | Sequence[Noise | None] | None,
+        noise: NoiseModel | Sequence[NoiseModel | None] | None,
         options: LawOptions,
     ) -> None:
         self.free: dict[str, Given] = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
@@ -136,7 +136,7 @@ class Problem:
         self,
         *,
         free: Mapping[str, Given] | None = None,
-        noise: Noise | Sequence[Noise | None] | None = None,
+        noise: NoiseModel | Sequence[NoiseModel | None] | None = None,
         accuracy: Accuracy | None = None,
         method: str | None = None,
         order: int | None = None,
@@ -228,7 +228,7 @@ class Problem:
         physical = self.physical(self._one(vector))
         return tuple(member.scene_at(physical) for member in self.members)
 
-    def noises(self, vector: FloatArray) -> tuple[Noise, ...]:
+    def noises(self, vector: FloatArray) -> tuple[NoiseModel, ...]:
         """One noise model per curve with the numbers of a vector (k,)."""
         physical = self.physical(self._one(vector))
         return tuple(member.noise_at(physical) for member in self.members)

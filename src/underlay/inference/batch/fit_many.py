@@ -19,7 +19,7 @@ from typing import Any
 import pandas as pd
 
 from underlay._files import require_writable_folder
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves
 from underlay.inference.batch.dask import through_dask
@@ -58,7 +58,7 @@ def fit_many(
     free: Mapping[str, Given] | Iterable[str] | None = None,
     manifest: str | os.PathLike[str] | pd.DataFrame | Sequence[Mapping[str, Any]] | None = None,
     *,
-    noise: Noise | None = None,
+    noise: NoiseModel | None = None,
     accuracy: Accuracy | None = None,
     method: str | None = None,
     order: int | None = None,

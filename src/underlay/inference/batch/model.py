@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import InputError
 from underlay.inference.from_files import free_of
 from underlay.inference.priors import Prior
@@ -64,7 +64,7 @@ class BatchModel:
 
     scene: Scene
     free: Mapping[str, Given]
-    noise: Noise | None
+    noise: NoiseModel | None
     solver: Mapping[str, Any]
     file: SceneFile | None = None
     quality: bool = False
@@ -116,7 +116,7 @@ class BatchModel:
 def batch_model(
     scene: Scene | SceneFile | str | os.PathLike[str],
     free: Mapping[str, Given] | Iterable[str] | None,
-    noise: Noise | None,
+    noise: NoiseModel | None,
     *,
     accuracy: Accuracy | None,
     method: str | None,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay.data.curve import Curve, check_fittable
-from underlay.data.noise import Noise
+from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import CurveError, InputError, ParameterError
 from underlay.inference.model.acting import require_acting
 from underlay.inference.model.coordinates import Coordinate, Spans, make_coordinate
@@ -31,7 +31,7 @@ def compile_members(
     tests: Sequence[tuple[Scene, Curve]],
     free: Mapping[str, Given],
     shared: tuple[str, ...],
-    noise: Noise | Sequence[Noise | None] | None,
+    noise: NoiseModel | Sequence[NoiseModel | None] | None,
     options: LawOptions,
     store: LawStore,
 ) -> tuple[tuple[Member, ...], tuple[Coordinate, ...]]:
@@ -72,7 +72,7 @@ def compile_members(
     return members, tuple(coordinates)
 
 
-def _quantities_of(noise: Noise) -> dict[str, Quantity]:
+def _quantities_of(noise: NoiseModel) -> dict[str, Quantity]:
     """What the numbers of a noise model are, by path."""
     return {f"noise.{name}": known for name, known in field_quantities(noise).items()}
 
@@ -83,13 +83,13 @@ def _require_known(method: str) -> None:
         raise InputError(f"unknown method {method!r}; known: {', '.join(known)}")
 
 
-def _noises(noise: Noise | Sequence[Noise | None] | None, count: int) -> list[Noise]:
+def _noises(noise: NoiseModel | Sequence[NoiseModel | None] | None, count: int) -> list[NoiseModel]:
     given = list(noise) if isinstance(noise, Sequence) else [noise] * count
     if len(given) != count:
         raise InputError(f"give one noise model for all curves or one for each of {count}; got {len(given)}")
     for entry in given:
-        if not isinstance(entry, Noise | None):
-            raise InputError(f"noise must be a Noise or None; got {entry!r}")
+        if not isinstance(entry, NoiseModel | None):
+            raise InputError(f"noise must be a Noise, another NoiseModel or None; got {entry!r}")
     return [Noise() if entry is None else entry for entry in given]
 
 
@@ -174,7 +174,7 @@ def _numbered(free: Mapping[str, Given], shared: tuple[str, ...], count: int) ->
     return single
 
 
-def _common_start(request: _Request, own: Sequence[tuple[Scene, Curve]], noise: Noise) -> float:
+def _common_start(request: _Request, own: Sequence[tuple[Scene, Curve]], noise: NoiseModel) -> float:
     if request.path in _quantities_of(noise):
         field, given = request.path.partition(".")[2], request.given
         prior = given if isinstance(given, Prior) else None
@@ -196,7 +196,7 @@ def _spans(curve: Curve) -> Spans:
 def _member(
     scene: Scene,
     curve: Curve,
-    noise: Noise,
+    noise: NoiseModel,
     entries: Mapping[str, int],
     options: LawOptions,
     store: LawStore,
@@ -207,16 +207,9 @@ def _member(
     _check_history(scene, curve, mechanical)
     if ContactPoint.path not in mechanical:
         check_fittable(curve, scene.instrument.contact_depth)
-    unknown = noise.force is None and "force" not in noisy
-    if unknown and (noise.relative or noise.depth or {"relative", "depth"} & noisy.keys()):
-        raise InputError(
-            "noise.force is unknown beside relative or depth noise: give its value (N), or free it "
-            "(free={'noise.force': None, ...})"
-        )
+    noise.check(noisy, len(curve), curve.time)
     forward = Forward.compile(scene, curve.depth, tuple(mechanical), options, store, curve.time)
-    member = Member(scene, curve, forward, noise, scene.parameters, mechanical, noisy)
-    _check_noise_everywhere(member)
-    return member
+    return Member(scene, curve, forward, noise, scene.parameters, mechanical, noisy)
 
 
 def _check_history(scene: Scene, curve: Curve, free: Mapping[str, int]) -> None:
@@ -229,14 +222,3 @@ def _check_history(scene: Scene, curve: Curve, free: Mapping[str, int]) -> None:
         raise ParameterError(
             f"{Frame.path} cannot be fitted beside a history: take the frame's share out of the depth first"
         )
-
-
-def _check_noise_everywhere(member: Member) -> None:
-    noise = member.noise
-    if noise.force == 0.0 and "force" not in member.noise_entries:
-        raise InputError(
-            "noise.force is zero: points before contact, where relative and depth noise vanish, would count "
-            "as exact; give the white noise of the force reading (N)"
-        )
-    if noise.correlation_time or "correlation_time" in member.noise_entries:
-        noise.whiten(np.zeros(len(member.force)), member.curve.time)
