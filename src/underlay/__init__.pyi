@@ -1,7 +1,10 @@
 # The public names and where each lives: `__init__.py` reads this file and loads a module when it is asked for.
 from .data.contact_point import find_contact as find_contact
 from .data.curve import Curve as Curve
-from .data.noise import Noise as Noise
+from .data.noise import (
+    Noise as Noise,
+    NoiseModel as NoiseModel,
+)
 from .data.quality import check_quality as check_quality
 from .data.readers import (
     read as read,
@@ -30,6 +33,7 @@ from .inference.priors import (
     LogNormal as LogNormal,
     LogUniform as LogUniform,
     Normal as Normal,
+    Prior as Prior,
     Uniform as Uniform,
 )
 from .inference.problem import Problem as Problem
@@ -61,7 +65,12 @@ from .mechanics.materials import (
 )
 from .mechanics.profile import Profile as Profile
 from .mechanics.published import published_corrections as published_corrections
+from .mechanics.response import (
+    History as History,
+    Response as Response,
+)
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
+from .quantities import quantity as quantity
 from .report import plots as plots
 from .report.render import report as report
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost

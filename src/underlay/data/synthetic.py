@@ -27,8 +27,8 @@ __all__ = ["simulate", "synthesize"]
 def simulate(
     scene: Scene,
     depth: ArrayLike,
-    *,
     time: ArrayLike | None = None,
+    *,
     accuracy: Accuracy | None = None,
     method: str = "auto",
     order: int = 4,

@@ -47,6 +47,9 @@ def _scene_rows(scene: Scene) -> pd.DataFrame:
         rows.append({"part": "substrate", "quantity": "material", "value": "rigid, bonded to the layer"})
     elif scene.substrate is not None:
         rows += _numbers("substrate", scene.substrate)
+    if scene.history is not None:
+        rows.append({"part": "history", "quantity": "model", "value": scene.history.model.replace("_", " ")})
+        rows += _numbers("history", scene.history)
     ideal = [row for row in _numbers("instrument", scene.instrument) if not row["value"].startswith("0 ")]
     rows += ideal or [{"part": "instrument", "quantity": "effects", "value": "none"}]
     return labelled_table(rows)
