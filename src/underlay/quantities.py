@@ -235,19 +235,20 @@ def numbers_of(whole: Any, prefix: str = "") -> dict[str, Number]:
 
 
 def _walk(part: Any, prefix: str) -> Iterator[tuple[str, Number]]:
-    known = field_quantities(part)
     for entry in fields(part):
         value, path = getattr(part, entry.name), _path(prefix, entry)
-        if is_dataclass(value):
+        if isinstance(value, float):
+            yield path, Number(value, quantity_of(entry))
+        elif is_dataclass(value):
             yield from _walk(value, path)
         elif isinstance(value, tuple):
             for index, item in enumerate(value):
                 if is_dataclass(item):
                     yield from _walk(item, f"{path}[{index}]")
-                elif entry.name in known:
-                    yield f"{path}[{index}]", Number(float(item), known[entry.name])
-        elif isinstance(value, float | int) and not isinstance(value, bool) and entry.name in known:
-            yield path, Number(float(value), known[entry.name])
+                elif "quantity" in entry.metadata:
+                    yield f"{path}[{index}]", Number(float(item), quantity_of(entry))
+        elif isinstance(value, int) and "quantity" in entry.metadata:
+            yield path, Number(float(value), quantity_of(entry))
 
 
 def _path(prefix: str, entry: Field[Any]) -> str:

@@ -112,7 +112,7 @@ class Baseline(ForceLink):
     @classmethod
     def slope(cls, depth: FloatArray) -> FloatArray:
         """One."""
-        return np.ones_like(depth)
+        return np.ones(depth.shape)
 
 
 @dataclass(frozen=True)

@@ -179,9 +179,10 @@ class Forward:
             columns |= self._through_history(remembered, values, paths, deepest, law, w, rough=rough)
             P = remembered.force(w, self.time)
         reading = Reading(P, S, chain.reading(P, self.depth))
-        return reading, np.stack([columns[path] for path in paths], axis=1) if paths else np.empty(
-            (len(w), 0)
-        )
+        rows = np.empty((len(paths), len(w)))
+        for row, path in enumerate(paths):
+            rows[row] = columns[path]
+        return reading, rows.T
 
     def _remembered(self, law: Response, history: History, values: Mapping[str, float]) -> Remembered:
         """The law seen through the history with the numbers of `values`."""
