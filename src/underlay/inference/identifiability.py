@@ -166,7 +166,7 @@ def identifiability(
 
     Examples
     --------
-    >>> from underlay import Isotropic, Layer, Paraboloid, RIGID, Scene
+    >>> from underlay import Isotropic, Layer, Noise, Paraboloid, RIGID, Scene
     >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5), 1e-3), RIGID)
     >>> told = identifiability(scene, depth=np.linspace(0.0, 1e-4, 100), free=["layer.E"],
     ...                        noise=Noise(force=1e-3))
