@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from support.call_counter import count_calls
+from support.laws import exact_law
 from underlay.errors import InputError, RangeError
 from underlay.mechanics import automatic, kernel
-from underlay.mechanics.accuracy import Accuracy, contact_law
 from underlay.mechanics.asymptotic import law as asymptotic
 from underlay.mechanics.asymptotic.series_error import EXTENDED, relation, series_error
 from underlay.mechanics.automatic import compliance_contrast
-from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 from underlay.mechanics.profile import Profile
+from underlay.mechanics.solvers import Auto, contact_law
 
 RTOLS = (1e-2, 1e-3, 1e-4, 1e-6)
 #: Relative error of the reference.
@@ -97,7 +97,7 @@ def test_auto_keeps_its_promise_and_its_estimate_is_honest(pair, shape):
         depth = deep * FRACTIONS
         reference = answers(exact_law(indenter, layer, substrate, max_depth=deep, rtol=REFERENCE), depth)
         for rtol in RTOLS:
-            law = contact_law(indenter, layer, substrate, max_depth=deep, accuracy=Accuracy(rtol))
+            law = contact_law(indenter, layer, substrate, max_depth=deep, solver=Auto(rtol))
             error = float(np.abs(answers(law, depth) / reference - 1.0).max())
             case = f"a/h {varpi:g}, rtol {rtol:g}: error {error:.2e}, {law.error_estimate:.2e}, {law.reason}"
             if error > rtol:
@@ -119,7 +119,7 @@ def test_auto_keeps_its_promise_where_it_leaves_the_exact_law_out_of_it():
         indenter = PowerLaw(rng.uniform(1.0, 6.0), 1.0)
         rtol = 10.0 ** rng.uniform(-6, -1.5)
         deep = deepest(indenter, 10.0 ** rng.uniform(-3, 0))
-        law = contact_law(indenter, layer, substrate, max_depth=deep, accuracy=Accuracy(rtol))
+        law = contact_law(indenter, layer, substrate, max_depth=deep, solver=Auto(rtol))
         if law.method == "exact":
             continue
         tried += 1
@@ -137,7 +137,7 @@ def test_auto_serves_a_measured_tip():
     blunted_cone = Profile(r, np.sqrt(r**2 + 0.3**2) - 0.3)
     layer = Layer(Isotropic(1.0, 0.45), 1.0)
     deep = float(blunted_cone.abel(np.array(1e-5)))
-    law = contact_law(blunted_cone, layer, RIGID, max_depth=deep, accuracy=Accuracy(1e-4))
+    law = contact_law(blunted_cone, layer, RIGID, max_depth=deep, solver=Auto(1e-4))
     assert law.method == "halfspace"
     # The largest effect is that on the stiffness, b varpi (lambda+2)/(lambda+1), 1 <= lambda <= 2.
     b = 2.0 / np.pi * asymptotic.kernel_moments(layer, RIGID)[0]
@@ -178,8 +178,7 @@ def test_a_looser_tolerance_reaches_deeper_before_the_exact_law_is_needed():
     def last_depth(rtol):
         depths = np.geomspace(1e-9, 1e-3, 200)
         cheap = [
-            contact_law(BALL, GEL, RIGID, max_depth=d, accuracy=Accuracy(rtol)).method != "exact"
-            for d in depths
+            contact_law(BALL, GEL, RIGID, max_depth=d, solver=Auto(rtol)).method != "exact" for d in depths
         ]
         assert cheap == sorted(cheap, reverse=True)
         return depths[sum(cheap) - 1]
@@ -290,14 +289,14 @@ def test_contrast_of_equal_scaled_and_rigid_materials():
 @pytest.mark.parametrize("rtol", [0.0, -1e-3, 0.6, 1e-13, np.nan, np.inf, "tight"])
 def test_an_impossible_accuracy_is_refused(rtol):
     with pytest.raises(InputError, match="rtol"):
-        Accuracy(rtol)
+        Auto(rtol)
 
 
 def test_unknown_methods_and_missing_substrates_are_named():
     with pytest.raises(InputError, match="halfspace, asymptotic, exact"):
-        contact_law(BALL, GEL, RIGID, max_depth=1e-5, method="magic")
+        contact_law(BALL, GEL, RIGID, max_depth=1e-5, solver="magic")
     with pytest.raises(InputError, match="garcia2018 needs a substrate"):
-        contact_law(BALL, Layer(GEL.material), None, max_depth=1e-5, method="garcia2018")
+        contact_law(BALL, Layer(GEL.material), None, max_depth=1e-5, solver="garcia2018")
 
 
 @pytest.mark.parametrize("method", ["halfspace", "asymptotic", "exact"])

@@ -9,14 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from support.laws import asymptotic_law, exact_law
 from support.pairs import FORMS, PAIRS, PARABOLOID, SHAPES
 from support.reference_contact import solve
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.asymptotic import law as asymptotic
 from underlay.mechanics.asymptotic.blunt_relations import BluntLayer, explicit_force, parametric_stiffness
-from underlay.mechanics.asymptotic.law import asymptotic_law, kernel_moments
-from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
@@ -125,7 +124,7 @@ def test_no_layer_effect_costs_no_kernel_and_is_the_halfspace(monkeypatch, shape
     monkeypatch.setattr(asymptotic, "SubstrateKernel", forbidden)
     material = Isotropic(2.0, 0.3)
     reference = HalfspaceLaw(
-        method="halfspace",
+        solver="halfspace",
         reason="",
         max_depth=1.0,
         error_estimate=0.0,

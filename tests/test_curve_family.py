@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from support.laws import exact_law
 from underlay.errors import RangeError
 from underlay.mechanics.exact.curve_family import Cell, curve_family, range_number
 from underlay.mechanics.exact.family_law import tabulated_law
-from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
 

@@ -112,9 +112,9 @@ def test_indenter_works_everywhere(tmp_path):
     for name, true in (("layer.E", 1e4), ("indenter.tip_radius", 5e-6)):
         assert abs(fit.values[name] - true) < 4.0 * fit.stderr[name]
     # dP/dw = 4 theta a kappa_inf(a/h) for every shape, kappa_inf the flat punch's: it tests the new shape.
-    law = scene.contact_law(3e-6, method="exact")
+    law = scene.contact_law(3e-6, solver="exact")
     radius = float(law.contact_radius(2e-6))
-    punch = ul.contact_law(ul.FlatPunch(radius), scene.layer, ul.RIGID, max_depth=1e-6, method="exact")
+    punch = ul.contact_law(ul.FlatPunch(radius), scene.layer, ul.RIGID, max_depth=1e-6, solver="exact")
     assert float(law.stiffness(2e-6)) == pytest.approx(float(punch.stiffness(1e-6)), rel=1e-4)
     ul.plots.save(ul.plots.scene(scene, depth=3e-6), tmp_path / "scene.png")
 
@@ -133,7 +133,7 @@ def test_indenter_without_an_end_is_refused_where_the_exact_law_needs_one():
     endless = Endless(WORN.half_angle, WORN.tip_radius)
     layer = ul.Layer(ul.Isotropic(1e4, 0.5), 1e-5)
     with pytest.raises(InputError, match=r"Endless\.max_radius is inf.*finite max_radius \(m\)"):
-        ul.contact_law(endless, layer, ul.RIGID, max_depth=3e-6, method="exact")
+        ul.contact_law(endless, layer, ul.RIGID, max_depth=3e-6, solver="exact")
     scene = ul.Scene(WORN, layer, ul.RIGID)
     curve = ul.synthesize(scene, np.linspace(-1e-6, 3e-6, 50), noise=ul.Noise(force=1e-11), rng=0)
     with pytest.raises(FitError, match="no contact law at the start of the fit: Endless"):
@@ -166,12 +166,12 @@ def test_correction_works_everywhere():
     layer = ul.Layer(ul.Isotropic(1e4, 0.5), 1e-5)
     given = {"max_depth": 1e-8, "method": FIRST_ORDER}
     law = ul.contact_law(ul.Paraboloid(5e-6), layer, ul.RIGID, **given)
-    exact = ul.contact_law(ul.Paraboloid(5e-6), layer, ul.RIGID, max_depth=1e-8, method="exact")
+    exact = ul.contact_law(ul.Paraboloid(5e-6), layer, ul.RIGID, max_depth=1e-8, solver="exact")
     assert law.method == "first-order"
     measured = abs(float(law.force(1e-8) / exact.force(1e-8)) - 1.0)
     assert measured <= law.error_estimate
     scene = ul.Scene(ul.Paraboloid(5e-6), layer, ul.RIGID)
-    assert scene.force(1e-8, method=FIRST_ORDER) == law.force(1e-8)
+    assert scene.force(1e-8, solver=FIRST_ORDER) == law.force(1e-8)
     with pytest.raises(InputError, match="first-order needs a sphere"):
         ul.contact_law(ul.Cone.berkovich(), layer, ul.RIGID, **given)
 

@@ -22,11 +22,12 @@ from support.fredholm import (
     power_law,
     u_rule,
 )
+from support.laws import published_law
 from support.published_errors import contact_of, exact_factor, factor_of, remeasure
 from underlay.errors import InputError, RangeError, UnderlayError, UnderlayWarning
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
-from underlay.mechanics.published import OutOfRange, published_corrections, published_law, published_names
+from underlay.mechanics.published import OutOfRange, published_corrections, published_names
 from underlay.mechanics.published.correction import ELASTIC
 from underlay.mechanics.published.dimitriadis2002 import _expansion
 from underlay.mechanics.published.factor import PolynomialFactor

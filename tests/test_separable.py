@@ -25,7 +25,7 @@ FREE = {
     "baseline": {**CONTACT, "instrument.baseline": None},
     "slope": {"instrument.baseline_slope": None, "instrument.baseline": None, **CONTACT},
 }
-EXACT = {"accuracy": ul.Accuracy(1e-10), "method": "exact"}
+EXACT = {"solver": ul.Exact(1e-10)}
 
 
 def made(scene, seed, noise=2e-4, points=400):

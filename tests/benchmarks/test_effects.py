@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from underlay.mechanics.accuracy import Accuracy
+from support.laws import exact_law
 from underlay.mechanics.automatic import automatic_law
-from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.solvers import Auto
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
 
@@ -36,7 +36,7 @@ CHOICES = {"half-space": 1e-16, "asymptotic": 2e-6, "exact": 1e-4}
 @pytest.mark.parametrize("effect", SCENES)
 def test_curve_with_one_effect(benchmark, effect):
     depth = np.linspace(5e-8, 5e-5, 1000)
-    benchmark(SCENES[effect].force, depth, accuracy=Accuracy(1e-6))
+    benchmark(SCENES[effect].force, depth, solver=Auto(1e-6))
 
 
 @pytest.mark.parametrize("choice", CHOICES)
