@@ -16,6 +16,8 @@ from underlay.errors import InputError, RangeError
 from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.asymptotic import law as asymptotic
 from underlay.mechanics.asymptotic.blunt_relations import BluntLayer, explicit_force, parametric_stiffness
+from underlay.mechanics.asymptotic.law import kernel_moments
+from underlay.mechanics.contact import Contact
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
@@ -173,7 +175,7 @@ def test_a_small_contact_of_a_sphere_is_a_paraboloid(form, pair):
 
 
 def test_a_high_power_is_a_flat_punch():
-    a_0, a_1, _ = kernel_moments(*PAIRS["rigid nu=.3"])
+    a_0, a_1, _ = kernel_moments(Contact.of(PARABOLOID, *PAIRS["rigid nu=.3"]))
     punch = blunt.kappa_infinity(0.4, a_0, a_1, form="parametric")
     exponents = np.array([25.0, 50.0, 100.0, 200.0])
     difference = [
@@ -356,7 +358,9 @@ def test_a_thicker_layer_on_a_rigid_base_is_softer(nu, fraction):
 def test_the_explicit_law_costs_about_the_bare_formula():
     layer, substrate = PAIRS["rigid nu=.5"]
     law = asymptotic_law(PARABOLOID, layer, substrate, 0.1)
-    case = BluntLayer(2.0, 1.0, layer.material.theta, 1.0, *kernel_moments(layer, substrate)[:2])
+    case = BluntLayer(
+        2.0, 1.0, layer.material.theta, 1.0, *kernel_moments(Contact.of(PARABOLOID, layer, substrate))[:2]
+    )
     depth = np.linspace(1e-4, 0.1, 1000)
     assert np.allclose(law.force(depth), explicit_force(depth, case), rtol=1e-13)
 

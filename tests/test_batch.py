@@ -318,7 +318,7 @@ def test_workers_that_do_not_start_are_one_error(curves, monkeypatch):
 
 
 def test_leaving_early_ends_the_processes(curves):
-    model = BatchModel(SCENE, FREE, None, {"accuracy": SOLVER})
+    model = BatchModel(SCENE, FREE, None, SOLVER)
     layout = Layout.of(list(FREE), (), sampled=False)
     places = [CurvePlace(i, f"c{i}", curve=curve) for i, curve in enumerate(curves)]
     batches = through_processes(model, layout, ([place] for place in places), 2)

@@ -164,7 +164,7 @@ FIRST_ORDER = PublishedCorrection(
 
 def test_correction_works_everywhere():
     layer = ul.Layer(ul.Isotropic(1e4, 0.5), 1e-5)
-    given = {"max_depth": 1e-8, "method": FIRST_ORDER}
+    given = {"max_depth": 1e-8, "solver": FIRST_ORDER}
     law = ul.contact_law(ul.Paraboloid(5e-6), layer, ul.RIGID, **given)
     exact = ul.contact_law(ul.Paraboloid(5e-6), layer, ul.RIGID, max_depth=1e-8, solver="exact")
     assert law.method == "first-order"

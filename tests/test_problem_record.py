@@ -179,7 +179,7 @@ def test_damaged_records_are_refused():
     moved = {**arrays, "0/force": arrays["0/force"] + 1e-9}
     with pytest.raises(FileFormatError, match="points of curve 1 are not those that were saved"):
         problem_from_record(document, moved)
-    for part in ("tests", "free", "noise", "method"):
+    for part in ("tests", "free", "noise", "solver"):
         with pytest.raises(FileFormatError, match=part):
             problem_from_record({key: value for key, value in document.items() if key != part}, arrays)
     unknown = document["tests"][0]["scene"].replace("paraboloid", "tetrahedron")

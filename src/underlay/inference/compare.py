@@ -121,15 +121,21 @@ def compare(problem: Problem, solvers: Sequence[AnySolver] | None = None) -> Com
     Raises
     ------
     InputError
-        If no solver is named, or one is unknown.
+        If no solver is named.
     """
     candidates = [Published(name) for name in published_names()] if solvers is None else []
-    wanted = [*_DEFAULT, *candidates] if solvers is None else [as_solver(given) for given in solvers]
-    if not wanted:
+    asked = [*_DEFAULT, *candidates] if solvers is None else list(solvers)
+    if not asked:
         raise InputError("name at least one solver to compare")
     fits: dict[str, Fit] = {}
     refused: dict[str, str] = {}
     dropped: dict[str, tuple[str, ...]] = {}
+    wanted = []
+    for given in asked:
+        try:
+            wanted.append(as_solver(given))
+        except InputError as error:
+            refused[str(given)] = str(error)
     for label, solver in _labelled(wanted).items():
         try:
             posed, dropped[label] = _posed(problem, solver)

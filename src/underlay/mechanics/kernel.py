@@ -309,6 +309,13 @@ class SubstrateKernel:
         return self.substrate == self.layer
 
     @property
+    def decay(self) -> float:
+        """Slowest rate at which displacements decay through the layer, per wavenumber; 1 when isotropic."""
+        inner = self.constants[0]
+        half, p = 0.5 * float(inner.sigma), float(inner.p)
+        return min(half, p / (half + sqrt(max(half * half - p, 0.0))))
+
+    @property
     def contrast(self) -> float:
         """How much the two materials differ: delta with (1 - delta) C_1 <= C_2 <= (1 + delta) C_1.
 
