@@ -143,21 +143,14 @@ def _layer_contact(correction: PublishedCorrection, contact: Contact) -> LayerCo
             f"{name} needs a layer of finite thickness on a substrate; the law without one is the solver "
             '"halfspace"'
         )
-    body = contact.isotropic
-    if body is None:
+    body, elastic = contact.isotropic, correction.substrate == ELASTIC
+    if body is None or (body.base is not None) != elastic:
+        needed = "an isotropic elastic substrate" if elastic else "a rigid substrate"
+        others = '"garcia2018"' if elastic else '"clifford2009" or "hay2011"'
         raise InputError(
-            f"{name} needs an isotropic layer on an isotropic or rigid substrate; got {contact.kernel!r}. The "
-            'solver "exact" takes every material'
-        )
-    if correction.substrate == ELASTIC and body.base is None:
-        raise InputError(
-            f'{name} needs an elastic substrate; got a rigid one. For a rigid base take, e.g., "garcia2018"; '
-            'the solver "exact" takes every base'
-        )
-    if correction.substrate != ELASTIC and body.base is not None:
-        raise InputError(
-            f"{name} needs a rigid substrate (RIGID); got {body.base!r}. For an elastic base take, e.g., "
-            '"clifford2009" or "hay2011"; the solver "exact" takes every base'
+            f"{name} needs an isotropic layer on {needed}; got {contact.kernel.layer!r} on "
+            f"{contact.kernel.substrate!r}. For another base take, e.g., {others}; the "
+            'solver "exact" takes every material and base'
         )
     return LayerContact(
         indenter=tip_of(contact.indenter), thickness=contact.thickness, layer=body.layer, base=body.base
