@@ -68,7 +68,7 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     >>> curve = synthesize(scene, np.linspace(0.0, 5e-5, 40), noise, rng=1)
     >>> models = {}
     >>> for law in ("halfspace", "exact"):
-    ...     problem = Problem(scene, curve, {"layer.E": LogUniform(1e4, 1e8)}, noise, method=law)
+    ...     problem = Problem(scene, curve, {"layer.E": LogUniform(1e4, 1e8)}, noise, solver=law)
     ...     models[law] = problem, sample(problem, walkers=16, rng=0)
     >>> table = compare_models(models)
     >>> list(table.index)
