@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import underlay as ul
-from support.maps import ACCURACY, FREE, SCENE, SCENE_TOML, made_curve, made_manifest, truth, write_folder
+from support.maps import FREE, SCENE, SCENE_TOML, SOLVER, made_curve, made_manifest, truth, write_folder
 from underlay.errors import FileAccessError, InputError, SchedulerError
 from underlay.inference.batch import fit_many as batch
 from underlay.inference.batch import start as batch_start
@@ -27,7 +27,7 @@ COUNT = 24
 
 def run(curves, manifest=None, **options):
     options.setdefault("workers", 0)
-    return ul.fit_many(curves, SCENE, FREE, manifest, accuracy=ACCURACY, **options)
+    return ul.fit_many(curves, SCENE, FREE, manifest, solver=SOLVER, **options)
 
 
 def numbers(table):
@@ -76,7 +76,7 @@ def test_the_truth_is_found_with_its_uncertainty(serial):
 def test_every_number_is_that_of_a_single_fit(curves, manifest, serial):
     for index in (0, 7, COUNT - 1):
         scene = SCENE.with_values({"layer.thickness": manifest[index]["layer.thickness"]})
-        single = ul.fit(ul.Problem(scene, curves[index], FREE, accuracy=ul.Accuracy(1e-4)))
+        single = ul.fit(ul.Problem(scene, curves[index], FREE, solver=ul.Auto(1e-4)))
         row = serial.iloc[index]
         # Laws of a problem and of a map are solved over other ranges: each is within its tolerance of the
         # exact one.
@@ -239,7 +239,7 @@ from underlay.inference.batch import work as batch_work
 row = batch_work.Workshop._row
 batch_work.Workshop._row = lambda self, place: time.sleep(0.02) or row(self, place)
 curves = [made_curve(i) for i in range({count})]
-ul.fit_many(curves, SCENE, FREE, made_manifest({count}), accuracy=ACCURACY, workers={workers},
+ul.fit_many(curves, SCENE, FREE, made_manifest({count}), solver=SOLVER, workers={workers},
             output={output!r}, resume=True)
 """
 
@@ -318,7 +318,7 @@ def test_workers_that_do_not_start_are_one_error(curves, monkeypatch):
 
 
 def test_leaving_early_ends_the_processes(curves):
-    model = BatchModel(SCENE, FREE, None, {"accuracy": ACCURACY})
+    model = BatchModel(SCENE, FREE, None, SOLVER)
     layout = Layout.of(list(FREE), (), sampled=False)
     places = [CurvePlace(i, f"c{i}", curve=curve) for i, curve in enumerate(curves)]
     batches = through_processes(model, layout, ([place] for place in places), 2)
@@ -385,7 +385,7 @@ def test_another_run_in_the_same_place_is_refused(curves, manifest, tmp_path):
                 SCENE.with_values({"layer.nu": 0.46}),
                 FREE,
                 manifest,
-                accuracy=ACCURACY,
+                solver=SOLVER,
                 workers=0,
                 output=output,
                 resume=True,
@@ -398,7 +398,7 @@ def test_another_run_in_the_same_place_is_refused(curves, manifest, tmp_path):
                 SCENE,
                 {**FREE, "layer.E": (1e4, 1e7)},
                 manifest,
-                accuracy=ACCURACY,
+                solver=SOLVER,
                 workers=0,
                 output=output,
                 resume=True,

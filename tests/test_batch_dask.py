@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 import underlay as ul
-from support.maps import ACCURACY, FREE, SCENE, SCENE_TOML, made_curve, made_manifest, write_folder
+from support.maps import FREE, SCENE, SCENE_TOML, SOLVER, made_curve, made_manifest, write_folder
 from underlay.errors import SchedulerError
 
 pytest.importorskip("distributed")
@@ -73,7 +73,7 @@ def serial():
 
 def fit(**options):
     curves = [made_curve(index) for index in range(COUNT)]
-    return ul.fit_many(curves, SCENE, FREE, made_manifest(COUNT), accuracy=ACCURACY, **options)
+    return ul.fit_many(curves, SCENE, FREE, made_manifest(COUNT), solver=SOLVER, **options)
 
 
 def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(cluster, serial, tmp_path):

@@ -57,7 +57,7 @@ def test_the_force_is_linear_in_what_says_so_and_in_nothing_else():
         value = SCENE.parameters[path]
         step = 0.1 * value
         down, here, up = (
-            SCENE.with_values({path: value + sign * step}).force(DEPTH, method="exact") for sign in (-1, 0, 1)
+            SCENE.with_values({path: value + sign * step}).force(DEPTH, solver="exact") for sign in (-1, 0, 1)
         )
         bend = np.abs(up + down - 2.0 * here).max()
         # Rounding leaves 1e-15 of the force; what is bent at all is bent by far more over a tenth of its value.
@@ -67,12 +67,12 @@ def test_the_force_is_linear_in_what_says_so_and_in_nothing_else():
 def test_scales_of_force_and_length_scale_the_contact():
     # Dimensions: P = E h^2 f(w/h, R/h, ratios); what is declared a scale is all there is of either.
     scene = replace(SCENE, instrument=ul.Instrument())
-    plain = scene.force(DEPTH, method="exact")
+    plain = scene.force(DEPTH, solver="exact")
     for what, factor, depth in (("force", 2.0, DEPTH), ("length", 4.0, 2.0 * DEPTH)):
         scaled = scene.with_values(
             {p: 2.0 * scene.parameters[p] for p, q in scene.quantities.items() if q.scales == what}
         )
-        assert scaled.force(depth, method="exact") == pytest.approx(factor * plain, rel=1e-5, abs=1e-14)
+        assert scaled.force(depth, solver="exact") == pytest.approx(factor * plain, rel=1e-5, abs=1e-14)
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def test_names_in_sentences_and_formulas():
 def test_the_links_say_their_derivatives():
     values = SCENE.parameters
     paths = [path for path in values if path.startswith("instrument.")]
-    law = SCENE.contact_law(1e-4, method="exact")
+    law = SCENE.contact_law(1e-4, solver="exact")
 
     def force(changed):
         chain = Chain.of(values | changed)

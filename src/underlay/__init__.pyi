@@ -15,8 +15,20 @@ from .data.synthetic import (
     synthesize as synthesize,
 )
 from .errors import (
+    CurveError as CurveError,
+    FileAccessError as FileAccessError,
+    FileFormatError as FileFormatError,
+    FitError as FitError,
+    InputError as InputError,
+    LawError as LawError,
+    MaterialError as MaterialError,
+    MissingExtraError as MissingExtraError,
+    ParameterError as ParameterError,
+    RangeError as RangeError,
+    SchedulerError as SchedulerError,
     UnderlayError as UnderlayError,
     UnderlayWarning as UnderlayWarning,
+    UnitError as UnitError,
 )
 from .inference.batch.fit_many import fit_many as fit_many
 from .inference.batch.model import Sampling as Sampling
@@ -45,13 +57,12 @@ from .inference.sampling.model_comparison import (
 )
 from .inference.sampling.posterior import Posterior as Posterior
 from .inference.sampling.run import sample as sample
-from .mechanics.accuracy import (
-    Accuracy as Accuracy,
-    contact_law as contact_law,
-)
+from .mechanics.contact import Contact as Contact
+from .mechanics.contact_law import ContactLaw as ContactLaw
 from .mechanics.indenters import (
     Cone as Cone,
     FlatPunch as FlatPunch,
+    Indenter as Indenter,
     Paraboloid as Paraboloid,
     PowerLaw as PowerLaw,
     Sphere as Sphere,
@@ -64,10 +75,25 @@ from .mechanics.materials import (
     TransverselyIsotropic as TransverselyIsotropic,
 )
 from .mechanics.profile import Profile as Profile
-from .mechanics.published import published_corrections as published_corrections
+from .mechanics.published import (
+    PublishedCorrection as PublishedCorrection,
+    published_corrections as published_corrections,
+)
 from .mechanics.response import (
     History as History,
     Response as Response,
+)
+from .mechanics.solver import (
+    Scaling as Scaling,
+    Solver as Solver,
+)
+from .mechanics.solvers import (
+    Asymptotic as Asymptotic,
+    Auto as Auto,
+    Exact as Exact,
+    HalfSpace as HalfSpace,
+    Published as Published,
+    contact_law as contact_law,
 )
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
 from .quantities import quantity as quantity

@@ -33,7 +33,7 @@ from underlay.mechanics.contact_law import ContactLaw
 RADIUS, NU = 5e-4, 0.45
 SCENE = ul.Scene(ul.Paraboloid(RADIUS), ul.Layer(ul.Isotropic(1e6, NU), 1.5e-3), ul.RIGID)
 FREE = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-5e-5, 5e-5)}
-EXACT = {"accuracy": ul.Accuracy(1e-4), "method": "exact"}
+EXACT = {"solver": ul.Exact(1e-4)}
 
 SCENE_TOML = """
 indenter = { shape = "paraboloid", radius = "0.5 mm" }

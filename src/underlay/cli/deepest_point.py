@@ -1,13 +1,14 @@
-"""How deep, and how exactly, a command looks at a scene: from its options, else from the scene file."""
+"""How deep, and by which solver, a command looks at a scene: from its options, else from the scene file."""
 
 from __future__ import annotations
 
 from underlay.errors import InputError
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import as_solver
 from underlay.scene.scene_file import SceneFile
 from underlay.units import parse_quantity
 
-__all__ = ["deepest_point", "wanted_accuracy"]
+__all__ = ["deepest_point", "wanted_solver"]
 
 
 def deepest_point(file: SceneFile, option: str | None) -> float:
@@ -29,9 +30,19 @@ def deepest_point(file: SceneFile, option: str | None) -> float:
     return depth
 
 
-def wanted_accuracy(file: SceneFile, option: float | None) -> Accuracy:
-    """Return the accuracy of the option, else of the scene file, else the default."""
-    if option is not None:
-        return Accuracy(option)
-    stated = file.solver.get("accuracy")
-    return stated if isinstance(stated, Accuracy) else Accuracy()
+def wanted_solver(stated: Solver, name: str | None, rtol: float | None) -> Solver:
+    """Return the solver of the options, else that of the scene file.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name, or it takes no --rtol.
+    """
+    solver = stated if name is None else as_solver(name)
+    if rtol is None:
+        return solver
+    if not solver.tolerance:
+        raise InputError(
+            f'--rtol does not go with the solver {solver.label}: it goes with "auto" and "exact"'
+        )
+    return solver.with_tolerance(rtol)

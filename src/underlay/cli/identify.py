@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,8 @@ import typer
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say
-from underlay.cli.options import OutputFolder, ScenePath
+from underlay.cli.deepest_point import wanted_solver
+from underlay.cli.options import OutputFolder, Rtol, ScenePath, SolverName
 from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.from_files import free_of, problem_from, read_for
@@ -25,6 +27,8 @@ def identify(
     curve: Annotated[
         Path | None, typer.Option("--curve", help="A measured curve: judge that instead of the plan.")
     ] = None,
+    solver: SolverName = None,
+    rtol: Rtol = None,
     output: OutputFolder = None,
 ) -> None:
     """Say which combinations of the free parameters a test fixes, and how well.
@@ -34,6 +38,7 @@ def identify(
     Example: `underlay identify scene.toml --curve curve.csv`
     """
     file = read_scene_file(scene)
+    file = replace(file, solver=wanted_solver(file.solver, solver, rtol))
     if output is not None:
         require_writable_folder(output)
     told = identifiability(problem_from(file, read_for(file, curve))) if curve else _before(file)
@@ -52,5 +57,9 @@ def _before(file: SceneFile) -> Identifiability:
             "or judge a measured curve with --curve"
         )
     return identifiability(
-        file.scene, depth=file.simulate.depth, free=free_of(file), noise=Noise(**file.noise)
+        file.scene,
+        depth=file.simulate.depth,
+        free=free_of(file),
+        noise=Noise(**file.noise),
+        solver=file.solver,
     )

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["CurveFile", "MaxDepth", "OutputFolder", "Rtol", "SceneOption", "ScenePath", "Seed"]
+__all__ = ["CurveFile", "MaxDepth", "OutputFolder", "Rtol", "SceneOption", "ScenePath", "Seed", "SolverName"]
 
 CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format of `underlay formats`.")]
 SceneOption = Annotated[Path, typer.Option("--scene", "-s", help="Scene file (TOML): what was tested.")]
@@ -20,6 +20,13 @@ Seed = Annotated[int, typer.Option(help="Seed of the random numbers; the same se
 MaxDepth = Annotated[
     str | None,
     typer.Option("--max-depth", help='Deepest point since contact, e.g. "100 um"; else that of [simulate].'),
+]
+SolverName = Annotated[
+    str | None,
+    typer.Option(
+        "--solver",
+        help="Contact law: auto, exact, asymptotic, halfspace or a published correction; else that of [solver].",
+    ),
 ]
 Rtol = Annotated[
     float | None,

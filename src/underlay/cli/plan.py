@@ -10,8 +10,8 @@ import typer
 from underlay._arrays import FloatArray
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say
-from underlay.cli.deepest_point import deepest_point
-from underlay.cli.options import MaxDepth, OutputFolder, ScenePath
+from underlay.cli.deepest_point import deepest_point, wanted_solver
+from underlay.cli.options import MaxDepth, OutputFolder, Rtol, ScenePath, SolverName
 from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.from_files import free_of
@@ -38,6 +38,8 @@ def plan(
     radii: RadiiOption = None,
     depths: DepthsOption = None,
     max_depth: MaxDepth = None,
+    solver: SolverName = None,
+    rtol: Rtol = None,
     output: OutputFolder = None,
 ) -> None:
     """Recommend a tip radius and a depth, by the expected standard error of a parameter.
@@ -60,7 +62,7 @@ def plan(
         if depths
         else np.geomspace(_SHALLOWEST, 1.0, _COUNT) * deepest_point(file, max_depth),
         parameter=parameter,
-        accuracy=file.solver.get("accuracy"),
+        solver=wanted_solver(file.solver, solver, rtol),
     )
     say(planned.recommendation)
     if output is not None:

@@ -113,7 +113,7 @@ def problem_from(file: SceneFile, curve: Curve) -> Problem:
             'bounds like { min = "1 kPa", max = "10 MPa" }'
         )
     noise = Noise(**file.noise) if file.noise else None
-    return Problem(file.scene, curve, free_of(file, curve), noise, **file.solver)
+    return Problem(file.scene, curve, free_of(file, curve), noise, solver=file.solver)
 
 
 def free_of(file: SceneFile, curve: Curve | None = None) -> dict[str, Given]:

@@ -14,11 +14,12 @@ import pandas as pd
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._files import write_atomic
 from underlay.errors import InputError
-from underlay.mechanics.accuracy import Accuracy, contact_law
+from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
 from underlay.mechanics.response import History, Remembered, Response
+from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
@@ -86,36 +87,17 @@ class Scene:
                 "material, or leave the thickness out for a half-space"
             )
 
-    def contact_law(
-        self,
-        max_depth: float,
-        *,
-        accuracy: Accuracy | None = None,
-        method: str = "auto",
-        order: int = 4,
-        form: str = "auto",
-    ) -> ContactLaw:
+    @property
+    def contact(self) -> Contact:
+        """What a solver is given."""
+        return Contact.of(self.indenter, self.layer, self.substrate)
+
+    def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
         """Build the law of this contact for tip depths up to `max_depth` (m); see `contact_law`."""
-        return contact_law(
-            self.indenter,
-            self.layer,
-            self.substrate,
-            max_depth=max_depth,
-            accuracy=accuracy,
-            method=method,
-            order=order,
-            form=form,
-        )
+        return as_solver(solver).law(self.contact, max_depth)
 
     def force(
-        self,
-        depth: ArrayLike,
-        time: ArrayLike | None = None,
-        *,
-        accuracy: Accuracy | None = None,
-        method: str = "auto",
-        order: int = 4,
-        form: str = "auto",
+        self, depth: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
     ) -> FloatArray:
         """Force the instrument shows (N) at its depth readings `depth` (m), same shape.
 
@@ -130,7 +112,7 @@ class Scene:
         """
         readings, chain = as_finite(depth, "depth"), self.instrument.chain
         deepest = float(chain.travel(readings).max(initial=0.0))
-        law = self.contact_law(deepest, accuracy=accuracy, method=method, order=order, form=form)
+        law = self.contact_law(deepest, solver=solver)
         response = self.response(law)
         return chain.reading(response.force(chain.tip_depth(response, readings), time), readings)
 
@@ -163,12 +145,12 @@ class Scene:
         """
         return replace_values(self, values)
 
-    def effects(self, max_depth: float, accuracy: Accuracy | None = None) -> pd.DataFrame:
+    def effects(self, max_depth: float, *, solver: AnySolver = "auto") -> pd.DataFrame:
         """List each effect at tip depth `max_depth` (m): its size, whether it is simulated, its cost.
 
         See `underlay.scene.effects.effects_table` for the columns.
         """
-        return effects_table(self, max_depth, accuracy)
+        return effects_table(self, max_depth, solver)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the scene as a scene file that `load_scene` reads back bit for bit.

@@ -18,7 +18,7 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Optional sections: ``[instrument]``, ``[history]`` (model, and its numbers), ``[solver]`` (method, rtol, order,
+Optional sections: ``[instrument]``, ``[history]`` (model, and its numbers), ``[solver]`` (name, rtol, order,
 form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made
 curve). A new indenter or history needs no change here.
 """
@@ -35,10 +35,11 @@ from typing import Any
 import numpy as np
 
 from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
 from underlay.mechanics.response import History
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import solver_named
 from underlay.quantities import field_quantities
 from underlay.scene.fit_section import FreeParameter, free_parameters
 from underlay.scene.instrument import Instrument
@@ -87,8 +88,8 @@ class SceneFile:
         The test.
     free : tuple of FreeParameter
         What is fitted; empty if there is no ``[fit]``.
-    solver : mapping
-        Keywords for `Scene.force` and `Problem`: accuracy, method, order, form.
+    solver : Solver
+        What builds the contact law; `Auto` where the file does not say.
     noise : mapping
         Numbers of ``[noise]``, SI.
     curve : mapping
@@ -102,7 +103,7 @@ class SceneFile:
 
     scene: Scene
     free: tuple[FreeParameter, ...]
-    solver: Mapping[str, Any]
+    solver: Solver
     noise: Mapping[str, float]
     curve: Mapping[str, Any]
     simulate: SimulatedDepths | None
@@ -195,12 +196,10 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
         instrument=_build(Instrument, "instrument", _table(document, "instrument")),
         history=_history(document),
     )
-    solver = check(SolverSection, "solver", _table(document, "solver"))
-    accuracy = {"accuracy": Accuracy(solver.pop("rtol"))} if "rtol" in solver else {}
     return SceneFile(
         scene=scene,
         free=tuple(free_parameters(_table(document, "fit"), scene)),
-        solver=accuracy | solver,
+        solver=_solver(_table(document, "solver")),
         noise=check(NoiseSection, "noise", _table(document, "noise")),
         curve=check(CurveSection, "curve", _table(document, "curve")),
         simulate=_simulated_depths(document),
@@ -265,6 +264,23 @@ def _history(document: Mapping[str, Any]) -> History | None:
         )
     history: History = _build(models[name], "history", table)
     return history
+
+
+#: Keys that [solver] had once, and what to write now.
+_OLD_SOLVER_KEYS = {"method": "name", "accuracy": "rtol"}
+
+
+def _solver(table: Mapping[str, Any]) -> Solver:
+    for old, new in _OLD_SOLVER_KEYS.items():
+        if old in table:
+            value = table[old]
+            said = f'"{value}"' if isinstance(value, str) else value
+            raise InputError(f"[solver] {old} is now {new}: write {new} = {said}")
+    stated = {"name": "auto", **check(SolverSection, "solver", table)}
+    try:
+        return solver_named(**stated)
+    except InputError as error:
+        raise InputError(f"[solver] {error}") from error
 
 
 def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:

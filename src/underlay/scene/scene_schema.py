@@ -65,7 +65,7 @@ class _Section(BaseModel):
 class SolverSection(_Section):
     """``[solver]``: which law, how accurate."""
 
-    method: str = "auto"
+    name: str = "auto"
     rtol: Annotated[float, _quantity("dimensionless")] = 1e-6
     order: int = Field(default=4, ge=0, le=4)
     form: str = "auto"

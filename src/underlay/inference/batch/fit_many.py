@@ -32,7 +32,7 @@ from underlay.inference.batch.results_table import Layout, require_format, to_fr
 from underlay.inference.batch.work import Workshop, file_hash
 from underlay.inference.fitting.provenance import curve_hash
 from underlay.inference.problem import Given
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solvers import AnySolver
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile
 
@@ -59,10 +59,7 @@ def fit_many(
     manifest: str | os.PathLike[str] | pd.DataFrame | Sequence[Mapping[str, Any]] | None = None,
     *,
     noise: NoiseModel | None = None,
-    accuracy: Accuracy | None = None,
-    method: str | None = None,
-    order: int | None = None,
-    form: str | None = None,
+    solver: AnySolver | None = None,
     quality: bool = False,
     sampling: Sampling | bool = False,
     workers: int | None = None,
@@ -86,8 +83,8 @@ def fit_many(
     manifest : path, DataFrame or sequence of mappings, optional
         Numbers of single curves: ``file``, ``name``, ``x``, ``y`` and any parameter path; see
         `underlay.inference.batch.manifest`.
-    noise, accuracy, method, order, form
-        As in `Problem`.
+    noise, solver
+        As in `Problem`; by default what the scene file says.
     quality : bool, default False
         Judge every curve by `check_quality` first. It takes longer than the fit. Without it the verdict is
         ``"good"`` where the fit has no warnings, ``"doubtful"`` where it has, ``"refused"`` where there is
@@ -146,10 +143,7 @@ def fit_many(
         scene,
         free,
         noise,
-        accuracy=accuracy,
-        method=method,
-        order=order,
-        form=form,
+        solver=solver,
         quality=quality,
         sampling=sampling or None,
     )

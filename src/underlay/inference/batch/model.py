@@ -6,7 +6,6 @@ import hashlib
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,8 @@ from underlay.errors import InputError
 from underlay.inference.from_files import free_of
 from underlay.inference.priors import Prior
 from underlay.inference.problem import Given, Problem
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import AnySolver, Auto, as_solver
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
@@ -52,8 +52,8 @@ class BatchModel:
         As in `Problem`.
     noise : Noise or None
         As in `Problem`.
-    solver : mapping
-        Keywords of `Problem`: accuracy, method, order, form.
+    solver : Solver
+        As in `Problem`.
     file : SceneFile or None
         Says how a curve file is read and which part of it is used; None reads the loading part.
     quality : bool
@@ -65,14 +65,14 @@ class BatchModel:
     scene: Scene
     free: Mapping[str, Given]
     noise: NoiseModel | None
-    solver: Mapping[str, Any]
+    solver: Solver
     file: SceneFile | None = None
     quality: bool = False
     sampling: Sampling | None = None
 
     def problem(self, scene: Scene, curve: Curve) -> Problem:
         """Build the problem of one curve."""
-        return Problem(scene, curve, self.free, self.noise, **self.solver)
+        return Problem(scene, curve, self.free, self.noise, solver=self.solver)
 
     @property
     def template(self) -> Problem:
@@ -107,7 +107,7 @@ class BatchModel:
             "scene": _hash(self.scene, sorted(self.scene.parameters.items())),
             "fit": _hash(sorted(self.free.items())),
             "noise": _hash(self.noise),
-            "solver": _hash(sorted(self.solver.items())),
+            "solver": _hash(self.solver),
             "curve section": _hash(sorted(file.curve.items()) if file is not None else None),
             "sampling": _hash(self.sampling, self.quality),
         }
@@ -118,10 +118,7 @@ def batch_model(
     free: Mapping[str, Given] | Iterable[str] | None,
     noise: NoiseModel | None,
     *,
-    accuracy: Accuracy | None,
-    method: str | None,
-    order: int | None,
-    form: str | None,
+    solver: AnySolver | None,
     quality: bool,
     sampling: Sampling | None,
 ) -> BatchModel:
@@ -137,10 +134,8 @@ def batch_model(
     file = scene if isinstance(scene, SceneFile) else None
     if isinstance(scene, str | os.PathLike):
         file = read_scene_file(scene)
-    given = {"accuracy": accuracy, "method": method, "order": order, "form": form}
-    solver = {key: value for key, value in given.items() if value is not None}
     if file is not None:
-        solver = {**file.solver, **solver}
+        solver = file.solver if solver is None else solver
         noise = Noise(**file.noise) if noise is None and file.noise else noise
         free = free_of(file) if free is None else free
         scene = file.scene
@@ -151,7 +146,9 @@ def batch_model(
             "nothing is free: pass free={'layer.E': (1e4, 1e8), ...}, or a scene file with [fit]"
         )
     paths = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
-    model = BatchModel(scene, paths, noise, solver, file, quality, sampling)
+    model = BatchModel(
+        scene, paths, noise, Auto() if solver is None else as_solver(solver), file, quality, sampling
+    )
     template = model.template
     if sampling is not None:
         _require_proper(template.priors)

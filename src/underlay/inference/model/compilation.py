@@ -13,13 +13,12 @@ from underlay.errors import CurveError, InputError, ParameterError
 from underlay.inference.model.acting import require_acting
 from underlay.inference.model.coordinates import Coordinate, Spans, make_coordinate
 from underlay.inference.model.forward import Forward
-from underlay.inference.model.laws import LawOptions, LawStore
+from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.model.noise_start import noise_start
 from underlay.inference.priors import Given, Prior
-from underlay.mechanics.accuracy import METHODS
-from underlay.mechanics.published import published_names
 from underlay.mechanics.response import checked_times
+from underlay.mechanics.solver import Solver
 from underlay.quantities import Quantity, curve_of, field_quantities, path_of
 from underlay.scene.chain import ContactPoint, Frame
 from underlay.scene.scene import Scene
@@ -32,11 +31,10 @@ def compile_members(
     free: Mapping[str, Given],
     shared: tuple[str, ...],
     noise: NoiseModel | Sequence[NoiseModel | None] | None,
-    options: LawOptions,
+    solver: Solver,
     store: LawStore,
 ) -> tuple[tuple[Member, ...], tuple[Coordinate, ...]]:
     """Check a problem and compile it; see `Problem` for what is refused."""
-    _require_known(options.method)
     noises = _noises(noise, len(tests))
     _check_tests(tests)
     requests = _requests(free, shared, len(tests))
@@ -51,7 +49,7 @@ def compile_members(
         first = noises[request.curves[0]]
         of_noise = _quantities_of(first)
         for scene, _ in own:
-            require_acting(request.path, scene, paths, options.method, of_noise)
+            require_acting(request.path, scene, paths, solver, of_noise)
         known = of_noise.get(request.path) or own[0][0].quantities[request.path]
         start = _common_start(request, own, first)
         widest = Spans(
@@ -62,7 +60,7 @@ def compile_members(
         for i in request.curves:
             entries[i][request.path] = index
     members = tuple(
-        _member(scene, curve, noises[i], entries[i], options, store) for i, (scene, curve) in enumerate(tests)
+        _member(scene, curve, noises[i], entries[i], solver, store) for i, (scene, curve) in enumerate(tests)
     )
     points = sum(len(curve) for _, curve in tests)
     if points <= len(coordinates):
@@ -75,12 +73,6 @@ def compile_members(
 def _quantities_of(noise: NoiseModel) -> dict[str, Quantity]:
     """What the numbers of a noise model are, by path."""
     return {f"noise.{name}": known for name, known in field_quantities(noise).items()}
-
-
-def _require_known(method: str) -> None:
-    known = (*METHODS, *published_names())
-    if method not in known:
-        raise InputError(f"unknown method {method!r}; known: {', '.join(known)}")
 
 
 def _noises(noise: NoiseModel | Sequence[NoiseModel | None] | None, count: int) -> list[NoiseModel]:
@@ -198,7 +190,7 @@ def _member(
     curve: Curve,
     noise: NoiseModel,
     entries: Mapping[str, int],
-    options: LawOptions,
+    solver: Solver,
     store: LawStore,
 ) -> Member:
     of_noise = _quantities_of(noise)
@@ -208,7 +200,7 @@ def _member(
     if ContactPoint.path not in mechanical:
         check_fittable(curve, scene.instrument.contact_depth)
     noise.check(noisy, len(curve), curve.time)
-    forward = Forward.compile(scene, curve.depth, tuple(mechanical), options, store, curve.time)
+    forward = Forward.compile(scene, curve.depth, tuple(mechanical), solver, store, curve.time)
     return Member(scene, curve, forward, noise, scene.parameters, mechanical, noisy)
 
 

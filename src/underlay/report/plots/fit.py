@@ -54,7 +54,7 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
             color=DATA,
             label="measured",
         )
-        upper.plot(depth / mm, scene.force(depth, time, **result.solver) / mN, color=FIT, label="fit")
+        upper.plot(depth / mm, scene.force(depth, time, solver=result.solver) / mN, color=FIT, label="fit")
         if scene.substrate is not None:
             bare = halfspace_of(scene).force(depth)
             upper.plot(depth / mm, bare / mN, "--", color=REFERENCE, label="half-space, same modulus")
