@@ -17,10 +17,10 @@ __all__ = ["replacing", "require_own_folder", "require_writable_folder", "write_
 
 
 def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
-    """Write `content` to `path` whole or not at all; see `replacing`.
+    r"""Write `content` to `path` whole or not at all; see `replacing`.
 
     Text is written as UTF-8. A byte of a file name that is no UTF-8, which Python keeps as a lone surrogate,
-    becomes an escape such as ``\\udce9``: in JSON that is the character itself.
+    becomes an escape such as ``\udce9``: in JSON that is the character itself.
 
     Raises
     ------

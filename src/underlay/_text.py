@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-__all__ = ["guarded_cell", "one_line", "unguarded_cell"]
+__all__ = ["comment_line", "guarded_cell", "one_line", "unguarded_cell"]
 
 # A spreadsheet takes a cell that begins with one of these, or with its full-width form, for a formula.
 _SIGN = "[=+\\-@\uff1d\uff0b\uff0d\uff20]"
@@ -58,6 +58,11 @@ def guarded_cell(text: str) -> str:
 def unguarded_cell(text: str) -> str:
     """Return what `guarded_cell` was given."""
     return _GUARD.sub(lambda found: found[0][:-1], text)
+
+
+def comment_line(text: str) -> str:
+    """Return `text` as one comment line of a table; a spreadsheet splits that at its commas as well."""
+    return "# " + ",".join(map(guarded_cell, one_line(text).split(",")))
 
 
 def _printable(character: str) -> str:
