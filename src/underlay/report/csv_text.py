@@ -33,7 +33,7 @@ def _mapped(table: pd.DataFrame, change: Callable[[str], str]) -> pd.DataFrame:
     def changed(value: Any) -> Any:
         return change(value) if isinstance(value, str) else value
 
-    made = table.rename(columns=changed, index=changed)
+    made = table.rename(columns=changed, index=changed).rename_axis(index=changed)
     for place, kind in enumerate(table.dtypes):
         if not pd.api.types.is_numeric_dtype(kind):
             made.isetitem(place, table.iloc[:, place].map(changed).to_numpy())

@@ -71,10 +71,9 @@ def import_path(folder: Path) -> list[str]:
     script = getattr(sys.modules.get("__main__"), "__file__", None)
     data = {folder.resolve(), Path.cwd().resolve()} | ({Path(script).resolve().parent} if script else set())
     own = Path(__file__).resolve().parents[2]
-    found = [
-        entry for entry in sys.path if os.path.isabs(entry) and Path(entry).resolve() not in data | {own}
-    ]
-    return [*found, os.fspath(own)]
+    entries = [Path(entry) for entry in sys.path if entry]
+    found = [entry for entry in entries if entry.is_absolute() and entry.resolve() not in data | {own}]
+    return [os.fspath(entry) for entry in (*found, own)]
 
 
 def _kernel_manager(own: str, folder: Path) -> Any:

@@ -8,10 +8,10 @@ from underlay._text import one_line
 
 __all__ = ["markdown_text"]
 
-# Marks of Markdown, of HTML and of addresses that become links by themselves. An underscore within a word, as
-# file names have it, marks nothing. A dollar or a backslash would still begin mathematics in a notebook
+# Marks of Markdown, of HTML and of addresses that become links by themselves. One underscore between letters,
+# as file names have it, marks nothing. A dollar or a backslash would still begin mathematics in a notebook
 # if it were written as an entity: only code is left alone there.
-_MARKS = re.compile(r"[`*\[\]<>&~!|#@]|(?<!\w)_|_(?!\w)|(?<=:)/|(?<=www)\.", re.IGNORECASE)
+_MARKS = re.compile(r"[`*\[\]<>&~!|#@]|(?<![^\W_])_|_(?![^\W_])|(?<=:)/|(?<=www)\.", re.IGNORECASE)
 _MATHEMATICS = re.compile(r"[$\\]+")
 
 
