@@ -1,4 +1,4 @@
-"""The house takes additions: an indenter, a published correction, a reader and an effect from outside it.
+"""The house takes additions: an indenter, a correction, a law of one's own, a reader, an effect from outside it.
 
 Each class or record below is all that its file would hold; the README says where the file goes.
 """
@@ -260,10 +260,10 @@ def test_law_is_fitted(solver):
     assert fit.stderr["layer.E"] == pytest.approx(np.sqrt(covariance[0, 0]), rel=0.02)
 
 
-def test_law_is_sampled_mapped_and_planned():
+def test_law_is_sampled_mapped_and_compared():
     problem = ul.Problem(THIN, THIN_CURVE, FREE, ul.Noise(force=1e-7), solver=Winkler())
     fit = ul.fit(problem)
-    posterior = ul.sample(problem, walkers=16, max_steps=900, rng=0)
+    posterior = ul.sample(problem, walkers=16, max_steps=2000, rng=0)
     mean = posterior.summary().loc["layer.E"]
     assert abs(float(mean["median"]) - fit.values["layer.E"]) < fit.stderr["layer.E"]
     table = ul.fit_many([THIN_CURVE], THIN, FREE, noise=ul.Noise(force=1e-7), solver=Winkler(), workers=0)
@@ -325,7 +325,7 @@ def test_what_misbehaves_is_named_with_the_depth(how, message):
     with pytest.raises(ul.LawError, match=message):
         THIN.force(depth, solver=Broken(how))
     # In a fit too: it is an error of the law, not a place without one.
-    with pytest.raises(ul.LawError, match=r"BrokenLaw|Broken"):
+    with pytest.raises(ul.LawError, match="Broken"):
         ul.fit(ul.Problem(THIN, THIN_CURVE, FREE, ul.Noise(force=1e-7), solver=Broken(how)))
 
 

@@ -7,6 +7,7 @@ from .data.noise import (
 )
 from .data.quality import check_quality as check_quality
 from .data.readers import (
+    Format as Format,
     read as read,
     read_all as read_all,
 )
