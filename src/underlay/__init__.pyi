@@ -58,6 +58,9 @@ from .inference.sampling.model_comparison import (
 )
 from .inference.sampling.posterior import Posterior as Posterior
 from .inference.sampling.run import sample as sample
+from .mechanics.adhesion.dmt import DMT as DMT
+from .mechanics.adhesion.jkr import JKR as JKR
+from .mechanics.adhesion.maugis import Maugis as Maugis
 from .mechanics.contact import Contact as Contact
 from .mechanics.contact_law import ContactLaw as ContactLaw
 from .mechanics.indenters import (
