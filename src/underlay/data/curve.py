@@ -210,7 +210,7 @@ class Curve:
         return whole.select(kept)
 
 
-def check_fittable(curve: Curve, contact_depth: float | None = None) -> None:
+def check_fittable(curve: Curve, contact_depth: float | None = None, *, withdrawn: bool = False) -> None:
     """Refuse a curve that no contact law can be fitted to.
 
     Parameters
@@ -218,7 +218,9 @@ def check_fittable(curve: Curve, contact_depth: float | None = None) -> None:
     curve : Curve
         The points that would be fitted, usually ``curve.loading()``.
     contact_depth : float, optional
-        Depth reading at contact (m), where it is known and not fitted.
+        Depth reading (m) beyond which there is contact, where it is known and not fitted.
+    withdrawn : bool, default False
+        Whether the tip may be withdrawn all along, as a sample that sticks is fitted.
 
     Raises
     ------
@@ -237,7 +239,8 @@ def check_fittable(curve: Curve, contact_depth: float | None = None) -> None:
                 f"{_named(curve)}: {name} holds {column[bad[0]]} at point {bad[0]} ({bad.size} such points); "
                 "remove them first, for example with curve.select(mask)"
             )
-    if not (np.diff(curve.depth) > 0.0).any():
+    steps = np.diff(curve.depth)
+    if not (steps.any() if withdrawn else (steps > 0.0).any()):
         raise CurveError(
             f"{_named(curve)}: the depth never increases; check which column is the depth, and its sign"
         )

@@ -59,6 +59,11 @@ class Adhesion(Part, ABC):
                 yield child
             yield from child.models()
 
+    @property
+    def short_ranged(self) -> Adhesion:
+        """The same with an attraction of no range, for a model that has one: what JKR would say."""
+        return self
+
     @abstractmethod
     def law(self, contact: Contact, max_depth: float, solver: BuildsElastic) -> ContactLaw:
         """Law of a contact that sticks, for depths up to `max_depth` (m); `solver` says how the body is solved."""

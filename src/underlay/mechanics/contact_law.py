@@ -125,6 +125,11 @@ class ContactLaw(Response, ABC):
         del depth, force
         return None
 
+    def work_slope(self, depth: FloatArray) -> FloatArray | None:
+        """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,); None where the law does not know it."""
+        del depth
+        return None
+
     @abstractmethod
     def _force(self, depth: FloatArray) -> FloatArray:
         """Force (N) at depths (m) inside the domain, 1-D."""

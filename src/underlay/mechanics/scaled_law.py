@@ -60,6 +60,11 @@ class ScaledLaw(ContactLaw):
         """As the reference: the slope goes with the force."""
         return self.law.ratio_slope(self.b * depth, force)
 
+    def work_slope(self, depth: FloatArray) -> FloatArray | None:
+        """As the reference: the slope goes with the force."""
+        slope = self.law.work_slope(self.b * depth)
+        return None if slope is None else self.c * slope
+
     def depth(self, force: ArrayLike) -> FloatArray:
         """See `ContactLaw.depth`; the reference's own inverse."""
         return np.asarray(self.law.depth(np.asarray(force, dtype=np.float64) / self.c) / self.b)

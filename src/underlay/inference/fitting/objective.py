@@ -86,7 +86,7 @@ class Objective:
         self._informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
         # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
         self._one_law = not any(
-            member.forward.similarity.ratio_slopes(path)
+            member.forward.similarity.ratio_slopes(path, member.base)
             for member in self.problem.members
             if not member.forward.laws.tabulated
             for path in member.entries

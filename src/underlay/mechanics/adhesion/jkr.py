@@ -40,7 +40,7 @@ from underlay.mechanics.contact import Adhesion, BuildsElastic, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import depth_measure
 from underlay.mechanics.indenters import FlatPunch
-from underlay.quantities import quantity
+from underlay.quantities import one_of, quantity
 
 __all__ = ["JKR", "WORK", "JKRBranch", "elastic_tolerance", "jkr_branch"]
 
@@ -81,7 +81,7 @@ class JKR(Adhesion):
     model: ClassVar[str] = "jkr"
 
     work: float = field(metadata=WORK)
-    branch: str = "separating"
+    branch: str = field(default="separating", metadata=one_of(*STATES))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "work", positive(self.work, "work of adhesion", "J/m^2"))

@@ -22,6 +22,7 @@ shorter for the same error than on a half-space: a Tabor number formed with R an
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
@@ -33,7 +34,7 @@ from underlay._arrays import FloatArray, positive
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.adhesion.adhesive_law import AdhesiveLaw
 from underlay.mechanics.adhesion.branch import AdhesiveBranch, BranchPoint
-from underlay.mechanics.adhesion.jkr import WORK, elastic_tolerance, jkr_branch
+from underlay.mechanics.adhesion.jkr import JKR, WORK, elastic_tolerance, jkr_branch
 from underlay.mechanics.adhesion.radius_relation import kernel_rule, largest_radius
 from underlay.mechanics.contact import Adhesion, BuildsElastic, Contact
 from underlay.mechanics.contact_law import ContactLaw
@@ -47,12 +48,13 @@ __all__ = ["Maugis", "MaugisState", "maugis_state"]
 _NODES, _WIDE_NODES, _WIDE = 40, 80, 3.0
 _RTOL = 1e-12
 # The curve of a law: solved at so many radii in each decade, and interpolated to about 1e-6.
-_PER_DECADE = 60
+_PER_DECADE = 24
 _CURVE_RTOL = 1e-6
 # Of JKR's reference radius; the branch of a short range ends at 0.3 of it and more.
 _SMALLEST = 0.1
-# Annuli searched, as (c - a)/a.
+# Annuli searched, as (c - a)/a, and the step of the search in its logarithm.
 _NARROWEST, _WIDEST = 1e-12, 1e3
+_STEP = 0.7
 
 
 class MaugisState(NamedTuple):
@@ -88,7 +90,7 @@ def maugis_state(contact: Contact, radius: float, outer: float, stress: float) -
     f = depth * unit + rest
     force = 4.0 * contact.theta * float(radius * gauss @ f + annulus @ known)
     gap = known - ring @ (depth * of_unit + of_rest + of_ring) - depth + contact.indenter.abel(s)
-    separation = (2.0 / np.pi) * np.sqrt(span) * float((gauss / s) @ gap)
+    separation = (2.0 / np.pi) * float(np.sqrt(span) * ((gauss / s) @ gap))
     return MaugisState(float(depth), force, separation, outer)
 
 
@@ -119,12 +121,17 @@ class Maugis(Adhesion):
         object.__setattr__(self, "range", positive(self.range, "range of the attraction", "m"))
 
     @property
+    def short_ranged(self) -> JKR:
+        """JKR with the same work."""
+        return JKR(self.work)
+
+    @property
     def stress(self) -> float:
         """Attraction sigma0 (Pa)."""
         return self.work / self.range
 
-    def state(self, contact: Contact, radius: float) -> MaugisState:
-        """Equilibrium of a contact of this radius (m).
+    def state(self, contact: Contact, radius: float, near: float = 1e-2) -> MaugisState:
+        """Equilibrium of a contact of this radius (m); the search begins at (c - a)/a = `near`.
 
         Raises
         ------
@@ -137,13 +144,13 @@ class Maugis(Adhesion):
             outer = radius * (1.0 + np.exp(log_share))
             return maugis_state(contact, radius, outer, self.stress).separation - self.range
 
-        low, high = np.log(_NARROWEST), np.log(widest)
-        if widest <= _NARROWEST or excess(high) < 0.0:
+        low, high = _bracket(excess, float(np.log(near)), float(np.log(widest)))
+        if excess(high) < 0.0:
             raise RangeError(
                 f"around a contact of radius {radius:.4g} m an attraction of range {self.range:.4g} m reaches beyond "
                 f"{radius * (1.0 + widest):.4g} m, where the solution or the indenter's shape ends"
             )
-        share = float(np.exp(brentq(excess, low, high, xtol=1e-13, rtol=1e-14)))
+        share = float(np.exp(brentq(excess, low, high, xtol=1e-12, rtol=1e-13)))
         return maugis_state(contact, radius, radius * (1.0 + share), self.stress)
 
     def law(self, contact: Contact, max_depth: float, solver: BuildsElastic) -> ContactLaw:
@@ -203,6 +210,21 @@ def _branch(adhesion: Maugis, contact: Contact, reference: float, end: float) ->
     start = _SMALLEST * reference
     radii = np.geomspace(start, end, 2 + int(_PER_DECADE * np.log10(end / start)))
     radii[0], radii[-1] = start, end
-    states = [adhesion.state(contact, float(radius)) for radius in radii]
+    states: list[MaugisState] = []
+    for radius in radii.tolist():
+        near = states[-1].outer / radius_before - 1.0 if states else 1e-2
+        states.append(adhesion.state(contact, radius, near))
+        radius_before = radius
     table = np.array([(state.depth, state.force) for state in states])
     return _MaugisBranch(CubicSpline(np.log(radii), table), start, end, reference)
+
+
+def _bracket(excess: Callable[[float], float], start: float, highest: float) -> tuple[float, float]:
+    """Ends between which an increasing function changes its sign, by growing steps from `start`."""
+    low = high = min(start, highest)
+    step, lowest = _STEP, float(np.log(_NARROWEST))
+    while high < highest and excess(high) < 0.0:
+        low, high, step = high, min(high + step, highest), 2.0 * step
+    while low > lowest and excess(low) > 0.0:
+        low, high, step = max(low - step, lowest), low, 2.0 * step
+    return low, high
