@@ -26,10 +26,10 @@ __all__ = ["Journal"]
 
 # "ulay": how this database says that it is a journal of underlay, and of which form.
 _APPLICATION, _FORM = 0x756C6179, 1
-_TABLES = {
-    "run": "CREATE TABLE run (identity TEXT NOT NULL)",
-    "row": "CREATE TABLE row (curve INTEGER PRIMARY KEY, line TEXT NOT NULL, crc INTEGER NOT NULL)",
-}
+_TABLES = (
+    "CREATE TABLE run (identity TEXT NOT NULL)",
+    "CREATE TABLE row (curve INTEGER PRIMARY KEY, line TEXT NOT NULL, crc INTEGER NOT NULL)",
+)
 # Bytes of the longest value: the hashes and columns of a run take some thousand, a row some hundred.
 _LONGEST = 1_000_000
 # What SQLite writes beside a database.
@@ -137,11 +137,13 @@ class Journal:
             If it is damaged, no journal, or that of another run.
         """
         with closing(_open(self.path, "ro")) as file:
-            schema = {_text(name): _text(sql) for name, sql in file.execute("SELECT name, sql FROM sqlite_schema")}
-            marks = [file.execute(f"PRAGMA {mark}").fetchone()[0] for mark in ("application_id", "user_version")]
+            schema = [_text(sql) for (sql,) in file.execute("SELECT sql FROM sqlite_master ORDER BY rowid")]
+            marks = [
+                file.execute(f"PRAGMA {mark}").fetchone()[0] for mark in ("application_id", "user_version")
+            ]
             if not schema and not any(marks):
                 return False
-            if schema != _TABLES or marks != [_APPLICATION, _FORM]:
+            if schema != list(_TABLES) or marks != [_APPLICATION, _FORM]:
                 raise FileFormatError(f"{self.path} is not the journal of a map; choose another output")
             if file.execute("PRAGMA quick_check(1)").fetchall() != [(b"ok",)]:
                 raise FileFormatError(_damaged(self.path))
@@ -178,7 +180,7 @@ class Journal:
 
     def _begin(self, identity: Mapping[str, Any]) -> None:
         with self._transaction():
-            for sql in _TABLES.values():
+            for sql in _TABLES:
                 self._file.execute(sql)
             self._file.execute("INSERT INTO run VALUES (?)", (_identity_text(identity),))
             self._file.execute(f"PRAGMA application_id = {_APPLICATION}")
@@ -246,7 +248,9 @@ class Journal:
 
 
 def _open(path: Path, mode: str) -> sqlite3.Connection:
-    file = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True, timeout=0.0, isolation_level=None)
+    file = sqlite3.connect(
+        f"{path.resolve().as_uri()}?mode={mode}", uri=True, timeout=0.0, isolation_level=None
+    )
     # What a text holds is checked here, not by SQLite's decoder.
     file.text_factory = bytes
     file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)

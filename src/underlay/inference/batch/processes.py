@@ -12,6 +12,7 @@ of its pipe and of nothing else.
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import pickle
@@ -37,6 +38,8 @@ __all__ = ["through_processes"]
 _MOST_DEATHS = 2
 # Processes that were ended from outside while they started; beyond this something ends them all.
 _MOST_LOST_STARTS = 5
+# Longest time that a process may take to start (s): a busy machine, and a disk far away.
+_LONGEST_START = 300.0
 # Rows are sent at least this often (s), so that little is lost with a process.
 _EVERY = 0.2
 # One thread each: the matrices here are small, and threads of several processes would fight for the cores.
@@ -83,15 +86,17 @@ def through_processes(
     message = pickle.dumps((model, layout), pickle.HIGHEST_PROTOCOL)
     team: list[_Worker] = []
     try:
-        team.extend(_Worker(message) for _ in range(workers))
-        while active := [worker for worker in team if worker.places or (remaining.chunks and not worker.ready)]:
-            for worker in _heard_from(active, time_limit):
+        team.extend(_Worker(message, time_limit) for _ in range(workers))
+        while active := [
+            worker for worker in team if worker.places or (remaining.chunks and not worker.ready)
+        ]:
+            for worker in _heard_from(active):
                 try:
                     rows = worker.receive()
                 except (EOFError, OSError):
                     worker.end()
                     rows = remaining.after_the_end_of(worker)
-                    team[team.index(worker)] = _Worker(message)
+                    team[team.index(worker)] = _Worker(message, time_limit)
                 if rows:
                     yield rows
             for worker in team:
@@ -148,13 +153,13 @@ class _Worker:
         What it was given and has not answered.
     ready : bool
         Whether it has said that it knows the model.
-    heard : float
-        When it was last heard from, or given something (s).
+    deadline : float
+        When it must have been heard from (s, monotonic).
     late : bool
         Whether it was ended because it was not heard from for too long.
     """
 
-    def __init__(self, message: bytes) -> None:
+    def __init__(self, message: bytes, time_limit: float | None) -> None:
         if multiprocessing.current_process().daemon:
             raise FitError("a daemonic process cannot have worker processes: pass workers=0")
         self.connection, theirs = multiprocessing.Pipe()
@@ -163,7 +168,8 @@ class _Worker:
         )
         self.places: list[CurvePlace] = []
         self.ready = self.late = False
-        self.heard = time.monotonic()
+        self._patience = math.inf if time_limit is None else time_limit + _EVERY
+        self.deadline = time.monotonic() + _LONGEST_START
         with _start_of_a_worker():
             self._process.start()
         # The only other end is the worker's now: its death is the end of the pipe.
@@ -176,7 +182,7 @@ class _Worker:
 
     def give(self, places: list[CurvePlace]) -> None:
         """Send curves; that a worker is gone is noticed where its answer is read."""
-        self.places, self.heard = places, time.monotonic()
+        self.places, self.deadline = places, time.monotonic() + self._patience
         with suppress(OSError):
             self.connection.send_bytes(pickle.dumps(places, pickle.HIGHEST_PROTOCOL))
 
@@ -192,7 +198,7 @@ class _Worker:
         if isinstance(answer, str):
             raise _cannot_work(answer)
         self.places = self.places[len(answer) :]
-        self.ready, self.late, self.heard = True, False, time.monotonic()
+        self.ready, self.late, self.deadline = True, False, time.monotonic() + self._patience
         return answer
 
     def kill(self) -> None:
@@ -207,14 +213,12 @@ class _Worker:
         self.connection.close()
 
 
-def _heard_from(active: Sequence[_Worker], time_limit: float | None) -> list[_Worker]:
-    """Wait until a worker answers or ends; end those that exceed the limit."""
-    limit = None if time_limit is None else time_limit + _EVERY
-    oldest = min(worker.heard for worker in active)
-    left = None if limit is None else max(oldest + limit - time.monotonic(), 0.0)
-    ready = wait([worker.connection for worker in active], left)
+def _heard_from(active: Sequence[_Worker]) -> list[_Worker]:
+    """Wait until a worker answers or ends; end those that exceed their time."""
+    left = min(worker.deadline for worker in active) - time.monotonic()
+    ready = wait([worker.connection for worker in active], max(left, 0.0) if left < math.inf else None)
     for worker in active:
-        if limit is not None and worker.connection not in ready and time.monotonic() - worker.heard > limit:
+        if worker.connection not in ready and time.monotonic() > worker.deadline:
             worker.kill()
     return [worker for worker in active if worker.connection in ready]
 

@@ -22,15 +22,14 @@ from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
 from underlay.data.readers import read
 from underlay.errors import CurveError, UnderlayError, UnderlayWarning
 from underlay.inference.batch.curves import CurvePlace
-from underlay.inference.batch.model import BatchModel, Sampling
+from underlay.inference.batch.model import BatchModel
+from underlay.inference.batch.options import Sampling
 from underlay.inference.batch.results_table import FAILED, FITTED, Layout
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
 from underlay.inference.fitting.provenance import curve_hash
 from underlay.inference.from_files import chosen_part, read_for
-from underlay.inference.least_squares import fit
 from underlay.inference.problem import Problem
-from underlay.inference.sampling.run import sample
 
 __all__ = ["DIED", "CurveFitter", "Rows", "file_hash", "given_up", "work"]
 
@@ -177,6 +176,9 @@ class CurveFitter:
         )
 
     def _thorough(self, place: CurvePlace, curve: Curve) -> _Found:
+        # A worker is a fresh Python: it loads what most maps never call (lmfit, emcee) when it is called.
+        from underlay.inference.least_squares import fit  # noqa: PLC0415
+
         problem = self._problem(place, curve)
         found = fit(problem)
         residuals: FloatArray = found.residuals[0]
@@ -201,6 +203,8 @@ class CurveFitter:
 
 def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Found) -> _Found:
     """Replace the fit's numbers by those of the posterior: median, standard deviation, 95 % interval."""
+    from underlay.inference.sampling.run import sample  # noqa: PLC0415  as for `fit`
+
     seed = _seed(sampling.seed, place.name)
     posterior = sample(
         problem, walkers=sampling.walkers, max_steps=sampling.max_steps, rng=seed, progress=False
