@@ -153,7 +153,7 @@ def _require_same_files(journal: Journal, places: Sequence[CurvePlace], layout: 
     """Refuse to continue a run of which a curve file is another now."""
     done = (place for place in places if journal.has(place.index))
     for place, line in zip(done, journal.lines(), strict=True):
-        if place.curve is None and layout.cells(line)["sha256"] != file_hash(place.path):
+        if place.curve is None and layout.cells(line)["sha256"] != (place.sha256 or file_hash(place.path)):
             raise InputError(
                 f"{place.path} changed since its row was written: put it back, or choose another output"
             )

@@ -19,7 +19,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
-from underlay.data.readers import read
+from underlay.data.readers import read, read_from_map
 from underlay.errors import CurveError, UnderlayError, UnderlayWarning
 from underlay.inference.batch.curves import CurvePlace
 from underlay.inference.batch.model import BatchModel
@@ -123,9 +123,10 @@ class CurveFitter:
         if place.curve is not None:
             curve = place.curve if file is None else chosen_part(place.curve, file.curve)
         elif file is not None:
-            curve = read_for(file, place.path)
+            curve = read_for(file, place.of_map or place.path)
         else:
-            curve = chosen_part(read(place.path), {})
+            whole = read(place.path) if place.of_map is None else read_from_map(place.of_map)
+            curve = chosen_part(whole, {})
         row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
         if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:
