@@ -36,7 +36,7 @@ __all__ = ["through_processes"]
 
 # A process that dies on the same curve this often, alone with it, dies because of it.
 _MOST_DEATHS = 2
-# Processes that were ended from outside while they started; beyond this something ends them all.
+# Processes in a row that were ended from outside while they started; beyond this something ends them all.
 _MOST_LOST_STARTS = 5
 # Longest time that a process may take to start (s): a busy machine, and a disk far away.
 _LONGEST_START = 300.0
@@ -93,6 +93,7 @@ def through_processes(
             for worker in _heard_from(active):
                 try:
                     rows = worker.receive()
+                    remaining.lost_starts = 0
                 except (EOFError, OSError):
                     worker.end()
                     rows = remaining.after_the_end_of(worker)
@@ -116,7 +117,7 @@ class _Remaining:
         self.chunks = [list(chunk) for chunk in reversed(chunks)]
         self._layout, self._time_limit = layout, time_limit
         self._deaths: Counter[int] = Counter()
-        self._lost_starts = 0
+        self.lost_starts = 0
 
     def after_the_end_of(self, worker: _Worker) -> Rows:
         """Take back what a worker did not answer; the row of a curve that is given up.
@@ -127,9 +128,9 @@ class _Remaining:
             If the worker had not even started.
         """
         if not worker.ready:
-            self._lost_starts += 1
+            self.lost_starts += 1
             # A process that was ended from outside (minus the signal) is replaced.
-            if worker.exit_code >= 0 or self._lost_starts > _MOST_LOST_STARTS:
+            if worker.exit_code >= 0 or self.lost_starts > _MOST_LOST_STARTS:
                 raise FitError(f"a worker process did not start: it ended with code {worker.exit_code}")
         if len(worker.places) != 1:
             self.chunks.extend([place] for place in reversed(worker.places))
