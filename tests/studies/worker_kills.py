@@ -5,7 +5,7 @@
 Two workers each. A worker is killed (SIGKILL) at a random moment, again and again; a pool that gives nothing
 for 15 s has stopped. pebble's pools get tasks of about the size and length of our chunks (64 curves of 300
 points, 20 ms) and begin anew where one stopped. Ours is `through_processes` itself, and every curve must come
-out, once. Results go to ``results/worker_kills.json``. Needs the package pebble, which the library does not.
+out, once. Results go to ``results/worker_kills.json``. Needs the package pebble, which the library does without.
 """
 
 from __future__ import annotations
