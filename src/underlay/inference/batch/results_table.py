@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import chain, islice, repeat
@@ -75,6 +75,16 @@ class Layout:
         """Columns of one line of CSV, as text."""
         return dict(zip(self.kinds, next(csv.reader([line])), strict=True))
 
+    def is_row(self, line: str) -> bool:
+        """Whether a text is one line of CSV with a cell for every column, each of its kind."""
+        try:
+            cells = self.cells(line)
+            for name, kind in self.kinds.items():
+                _READ[kind](cells[name])
+        except (ValueError, csv.Error):
+            return False
+        return line.splitlines() == [line] and cells["status"] in (FITTED, FAILED)
+
     def text(self, row: Mapping[str, Any]) -> str:
         """One line of CSV, without its end; what `row` does not hold stays empty."""
         return ",".join([_cell(row.get(name)) for name in self.kinds])
@@ -120,13 +130,26 @@ def to_frame(layout: Layout, lines: Iterable[str]) -> pd.DataFrame:
     )
 
 
-def _series(cells: Sequence[str], kind: str) -> pd.Series[Any]:
+def _number(cell: str) -> float:
     # Python's own conversion is exact; that of a table reader need not be.
-    if kind == _NUMBER:
-        return pd.Series([float(cell) if cell else math.nan for cell in cells], dtype="float64")
-    if kind == _COUNT:
-        return pd.Series([int(cell) if cell else None for cell in cells], dtype="Int64")
-    return pd.Series([unguarded_cell(cell) for cell in cells], dtype="str")
+    return float(cell) if cell else math.nan
+
+
+def _count(cell: str) -> int | None:
+    return int(cell) if cell else None
+
+
+#: What a cell of a kind stands for, and how a table stores it.
+_READ: Mapping[str, Callable[[str], str | float | None]] = {
+    _TEXT: unguarded_cell,
+    _NUMBER: _number,
+    _COUNT: _count,
+}
+_STORED = {_TEXT: "str", _NUMBER: "float64", _COUNT: "Int64"}
+
+
+def _series(cells: Sequence[str], kind: str) -> pd.Series[Any]:
+    return pd.Series([_READ[kind](cell) for cell in cells], dtype=_STORED[kind])
 
 
 def write_table(path: Path, layout: Layout, lines: Iterable[str]) -> Path:
