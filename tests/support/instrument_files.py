@@ -150,15 +150,22 @@ def relaxation(ramps=1, deepest=1e-4, peak=5e-3):
 
 
 def bioindenter(*, profile=False):
-    """Protocol "+ Advanced" or a user's profile; Windows text with three-digit exponents."""
+    """Protocol "+ Advanced" or a user's profile; Windows text with three-digit exponents.
+
+    The automatic protocol writes its setting "Linear loading" as a line of its own and numbers load, pause,
+    unload from 1. A user's profile numbers the approach 0 and its listed steps from 1.
+    """
     time, depth, force = sample_curve(20e-6, 1e-3)
-    ids = np.repeat((0, 1, 2) if profile else (1, 2, 3), (RAMP, REST, BACK))
+    if profile:  # the approach, before contact, is the first tenth of the ramp
+        ids = np.repeat((0, 1, 2, 3), (RAMP // 10, RAMP - RAMP // 10, REST, BACK))
+    else:
+        ids = np.repeat((1, 2, 3), (RAMP, REST, BACK))
     protocol = (
         "\t+ User defined profile\r\n\tLinear load 20.00  µN ; 100.00 µN/min\r\n\tPause in load 2 s\r\n"
         "\tLinear depth 20.00  µm ; 500.00 µm/min\r\n"
         if profile
-        else "\t+ Advanced\r\nMax load :\t1000.00 \tµN\r\n"
-        "Loading rate :\t2000.00 \tµN/min\r\nPause : 2.0 s\r\n"
+        else "\t+ Advanced\r\nAcquisition rate :\t10.0 \tHz\r\nLinear loading\r\nMax load :\t1000.00 \tµN\r\n"
+        "Loading rate :\t2000.00 \tµN/min\r\nUnloading rate :\t2000.00 \tµN/min\r\nPause :\t2.0 s\r\n"
     )
     text = (
         "Indentation\r\n" + protocol + "\t+ TTX - UNHT Bio S/N: 01 settings\r\nFn contact :\t25.00 \tµN\r\n"
