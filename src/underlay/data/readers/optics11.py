@@ -134,7 +134,7 @@ def _known_numbers(header: dict[str, str]) -> dict[str, Any]:
     return known
 
 
-def _software_contact(depth: FloatArray, indentation: FloatArray | None) -> dict[str, float]:
+def _software_contact(depth: FloatArray, indentation: FloatArray | None) -> dict[str, Any]:
     """Depth at which the software set contact, if its indentation is cut to zero before that."""
     if indentation is None:
         return {}
