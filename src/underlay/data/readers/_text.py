@@ -34,7 +34,7 @@ _AFTER_COMMA = re.compile(r"(.*\S)\s*,\s*([^\s,]+)\s*")
 # "Load / mN"
 _AFTER_SLASH = re.compile(r"(.*\S)\s+/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
-_MISSING = frozenset({"", "na", "n/a", "nan", "-", "--", "x", "#n/a"})
+_MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
 
 
 def decode(source: Source) -> str:
@@ -184,7 +184,7 @@ def _number(cell: str, *, comma: bool, where: str, line: int) -> float:
         if cell.strip().lower() in _MISSING:
             return math.nan
         raise FileFormatError(f"{place}: {cell!r:.40} is not a number") from None
-    if math.isinf(value) or (math.isnan(value) and cell.strip().lower().lstrip("+-") not in _MISSING):
+    if not math.isfinite(value):
         raise FileFormatError(
             f"{place}: {cell!r:.40} is not a finite number; take the row out, or leave the cell empty if the "
             "point is missing"

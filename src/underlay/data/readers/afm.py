@@ -239,6 +239,7 @@ def _curve(source: Source, number: int, data: Any, found: Any) -> Curve:
             "segment": "from the file's segments where it has several, else from the motion of the height",
         },
         notes=notes,
+        bending_taken_off=bool(stiffness),
         **known,
     )
 
@@ -262,6 +263,7 @@ def _jpk_curve(source: Source, number: int, curve: JpkCurve, given: Mapping[str,
             "segment": "from the header of each segment",
         },
         position=curve.position,
+        bending_taken_off=True,
         **known,
     )
 

@@ -76,6 +76,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
                 "segment": "from the motion of the piezo",
             },
             notes=_closure_notes(load, cantilever, known.get("spring_constant")),
+            bending_taken_off=True,
             **_software_contact(depth, columns.get("indentation")),
             **known,
         )
