@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
+from underlay.cli.fit import fit as fit_command
 from underlay.data.signs import flipped, require_signs
 from underlay.errors import CurveError, InputError
 from underlay.inference.from_files import chosen_part, load_problem
@@ -214,3 +215,22 @@ def test_a_hold_is_refused_when_the_scene_is_read(curve, put):
 def test_a_part_that_is_not_there_is_said_with_those_that_are(curve):
     with pytest.raises(CurveError, match="has no unloading part, only loading"):
         chosen_part(curve.loading(), {"segment": "unloading"})
+
+
+def test_a_map_says_the_same_of_each_curve(curve, put, tmp_path):
+    folder = tmp_path / "curves"
+    folder.mkdir()
+    for name, force, unit in (("a", curve.force, "m"), ("b", -curve.force, "m"), ("c", curve.force, "mm")):
+        path, scene = put(curve.depth, force, header=f"depth ({unit}),force (N)")
+        path.rename(folder / f"{name}.csv")
+    table = ul.fit_many(folder, scene, workers=0)
+    assert list(table["status"]) == ["fitted", "failed", "failed"]
+    assert "sign of the force is reversed" in table["reason"][1]
+    assert "a unit looks wrong" in table["reason"][2]
+
+
+def test_the_command_fits_an_unloading(curve, put, tmp_path, capsys):
+    path, scene = put(curve.depth, curve.force, 'segment = "unloading"')
+    fit_command(path, scene, tmp_path / "out")
+    assert "Layer modulus 0.6199" in capsys.readouterr().out
+    assert (tmp_path / "out" / "curve.fit.json").is_file()

@@ -31,6 +31,7 @@ from underlay.inference.fitting.instrument_modulus import instrument_modulus
 from underlay.inference.fitting.provenance import curve_hash
 from underlay.inference.from_files import chosen_part, read_for, turned
 from underlay.inference.least_squares import fit
+from underlay.inference.plausibility import require_plausible
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
 
@@ -203,6 +204,8 @@ class Workshop:
 
     def _thorough(self, place: CurvePlace, curve: Curve) -> _Outcome:
         problem = self._problem(place, curve)
+        # A fit that ends on a bound comes this way: it may be a unit that put it there.
+        require_plausible(problem)
         found = fit(problem)
         residuals: FloatArray = found.residuals[0]
         outcome = _Outcome(
