@@ -218,7 +218,21 @@ def test_a_map_with_a_scene_of_python_says_where_a_file_differs(told):
     free = {"layer.E": (1.0, 1e6), "instrument.contact_depth": (-1e-6, 1e-6)}
     row = ul.fit_many([curve], scene, free, workers=0).iloc[0]
     assert (row["status"], row["verdict"]) == ("fitted", "doubtful")
-    assert "indenter.radius = 10 um of the scene overrules the 25 um" in row["reason"]
+    assert row["reason"].count("indenter.radius = 10 um of the scene overrules the 25 um") == 1
+
+
+def test_a_fit_in_python_warns_of_what_the_file_says_otherwise(told):
+    curve = ul.read(told()[0]).loading()
+    layer, free = ul.Layer(ul.Isotropic(1e3, NU)), {"layer.E": (1.0, 1e6)}
+
+    def codes(radius, curve=curve):
+        return [
+            w.code for w in ul.fit(ul.Problem(ul.Scene(ul.Paraboloid(radius), layer), curve, free)).warnings
+        ]
+
+    assert "file" not in codes(25e-6)
+    assert codes(10e-6).count("file") == 1
+    assert "file" not in codes(10e-6, curve.with_metadata(indenter_radius=None))
 
 
 def test_numbers_of_a_file_that_are_none_are_not_compared():

@@ -103,7 +103,7 @@ class Workshop:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always", UnderlayWarning)
                 curve = self._read(place, row)
-                place, notes = self._settled(place, curve)
+                place, curve, notes = self._settled(place, curve)
                 row.update(place.values)
                 self._fit(place, curve, row)
                 _add_notes(row, notes)
@@ -120,8 +120,8 @@ class Workshop:
         row["seconds"] = time.perf_counter() - began
         return row
 
-    def _settled(self, place: CurvePlace, curve: Curve) -> tuple[CurvePlace, tuple[str, ...]]:
-        """The place with what its own file says of the scene, and what is to be said of that."""
+    def _settled(self, place: CurvePlace, curve: Curve) -> tuple[CurvePlace, Curve, tuple[str, ...]]:
+        """The place with what its own file says of the scene, the curve noted so, and what is to be said of it."""
         file = self._model.file
         settled = settle(
             self._model.scene.with_values(place.values),
@@ -133,7 +133,8 @@ class Workshop:
             free=self._model.free,
         )
         notes = settled.notes[len(settled.values) :]  # what was taken stands in the row itself
-        return replace(place, values={**place.values, **settled.values}), notes
+        noted = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *notes)) if notes else curve
+        return replace(place, values={**place.values, **settled.values}), noted, notes
 
     def _read(self, place: CurvePlace, row: dict[str, Any]) -> Curve:
         """Read the curve and the part of it that is fitted; note its hash and position."""
