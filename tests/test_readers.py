@@ -512,6 +512,8 @@ def test_tab_of_afmformats(put):
     np.testing.assert_array_equal(curve.loading().depth, -(height + force / afm_files.STIFFNESS))
     np.testing.assert_array_equal(curve.unloading().force, force[::-1])
     assert curve.metadata["spring_constant"] == afm_files.STIFFNESS
+    paused = read(put(afm_files.tab(("pause", "extend", "pause", "retract"))))
+    assert list(paused.segment) == list(np.repeat(("hold", "loading", "hold", "unloading"), afm_files.POINTS))
     with pytest.raises(FileFormatError, match="no column 'force' or no height; it has 'strain'"):
         read(put(afm_files.tab().replace(b"# force\theight (measured)\tsegment", b"# strain\tb\tc")))
 

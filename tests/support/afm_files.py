@@ -152,15 +152,17 @@ def hdf5(curves=2):
     return stream.getvalue()
 
 
-def tab():
-    """Table of afmformats: metadata as JSON behind "#", names behind "#", SI numbers."""
+def tab(styles=("extend", "retract")):
+    """Table of afmformats: metadata as JSON behind "#", names behind "#", SI numbers, segments numbered."""
     height, force = approach()
+    extended = 0
     text = '# afmformats 0.18.7\n#\n# BEGIN METADATA\n# {\n#   "enum": 0,\n'
     text += f'#   "imaging mode": "force-distance",\n#   "spring constant": {STIFFNESS}\n' + "# }\n"
     text += "# END METADATA\n#\n# force\theight (measured)\tsegment\n"
-    for number, order in ((0, 1), (1, -1)):
-        pairs = zip(force[::order].tolist(), height[::order].tolist(), strict=True)
-        text += "".join(f"{f!r}\t{h!r}\t{number}\n" for f, h in pairs)
+    for number, style in enumerate(styles):
+        points = {"extend": range(POINTS), "retract": range(POINTS)[::-1]}.get(style, [-extended] * POINTS)
+        extended += style == "extend"
+        text += "".join(f"{float(force[i])!r}\t{float(height[i])!r}\t{number}\n" for i in points)
     return text.encode()
 
 

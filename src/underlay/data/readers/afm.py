@@ -10,6 +10,7 @@ holds the bending of the cantilever: a note says so.
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import re
 import struct
@@ -27,7 +28,7 @@ from underlay.data.readers._source import Source
 from underlay.data.readers._text import decode
 from underlay.data.readers.afm_tab import TAB_MARK, read_tab
 from underlay.data.readers.jpk import JpkCurve, read_jpk
-from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
+from underlay.data.segments import HOLD, label_pieces, segments_from_motion
 from underlay.errors import FileFormatError, InputError, MissingExtraError, UnderlayError
 
 __all__ = ["FORMAT"]
@@ -46,6 +47,8 @@ _NTMDT_ROW = re.compile(r"-?\d+,\d+\t-?\d+,\d+\t-?\d+,\d+")
 _CALIBRATION = {"spring constant": "stiffness", "sensitivity": "sensitivity"}
 _CURRENT_CALIBRATION = {"spring constant": "stiffness", "sensitivity": "current sensitivity"}
 _QUANTITIES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
+# A segment that travels less than this share of the whole rests: creep under a held force is a few per cent.
+_REST = 0.1
 # Entries of an unknown file that are named.
 _LISTED = 8
 _KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
@@ -277,12 +280,17 @@ def _column(data: Any, name: str) -> FloatArray:
 
 
 def _segments(data: Any, height: FloatArray, time: FloatArray | None) -> Any:
-    """First segment in, last one out, pauses between."""
+    """Label each numbered segment by its motion: the numbers say where one ends, not what it is."""
+    if not np.isfinite(height).all():
+        return None
     numbers = np.asarray(data["segment"]) if "segment" in set(data) else np.zeros(len(height))
-    last = numbers.max(initial=0)
-    if last == 0:
-        return segments_from_motion(-height, time) if np.isfinite(height).all() else None
-    return np.where(numbers == 0, LOADING, np.where(numbers == last, UNLOADING, HOLD))
+    ends = np.flatnonzero(np.diff(numbers)) + 1
+    if not ends.size:
+        return segments_from_motion(-height, time)
+    starts = np.concatenate(([0], ends, [len(height)]))
+    travel = np.abs([height[last - 1] - height[first] for first, last in itertools.pairwise(starts)])
+    resting = starts[:-1][travel < _REST * np.ptp(height)]
+    return label_pieces(-height, starts, {int(first): HOLD for first in resting})
 
 
 FORMAT = Format(
