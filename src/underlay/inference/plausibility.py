@@ -94,7 +94,7 @@ def _refuse_too_deep(scene: Scene, pressed: float, priors: dict[str, Prior]) -> 
             raise CurveError(
                 f"the depth or its unit looks wrong: pressed {format_quantity(pressed, 'length')} beyond contact "
                 f"where the {part} is {format_quantity(size, 'length')} {what}; is the depth in the unit that its "
-                f"column says (mm, um, nm), and {path} in the scene?"
+                f"column says (mm, um, nm), or does the scene need a larger {path.partition('.')[2]}?"
             )
 
 
