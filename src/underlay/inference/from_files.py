@@ -172,13 +172,13 @@ def problem_from(file: SceneFile, curve: Curve) -> Problem:
         )
     noise = Noise(**file.noise) if file.noise else None
     settled = settle(
-        file.stated,
+        file.draft,
         curve,
         left_out=file.left_out,
         overrule=file.curve.get("overrule", ()),
         free=[entry.path for entry in file.free],
     )
-    file = replace(file, stated=file.stated.with_values(settled.values), left_out=())
+    file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
     curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
     problem = Problem(file.scene, curve, free_of(file, curve), noise, **file.solver)
     require_plausible(problem)

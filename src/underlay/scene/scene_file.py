@@ -84,7 +84,7 @@ class SceneFile:
 
     Parameters
     ----------
-    stated : Scene
+    draft : Scene
         The test; where the file leaves a number to the file of the curve it holds a stand-in.
     free : tuple of FreeParameter
         What is fitted; empty if there is no ``[fit]``.
@@ -104,7 +104,7 @@ class SceneFile:
         Paths of the scene that the file of the curve must say.
     """
 
-    stated: Scene
+    draft: Scene
     free: tuple[FreeParameter, ...]
     solver: Mapping[str, Any]
     noise: Mapping[str, float]
@@ -128,7 +128,7 @@ class SceneFile:
                 f"{self.path.name}: [{section}] needs {key!r}; it can be left out only with a curve whose file "
                 "says it"
             )
-        return self.stated
+        return self.draft
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
@@ -221,7 +221,7 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
     solver = check(SolverSection, "solver", _table(document, "solver"))
     accuracy = {"accuracy": Accuracy(solver.pop("rtol"))} if "rtol" in solver else {}
     return SceneFile(
-        stated=scene,
+        draft=scene,
         free=tuple(free_parameters(_table(document, "fit"), scene)),
         solver=accuracy | solver,
         noise=check(NoiseSection, "noise", _table(document, "noise")),

@@ -111,12 +111,12 @@ def with_stand_ins(file: SceneFile, places: Sequence[CurvePlace]) -> SceneFile:
         try:
             curve = place.curve if place.curve is not None else read_whole(file, place.path)
             values = settle(
-                file.stated, curve, left_out=file.left_out, overrule=file.curve.get("overrule", ())
+                file.draft, curve, left_out=file.left_out, overrule=file.curve.get("overrule", ())
             )
         except UnderlayError as error:
             reason = reason or str(error)
             continue
-        return replace(file, stated=file.stated.with_values(values.values))
+        return replace(file, draft=file.draft.with_values(values.values))
     raise InputError(
         f"{file.path.name} leaves out {file.left_out[0]}, which none of the first curves says ({reason}): give it"
     )

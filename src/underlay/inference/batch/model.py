@@ -141,7 +141,7 @@ def batch_model(
         solver = {**file.solver, **solver}
         noise = Noise(**file.noise) if noise is None and file.noise else noise
         free = free_of(file) if free is None else free
-        scene = file.stated
+        scene = file.draft
     if not isinstance(scene, Scene):
         raise InputError(f"scene must be a Scene or the path of a scene file; got {scene!r:.100}")
     if free is None:
