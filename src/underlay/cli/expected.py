@@ -18,6 +18,7 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.from_files import read_for
+from underlay.inference.model.noise_start import scatter
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, SimulatedDepths
 from underlay.units import format_quantity, parse_quantity
@@ -66,17 +67,16 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
 
 
 def expected_noise(file: SceneFile, deepest: float, curve: Curve | None = None) -> Noise:
-    """Noise of [noise], else what the curve scatters before contact, else a default that is said."""
+    """Noise of [noise], else what the curve scatters, else a default that is said."""
     if file.noise:
         return Noise(**file.noise)
     if curve is not None:
-        scatter = find_contact(curve, scene=file.scene).noise
-        if scatter > 0.0:
-            say_warnings([f"noise {format_quantity(scatter, 'force')}, as the curve scatters before contact"])
-            return Noise(force=scatter)
-    solver = {key: value for key, value in file.solver.items() if key != "noise"}
+        spread = scatter(curve)
+        if spread > 0.0:
+            say_warnings([f"noise {format_quantity(spread, 'force')}, as the curve scatters"])
+            return Noise(force=spread)
     ideal = replace(file.scene, instrument=type(file.scene.instrument)())
-    force = _NOISE_SHARE * float(ideal.force(np.array([deepest]), **solver)[0])
+    force = _NOISE_SHARE * float(ideal.force(np.array([deepest]), **file.solver)[0])
     say_warnings(
         [
             f"noise {format_quantity(force, 'force')} by default, {_NOISE_SHARE:.0%} of the force at the "

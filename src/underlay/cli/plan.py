@@ -9,7 +9,7 @@ import typer
 
 from underlay._arrays import FloatArray
 from underlay._files import require_writable_folder, write_atomic
-from underlay.cli.console import say
+from underlay.cli.console import say, say_warnings
 from underlay.cli.expected import deepest_point, expected_noise, measured_curve
 from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, ScenePath
 from underlay.errors import InputError
@@ -52,9 +52,13 @@ def plan(
         require_writable_folder(output)
     measured = measured_curve(file, curve)
     deepest = deepest_point(file, max_depth, measured)
+    free = free_of(file, measured)
+    if parameter in file.scene.parameters and parameter not in free:
+        free[parameter] = None
+        say_warnings([f"{parameter} is planned as unknown too: [fit] does not free it"])
     planned = plan_tests(
         file.scene,
-        free=free_of(file, measured),
+        free=free,
         noise=expected_noise(file, deepest, measured),
         radii=_grid(radii) if radii else _radii_around(file),
         depths=_grid(depths) if depths else np.geomspace(_SHALLOWEST, 1.0, _COUNT) * deepest,
