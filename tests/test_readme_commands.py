@@ -12,6 +12,7 @@ import underlay as ul
 from test_help import examples
 from underlay.cli.app import main
 from underlay.data.curve_csv import curve_csv
+from underlay.scene.accuracy_cost import accuracy_cost
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -31,12 +32,16 @@ def commands():
     promised = {example.values[0] for example in examples()}
     for line in dict.fromkeys(lines):
         words = shlex.split(line, comments=True)
-        if words[:1] == ["underlay"] and shlex.join(words) not in {shlex.join(shlex.split(p)) for p in promised}:
+        if words[:1] == ["underlay"] and shlex.join(words) not in {
+            shlex.join(shlex.split(p)) for p in promised
+        }:
             yield pytest.param(words, id=" ".join(words[1:4]))
 
 
 def readme_scene():
-    return next(block for block in re.findall(r"```toml\n(.*?)```", README, re.DOTALL) if "[indenter]" in block)
+    return next(
+        block for block in re.findall(r"```toml\n(.*?)```", README, re.DOTALL) if "[indenter]" in block
+    )
 
 
 def run(words, monkeypatch, capsys):
@@ -73,7 +78,7 @@ def test_readme_command_works_as_printed(words, folder, monkeypatch, capsys):
     if any(word.startswith(EXCEPTED) for word in words):
         pytest.skip("needs other machines, the user's shell or the reader's words")
     # How often each law is timed changes nothing but the time.
-    monkeypatch.setattr("underlay.scene.accuracy_cost._ROUNDS", 1)
+    monkeypatch.setitem(accuracy_cost.__kwdefaults__, "rounds", 1)
     code, _, err = run(words, monkeypatch, capsys)
     assert code == 0, err
     for flag in ("--output", "--new-scene", "--new-notebook"):
@@ -86,7 +91,9 @@ def test_the_readme_prints_the_commands_that_matter():
     assert printed >= {"fit", "simulate", "identify", "plan", "sample", "map", "accuracy", "effects"}
 
 
-@pytest.mark.parametrize("sample", ["cartilage_on_bone", "chiaro_cell", "gel_on_glass", "soft_film_on_softer_base"])
+@pytest.mark.parametrize(
+    "sample", ["cartilage_on_bone", "chiaro_cell", "gel_on_glass", "soft_film_on_softer_base"]
+)
 def test_commands_answer_for_every_sample_scene(sample, tmp_path, monkeypatch, capsys):
     scene = tmp_path / "scene.toml"
     shutil.copy(SAMPLES / f"{sample}.toml", scene)
@@ -114,9 +121,13 @@ def test_depth_and_noise_come_from_the_curve_that_the_scene_names(tmp_path, monk
     assert "at 0.28" in named
     assert "by default" not in named
     shutil.copy(SAMPLES / "cartilage_on_bone.toml", scene)
-    code, given, err = run(["underlay", "effects", scene, "--curve", tmp_path / "curve.csv"], monkeypatch, capsys)
+    code, given, err = run(
+        ["underlay", "effects", scene, "--curve", tmp_path / "curve.csv"], monkeypatch, capsys
+    )
     assert code == 0, err
-    sizes = [line.split()[2] for line in (named, given) for line in line.splitlines() if "finite thickness" in line]
+    sizes = [
+        line.split()[2] for line in (named, given) for line in line.splitlines() if "finite thickness" in line
+    ]
     assert sizes[0] == sizes[1]
     code, out, err = run(
         ["underlay", "plan", scene, "--curve", tmp_path / "curve.csv", *grid], monkeypatch, capsys

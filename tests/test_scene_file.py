@@ -80,7 +80,12 @@ def test_reads_units_and_what_is_fitted(tmp_path):
         ("rigid = true", "rigid = 'very'", InputError, "true or false"),
         ("rigid = true", "rigid = true\nE = '1 Pa'", InputError, "needs nothing else"),
         ("[substrate]\nrigid = true", "", InputError, "needs a substrate"),
-        ("[layer]", "[lair]", InputError, r"unknown section \[lair\]; did you mean layer\? allowed: indenter"),
+        (
+            "[layer]",
+            "[lair]",
+            InputError,
+            r"unknown section \[lair\]; did you mean layer\? allowed: indenter",
+        ),
         ("layer.E = {", "layer.D = {", ParameterError, "no parameter 'layer.D'"),
         ("layer.E = {", "substrate.E = {", ParameterError, "no parameter 'substrate.E'"),
         ('min = "1 kPa"', 'min = "1 GPa"', InputError, "min must be below max"),

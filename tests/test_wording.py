@@ -13,7 +13,9 @@ PACKAGE = Path(underlay.__file__).parent
 #: Builders of messages: errors, and the warnings of a fit or of the library.
 BUILDERS = re.compile(r"\w*(Error|Warning)$|^warn$|^_refusal$")
 #: An argument given by name, a call, or a name of the library: what no scene file and no flag is written with.
-PYTHON = re.compile(r"\b[a-z_]\w*=(?=[\w'\"{(.])|\b(?:ul\.)?[a-z_]\w*\((?:[a-z_.]+(?:, ?[\w=.]+)*)?\)|\bRIGID\b|=\{")
+PYTHON = re.compile(
+    r"\b[a-z_]\w*=(?=[\w'\"{(.])|\b(?:ul\.)?[a-z_]\w*\((?:[a-z_.]+(?:, ?[\w=.]+)*)?\)|\bRIGID\b|=\{"
+)
 #: Wherever these are, the command line does not come: arguments that only Python can give.
 PYTHON_ONLY = {
     "inference/remedy.py",
@@ -63,7 +65,13 @@ def test_no_python_reaches_the_command_line(text):
 
 
 def test_the_words_of_python_are_found():
-    for text in ("use method='exact'", "pass resume=True to go on", "see plan()", "is RIGID", "columns={'a': 1}"):
+    for text in (
+        "use method='exact'",
+        "pass resume=True to go on",
+        "see plan()",
+        "is RIGID",
+        "columns={'a': 1}",
+    ):
         assert PYTHON.search(text), text
 
 
@@ -71,7 +79,10 @@ def test_the_words_of_python_are_found():
     ("python", "words"),
     [
         ('the series ends; use method="exact" or less depth', 'method = "exact" in [solver]'),
-        ("curve.chain.h5 exists: pass resume=True to continue it, or another name", "continue it with --resume"),
+        (
+            "curve.chain.h5 exists: pass resume=True to continue it, or another name",
+            "continue it with --resume",
+        ),
         ("layer.E is not fixed; see identifiability(problem)", "see underlay identify"),
         ("nothing of it, profile(fit, name, calibrate=99) does", "underlay sample does"),
     ],

@@ -209,10 +209,10 @@ def parse_quantity(value: str | float, kind: str) -> float:
         raise UnitError(f"{_article(kind)} must be given as {wanted.example!r}; got {value!r:.80}")
     matched = _NUMBER.fullmatch(value) if isinstance(value, str) else None
     if isinstance(value, str):
+        comma = _DECIMAL_COMMA.fullmatch(value)
+        if comma is not None:
+            raise UnitError(f"write the number with a point: {'.'.join(comma.groups())!r}; got {value!r:.80}")
         if matched is None:
-            comma = _DECIMAL_COMMA.fullmatch(value)
-            if comma is not None:
-                raise UnitError(f"write the number with a point: {'.'.join(comma.groups())!r}; got {value!r:.80}")
             raise UnitError(f"{_article(kind)} must be given as {wanted.example!r}; got {value!r:.80}")
         number, unit = float(matched.group(1)), matched.group(2)
     else:

@@ -19,6 +19,7 @@ from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.from_files import read_for
 from underlay.inference.model.noise_start import scatter
+from underlay.scene.depth_doubt import depth_doubt
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, SimulatedDepths
 from underlay.units import format_quantity, parse_quantity
@@ -63,6 +64,9 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
         )
     if not depth > 0.0:
         raise InputError(f"the deepest point since contact must be positive; got {depth:.6g} m")
+    doubt = depth_doubt(file.scene, depth)
+    if doubt is not None:
+        say_warnings([doubt])
     return depth
 
 

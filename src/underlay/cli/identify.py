@@ -15,9 +15,7 @@ from underlay.scene.scene_file import SceneFile, read_scene_file
 __all__ = ["identify"]
 
 
-def identify(
-    scene: ScenePath, curve: CurveOption = None, output: OutputFolder = None
-) -> None:
+def identify(scene: ScenePath, curve: CurveOption = None, output: OutputFolder = None) -> None:
     """Say which combinations of the free parameters a test fixes, and how well.
 
     Before a test, the scene file's [simulate] and [noise] sections say what it will be.

@@ -36,7 +36,9 @@ def keys(
         raise InputError(f"a scene file has no section {section!r}; it has {', '.join(sections)}")
     for name in sections if section is None else [section]:
         say_table(table[table["section"] == name].drop(columns="section"), f"[{name}]")
-    say("PARAMETER is any number of the scene: layer.E, layer.thickness, instrument.contact_depth, noise.force")
+    say(
+        "PARAMETER is any number of the scene: layer.E, layer.thickness, instrument.contact_depth, noise.force"
+    )
     if output is not None:
         folder = require_writable_folder(output)
         say(f"wrote {write_atomic(folder / 'scene_keys.csv', table.to_csv(index=False))}")

@@ -14,7 +14,13 @@ from underlay.units import format_quantity
 __all__ = ["new_scene"]
 
 # Times the depth that was pressed: contact lies within the readings, a sample is thinner than this or deep.
-_SHAPES = {"sphere": "sphere", "ball": "sphere", "cone": "cone", "flat": "flat_punch", "cylinder": "flat_punch"}
+_SHAPES = {
+    "sphere": "sphere",
+    "ball": "sphere",
+    "cone": "cone",
+    "flat": "flat_punch",
+    "cylinder": "flat_punch",
+}
 
 
 def new_scene(curve: Curve, name: str) -> str:
@@ -35,7 +41,11 @@ def _lines(curve: Curve, name: str) -> Iterator[str]:
     yield "[layer]"
     yield f'E = "{PLACE} kPa"          # where the fit starts: the size is enough'
     nu = _number(known, "poisson_ratio")
-    yield f'nu = "{PLACE}"             # 0.5 if incompressible' if nu is None else f"nu = {nu:.6g}   # as the file says"
+    yield (
+        f'nu = "{PLACE}"             # 0.5 if incompressible'
+        if nu is None
+        else f"nu = {nu:.6g}   # as the file says"
+    )
     yield f'thickness = "{PLACE} mm"   # drop it, and [substrate], for a half-space'
     yield ""
     yield "[substrate]"

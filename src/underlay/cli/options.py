@@ -25,7 +25,10 @@ OutputFolder = Annotated[
 Seed = Annotated[int, typer.Option(help="Seed of the random numbers; the same seed makes the same file.")]
 MaxDepth = Annotated[
     str | None,
-    typer.Option("--max-depth", help='Deepest point since contact, e.g. "100 um"; else that of the curve or [simulate].'),
+    typer.Option(
+        "--max-depth",
+        help='Deepest point since contact, e.g. "100 um"; else that of the curve or [simulate].',
+    ),
 ]
 Rtol = Annotated[
     float | None,

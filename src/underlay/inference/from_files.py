@@ -19,7 +19,16 @@ from underlay.scene.fit_section import FreeParameter
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
-__all__ = ["chosen_part", "free_of", "load_problem", "problem_from", "read_for", "read_whole", "weak_bounds", "whole_curve"]
+__all__ = [
+    "chosen_part",
+    "free_of",
+    "load_problem",
+    "problem_from",
+    "read_for",
+    "read_whole",
+    "weak_bounds",
+    "whole_curve",
+]
 
 _CONTACT = "instrument.contact_depth"
 # Times the span of a curve that a baseline may be away from zero, where nothing is said of it.
@@ -118,7 +127,9 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
             'bounds like { min = "1 kPa", max = "10 MPa" }'
         )
     noise = Noise(**file.noise) if file.noise else None
-    return Problem(_started(file, curve), curve, {**free_of(file, curve), **(priors or {})}, noise, **file.solver)
+    return Problem(
+        _started(file, curve), curve, {**free_of(file, curve), **(priors or {})}, noise, **file.solver
+    )
 
 
 def _started(file: SceneFile, curve: Curve) -> Scene:

@@ -53,7 +53,15 @@ from underlay.scene.scene_schema import (
     schema_of,
 )
 
-__all__ = ["EQUIVALENT_CONES", "PLACE", "SceneFile", "SimulatedDepths", "load_scene", "read_scene_file", "scene_from_text"]
+__all__ = [
+    "EQUIVALENT_CONES",
+    "PLACE",
+    "SceneFile",
+    "SimulatedDepths",
+    "load_scene",
+    "read_scene_file",
+    "scene_from_text",
+]
 
 #: What stands in a starter scene where a number is still to be written.
 PLACE = "TODO"
@@ -310,8 +318,6 @@ def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
     return depths
 
 
-def _build(
-    kind: type[Any], section: str, table: Mapping[str, Any], *, besides: tuple[str, ...] = ()
-) -> Any:
+def _build(kind: type[Any], section: str, table: Mapping[str, Any], *, besides: tuple[str, ...] = ()) -> Any:
     """Make a dataclass from a section; its fields, and `besides`, say which keys there are."""
     return kind(**check(schema_of(kind, section), section, table, besides=besides))

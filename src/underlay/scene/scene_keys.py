@@ -75,9 +75,7 @@ def _all() -> Iterator[SceneKey]:
     yield from _of_model(ThicknessSection.model_fields, "layer")
     yield SceneKey("substrate", "rigid", "true or false", "false", _CHOICES["substrate", "rigid"])
     yield from _of_class(Isotropic, "substrate", "")
-    yield from _of_class(
-        TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu")
-    )
+    yield from _of_class(TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu"))
     yield from _of_class(Instrument, "instrument", "")
     for name, field in free_parameter_schema("dimensionless").model_fields.items():
         own = name in ("prior", "relative_sd")

@@ -160,12 +160,15 @@ def check(
     try:
         return model.model_validate(dict(table)).model_dump(exclude_unset=True)
     except ValidationError as error:
-        first = error.errors()[0]
+        # A key that is not known comes first: it is often the one that is missing, misspelt.
+        first = min(error.errors(), key=lambda found: found["type"] != "extra_forbidden")
         key = ".".join(str(part) for part in first["loc"])
         allowed = [*model.model_fields, *besides]
         if first["type"] == "extra_forbidden":
             meant = hint(key, allowed)
-            raise InputError(f"[{section}] has no {key!r}{meant or ';'} allowed: {', '.join(allowed)}") from error
+            raise InputError(
+                f"[{section}] has no {key!r}{meant or ';'} allowed: {', '.join(allowed)}"
+            ) from error
         if first["type"] == "missing":
             raise InputError(f"[{section}] needs {key!r}") from error
         cause = first.get("ctx", {}).get("error")
