@@ -58,8 +58,10 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
         depth = _default_depth(file.scene)
         say_warnings(
             [
-                f"pressed to {format_quantity(depth, 'length')} by default; --max-depth, --curve, [simulate] "
-                "max_depth or [curve] file says otherwise"
+                (
+                    f"pressed to {format_quantity(depth, 'length')} by default; --max-depth, --curve, "
+                    "[simulate] max_depth or [curve] file says otherwise"
+                )
             ]
         )
     if not depth > 0.0:
@@ -83,8 +85,10 @@ def expected_noise(file: SceneFile, deepest: float, curve: Curve | None = None) 
     force = _NOISE_SHARE * float(ideal.force(np.array([deepest]), **file.solver)[0])
     say_warnings(
         [
-            f"noise {format_quantity(force, 'force')} by default, {_NOISE_SHARE:.0%} of the force at the "
-            "deepest point; [noise] force or --curve says otherwise"
+            (
+                f"noise {format_quantity(force, 'force')} by default, {_NOISE_SHARE:.0%} of the force at the "
+                "deepest point; [noise] force or --curve says otherwise"
+            )
         ]
     )
     return Noise(force=force)

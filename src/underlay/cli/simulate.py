@@ -75,7 +75,8 @@ def simulate(
 ) -> None:
     """Make a curve from a scene, with the noise that --noise and its [noise] section name, and no other.
 
-    The depths are those of the scene's [simulate] section, else a default that is said. Beside the CSV stands a JSON file with the truth.
+    The depths are those of the scene's [simulate] section, else a default that is said. Beside the CSV stands a
+    JSON file with the truth.
 
     Example: `underlay simulate scene.toml --output curve.csv --seed 1`
 

@@ -103,8 +103,8 @@ class SceneFile:
     noise : mapping
         Numbers of ``[noise]``, SI.
     curve : mapping
-        Which part of which curve file: file (a path beside the scene file), format, test, columns and calibration for the reader; segment, min_depth
-        and max_depth (readings, m) for what is used of it.
+        Which part of which curve file: file (a path beside the scene file), format, test, columns and
+        calibration for the reader; segment, min_depth and max_depth (readings, m) for what is used of it.
     simulate : SimulatedDepths or None
         Depths of a made curve.
     stated : frozenset of str
