@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
 import numpy as np
-from pydantic.fields import FieldInfo
 
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
@@ -20,6 +19,7 @@ from underlay.scene.instrument import Instrument
 from underlay.scene.scene_file import EQUIVALENT_CONES
 from underlay.scene.scene_schema import (
     CurveSection,
+    FieldInfo,
     NoiseSection,
     SimulateSection,
     SolverSection,

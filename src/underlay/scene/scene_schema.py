@@ -18,6 +18,7 @@ from underlay.units import parse_quantity
 
 __all__ = [
     "CurveSection",
+    "FieldInfo",
     "NoiseSection",
     "SimulateSection",
     "SolverSection",
