@@ -130,7 +130,8 @@ class Resolution:
                 f"the exact law would take {radial:.0f} x {count:.0f} nodes at a/h = {eps:.3g}, and it takes "
                 f"{MOST_NODES} of both together at most: with these E, E_axial and G_axial the layer's "
                 f"displacements decay as exp(-{pair.decay:.2g} z), so that a contact acts "
-                f"{1.0 / pair.decay:.3g} times as wide as it is; check the moduli and their units, press less deep, or allow a larger rtol"
+                f"{1.0 / pair.decay:.3g} times as wide as it is; "
+                "check the moduli and their units, press less deep, or allow a larger rtol"
             )
         return cls(
             radial=max(2, radial),
