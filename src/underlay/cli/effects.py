@@ -8,6 +8,7 @@ from underlay.cli.deepest_point import wanted_accuracy
 from underlay.cli.expected import deepest_point, measured_curve
 from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, Rtol, ScenePath
 from underlay.report import plots
+from underlay.report.csv_text import csv_text
 from underlay.scene.effects import effects_table
 from underlay.scene.scene_file import read_scene_file
 from underlay.units import format_quantity
@@ -37,5 +38,5 @@ def effects(
     if output is not None:
         stem = output / f"{scene.stem}.effects"
         picture = plots.effects(file.scene, deepest, accuracy)
-        say(f"wrote {write_atomic(stem.with_suffix('.effects.csv'), table.to_csv(index=False))}")
+        say(f"wrote {write_atomic(stem.with_suffix('.effects.csv'), csv_text(table))}")
         say(f"wrote {plots.save(picture, stem.with_suffix('.effects.png'))}")

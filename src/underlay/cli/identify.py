@@ -10,6 +10,7 @@ from underlay.cli.wording import spoken
 from underlay.inference.from_files import free_of, problem_from
 from underlay.inference.identifiability import Identifiability, identifiability
 from underlay.report import plots
+from underlay.report.csv_text import csv_text
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
 __all__ = ["identify"]
@@ -29,7 +30,7 @@ def identify(scene: ScenePath, curve: CurveOption = None, output: OutputFolder =
     told = _before(file) if measured is None else identifiability(problem_from(file, measured))
     say(spoken(told.report()))
     if output is not None:
-        table = told.to_frame().to_csv()
+        table = csv_text(told.to_frame())
         say(f"wrote {write_atomic(output / f'{scene.stem}.identifiability.csv', table)}")
         picture = plots.identifiability(told)
         say(f"wrote {plots.save(picture, output / f'{scene.stem}.identifiability.png')}")
