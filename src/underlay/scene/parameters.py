@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from underlay.errors import ParameterError
 from underlay.mechanics.materials import Layer
+from underlay.scene.field_names import fields_meant
 
 if TYPE_CHECKING:
     from underlay.scene.scene import Scene
@@ -106,6 +107,9 @@ def replace_values(scene: Scene, values: Mapping[str, float]) -> Scene:
 def unknown_parameter(path: str, known: Iterable[str]) -> ParameterError:
     """Build the error for a path that does not exist: names the nearest valid one."""
     names = sorted(known)
-    near = difflib.get_close_matches(path, names, n=1, cutoff=0.4)
+    part, _, field = path.rpartition(".")
+    own = {name.rpartition(".")[2]: name for name in names if name.rpartition(".")[0] == part}
+    near = [own[meant] for meant in fields_meant(field, own)]
+    near = near or difflib.get_close_matches(path, names, n=1, cutoff=0.4)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     return ParameterError(f"this scene has no parameter {path!r}{hint} It has: {', '.join(names)}")

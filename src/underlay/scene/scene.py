@@ -37,15 +37,15 @@ class Scene:
     layer : Layer
         What it is pressed into.
     substrate : Isotropic, TransverselyIsotropic or RIGID, optional
-        What the layer is bonded to. A layer of finite thickness needs one; without one the layer is a
-        half-space and no substrate code runs.
+        What the layer is bonded to. A layer of finite thickness needs one, and one on it needs a finite
+        thickness; without a substrate the layer is a half-space and no substrate code runs.
     instrument : Instrument, optional
         What reads depth and force; ideal by default.
 
     Raises
     ------
     InputError
-        If a part is of the wrong kind, or a finite layer has no substrate.
+        If a part is of the wrong kind, a finite layer has no substrate, or one on a substrate no thickness.
 
     Examples
     --------
@@ -71,8 +71,13 @@ class Scene:
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
-                f"a layer {self.layer.thickness:.6g} m thick needs a substrate: pass substrate=RIGID or a "
-                "material, or leave the thickness out for a half-space"
+                f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
+                "a material), or leave the thickness out for a half-space"
+            )
+        if self.substrate is not None and not np.isfinite(self.layer.thickness):
+            raise InputError(
+                'a layer on a substrate needs its thickness: give layer.thickness, e.g. "1.5 mm" in a scene '
+                "file, or leave the substrate out for a half-space"
             )
 
     def contact_law(
