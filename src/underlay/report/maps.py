@@ -39,14 +39,9 @@ _MIDDLE = (0.5, 0.16, 0.84)
 
 def is_map(path: str | os.PathLike[str]) -> bool:
     """Whether a file is the table of a map: Parquet, or a CSV with its header."""
-    source = Path(path)
-    if source.suffix.lower() == ".parquet":
+    if Path(path).suffix.lower() == ".parquet":
         return True
-    try:
-        with source.open("rb") as file:
-            return file.read(len(_HEADER)) == _HEADER.encode()
-    except OSError as error:
-        raise FileAccessError(f"cannot open {str(source)!r}: {error.strerror or error}") from error
+    return read_start(path, len(_HEADER)) == _HEADER.encode()
 
 
 def read_map(path: str | os.PathLike[str]) -> pd.DataFrame:

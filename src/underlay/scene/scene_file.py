@@ -26,7 +26,6 @@ needs no change here.
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +33,8 @@ from typing import Any
 
 import numpy as np
 
-from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
+from underlay._door import FileKind, parse_toml, printable, read_text, understood
+from underlay.errors import InputError, UnderlayError
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
@@ -53,7 +53,8 @@ from underlay.scene.scene_schema import (
 
 __all__ = ["SceneFile", "SimulatedDepths", "load_scene", "read_scene_file", "scene_from_text"]
 
-_LARGEST_FILE = 1_000_000  # bytes; a scene is a page of text
+# A scene is a page of text.
+_KIND = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
 
 
 @dataclass(frozen=True)
@@ -123,10 +124,8 @@ def scene_from_text(text: str) -> Scene:
     InputError
         If a section, key, unit or value is not allowed.
     """
-    try:
-        document = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FileFormatError(f"the text of the scene is not TOML: {error}") from error
+    with understood("the text of the scene", _KIND):
+        document = parse_toml(text)
     return _interpret(document, Path("scene.toml")).scene
 
 
@@ -143,26 +142,12 @@ def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
         If a section, key, unit or value is not allowed; the message names file, section and key.
     """
     source = Path(path)
-    document = _read_toml(source)
+    with understood(source, _KIND):
+        document = parse_toml(read_text(source, _KIND))
     try:
         return _interpret(document, source)
     except UnderlayError as error:
-        raise type(error)(f"{source.name}: {error}") from error
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        if not path.is_file():
-            raise FileAccessError(f"scene file {path} does not exist or is not a file")
-        if path.stat().st_size > _LARGEST_FILE:
-            raise FileFormatError(f"{path} is larger than a scene file can be (1 MB)")
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as error:
-        if isinstance(error, FileAccessError):
-            raise
-        raise FileAccessError(f"cannot read scene file {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FileFormatError(f"{path} is not a TOML file: {error}") from error
+        raise type(error)(f"{printable(source.name)}: {error}") from error
 
 
 _SECTIONS = (

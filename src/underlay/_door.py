@@ -1,0 +1,300 @@
+"""The one door through which every file comes in: curves, scenes, tables, results, chains.
+
+A file may come from anybody. Here it is opened only if it is a regular file, so that no pipe is waited for
+and no device read without end; it is taken in up to a size that its kind states; and whatever the parser
+behind the door makes of its content (a number of 5000 digits, lists in lists, a false promise of a billion
+points) becomes one error of ours that names the file and says what to do. No other module opens a file to
+read it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import re
+import stat
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from underlay.errors import FileAccessError, FileFormatError, UnderlayError
+
+__all__ = [
+    "FileKind",
+    "PathLike",
+    "parse_json",
+    "parse_toml",
+    "printable",
+    "read_bytes",
+    "read_start",
+    "read_text",
+    "require_regular",
+    "sha256_of",
+    "understood",
+]
+
+PathLike: TypeAlias = str | os.PathLike[str]
+
+_MB = 1_000_000
+_PIECE = 16 * _MB
+# Our own files nest about ten deep; what is walked by recursion later must stay far from Python's limit.
+_DEEPEST = 50
+# An empty list takes 60 bytes of memory for its two in the text, so their number is bounded too.
+_MOST_CONTAINERS = 2_000_000
+_LONGEST_INTEGER = 20  # digits: the largest of 64 bits has 20
+_LONGEST_KEY = 16  # parts of a dotted key: a scene file has three, and the time of tomllib grows as their square
+# Strings and comments of TOML, whose dots are no parts of a key. One without an end takes the rest, so that
+# no place is looked at twice: tomllib refuses it anyhow.
+_TOML_TEXT = re.compile(
+    r'"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)'
+    r'|"(?:[^"\\\n]|\\[^\n])*+"?|\'[^\'\n]*+\'?|#[^\n]*+',
+    re.DOTALL,
+)
+_LONG_KEY = re.compile(r"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){%d}" % _LONGEST_KEY)
+
+
+@dataclass(frozen=True)
+class FileKind:
+    """What a file is meant to be.
+
+    Parameters
+    ----------
+    name : str
+        With its article, for messages: "a scene file".
+    largest : int
+        Most bytes that are taken in.
+    advice : str
+        What to do with one that is damaged or too large.
+    """
+
+    name: str
+    largest: int
+    advice: str
+
+
+# Any file whose content is only hashed: larger than all that is read.
+_ANY = FileKind("a file that is read here", 4096 * _MB, "split it first")
+
+
+def read_bytes(path: PathLike, kind: FileKind) -> bytes:
+    """Take in a file.
+
+    Raises
+    ------
+    FileAccessError
+        If it is missing, unreadable, a directory, a pipe or another special file.
+    FileFormatError
+        If it is larger than its kind may be.
+    """
+    with _regular(path, kind) as stream:
+        return b"".join(_pieces(stream, path, kind))
+
+
+def read_text(path: PathLike, kind: FileKind) -> str:
+    """Take in a text file in UTF-8, with or without its mark; see `read_bytes`.
+
+    Raises
+    ------
+    FileAccessError, FileFormatError
+        As `read_bytes`, or if it is no such text.
+    """
+    data = read_bytes(path, kind)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileFormatError(
+            f"{printable(path)} is not {kind.name}: byte {error.start} is not text in UTF-8; {kind.advice}"
+        ) from error
+
+
+def read_start(path: PathLike, size: int) -> bytes:
+    """Return the first `size` bytes of a file, to see what it is."""
+    with _regular(path, None) as stream:
+        return next(_pieces(stream, path, _ANY, size), b"")
+
+
+def sha256_of(path: PathLike) -> str:
+    """SHA-256 of a file, read in pieces."""
+    digest = hashlib.sha256()
+    with _regular(path, _ANY) as stream:
+        for piece in _pieces(stream, path, _ANY):
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def require_regular(path: PathLike, kind: FileKind | None = None) -> None:
+    """Refuse what is no regular file or too large, for libraries that open a path themselves.
+
+    Raises
+    ------
+    FileAccessError, FileFormatError
+        As `read_bytes`.
+    """
+    with _regular(path, kind):
+        pass
+
+
+@contextmanager
+def understood(name: PathLike, kind: FileKind) -> Iterator[None]:
+    """Turn whatever the code inside makes of a file's content into an error of ours.
+
+    Only parsing belongs inside: what is raised there is taken for the file's fault.
+
+    Parameters
+    ----------
+    name : str or path
+        What the file is called in the message.
+    kind : FileKind
+        What it is meant to be.
+
+    Raises
+    ------
+    FileFormatError
+        For every exception that is not one of ours.
+    """
+    try:
+        yield
+    except UnderlayError:
+        raise
+    except Exception as error:
+        raise FileFormatError(
+            f"{printable(name)} is not {kind.name}, or damaged: {_in_words(error)}; {kind.advice}"
+        ) from error
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Read JSON that is neither nested nor filled beyond reason; for use inside `understood`.
+
+    Raises
+    ------
+    ValueError, RecursionError
+        If it is not JSON, or goes beyond the bounds.
+    """
+    brackets = (b"[", b"{") if isinstance(text, bytes) else ("[", "{")
+    if sum(text.count(bracket) for bracket in brackets) > _MOST_CONTAINERS:  # type: ignore[arg-type]  # of its own kind
+        raise ValueError(f"more than {_MOST_CONTAINERS} lists and tables")
+    return _checked(json.loads(text, parse_int=_integer))
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Read TOML whose keys and tables are not nested beyond reason; for use inside `understood`.
+
+    Raises
+    ------
+    ValueError, RecursionError
+        If it is not TOML, or goes beyond the bounds.
+    """
+    if _LONG_KEY.search(_TOML_TEXT.sub("s", text)):
+        raise ValueError(f"a key has more than {_LONGEST_KEY} parts")
+    document: dict[str, Any] = _checked(tomllib.loads(text))
+    return document
+
+
+def printable(name: PathLike) -> str:
+    r"""Return the name of a file as one line that can be printed and stored anywhere.
+
+    Names of files are bytes: one that is not UTF-8 (from an old disk, say) is shown with ``\xe9`` in it.
+
+    Examples
+    --------
+    >>> printable("na\udce9me.csv"), printable("two\nlines.csv")
+    ('na\\xe9me.csv', 'two\\nlines.csv')
+    """
+    text = os.fspath(name).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+@contextmanager
+def _regular(path: PathLike, kind: FileKind | None) -> Iterator[io.FileIO]:
+    """Open a file without waiting on it, and close it again if it is not a regular one or too large."""
+    try:
+        # Without O_NONBLOCK, opening a FIFO waits for a writer for ever.
+        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        stream = io.FileIO(os.open(path, flags), "rb")
+    except (OSError, ValueError, TypeError) as error:
+        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        raise FileAccessError(f"cannot open {_quoted(path)}: {reason}") from error
+    with stream:
+        status = os.fstat(stream.fileno())
+        if not stat.S_ISREG(status.st_mode):
+            is_folder = stat.S_ISDIR(status.st_mode)
+            what = "a directory; name one file in it" if is_folder else "a pipe or device, not a file"
+            raise FileAccessError(f"cannot read {_quoted(path)}: it is {what}")
+        if kind is not None and status.st_size > kind.largest:
+            raise FileFormatError(_too_large(path, kind))
+        yield stream
+
+
+def _pieces(stream: io.FileIO, path: PathLike, kind: FileKind, size: int = -1) -> Iterator[bytes]:
+    """Content in pieces: never more than its kind may hold, whatever the file claimed or grows to."""
+    left = kind.largest + 1 if size < 0 else size
+    while left > 0:
+        try:
+            piece = stream.read(min(left, _PIECE))
+        except OSError as error:
+            raise FileAccessError(
+                f"cannot read {_quoted(path)}: {error.strerror or error}"
+            ) from error
+        if piece is None:  # some files of the operating system have nothing to say yet
+            raise FileAccessError(f"cannot read {_quoted(path)}: it is a pipe or device, not a file")
+        if not piece:
+            return
+        left -= len(piece)
+        if left <= 0 and size < 0:
+            raise FileFormatError(_too_large(path, kind))
+        yield piece
+
+
+def _too_large(path: PathLike, kind: FileKind) -> str:
+    return (
+        f"{printable(path)} holds more than the {kind.largest / _MB:.0f} MB that are read of {kind.name}; "
+        f"{kind.advice}"
+    )
+
+
+def _quoted(path: Any) -> str:
+    return f"'{printable(path)}'" if isinstance(path, str | os.PathLike) else repr(path)[:200]
+
+
+def _integer(digits: str) -> int:
+    if len(digits) > _LONGEST_INTEGER:
+        raise ValueError(f"an integer of {len(digits)} digits")
+    return int(digits)
+
+
+def _checked(document: Any) -> Any:
+    """Refuse what is nested too deeply or holds an integer that no number here can be."""
+    level, deep = [document], 0
+    while level:
+        deep += 1
+        if deep > _DEEPEST:
+            raise ValueError(f"nested more than {_DEEPEST} deep")
+        below: list[Any] = []
+        for part in level:
+            below += _containers(part)
+        level = below
+    return document
+
+
+def _containers(part: Any) -> Iterator[Any]:
+    values = part.values() if isinstance(part, dict) else part if isinstance(part, list) else (part,)
+    for value in values:
+        if isinstance(value, dict | list):
+            yield value
+        elif type(value) is int and abs(value) >> 64:
+            raise ValueError("an integer beyond 64 bits")
+
+
+def _in_words(error: Exception) -> str:
+    if isinstance(error, KeyError):
+        return f"it lacks {printable(str(error))[:80]}"
+    if isinstance(error, MemoryError):
+        return "it claims more than fits into memory"
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    told = printable(" ".join(str(error).split()))[:120]
+    return told if told and isinstance(error, ValueError) else f"{type(error).__name__} {told}".strip()
