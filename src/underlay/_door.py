@@ -11,11 +11,8 @@ from __future__ import annotations
 
 import hashlib
 import io
-import json
 import os
-import re
 import stat
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,8 +23,6 @@ from underlay.errors import FileAccessError, FileFormatError, UnderlayError
 __all__ = [
     "FileKind",
     "PathLike",
-    "parse_json",
-    "parse_toml",
     "printable",
     "read_bytes",
     "read_start",
@@ -41,20 +36,6 @@ PathLike: TypeAlias = str | os.PathLike[str]
 
 _MB = 1_000_000
 _PIECE = 16 * _MB
-# Our own files nest about ten deep; what is walked by recursion later must stay far from Python's limit.
-_DEEPEST = 50
-# An empty list takes 60 bytes of memory for its two in the text, so their number is bounded too.
-_MOST_CONTAINERS = 2_000_000
-_LONGEST_INTEGER = 20  # digits: the largest of 64 bits has 20
-_LONGEST_KEY = 16  # parts of a dotted key: a scene file has three, and the time of tomllib grows as their square
-# Strings and comments of TOML, whose dots are no parts of a key. One without an end takes the rest, so that
-# no place is looked at twice: tomllib refuses it anyhow.
-_TOML_TEXT = re.compile(
-    r'"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)'
-    r'|"(?:[^"\\\n]|\\[^\n])*+"?|\'[^\'\n]*+\'?|#[^\n]*+',
-    re.DOTALL,
-)
-_LONG_KEY = re.compile(r"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){%d}" % _LONGEST_KEY)
 
 
 @dataclass(frozen=True)
@@ -158,40 +139,16 @@ def understood(name: PathLike, kind: FileKind) -> Iterator[None]:
     """
     try:
         yield
+    except FileFormatError as error:
+        if printable(os.path.basename(name)) in str(error):  # noqa: PTH119  of any kind of path
+            raise
+        raise FileFormatError(f"{printable(name)}: {error}; {kind.advice}") from error
     except UnderlayError:
         raise
     except Exception as error:
         raise FileFormatError(
             f"{printable(name)} is not {kind.name}, or damaged: {_in_words(error)}; {kind.advice}"
         ) from error
-
-
-def parse_json(text: str | bytes) -> Any:
-    """Read JSON that is neither nested nor filled beyond reason; for use inside `understood`.
-
-    Raises
-    ------
-    ValueError, RecursionError
-        If it is not JSON, or goes beyond the bounds.
-    """
-    brackets = (b"[", b"{") if isinstance(text, bytes) else ("[", "{")
-    if sum(text.count(bracket) for bracket in brackets) > _MOST_CONTAINERS:  # type: ignore[arg-type]  # of its own kind
-        raise ValueError(f"more than {_MOST_CONTAINERS} lists and tables")
-    return _checked(json.loads(text, parse_int=_integer))
-
-
-def parse_toml(text: str) -> dict[str, Any]:
-    """Read TOML whose keys and tables are not nested beyond reason; for use inside `understood`.
-
-    Raises
-    ------
-    ValueError, RecursionError
-        If it is not TOML, or goes beyond the bounds.
-    """
-    if _LONG_KEY.search(_TOML_TEXT.sub("s", text)):
-        raise ValueError(f"a key has more than {_LONGEST_KEY} parts")
-    document: dict[str, Any] = _checked(tomllib.loads(text))
-    return document
 
 
 def printable(name: PathLike) -> str:
@@ -236,9 +193,7 @@ def _pieces(stream: io.FileIO, path: PathLike, kind: FileKind, size: int = -1) -
         try:
             piece = stream.read(min(left, _PIECE))
         except OSError as error:
-            raise FileAccessError(
-                f"cannot read {_quoted(path)}: {error.strerror or error}"
-            ) from error
+            raise FileAccessError(f"cannot read {_quoted(path)}: {error.strerror or error}") from error
         if piece is None:  # some files of the operating system have nothing to say yet
             raise FileAccessError(f"cannot read {_quoted(path)}: it is a pipe or device, not a file")
         if not piece:
@@ -258,35 +213,6 @@ def _too_large(path: PathLike, kind: FileKind) -> str:
 
 def _quoted(path: Any) -> str:
     return f"'{printable(path)}'" if isinstance(path, str | os.PathLike) else repr(path)[:200]
-
-
-def _integer(digits: str) -> int:
-    if len(digits) > _LONGEST_INTEGER:
-        raise ValueError(f"an integer of {len(digits)} digits")
-    return int(digits)
-
-
-def _checked(document: Any) -> Any:
-    """Refuse what is nested too deeply or holds an integer that no number here can be."""
-    level, deep = [document], 0
-    while level:
-        deep += 1
-        if deep > _DEEPEST:
-            raise ValueError(f"nested more than {_DEEPEST} deep")
-        below: list[Any] = []
-        for part in level:
-            below += _containers(part)
-        level = below
-    return document
-
-
-def _containers(part: Any) -> Iterator[Any]:
-    values = part.values() if isinstance(part, dict) else part if isinstance(part, list) else (part,)
-    for value in values:
-        if isinstance(value, dict | list):
-            yield value
-        elif type(value) is int and abs(value) >> 64:
-            raise ValueError("an integer beyond 64 bits")
 
 
 def _in_words(error: Exception) -> str:

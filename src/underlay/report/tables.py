@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,7 +37,6 @@ __all__ = [
     "reservations_table",
     "source_rows",
 ]
-
 
 
 def fit_table(result: Fit) -> pd.DataFrame:

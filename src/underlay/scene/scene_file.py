@@ -33,7 +33,8 @@ from typing import Any
 
 import numpy as np
 
-from underlay._door import FileKind, parse_toml, printable, read_text, understood
+from underlay._documents import parse_toml
+from underlay._door import FileKind, printable, read_text, understood
 from underlay.errors import InputError, UnderlayError
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Indenter
