@@ -30,6 +30,7 @@ _TOML_TEXT = re.compile(
     re.DOTALL,
 )
 _LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_LONGEST_KEY}}}")
+_LONG_NUMBER = re.compile(rf"(?<![\w.])\d[\d_]{{{_LONGEST_INTEGER},}}+(?![\w.])")
 
 
 def parse_json(text: str) -> Any:
@@ -53,8 +54,11 @@ def parse_toml(text: str) -> dict[str, Any]:
     ValueError, RecursionError
         If it is not TOML, or goes beyond the bounds.
     """
-    if _LONG_KEY.search(_TOML_TEXT.sub("s", text)):
+    bare = _TOML_TEXT.sub("s", text)
+    if _LONG_KEY.search(bare):
         raise ValueError(f"a key has more than {_LONGEST_KEY} parts")
+    if _LONG_NUMBER.search(bare):
+        raise ValueError(f"an integer of more than {_LONGEST_INTEGER} digits")
     document: dict[str, Any] = _checked(tomllib.loads(text))
     return document
 

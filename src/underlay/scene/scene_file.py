@@ -148,9 +148,11 @@ def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
     try:
         return _interpret(document, source)
     except UnderlayError as error:
-        raise type(error)(f"{printable(source.name)}: {error}") from error
+        # A key or value of a hostile file may be as long as the file.
+        raise type(error)(f"{printable(source.name)}: {printable(str(error))[:_LONGEST_MESSAGE]}") from error
 
 
+_LONGEST_MESSAGE = 1000
 _SECTIONS = (
     "title",
     "indenter",
@@ -205,7 +207,7 @@ def _table(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 def _indenter(table: dict[str, Any]) -> Indenter:
     shapes = {shape.shape: shape for shape in Indenter.shapes()}
     name = table.pop("shape", None)
-    if name not in shapes:
+    if not isinstance(name, str) or name not in shapes:
         raise InputError(f"[indenter] shape: {name!r} is not known; allowed: {', '.join(sorted(shapes))}")
     indenter: Indenter = _build(shapes[name], "indenter", table)
     return indenter

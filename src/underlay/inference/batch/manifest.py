@@ -35,7 +35,7 @@ _WORDS = (*_FILE, "name", *_PLACES)
 _HEADER = re.compile(r"\s*(?P<name>[^()\[\]]+?)\s*(?:[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]])?\s*")
 # A million curves with ten numbers each.
 _KIND = FileKind("a manifest (CSV)", 256_000_000, "it needs a row of names with 'file', and a row per curve")
-_MOST_COLUMNS = 1000
+_MOST_COLUMNS, _LONGEST_CELL = 1000, 1000
 _LISTED = 5
 
 
@@ -151,7 +151,13 @@ def _read(path: Path) -> pd.DataFrame:
     if head.count(separator) >= _MOST_COLUMNS:
         raise FileFormatError(f"{printable(path.name)} has more than {_MOST_COLUMNS} columns; {_KIND.advice}")
     with understood(path.name, _KIND):
-        return pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, comment="#")
+        frame = pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, comment="#")
+        longest = (
+            max(max(len(str(name)), int(frame[name].str.len().max())) for name in frame) if len(frame) else 0
+        )
+        if longest > _LONGEST_CELL:
+            raise ValueError(f"a cell of {longest} characters")
+        return frame
 
 
 def _column(header: str, scene: Scene, source: str) -> _Column:
