@@ -2,7 +2,7 @@
 
 import inspect
 import json
-import tempfile
+import warnings
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from support.posterior_cases import halfspace_curve, halfspace_problem, halfspac
 from underlay.cli.report import _read_record
 from underlay.data.export import write_curves
 from underlay.data.readers import read_all
+from underlay.errors import UnderlayWarning
 from underlay.inference.batch.fit_many import fit_many
 from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.manifest import read_manifest
@@ -95,7 +96,10 @@ def _read_curve(folder):
 
 def _posteriors(folder):
     path = folder / "posterior.npz"
-    sample(halfspace_problem(halfspace_curve(points=20)), walkers=16, max_steps=60, rng=1, progress=False).save(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnderlayWarning)  # so few steps do not converge
+        few = {"walkers": 16, "max_steps": 60, "rng": 1, "progress": False}
+        sample(halfspace_problem(halfspace_curve(points=20)), **few).save(path)
     yield Seed("posterior", "posterior", ".npz", path.read_bytes(), _read_posterior)
     # Uncompressed, so that damage reaches the numbers and the document.
     with np.load(path) as file:
@@ -126,8 +130,17 @@ def _read_chain(path):
 
 
 def _maps(folder):
-    curves = [halfspace_curve(points=20, seed=number).with_metadata(name=f"site {number}") for number in range(3)]
-    fit_many(curves, halfspace_scene(), {"layer.E": (1e4, 1e8)}, output=folder / "map.csv", workers=1, progress=False)
+    curves = [
+        halfspace_curve(points=20, seed=number).with_metadata(name=f"site {number}") for number in range(3)
+    ]
+    fit_many(
+        curves,
+        halfspace_scene(),
+        {"layer.E": (1e4, 1e8)},
+        output=folder / "map.csv",
+        workers=1,
+        progress=False,
+    )
     yield Seed("map", "csv", ".csv", (folder / "map.csv").read_bytes(), _read_map)
     maps.read_map(folder / "map.csv").to_parquet(folder / "map.parquet")
     yield Seed("map", "parquet", ".parquet", (folder / "map.parquet").read_bytes(), _read_map)
@@ -149,7 +162,11 @@ def _journals(folder):
 
 
 def _journal(path, *, resume):
-    rows = {"is_row": lambda text: text.count(",") == 1} if "is_row" in inspect.signature(Journal).parameters else {}
+    rows = (
+        {"is_row": lambda text: text.count(",") == 1}
+        if "is_row" in inspect.signature(Journal).parameters
+        else {}
+    )
     return Journal(path, json.loads(json.dumps(IDENTITY)), resume=resume, **rows)
 
 

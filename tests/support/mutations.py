@@ -12,8 +12,8 @@ HOSTILE = (
 )  # fmt: skip
 #: Values of every kind, as text files write them.
 KINDS = (
-    b'""', b'"text"', b"7", b"-1", b"1e999", b"null", b"true", b"[]", b"{}", b"[[1, 2], [3]]", b'{"a": "b"}', b"NaN",
-    b'"1 m"', b'"1e-320 m"', b'"3 kPa"', b"[1, \"a\", null]",
+    b'""', b'"text"', b"7", b"-1", b"{}", b"1e999", b"null", b"true", b"[]", b"[[1, 2], [3]]", b'{"a": "b"}',
+    b"NaN",    b'"1 m"', b'"1e-320 m"', b'"3 kPa"', b'[1, "a", null]',
 )  # fmt: skip
 BLOWN = (
     b"[" * 100_000, b'{"a":' * 20_000, b"a." * 20_000, b"1" * 5000, b"1" * 4000, b"x" * 140_000,
