@@ -427,6 +427,14 @@ def test_manifests_that_are_no_tables(tmp_path):
             read_manifest(path, scene)
 
 
+def test_a_manifest_whose_rows_are_longer_than_its_header(tmp_path):
+    """A comma at the end of each row shifted every number under the name of its neighbour."""
+    path = tmp_path / "m.csv"
+    path.write_text("file,radius (um),x (mm)\na.csv,500,1,\nb.csv,510,2,\n")
+    with pytest.raises(FileFormatError, match="more cells than there are names"):
+        read_manifest(path, halfspace_problem().base_scenes[0])
+
+
 def test_tables_of_maps_whose_numbers_are_none(tmp_path):
     path = tmp_path / "map.csv"
     for header, row in {

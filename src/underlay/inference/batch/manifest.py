@@ -152,11 +152,13 @@ def _read(path: Path) -> pd.DataFrame:
         raise FileFormatError(f"{printable(path.name)} has more than {_MOST_COLUMNS} columns; {_KIND.advice}")
     with understood(path.name, _KIND):
         frame = pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, comment="#")
-        longest = (
-            max(max(len(str(name)), int(frame[name].str.len().max())) for name in frame) if len(frame) else 0
-        )
+        if not isinstance(frame.index, pd.RangeIndex):
+            # Otherwise every cell would be read under its neighbour's name.
+            raise ValueError("its rows have more cells than there are names")
+        lengths = [frame[name].str.len().max() for name in frame] if len(frame) else []
+        longest = max([*lengths, *(len(str(name)) for name in frame)])
         if longest > _LONGEST_CELL:
-            raise ValueError(f"a cell of {longest} characters")
+            raise ValueError(f"a cell of {longest:.0f} characters")
         return frame
 
 
