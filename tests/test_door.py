@@ -6,7 +6,6 @@ Every command here runs in a process of its own with a limit on its time and its
 import io
 import json
 import os
-import resource
 import subprocess
 import sys
 import zipfile
@@ -60,52 +59,63 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def refused(*words):
-    """Standard error of a command that must end with exit code 2 and one line."""
+#: Runs commands one after the other as the command line does, and says how each ended.
+COMMANDS = """
+import contextlib, io, json, resource, sys
+resource.setrlimit(resource.RLIMIT_DATA, (3 * 2**30, 3 * 2**30))
+from underlay.cli.app import main
+for words in json.loads(sys.argv[1]):
+    said = io.StringIO()
+    sys.argv = ["underlay", *words.split()]
+    try:
+        with contextlib.redirect_stderr(said):
+            main()
+        code = 0
+    except SystemExit as end:
+        code = end.code
+    print(json.dumps([words, code, said.getvalue()]), flush=True)
+"""
 
-    def bounded():
-        resource.setrlimit(resource.RLIMIT_DATA, (3 * 2**30, 3 * 2**30))
 
+def refused(*commands):
+    """What commands say that must each end with exit code 2 and one line, in bounded time and memory."""
     done = subprocess.run(
-        [sys.executable, "-m", "underlay", *words],
+        [sys.executable, "-c", COMMANDS, json.dumps(commands)],
         capture_output=True,
         text=True,
         check=False,
-        timeout=60,
-        preexec_fn=bounded,
+        timeout=120,
     )
-    assert done.returncode == 2, done.stderr[-2000:]
-    assert done.stderr.count("\n") == 1, done.stderr[-2000:]
-    assert len(done.stderr) < 2000
-    return done.stderr
+    assert done.returncode == 0, done.stderr[-2000:]
+    ended = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[")]
+    assert [words for words, _, _ in ended] == list(commands)
+    for words, code, said in ended:
+        assert code == 2, (words, said[-2000:])
+        assert said.count("\n") == 1, (words, said)
+        assert len(said) < 2000, words
+    return [said for _, _, said in ended]
 
 
 # --- files that are none ----------------------------------------------------------------------------------
 
 
 @needs_pipes
-@pytest.mark.parametrize(
-    "words",
-    [
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no such device on this system")  # noqa: PTH110
+def test_pipes_and_devices_are_refused_by_every_command(folder):
+    for name in ("pipe", "pipe.npz", "pipe.json", "pipe.csv"):
+        os.mkfifo(folder / name)
+    (folder / "zero.json").symlink_to("/dev/zero")
+    told = refused(
         "report pipe",
         "report pipe.npz",
         "report pipe.json",
+        "report zero.json",
         "fit pipe --scene scene.toml",
         "fit curve.csv --scene pipe",
         "map curves --scene scene.toml --manifest pipe.csv",
-    ],
-)
-def test_a_pipe_is_refused_by_every_command(words, folder):
-    for name in ("pipe", "pipe.npz", "pipe.json", "pipe.csv"):
-        os.mkfifo(folder / name)
-    assert "pipe or device" in refused(*words.split())
-
-
-@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no such device on this system")  # noqa: PTH110
-@pytest.mark.parametrize("words", ["report zero.json", "map curves --scene scene.toml --manifest zero.json"])
-def test_a_device_without_end_is_refused_by_every_command(words, folder):
-    (folder / "zero.json").symlink_to("/dev/zero")
-    assert "pipe or device" in refused(*words.split())
+        "map curves --scene scene.toml --manifest zero.json",
+    )
+    assert all("pipe or device" in said for said in told)
 
 
 @needs_pipes
@@ -208,9 +218,11 @@ def test_dots_in_strings_and_comments_of_toml_are_no_key():
 
 
 def test_damaged_records_on_the_command_line(folder):
-    for name, text in {"deep": "[" * 100_000, "digits": '{"a":' + "1" * 5000 + "}", "byte": "\udce9"}.items():
+    texts = {"deep": "[" * 100_000, "digits": '{"a":' + "1" * 5000 + "}", "byte": "\udce9"}
+    for name, text in texts.items():
         (folder / f"{name}.json").write_bytes(text.encode("utf-8", "surrogateescape"))
-        assert "is not a result of underlay fit" in refused("report", f"{name}.json")
+    told = refused(*(f"report {name}.json" for name in texts))
+    assert all("is not a result of underlay fit" in said for said in told)
 
 
 # --- sizes ------------------------------------------------------------------------------------------------
@@ -250,26 +262,23 @@ def test_depths_that_are_no_lengths():
         check_fittable(Curve(curve.depth * 1e-300, curve.force))
 
 
-def test_a_constant_force_and_tiny_depths_on_the_command_line(folder):
-    rows = [f"{d},3" for d in range(50)]
-    (folder / "constant.csv").write_text("\n".join(["depth (um),force (uN)", *rows]))
-    assert "no contact" in refused("fit", "constant.csv", "--scene", "scene.toml")
-    (folder / "tiny.csv").write_text(
-        "\n".join(["depth (m),force (uN)", *(f"{d}e-304,{d}" for d in range(50))])
-    )
-    assert "not a physical length" in refused("fit", "tiny.csv", "--scene", "scene.toml")
-
-
-@pytest.mark.parametrize("where", ["names", "cell", "first line"])
-def test_a_line_longer_than_the_csv_module_takes(where, folder):
-    long = '"' + "x" * 140_000 + '"'
-    lines = CURVE.splitlines()
-    if where == "first line":
-        lines.insert(0, long)
-    else:
-        lines[0 if where == "names" else 20] += f",{long}"
-    (folder / "long.csv").write_text("\n".join(lines))
-    assert "long.csv" in refused("fit", "long.csv", "--scene", "scene.toml")
+def test_curves_that_are_none_on_the_command_line(folder):
+    """A constant force, depths of 1e-304 m, and lines longer than Python's csv module takes."""
+    lines, long = CURVE.splitlines(), '"' + "x" * 140_000 + '"'
+    made = {
+        "constant": ["depth (um),force (uN)", *(f"{d},3" for d in range(50))],
+        "tiny": ["depth (m),force (uN)", *(f"{d}e-304,{d}" for d in range(50))],
+        "names": [f"{lines[0]},{long}", *lines[1:]],
+        "cell": [*lines[:20], f"{lines[20]},{long}", *lines[21:]],
+        "before": [long, *lines],
+    }
+    for name, rows in made.items():
+        (folder / f"{name}.csv").write_text("\n".join(rows))
+    told = refused(*(f"fit {name}.csv --scene scene.toml" for name in made))
+    for said, words in zip(
+        told, ("no contact", "not a physical length", "names.csv", "140", "before.csv"), strict=True
+    ):
+        assert words in said
 
 
 # --- arrays and chains ------------------------------------------------------------------------------------

@@ -154,7 +154,7 @@ def _read(path: Path) -> pd.DataFrame:
         frame = pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, comment="#")
         if not isinstance(frame.index, pd.RangeIndex):
             # Otherwise every cell would be read under its neighbour's name.
-            raise ValueError("its rows have more cells than there are names")
+            raise ValueError("its rows have more cells than there are names")  # noqa: TRY004  of a file
         lengths = [frame[name].str.len().max() for name in frame] if len(frame) else []
         longest = max([*lengths, *(len(str(name)) for name in frame)])
         if longest > _LONGEST_CELL:
