@@ -169,6 +169,7 @@ DOORS = {
         "os.open",
         "os.fdopen",
     },  # pipes, and files of the operating system
+    "inference/batch/worker": {"open", "os.open", "os.fdopen"},  # its pipes
     "inference/sampling/chain_file": {"library.File"},  # after require_regular
     "report/maps": {"pd.read_csv"},  # bytes in memory
     "report/execution": {"open"},  # writes a log
@@ -183,7 +184,8 @@ def opening_calls(path):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
             name = ast.unparse(node.func)
             last = name.rpartition(".")[2]
-            if name in OPENS_DOTTED or last in OPENS:
+            # A bare name but `open` is a function of the door.
+            if name in OPENS_DOTTED or name == "open" or (last in OPENS and name != last):
                 yield name if name.replace(".", "").replace("_", "").isalnum() else last
 
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from underlay.errors import InputError
 
-#: The size of an atomic nucleus (m): no indenter, layer or indentation is smaller, and quotients of smaller ones
+#: A thousandth of a proton (m): no indenter, layer or indentation is smaller, and quotients of much smaller ones
 #: leave the range of a double.
-SMALLEST_LENGTH = 1e-15
+SMALLEST_LENGTH = 1e-18
 
 FloatArray: TypeAlias = NDArray[np.float64]
 #: A number, a sequence of numbers, a numpy array or a pandas Series.

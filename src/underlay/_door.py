@@ -171,16 +171,17 @@ def _regular(path: PathLike, kind: FileKind | None) -> Iterator[io.FileIO]:
     try:
         # Without O_NONBLOCK, opening a FIFO waits for a writer for ever.
         flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-        stream = io.FileIO(os.open(path, flags), "rb")
+        descriptor = os.open(path, flags)
     except (OSError, ValueError, TypeError) as error:
         reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
         raise FileAccessError(f"cannot open {_quoted(path)}: {reason}") from error
-    with stream:
-        status = os.fstat(stream.fileno())
+    status = os.fstat(descriptor)
+    if stat.S_ISDIR(status.st_mode):
+        os.close(descriptor)
+        raise FileAccessError(f"cannot read {_quoted(path)}: it is a directory; name one file in it")
+    with io.FileIO(descriptor, "rb") as stream:
         if not stat.S_ISREG(status.st_mode):
-            is_folder = stat.S_ISDIR(status.st_mode)
-            what = "a directory; name one file in it" if is_folder else "a pipe or device, not a file"
-            raise FileAccessError(f"cannot read {_quoted(path)}: it is {what}")
+            raise FileAccessError(f"cannot read {_quoted(path)}: it is a pipe or device, not a file")
         if kind is not None and status.st_size > kind.largest:
             raise FileFormatError(_too_large(path, kind))
         yield stream
