@@ -163,7 +163,8 @@ def run_child(start, size):
     if child.returncode:
         error = f"exit {child.returncode}: {child.stderr[-800:]}"
         return {"outcomes": {}, "failures": [{"seed": seeds_tried, "error": error}]}
-    result = json.loads(child.stdout)
+    # A library may have printed something before.
+    result = json.loads(child.stdout.rpartition("\n")[2])
     if left:
         result["failures"].append({"seed": seeds_tried, "error": f"left files behind: {left}"})
     return result
@@ -205,7 +206,7 @@ def main():
     arguments = parser.parse_args()
     if arguments.chunk:
         first, count, folder = arguments.chunk
-        sys.stdout.write(json.dumps(run_chunk(int(first), int(count), folder)))
+        sys.stdout.write("\n" + json.dumps(run_chunk(int(first), int(count), folder)))
         return 0
     result = run(arguments.count, arguments.first, arguments.workers)
     text = json.dumps(result, indent=2) + "\n"

@@ -268,7 +268,7 @@ def parse_quantity(value: str | float, kind: str) -> float:
     if not unit and kind != "dimensionless":
         raise UnitError(f"{value!r:.80} has no unit; {_article(kind)} takes one of {_offer(wanted)}")
     scaled = _scaled(number, unit, kind)
-    if scaled and not _SMALLEST <= abs(scaled) <= _LARGEST:
+    if kind != "dimensionless" and scaled and not _SMALLEST <= abs(scaled) <= _LARGEST:
         raise UnitError(
             f"{_article(kind)} of {value!r:.80} is not physical: its size must be from {_SMALLEST:g} to "
             f"{_LARGEST:g} in SI, or zero; is the exponent right?"
