@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from underlay._text import one_line
 from underlay.errors import FileAccessError, FileFormatError, UnderlayError
 
 __all__ = [
@@ -152,17 +153,8 @@ def understood(name: PathLike, kind: FileKind) -> Iterator[None]:
 
 
 def printable(name: PathLike) -> str:
-    r"""Return the name of a file as one line that can be printed and stored anywhere.
-
-    Names of files are bytes: one that is not UTF-8 (from an old disk, say) is shown with ``\xe9`` in it.
-
-    Examples
-    --------
-    >>> printable("na\udce9me.csv"), printable("two\nlines.csv")
-    ('na\\xe9me.csv', 'two\\nlines.csv')
-    """
-    text = os.fspath(name).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+    """Return the name of a file as one line that can be printed and stored anywhere; see `one_line`."""
+    return one_line(os.fspath(name))
 
 
 @contextmanager

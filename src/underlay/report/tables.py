@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._door import sha256_of
+from underlay._text import one_line
 from underlay.inference.fitting.provenance import version_record
 from underlay.report.intervals import estimates
 from underlay.report.labels import label
@@ -227,8 +228,8 @@ def source_rows(files: Iterable[str]) -> dict[str, str]:
 
 
 def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
-    """Make a table whose first column labels the rows."""
-    frame = pd.DataFrame(rows)
+    """Make a table whose first column labels the rows; what came from a file is one printable line in it."""
+    frame = pd.DataFrame([{name: one_line(text) for name, text in row.items()} for row in rows])
     # The first column's name goes beside the others': pandas would give the index a header row of its own.
     return frame.set_index(frame.columns[0]).rename_axis(index=None, columns=frame.columns[0])
 

@@ -65,7 +65,8 @@ class Journal:
                 f"{path} holds a run already: continue it with resume (--resume), or choose another output"
             )
         try:
-            self._file = path.open("r+b" if existed else "w+b", buffering=0)
+            # A new one is made, not found: a link of that name would lead out of the output.
+            self._file = path.open("r+b" if existed else "x+b", buffering=0)
         except OSError as error:
             raise FileAccessError(f"cannot open {path}: {error.strerror or error}") from error
         try:

@@ -166,7 +166,8 @@ def start_worker() -> Worker:
     path = os.pathsep.join(os.path.realpath(entry) for entry in sys.path)
     complaints = tempfile.TemporaryFile()  # noqa: SIM115  read when the process is gone
     process = subprocess.Popen(
-        [sys.executable, "-c", "from underlay.inference.batch.worker import main; main()"],
+        # Without -P it would look for every module in the folder it is started in first.
+        [sys.executable, "-P", "-c", "from underlay.inference.batch.worker import main; main()"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=complaints,
