@@ -73,6 +73,8 @@ def read_map(path: PathLike) -> pd.DataFrame:
         missing = [name for name in _TEXTS if name not in table.columns]
         if missing:
             raise ValueError(f"it has no column {missing[0]!r}")
+        if not table["verdict"].notna().any():
+            raise ValueError("it has no row with a verdict")
         errors = [name for name in map(str, table.columns) if name.endswith(_ERROR)]
         fitted = [name.removesuffix(_ERROR) for name in errors]
         known = [name for name in _NUMBERS if name in table.columns]

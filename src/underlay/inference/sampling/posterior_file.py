@@ -46,14 +46,17 @@ def parts_of(about: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]
         "log_posterior": _floats(arrays, "log_posterior", chain.shape[:2]),
         "priors": _texts(about["priors"], "priors", len(names)),
         "prior_quantiles": _floats(arrays, "prior_quantiles", (None, len(names))),
-        "derived": {
-            name: _floats(arrays, f"derived/{name}", (None, None))
-            for name in _texts(about["derived"], "derived")
-        },
+        "derived": {name: _draws(arrays, f"derived/{name}") for name in _texts(about["derived"], "derived")},
         "predictive": tuple(_band(arrays, number) for number in range(_count(about["curves"], "curves"))),
         "diagnostics": _diagnostics(about["diagnostics"]),
         "truth": _numbers_by_name(about["truth"], "truth"),
     }
+
+
+def _draws(arrays: Mapping[str, np.ndarray[Any, Any]], name: str) -> FloatArray:
+    values = _floats(arrays, name, (None, None))
+    _require(values.size and np.isfinite(values).all(), name, "finite draws, one at least")
+    return values
 
 
 def _band(arrays: Mapping[str, np.ndarray[Any, Any]], number: int) -> Predictive:
