@@ -85,6 +85,10 @@ _QUOTIENTS = {
 _SIMPLE = re.compile(r"([pnumkMG]?)(m|Pa|N|s|Hz|V|A)")
 _NAMED = {"": ("dimensionless", 1.0), "deg": ("angle", math.pi / 180.0), "rad": ("angle", 1.0)}
 
+# Sizes of a quantity, in SI, whose fifth powers (forces of profiles, products of moduli and lengths) still are
+# ordinary doubles. Nothing measured comes near either; a slip of an exponent does.
+_SMALLEST, _LARGEST = 1e-60, 1e60
+
 # What a unit may be written with. Everything else is refused before pint sees it: pint evaluates
 # expressions, and a file is not trusted with an expression.
 _UNIT = re.compile(r"[A-Za-z%°\u00b5\u03bc\u00b7*/^() .\-0-9²³]{0,40}")
@@ -269,8 +273,14 @@ def parse_quantity(value: str | float, kind: str) -> float:
     if not math.isfinite(number):
         raise UnitError(f"{_article(kind)} must be finite; got {value!r:.80}")
     if not unit and kind != "dimensionless":
-        raise UnitError(f"{value!r} has no unit; {_article(kind)} takes one of {_offer(wanted)}")
-    return _scaled(number, unit, kind)
+        raise UnitError(f"{value!r:.80} has no unit; {_article(kind)} takes one of {_offer(wanted)}")
+    scaled = _scaled(number, unit, kind)
+    if kind != "dimensionless" and scaled and not _SMALLEST <= abs(scaled) <= _LARGEST:
+        raise UnitError(
+            f"{_article(kind)} of {value!r:.80} is not physical: its size must be from {_SMALLEST:g} to "
+            f"{_LARGEST:g} in SI, or zero; is the exponent right?"
+        )
+    return scaled
 
 
 def _scaled(number: float, unit: str, kind: str) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from underlay._arrays import ArrayLike, FloatArray
+from underlay._arrays import SMALLEST_LENGTH, ArrayLike, FloatArray
 from underlay.data.equilibrium import equilibrium_points
 from underlay.data.metadata import Metadata
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
@@ -256,6 +256,12 @@ def check_fittable(curve: Curve, contact_depth: float | None = None) -> None:
     if not ((steps < 0.0) if comes_back else (steps > 0.0)).any():
         raise CurveError(
             f"{_named(curve)}: the depth never increases; check which column is the depth, and its sign"
+        )
+    deepest = float(np.abs(curve.depth).max())
+    if deepest < SMALLEST_LENGTH:
+        raise CurveError(
+            f"{_named(curve)}: the largest depth is {deepest:.3g} m, which is not a physical length (at least "
+            f"{SMALLEST_LENGTH:g} m); check the unit of the depth"
         )
     if not np.ptp(curve.force) > 0.0:
         value = "zero" if not curve.force.any() else f"the same ({curve.force[0]:.6g} N)"

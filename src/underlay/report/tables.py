@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import platform
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from underlay._door import sha256_of
 from underlay._text import one_line
-from underlay.errors import FileAccessError
 from underlay.inference.fitting.provenance import version_record
 from underlay.report.intervals import estimates
 from underlay.report.labels import label
@@ -33,7 +31,6 @@ __all__ = [
     "correlated_pairs",
     "diagnostics_table",
     "facts_table",
-    "file_hash",
     "fit_table",
     "interval_table",
     "labelled_table",
@@ -41,8 +38,6 @@ __all__ = [
     "reservations_table",
     "source_rows",
 ]
-
-_MEGABYTE = 1 << 20
 
 
 def fit_table(result: Fit) -> pd.DataFrame:
@@ -221,7 +216,7 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
     FileAccessError
         If one of the files cannot be read.
     """
-    rows = {f"file {name}": f"SHA-256 {file_hash(name)}" for name in files}
+    rows = {f"file {name}": f"SHA-256 {sha256_of(name)}" for name in files}
     record = result.provenance
     for number, curve in enumerate(record["curves"]):
         which = f" {number + 1}" if len(record["curves"]) > 1 else ""
@@ -232,24 +227,6 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
     }
     rows["versions"] = ", ".join(f"{name} {version}" for name, version in versions.items())
     return facts_table({**rows, **facts})
-
-
-def file_hash(path: str | Path) -> str:
-    """SHA-256 of a file, read in pieces.
-
-    Raises
-    ------
-    FileAccessError
-        If it cannot be read.
-    """
-    digest = hashlib.sha256()
-    try:
-        with Path(path).open("rb") as file:
-            while piece := file.read(_MEGABYTE):
-                digest.update(piece)
-    except OSError as error:
-        raise FileAccessError(f"cannot read {path}: {error.strerror or error}") from error
-    return digest.hexdigest()
 
 
 def combinations_table(told: Identifiability) -> pd.DataFrame:
@@ -267,7 +244,7 @@ def combinations_table(told: Identifiability) -> pd.DataFrame:
 
 def source_rows(files: Iterable[str]) -> dict[str, str]:
     """Return rows for `facts_table`: hashes of files, and versions of what computed."""
-    rows = {f"file {name}": f"SHA-256 {file_hash(name)}" for name in files}
+    rows = {f"file {name}": f"SHA-256 {sha256_of(name)}" for name in files}
     own = {"python": platform.python_version(), "system": platform.platform(terse=True)}
     versions = version_record(("underlay", "numpy", "scipy", "pandas")) | own
     return rows | {"versions": ", ".join(f"{name} {version}" for name, version in versions.items())}

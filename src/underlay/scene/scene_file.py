@@ -26,7 +26,6 @@ needs no change here.
 from __future__ import annotations
 
 import os
-import tomllib
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
@@ -35,7 +34,9 @@ from typing import Any
 
 import numpy as np
 
-from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError, UnderlayWarning
+from underlay._documents import parse_toml
+from underlay._door import FileKind, printable, read_text, understood
+from underlay.errors import InputError, UnderlayError, UnderlayWarning
 from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Cone, Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
@@ -67,7 +68,8 @@ __all__ = [
 _STAND_IN = "1 m"
 #: What stands in a starter scene where a number is still to be written.
 PLACE = "TODO"
-_LARGEST_FILE = 1_000_000  # bytes; a scene is a page of text
+# A scene is a page of text.
+_KIND = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
 
 
 @dataclass(frozen=True)
@@ -168,10 +170,8 @@ def scene_from_text(text: str) -> Scene:
     InputError
         If a section, key, unit or value is not allowed.
     """
-    try:
-        document = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FileFormatError(f"the text of the scene is not TOML: {error}") from error
+    with understood("the text of the scene", _KIND):
+        document = parse_toml(text)
     return _interpret(document, Path("scene.toml")).scene
 
 
@@ -188,31 +188,19 @@ def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
         If a section, key, unit or value is not allowed; the message names file, section and key.
     """
     source = Path(path)
-    document = _read_toml(source)
+    with understood(source, _KIND):
+        document = parse_toml(read_text(source, _KIND))
     try:
         return _interpret(document, source)
     except UnderlayError as error:
-        raise type(error)(f"{source.name}: {error}") from error
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        if not path.is_file():
-            raise FileAccessError(f"scene file {path} does not exist or is not a file")
-        if path.stat().st_size > _LARGEST_FILE:
-            raise FileFormatError(f"{path} is larger than a scene file can be (1 MB)")
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as error:
-        if isinstance(error, FileAccessError):
-            raise
-        raise FileAccessError(f"cannot read scene file {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FileFormatError(f"{path} is not a TOML file: {error}") from error
+        # A key or value of a hostile file may be as long as the file.
+        raise type(error)(f"{printable(source.name)}: {printable(str(error))[:_LONGEST_MESSAGE]}") from error
 
 
 #: Pyramids that are taken as the cone of the same projected area.
 EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
 
+_LONGEST_MESSAGE = 1000
 _SECTIONS = (
     "title",
     "indenter",

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 
+from underlay._door import printable
 from underlay.data.curve import Curve
 from underlay.data.readers import (
     afm,
@@ -208,7 +209,7 @@ def _is_of_kind(value: str | float, kind: str) -> bool:
 def _stamp(curve: Curve, source: Source, reader: Format) -> Curve:
     """Add to a curve where it came from."""
     return curve.with_metadata(
-        name=curve.metadata.get("name") or source.path.stem,
+        name=curve.metadata.get("name") or printable(source.path.stem),
         path=str(source.path),
         member=source.member or None,
         sha256=source.sha256,

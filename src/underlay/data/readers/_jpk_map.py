@@ -11,16 +11,18 @@ import hashlib
 import io
 import os
 import re
-import stat
 import struct
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from underlay._door import opened
 from underlay.data.readers._source import MAX_BYTES, Source
-from underlay.errors import FileAccessError, FileFormatError
+from underlay.errors import FileFormatError
 
 __all__ = ["JpkMapCurve", "curves_of_jpk_map"]
 
@@ -163,16 +165,11 @@ class _Bounded(io.FileIO):
         return super().read(-1 if size is None else size) or b""
 
 
-def _open(path: Path) -> io.FileIO:
-    """Open a regular file without waiting on it."""
-    try:
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    except OSError as error:
-        raise FileAccessError(f"cannot open {path}: {error.strerror or error}") from error
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-        os.close(descriptor)
-        raise FileAccessError(f"cannot open {path}: it is not a regular file")
-    return _Bounded(descriptor)
+@contextmanager
+def _open(path: Path) -> Iterator[io.FileIO]:
+    """Open a file of which pieces of bounded size are read."""
+    with opened(path) as stream:
+        yield _Bounded(stream.fileno(), closefd=False)
 
 
 def _inflated(data: bytes, size: int) -> bytes:

@@ -5,12 +5,12 @@ Read here and not by that package, which opens a path of its own and takes the m
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from typing import Any
 
 from underlay._arrays import FloatArray
+from underlay._documents import parse_json
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import lines_of, numbers
 from underlay.errors import FileFormatError
@@ -51,7 +51,7 @@ def read_tab(source: Source) -> tuple[dict[str, FloatArray], dict[str, Any]]:
 
 def _metadata(source: Source, comments: list[str]) -> dict[str, Any]:
     try:
-        found = json.loads("\n".join(line.lstrip("#") for line in comments))
+        found = parse_json("\n".join(line.lstrip("#") for line in comments))
     except (ValueError, RecursionError) as error:
         raise FileFormatError(f"{source.name}: its metadata are damaged JSON: {error!s:.120}") from error
     entries: Mapping[str, Any] = found if isinstance(found, dict) else {}

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import re
 from collections.abc import Sequence
 from typing import Any
 
+from underlay._documents import parse_json
 from underlay.data.curve import Curve
 from underlay.data.export import METADATA_MARK
 from underlay.data.readers._format import Format, Options
@@ -32,7 +32,7 @@ _MAX_PREAMBLE = 80
 #: Comments that carry a number, as in ``# indenter radius: 27.5 um``, and the SI unit of each.
 COMMENTED_NUMBERS = {"indenter_radius": "m", "spring_constant": "N/m", "instrument_reduced_modulus": "Pa"}
 _COMMENT = ("#", "%", "//")
-_LABEL_WITH_UNIT = re.compile(r"[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
+_LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 
 
 def _sniff(source: Source) -> bool:
@@ -140,7 +140,7 @@ def _stored(comments: Sequence[str]) -> Any:
     for comment in comments:
         if comment.startswith(METADATA_MARK):
             try:
-                return json.loads(comment.removeprefix(METADATA_MARK))
+                return parse_json(comment.removeprefix(METADATA_MARK))
             except (ValueError, RecursionError):  # a comment that is not ours after all
                 return None
     return None

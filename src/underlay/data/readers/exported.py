@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -11,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay._documents import parse_json
+from underlay._door import understood
 from underlay.data.curve import Curve
 from underlay.data.export import HDF5_MARK
 from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._hdf5 import is_own, open_checked
-from underlay.data.readers._source import Source
+from underlay.data.readers._source import CURVES, Source
 from underlay.data.readers._text import decode
 from underlay.errors import FileFormatError
 
@@ -95,10 +96,8 @@ def _sniff_json(source: Source) -> bool:
 
 def _read_json(source: Source, options: Options) -> list[Curve]:
     del options
-    try:
-        content = json.loads(decode(source))
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"{source.name} is damaged JSON: {error!s:.120}") from error
+    with understood(source.name, CURVES):
+        content = parse_json(decode(source))
     entries = content.get("curves") if isinstance(content, dict) else None
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise FileFormatError(f"{source.name} holds no list of curves")
@@ -120,7 +119,7 @@ def _read_hdf5(source: Source, options: Options) -> list[Curve]:
             if segment is not None:
                 columns["segment"] = np.char.decode(np.asarray(segment, dtype=np.bytes_), "ascii").tolist()
             about = group["about"][()] if "about" in group else b"{}"
-            curves.append(_curve(source, columns, json.loads(bytes(about))))
+            curves.append(_curve(source, columns, parse_json(bytes(about).decode("utf-8"))))
     return curves
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from itertools import chain, islice, repeat
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import IO, Any, BinaryIO
 
 import pandas as pd
 
@@ -23,6 +23,7 @@ __all__ = [
     "FITTED",
     "INSTRUMENT",
     "Layout",
+    "read_parquet",
     "require_format",
     "to_frame",
     "write_table",
@@ -190,6 +191,25 @@ def _write_parquet(file: BinaryIO, layout: Layout, lines: Iterable[str]) -> None
         for group in _groups(lines):
             frame = to_frame(layout, group)
             writer.write_table(arrow.Table.from_pandas(frame, schema=schema, preserve_index=False))
+
+
+def read_parquet(content: IO[bytes], most_cells: int) -> pd.DataFrame:
+    """Read a table in Parquet that claims no more than `most_cells`.
+
+    Raises
+    ------
+    MissingExtraError
+        If pyarrow is not installed.
+    ValueError
+        If it claims more; pyarrow has errors of its own for a damaged file.
+    """
+    _, parquet = _pyarrow()
+    file = parquet.ParquetFile(content)
+    cells = file.metadata.num_rows * file.metadata.num_columns
+    if not 0 <= cells <= most_cells:
+        raise ValueError(f"it claims {cells} cells")
+    frame: pd.DataFrame = file.read().to_pandas()
+    return frame
 
 
 def _groups(lines: Iterable[str]) -> Iterator[Sequence[str]]:

@@ -11,12 +11,12 @@ import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._door import sha256_of
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
 from underlay.data.readers import read, read_from_map
@@ -54,9 +54,8 @@ def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> Row
 def file_hash(path: str) -> str:
     """SHA-256 of a file; empty where it cannot be read."""
     try:
-        with Path(path).open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError:
+        return sha256_of(path)
+    except UnderlayError:
         return ""
 
 
