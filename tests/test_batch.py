@@ -14,10 +14,10 @@ import pytest
 import underlay as ul
 from support import maps
 from support.maps import (
-    ACCURACY,
     FREE,
     SCENE,
     SCENE_TOML,
+    SOLVER,
     TrapCurve,
     made_curve,
     made_manifest,
@@ -84,7 +84,7 @@ def test_the_truth_is_found_with_its_uncertainty(serial):
 def test_every_number_is_that_of_a_single_fit(curves, manifest, serial):
     for index in (0, 7, COUNT - 1):
         scene = SCENE.with_values({"layer.thickness": manifest[index]["layer.thickness"]})
-        single = ul.fit(ul.Problem(scene, curves[index], FREE, accuracy=ul.Accuracy(1e-4)))
+        single = ul.fit(ul.Problem(scene, curves[index], FREE, solver=ul.Auto(1e-4)))
         row = serial.iloc[index]
         # Laws of a problem and of a map are solved over other ranges: each is within its tolerance of the
         # exact one.
@@ -333,7 +333,7 @@ except ul.UnderlayError as error:
 
 
 def test_leaving_early_ends_the_processes(curves):
-    model = BatchModel(SCENE, FREE, None, {"accuracy": ACCURACY})
+    model = BatchModel(SCENE, FREE, None, SOLVER)
     layout = Layout.of(list(FREE), (), sampled=False)
     places = [CurvePlace(i, f"c{i}", curve=curve) for i, curve in enumerate(curves)]
     batches = processes.through_processes(model, layout, [[place] for place in places], 1)
@@ -377,7 +377,7 @@ def test_another_run_in_the_same_place_is_refused(curves, manifest, tmp_path):
         run(curves, manifest, output=output)
     other = [dict(row) for row in manifest]
     other[3]["layer.thickness"] *= 1.0 + 1e-15
-    resumed = ul.MapOptions(solver={"accuracy": ACCURACY}, resume=True)
+    resumed = ul.MapOptions(solver=SOLVER, resume=True)
     for change, what in (
         (lambda: run(curves, other, output=output, resume=True), "the manifest changed"),
         (lambda: run([*curves[1:], curves[0]], manifest, output=output, resume=True), "curves"),

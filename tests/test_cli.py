@@ -198,7 +198,7 @@ def test_files_that_are_not_there(run, tmp_path):
         ('radius = "1 mm"', 'radius = "0 mm"', "must be positive"),
         ('"2 mm"', '"-2 mm"', "thickness must be positive"),
         ('radius = "1 mm"', 'radius = "20 um"', "larger radius"),
-        ("[solver]", '[solver]\nmethod = "asymptotic"', "exact"),
+        ("[solver]\nrtol = 1e-5", '[solver]\nname = "asymptotic"', "exact"),
         ("layer.thickness = {", "substrate.E = {", "no parameter 'substrate.E'"),
     ],
 )

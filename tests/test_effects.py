@@ -11,9 +11,9 @@ from support.call_counter import count_calls
 from underlay.cli.app import app
 from underlay.errors import InputError
 from underlay.mechanics import kernel, materials
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.solvers import Auto
 from underlay.report import plots
 from underlay.scene import instrument as instrument_module
 from underlay.scene.effects import effect_sizes
@@ -78,8 +78,8 @@ def test_a_layer_below_the_tolerance_is_not_simulated():
     assert row(base, "anisotropy", deep).simulated
 
 
-def row(scene, name, depth=DEPTH, accuracy=None):
-    table = scene.effects(depth, accuracy)
+def row(scene, name, depth=DEPTH):
+    table = scene.effects(depth)
     return table.set_index("effect").loc[name]
 
 
@@ -129,7 +129,7 @@ def test_the_paraboloid_says_what_the_sphere_would_change_without_simulating_it(
 
 def test_an_effect_below_the_tolerance_says_so_and_the_law_is_named():
     scene = replace(ALONE["finite thickness"], substrate=Isotropic(1e9, 0.3))
-    table = scene.effects(DEPTH, Accuracy(1e-2))
+    table = scene.effects(DEPTH, solver=Auto(1e-2))
     note = table.set_index("effect").loc["substrate compliance", "note"]
     assert "below rtol = 0.01" in note
     assert table.attrs["law"].startswith(("exact: ", "asymptotic: "))

@@ -64,7 +64,7 @@ def test_a_map_larger_than_what_is_read_of_a_file_is_fitted(path, monkeypatch):
     small = ul.fit_many(read_all(path), SCENE, FREE, workers=0)
     assert (small["status"] == "fitted").sum() == COUNT
     monkeypatch.setattr(_source, "MAX_BYTES", path.stat().st_size - 1)
-    with pytest.raises(FileFormatError, match="split it first"):
+    with pytest.raises(FileFormatError, match="are read"):
         read_all(path)
     table = ul.fit_many(path, SCENE, FREE, workers=0)
     assert list(table["name"]) == [f"{path.name}#{number}" for number in range(1, COUNT + 1)]

@@ -293,7 +293,7 @@ def test_curves_of_different_noise_are_weighed_by_it():
 
 def test_a_law_that_is_too_coarse_is_noticed_and_refined():
     scene = layer_on(ul.RIGID, thickness=1e-3)
-    p = problem(scene, [E, C], measured(scene, level=1e-4), method="asymptotic")
+    p = problem(scene, [E, C], measured(scene, level=1e-4), solver="asymptotic")
     coarse = fit(p)
     assert any(w.code == "law-error" for w in coarse.warnings)
     fine = fit(p, refine=True)

@@ -139,7 +139,7 @@ def test_summary_of_a_joint_fit_covers_every_curve():
     ratios, depths = [], []
     for scene, curve in zip(fit.scenes, fit.curves, strict=True):
         deepest = curve.depth.max() - scene.instrument.contact_depth
-        bare = scene.contact_law(deepest, method="halfspace")
+        bare = scene.contact_law(deepest, solver="halfspace")
         ratios.append(float(scene.contact_law(deepest).force(deepest) / bare.force(deepest)))
         depths.append(deepest)
     text = words.summary(fit)
@@ -180,14 +180,12 @@ def test_source_states_the_same_problem(tmp_path):
         "instrument.contact_depth": (-1e-5, 1e-5),
         "instrument.baseline": None,
     }
-    first = ul.Problem(
-        scene, curve, free, ul.Noise(force=1e-4, depth=1e-8), accuracy=ul.Accuracy(1e-4), method="exact"
-    )
+    first = ul.Problem(scene, curve, free, ul.Noise(force=1e-4, depth=1e-8), solver=ul.Exact(1e-4))
     second = rebuilt(first, tmp_path)
     assert second.names == first.names
     assert second.priors == first.priors
     assert second.noise == first.noise
-    assert second.options == first.options
+    assert second.solver == first.solver
     assert second.base_scenes == first.base_scenes
     assert (second.curves[0].force == first.curves[0].force).all()
     at = first.start + 0.01

@@ -78,8 +78,8 @@ def test_a_scene_cannot_be_changed():
         (lambda: ul.Isotropic(1e6, -1.0), r"in \(-1, 0.5\]"),
         (lambda: ul.Instrument(compliance=-1.0), "zero or positive"),
         (lambda: ul.Instrument(baseline=np.inf), "finite"),
-        (lambda: ul.Accuracy(rtol=0.0), "rtol must be between"),
-        (lambda: CARTILAGE.force(DEPTH, method="magic"), "unknown method"),
+        (lambda: ul.Auto(rtol=0.0), "rtol must be between"),
+        (lambda: CARTILAGE.force(DEPTH, solver="magic"), "no solver is called"),
     ],
 )
 def test_bad_scenes(make, message):

@@ -60,7 +60,7 @@ def test_reads_units_and_what_is_fitted(tmp_path):
     assert (modulus.path, modulus.low, modulus.high, modulus.prior) == ("layer.E", 1e3, 1e8, None)
     assert (thickness.prior, dict(thickness.numbers)) == ("normal", {"mean": 1.5e-3, "sd": 1e-4})
     assert (baseline.path, baseline.low, baseline.high) == ("instrument.baseline", -np.inf, np.inf)
-    assert file.solver == {"accuracy": ul.Accuracy(1e-4)}
+    assert file.solver == ul.Auto(1e-4)
     assert file.noise == {"force": 1e-6}
     assert file.simulate.depth == pytest.approx(np.linspace(0, 5e-5, 11))
 
@@ -159,3 +159,39 @@ def test_saving_where_nothing_can_be_written(tmp_path):
     with pytest.raises(FileAccessError, match="cannot write"):
         scene.save(tmp_path / "absent" / "scene.toml")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("solver", "expected"),
+    [
+        ('name = "exact"\nrtol = 1e-8', ul.Exact(1e-8)),
+        ('name = "asymptotic"\norder = 2\nform = "compliance"', ul.Asymptotic(2, "compliance")),
+        ('name = "garcia2018"', ul.Published("garcia2018")),
+        ("", ul.Auto()),
+    ],
+)
+def test_solvers_by_name(tmp_path, solver, expected):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        f'[indenter]\nshape = "cone"\nhalf_angle = "70 deg"\n[layer]\nE = "1 kPa"\nnu = 0.5\n[solver]\n{solver}\n'
+    )
+    assert read_scene_file(path).solver == expected
+
+
+@pytest.mark.parametrize(
+    ("solver", "message"),
+    [
+        ('method = "exact"', r'\[solver\] method is now name: write name = "exact"'),
+        ("accuracy = 1e-4", r"\[solver\] accuracy is now rtol: write rtol = 0.0001"),
+        ('name = "exat"', r"\[solver\] no solver is called 'exat'. Did you mean 'exact'"),
+        ("order = 2", r"\[solver\] the solver 'auto' has no order; it has rtol"),
+        ('name = "halfspace"\nrtol = 1e-3', r"\[solver\] the solver 'halfspace' has no rtol"),
+    ],
+)
+def test_old_and_wrong_solver_keys_say_what_to_write(tmp_path, solver, message):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        f'[indenter]\nshape = "cone"\nhalf_angle = "70 deg"\n[layer]\nE = "1 kPa"\nnu = 0.5\n[solver]\n{solver}\n'
+    )
+    with pytest.raises(InputError, match=message):
+        read_scene_file(path)

@@ -184,7 +184,7 @@ def test_every_key_that_a_scene_file_may_hold_is_listed(run, tmp_path):
 def test_a_listed_key_is_one_that_is_accepted(tmp_path):
     # What the list says of [solver], [noise] and [curve], a scene file takes.
     values = {
-        "method": '"exact"',
+        "name": '"exact"',
         "form": '"auto"',
         "order": "4",
         "test": "1",

@@ -25,7 +25,7 @@ FREE = {
     "baseline": {**CONTACT, "instrument.baseline": None},
     "slope": {"instrument.baseline_slope": None, "instrument.baseline": None, **CONTACT},
 }
-EXACT = {"accuracy": ul.Accuracy(1e-10), "method": "exact"}
+EXACT = {"solver": ul.Exact(1e-10)}
 
 
 def made(scene, seed, noise=2e-4, points=400):
@@ -134,7 +134,7 @@ def test_what_is_not_separable_is_left_to_the_general_fit():
 
 def test_both_routes_give_the_same_row(monkeypatch):
     """A worker that takes the general route for every curve writes the same numbers to six digits."""
-    model = BatchModel(SCENES["paraboloid"], CONTACT, None, EXACT)
+    model = BatchModel(SCENES["paraboloid"], CONTACT, None, EXACT["solver"])
     layout = Layout.of(list(CONTACT), (), sampled=False)
     places = [CurvePlace(i, f"c{i}", curve=made(SCENES["paraboloid"], i)[1]) for i in range(4)]
     quick = [layout.cells(text) for _, text in CurveFitter(model, layout).rows(places)]

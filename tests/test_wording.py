@@ -78,7 +78,7 @@ def test_the_words_of_python_are_found():
 @pytest.mark.parametrize(
     ("python", "words"),
     [
-        ('the series ends; use method="exact" or less depth', 'method = "exact" in [solver]'),
+        ('the series ends; use solver="exact" or less depth', 'name = "exact" in [solver]'),
         (
             "curve.chain.h5 exists: pass resume=True to continue it, or another name",
             "continue it with --resume",

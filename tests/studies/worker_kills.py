@@ -76,7 +76,7 @@ def ours(rng: np.random.Generator, most: int) -> tuple[int, str]:
     """Kill our workers; how many were killed, and what was wrong with the rows."""
     depth = np.linspace(-2e-5, 8e-5, 300)
     curve = ul.synthesize(SCENE, depth, ul.Noise(force=2e-4), rng=0)
-    model = BatchModel(SCENE, FREE, None, {"accuracy": ul.Accuracy(1e-4)})
+    model = BatchModel(SCENE, FREE, None, ul.Auto(1e-4))
     layout = Layout.of(list(FREE), (), sampled=False)
     places = [CurvePlace(index, f"c{index}", curve=curve) for index in range(64 * 1000)]
     chunks = [places[start : start + 64] for start in range(0, len(places), 64)]

@@ -18,7 +18,7 @@ from underlay.data.curve_csv import curve_csv
 
 SCENE = ul.Scene(ul.Paraboloid(5e-4), ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3), ul.RIGID)
 FREE = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-5e-5, 5e-5)}
-ACCURACY = ul.Accuracy(1e-4)
+SOLVER = ul.Auto(1e-4)
 
 
 def truth(index: int) -> dict[str, float]:
@@ -34,7 +34,7 @@ def made_curve(index: int, points: int = 300, scene: ul.Scene = SCENE) -> ul.Cur
     """Noisy curve at site `index`, named ``site-0007.csv``."""
     site = scene.with_values(truth(index))
     depth = np.linspace(-2e-5, 8e-5, points)
-    curve = ul.synthesize(site, depth, ul.Noise(force=2e-4), rng=index, accuracy=ACCURACY)
+    curve = ul.synthesize(site, depth, ul.Noise(force=2e-4), rng=index, solver=SOLVER)
     return curve.with_metadata(name=name(index))
 
 
@@ -93,7 +93,7 @@ instrument.contact_depth = { min = "-50 um", max = "50 um" }
 
 def fit(curves, manifest=None, *, workers=None, scheduler=None, output=None, **options):
     """Fit a made map; `options` are those of `MapOptions`."""
-    chosen = ul.MapOptions(solver={"accuracy": ACCURACY}, **options)
+    chosen = ul.MapOptions(solver=SOLVER, **options)
     return ul.fit_many(
         curves, SCENE, FREE, manifest, workers=workers, scheduler=scheduler, output=output, options=chosen
     )

@@ -82,7 +82,7 @@ def expected_noise(file: SceneFile, deepest: float, curve: Curve | None = None) 
             say_warnings([f"noise {format_quantity(spread, 'force')}, as the curve scatters"])
             return Noise(force=spread)
     ideal = replace(file.scene, instrument=type(file.scene.instrument)())
-    force = _NOISE_SHARE * float(ideal.force(np.array([deepest]), **file.solver)[0])
+    force = _NOISE_SHARE * float(ideal.force(np.array([deepest]), solver=file.solver)[0])
     say_warnings(
         [
             (

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
-from underlay.cli.options import CurveFile, OutputFolder, SceneOption
+from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, SolverName
+from underlay.cli.wanted_solver import wanted_solver
 from underlay.cli.wording import spoken
 from underlay.data.quality import check_quality
 from underlay.inference.from_files import load_problem
@@ -25,7 +26,13 @@ from underlay.units import format_quantity
 __all__ = ["fit", "quality_doubts", "reservations", "show_fit", "write_fit"]
 
 
-def fit(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> None:
+def fit(
+    curve: CurveFile,
+    scene: SceneOption,
+    solver: SolverName = None,
+    rtol: Rtol = None,
+    output: OutputFolder = None,
+) -> None:
     """Fit a curve with the substrate in the model.
 
     Example: `underlay fit curve.csv --scene scene.toml --output results`
@@ -34,6 +41,7 @@ def fit(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> No
         require_writable_folder(output)
     with gathered_warnings() as notes:
         problem = load_problem(curve, scene)
+        problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
         doubts = quality_doubts(problem)
         result = least_squares_fit(problem)
     show_fit(result, curve.name)

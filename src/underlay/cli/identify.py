@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say
 from underlay.cli.expected import deepest_point, expected_depths, expected_noise, measured_curve
-from underlay.cli.options import CurveOption, OutputFolder, ScenePath
+from underlay.cli.options import CurveOption, OutputFolder, Rtol, ScenePath, SolverName
+from underlay.cli.wanted_solver import wanted_solver
 from underlay.cli.wording import spoken
 from underlay.inference.from_files import free_of, problem_from
 from underlay.inference.identifiability import Identifiability, identifiability
@@ -16,7 +19,13 @@ from underlay.scene.scene_file import SceneFile, read_scene_file
 __all__ = ["identify"]
 
 
-def identify(scene: ScenePath, curve: CurveOption = None, output: OutputFolder = None) -> None:
+def identify(
+    scene: ScenePath,
+    curve: CurveOption = None,
+    solver: SolverName = None,
+    rtol: Rtol = None,
+    output: OutputFolder = None,
+) -> None:
     """Say which combinations of the free parameters a test fixes, and how well.
 
     Before a test, the scene file's [simulate] and [noise] sections say what it will be.
@@ -24,6 +33,7 @@ def identify(scene: ScenePath, curve: CurveOption = None, output: OutputFolder =
     Example: `underlay identify scene.toml --curve curve.csv`
     """
     file = read_scene_file(scene)
+    file = replace(file, solver=wanted_solver(file.solver, solver, rtol))
     if output is not None:
         require_writable_folder(output)
     measured = measured_curve(file, curve)
@@ -43,4 +53,5 @@ def _before(file: SceneFile) -> Identifiability:
         depth=expected_depths(file, deepest).depth,
         free=free_of(file),
         noise=expected_noise(file, deepest),
+        solver=file.solver,
     )

@@ -7,7 +7,17 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["CurveFile", "CurveOption", "MaxDepth", "OutputFolder", "Rtol", "SceneOption", "ScenePath", "Seed"]
+__all__ = [
+    "CurveFile",
+    "CurveOption",
+    "MaxDepth",
+    "OutputFolder",
+    "Rtol",
+    "SceneOption",
+    "ScenePath",
+    "Seed",
+    "SolverName",
+]
 
 CurveFile = Annotated[Path, typer.Argument(help="Measured curve, in any format of `underlay formats`.")]
 CurveOption = Annotated[
@@ -28,6 +38,13 @@ MaxDepth = Annotated[
     typer.Option(
         "--max-depth",
         help='Deepest point since contact, e.g. "100 um"; else that of the curve or [simulate].',
+    ),
+]
+SolverName = Annotated[
+    str | None,
+    typer.Option(
+        "--solver",
+        help="Contact law: auto, exact, asymptotic, halfspace or a published correction; else that of [solver].",
     ),
 ]
 Rtol = Annotated[

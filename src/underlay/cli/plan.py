@@ -11,7 +11,8 @@ from underlay._arrays import FloatArray
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_warnings
 from underlay.cli.expected import deepest_point, expected_noise, measured_curve
-from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, ScenePath
+from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, Rtol, ScenePath, SolverName
+from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
 from underlay.inference.from_files import free_of
 from underlay.inference.planning import plan as plan_tests
@@ -39,6 +40,8 @@ def plan(
     depths: DepthsOption = None,
     max_depth: MaxDepth = None,
     curve: CurveOption = None,
+    solver: SolverName = None,
+    rtol: Rtol = None,
     output: OutputFolder = None,
 ) -> None:
     """Recommend a tip radius and a depth, by the expected standard error of a parameter.
@@ -64,7 +67,7 @@ def plan(
         radii=_grid(radii) if radii else _radii_around(file),
         depths=_grid(depths) if depths else np.geomspace(_SHALLOWEST, 1.0, _COUNT) * deepest,
         parameter=parameter,
-        accuracy=file.solver.get("accuracy"),
+        solver=wanted_solver(file.solver, solver, rtol),
     )
     say(planned.recommendation)
     if output is not None:

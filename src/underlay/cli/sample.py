@@ -10,7 +10,8 @@ import typer
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
-from underlay.cli.options import CurveFile, OutputFolder, SceneOption, Seed
+from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, Seed, SolverName
+from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
 from underlay.inference.from_files import problem_from, read_for, weak_bounds
 from underlay.inference.sampling.posterior import Posterior
@@ -30,6 +31,8 @@ def sample(
     walkers: Annotated[int, typer.Option(help="Walkers of the ensemble.")] = 64,
     max_steps: Annotated[int, typer.Option(help="Most steps; it stops earlier once converged.")] = 20_000,
     seed: Seed = 0,
+    solver: SolverName = None,
+    rtol: Rtol = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the chain in the output folder where it stopped.")
     ] = False,
@@ -48,6 +51,7 @@ def sample(
     problem = problem_from(file, part, weak)
     chain = _chain_file(output, curve.stem, resume=resume)
     with gathered_warnings() as notes:
+        problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
         posterior = sample_posterior(problem, walkers, max_steps, seed, backend=chain, resume=resume)
     say_table(posterior_table(posterior), f"Posterior of {curve.name}")
     say_table(prior_table(posterior), "What the data told")

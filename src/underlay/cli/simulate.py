@@ -110,8 +110,8 @@ def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate:
     if rate is not None:
         clock = {"sampling_rate": positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")}
     if model is None and not disturbances and rate is None:
-        return noiseless(scene, file.simulate.depth, **clock, **file.solver)
-    return synthesize(scene, file.simulate.depth, model, seed, **clock, **disturbances, **file.solver)
+        return noiseless(scene, file.simulate.depth, **clock, solver=file.solver)
+    return synthesize(scene, file.simulate.depth, model, seed, **clock, **disturbances, solver=file.solver)
 
 
 def _noise_model(numbers: Mapping[str, float]) -> Noise | None:

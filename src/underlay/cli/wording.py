@@ -15,8 +15,8 @@ _PYTHON_TO_COMMAND_LINE: tuple[tuple[str, str], ...] = (
     # what is said where a scene file says it
     (r"\bpass free=\{.*?\}, or a scene file with \[fit\]", "add a [fit] section to the scene file"),
     (r"\(free=\{'noise\.force': None, \.\.\.\}\)", "(noise.force = {} in [fit])"),
-    (r"\b(method|form)=(['\"])(\w+)\2", r'\1 = "\3" in [solver]'),
-    (r"\ba smaller Accuracy\(rtol=\.\.\.\), or fit\(problem, refine=True\)", "a smaller rtol in [solver]"),
+    (r"\bsolver=(['\"])(\w+)\1", r'name = "\2" in [solver]'),
+    (r"\bform=(['\"])(\w+)\1", r'form = "\2" in [solver]'),
     (r"\bNoise\(force=\.\.\.\) in newtons", 'force = "1 uN" in [noise], with the number of your instrument'),
     (r"\buse Noise\((\w+)=\.\.\.\)", r"free it, noise.\1 = {} in [fit]"),
     (r"\bread\(path, test=\d+\); read_all takes all of them", "--test where the command has it"),
@@ -69,8 +69,8 @@ def spoken(message: str) -> str:
 
     Examples
     --------
-    >>> spoken("the series ends there; use method='exact'")
-    'the series ends there; use method = "exact" in [solver]'
+    >>> spoken("the series ends there; use solver='exact'")
+    'the series ends there; use name = "exact" in [solver]'
     """
     for pattern, words in _RULES:
         message = pattern.sub(words, message)

@@ -17,7 +17,7 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite, finite, positive
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.errors import InputError
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solvers import AnySolver
 from underlay.scene.scene import Scene
 
 __all__ = ["simulate", "synthesize"]
@@ -28,10 +28,7 @@ def simulate(
     depth: ArrayLike,
     *,
     time: ArrayLike | None = None,
-    accuracy: Accuracy | None = None,
-    method: str = "auto",
-    order: int = 4,
-    form: str = "auto",
+    solver: AnySolver = "auto",
 ) -> Curve:
     """Make the curve a perfect reading of a scene would give.
 
@@ -43,7 +40,7 @@ def simulate(
         Depth readings (m), (n,).
     time : ArrayLike, optional
         Times of the readings (s), (n,).
-    accuracy, method, order, form
+    solver : Solver or str, default "auto"
         Which contact law; see `contact_law`.
 
     Returns
@@ -61,7 +58,7 @@ def simulate(
     readings = _column(depth, "depth")
     return Curve(
         depth=readings,
-        force=scene.force(readings, accuracy=accuracy, method=method, order=order, form=form),
+        force=scene.force(readings, solver=solver),
         time=None if time is None else _times(time, readings.size),
         truth=scene.parameters,
     )
@@ -79,10 +76,7 @@ def synthesize(
     quantisation: float = 0.0,
     outliers: float = 0.0,
     outlier_sd: float | None = None,
-    accuracy: Accuracy | None = None,
-    method: str = "auto",
-    order: int = 4,
-    form: str = "auto",
+    solver: AnySolver = "auto",
 ) -> Curve:
     """Make a measured-looking curve of a scene, with its truth.
 
@@ -109,7 +103,7 @@ def synthesize(
         Probability of a point to be an outlier, in [0, 1].
     outlier_sd : float, optional
         Standard deviation (N) of what an outlier adds; needed when `outliers` is not zero.
-    accuracy, method, order, form
+    solver : Solver or str, default "auto"
         Which contact law; see `contact_law`.
 
     Returns
@@ -141,7 +135,7 @@ def synthesize(
 
     # One evaluation of the law: the proportional noise needs the contact force without the baseline.
     bare = replace(scene, instrument=replace(scene.instrument, baseline=0.0, baseline_slope=0.0))
-    contact = bare.force(readings, accuracy=accuracy, method=method, order=order, form=form)
+    contact = bare.force(readings, solver=solver)
     force = scene.instrument.reading(readings, contact)
     shown = readings
     if noise is not None:

@@ -190,7 +190,7 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
     file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
     curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
     free = {**free_of(file, curve), **(priors or {})}
-    problem = Problem(_started(file, curve), curve, free, noise, **file.solver)
+    problem = Problem(_started(file, curve), curve, free, noise, solver=file.solver)
     require_plausible(problem)
     return problem
 

@@ -21,6 +21,7 @@ from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.information import expected_problem, information, marginal, prior_information
 from underlay.inference.least_squares import fit
 from underlay.inference.problem import Given, Problem
+from underlay.mechanics.solvers import AnySolver
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
@@ -146,6 +147,7 @@ def identifiability(
     depth: ArrayLike | None = None,
     free: Mapping[str, Given] | Iterable[str] | None = None,
     noise: Noise | None = None,
+    solver: AnySolver = "auto",
 ) -> Identifiability:
     """Say what a test can tell.
 
@@ -156,7 +158,7 @@ def identifiability(
         needs `depth`, `free` and `noise`.
     depth : array_like (n,), optional
         Depth readings the test will have (m).
-    free, noise
+    free, noise, solver
         As in `Problem`, for a scene.
 
     Raises
@@ -178,7 +180,7 @@ def identifiability(
             raise InputError(
                 "before a test, depth, free and noise are needed: what it will be, and read how well"
             )
-        problem = expected_problem(test, depth, free, noise)
+        problem = expected_problem(test, depth, free, noise, solver=solver)
         return judge(problem, problem.start, problem.noises(problem.start))
     fitted = test if isinstance(test, Fit) else fit(test)
     return judge(fitted.problem, fitted.vector, fitted.noises)

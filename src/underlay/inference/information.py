@@ -18,7 +18,7 @@ from underlay.data.synthetic import simulate
 from underlay.errors import InputError
 from underlay.inference.fitting.objective import Objective, weights_at
 from underlay.inference.problem import Given, Problem
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solvers import AnySolver
 from underlay.scene.scene import Scene
 
 __all__ = ["expected_problem", "information", "marginal", "prior_information"]
@@ -35,8 +35,7 @@ def expected_problem(
     noise: Noise,
     *,
     duration: float = 1.0,
-    accuracy: Accuracy | None = None,
-    method: str = "auto",
+    solver: AnySolver = "auto",
 ) -> Problem:
     """Return the problem a test would be, before it is done.
 
@@ -46,7 +45,7 @@ def expected_problem(
         The test, with the values it is expected to find.
     depth : array_like (n,)
         Depth readings (m).
-    free, accuracy, method
+    free, solver
         As in `Problem`.
     noise : Noise
         The noise it will have; its size must be given.
@@ -62,8 +61,8 @@ def expected_problem(
         raise InputError("before a test the noise must be given: Noise(force=...) in newtons")
     readings = as_finite(depth, "depth")
     time = np.linspace(0.0, duration, len(readings))
-    curve: Curve = simulate(scene, readings, time=time, accuracy=accuracy, method=method)
-    return Problem(scene, curve, free, noise, accuracy=accuracy, method=method)
+    curve: Curve = simulate(scene, readings, time=time, solver=solver)
+    return Problem(scene, curve, free, noise, solver=solver)
 
 
 def information(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) -> FloatArray:

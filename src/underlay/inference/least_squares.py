@@ -22,7 +22,7 @@ from underlay.inference.fitting.objective import Minimum, Objective, weights_at
 from underlay.inference.fitting.rough import rough_minima
 from underlay.inference.fitting.start import scan_starts
 from underlay.inference.problem import Problem
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solvers import Exact
 
 __all__ = ["Fit", "FitStatistics", "FitWarning", "fit", "minimise"]
 
@@ -64,7 +64,7 @@ def fit(
     start : {"scan", "given"}
         From the data alone (see `start.py`), or from the scene's own values.
     refine : bool
-        Fit again with the exact law and a smaller `Accuracy` until the law's own error is below a third of
+        Fit again with the exact law and a smaller tolerance until the law's own error is below a third of
         every standard error it would move.
 
     Returns
@@ -85,9 +85,7 @@ def fit(
         if worst <= _LAW_SHARE:
             break
         rtol = max(_TIGHTEST, found.statistics.law_error * _LAW_SHARE / worst * 0.3)
-        tighter = found.problem.revised(
-            scenes=found.scenes, method="exact", accuracy=Accuracy(min(rtol, _LOOSEST))
-        )
+        tighter = found.problem.revised(scenes=found.scenes, solver=Exact(min(rtol, _LOOSEST)))
         found = _fit_once(tighter, method, robust, "given")
     return found
 

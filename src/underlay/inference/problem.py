@@ -18,9 +18,10 @@ from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
-from underlay.inference.model.laws import LawOptions, LawStore
+from underlay.inference.model.laws import LawStore
 from underlay.inference.priors import Prior
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.scene import Scene
 
 __all__ = ["Given", "Problem"]
@@ -45,8 +46,8 @@ class Problem:
     noise : Noise, optional
         What disturbs the force. Without it, or with ``Noise(force=None)``, the noise is white (or AR(1)) of
         unknown size: a fit estimates it, and the likelihood has it integrated out under 1/sigma.
-    accuracy, method, order, form
-        Which contact law; see `contact_law`.
+    solver : Solver or str, default "auto"
+        What builds the contact law; see `contact_law`.
 
     Attributes
     ----------
@@ -70,12 +71,9 @@ class Problem:
         free: Mapping[str, Given] | Iterable[str],
         noise: Noise | None = None,
         *,
-        accuracy: Accuracy | None = None,
-        method: str = "auto",
-        order: int = 4,
-        form: str = "auto",
+        solver: AnySolver = "auto",
     ) -> None:
-        self._compile([(scene, curve)], free, (), noise, LawOptions(accuracy, method, order, form))
+        self._compile([(scene, curve)], free, (), noise, as_solver(solver))
 
     @classmethod
     def joint(
@@ -85,10 +83,7 @@ class Problem:
         shared: Iterable[str] = (),
         noise: Noise | Sequence[Noise | None] | None = None,
         *,
-        accuracy: Accuracy | None = None,
-        method: str = "auto",
-        order: int = 4,
-        form: str = "auto",
+        solver: AnySolver = "auto",
     ) -> Self:
         """Several curves with shared and own parameters.
 
@@ -104,7 +99,7 @@ class Problem:
             Paths that all curves have in common.
         noise : Noise, or one per curve
             As for one curve.
-        accuracy, method, order, form
+        solver : Solver or str, default "auto"
             As for one curve.
 
         Raises
@@ -114,7 +109,7 @@ class Problem:
         """
         problem = cls.__new__(cls)
         # One class, two ways in: a second public constructor with the same checks.
-        problem._compile(list(tests), free, tuple(shared), noise, LawOptions(accuracy, method, order, form))  # noqa: SLF001  own class
+        problem._compile(list(tests), free, tuple(shared), noise, as_solver(solver))  # noqa: SLF001  own class
         return problem
 
     def _compile(
@@ -123,14 +118,15 @@ class Problem:
         free: Mapping[str, Given] | Iterable[str],
         shared: tuple[str, ...],
         noise: Noise | Sequence[Noise | None] | None,
-        options: LawOptions,
+        solver: Solver,
     ) -> None:
         self.free: dict[str, Given] = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
         self.shared = shared
         self.noise = noise
-        self.options = options
+        #: What builds the contact laws.
+        self.solver = solver
         self.store = LawStore()
-        self.members, self.coordinates = compile_members(tests, self.free, shared, noise, options, self.store)
+        self.members, self.coordinates = compile_members(tests, self.free, shared, noise, solver, self.store)
         self.space = ScaledSpace.of(self.coordinates)
         #: Entries of a vector that are numbers of the noise.
         self.noise_entries = frozenset(i for member in self.members for i in member.noise_entries.values())
@@ -140,24 +136,17 @@ class Problem:
         *,
         free: Mapping[str, Given] | None = None,
         noise: Noise | Sequence[Noise | None] | None = None,
-        accuracy: Accuracy | None = None,
-        method: str | None = None,
-        order: int | None = None,
-        form: str | None = None,
+        solver: AnySolver | None = None,
         scenes: Sequence[Scene] | None = None,
     ) -> Problem:
         """Return the same problem with some things changed; what is None stays."""
-        options = self.options
         wanted = self.free if free is None else free
         return Problem.joint(
             list(zip(scenes or self.base_scenes, self.curves, strict=True)),
             wanted,
             [path for path in self.shared if path in wanted],
             self.noise if noise is None else noise,
-            accuracy=options.accuracy if accuracy is None else accuracy,
-            method=options.method if method is None else method,
-            order=options.order if order is None else order,
-            form=options.form if form is None else form,
+            solver=self.solver if solver is None else solver,
         )
 
     # --- what it is made of ---------------------------------------------------------------------------

@@ -29,7 +29,7 @@ from underlay.inference.priors import (
     Uniform,
 )
 from underlay.inference.problem import Given, Problem
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solvers import solver_named, solver_record
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import scene_from_text
 from underlay.scene.scene_writer import scene_text
@@ -54,7 +54,6 @@ def problem_record(problem: Problem) -> tuple[dict[str, Any], dict[str, np.ndarr
     InputError
         If a part of it has no name under which it could be found again.
     """
-    options = problem.options
     tests: list[dict[str, Any]] = []
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     for number, (scene, curve) in enumerate(zip(problem.base_scenes, problem.curves, strict=True)):
@@ -74,10 +73,7 @@ def problem_record(problem: Problem) -> tuple[dict[str, Any], dict[str, np.ndarr
         "free": {path: _given(path, given) for path, given in problem.free.items()},
         "shared": list(problem.shared),
         "noise": _noise(problem.noise),
-        "rtol": None if options.accuracy is None else options.accuracy.rtol,
-        "method": options.method,
-        "order": options.order,
-        "form": options.form,
+        "solver": solver_record(problem.solver),
     }
     return document, arrays
 
@@ -98,13 +94,11 @@ def problem_from_record(document: Mapping[str, Any], arrays: Mapping[str, np.nda
             for number, test in enumerate(document["tests"])
         ]
         free = {path: _from_given(given) for path, given in document["free"].items()}
-        noise, rtol = document["noise"], document["rtol"]
-        shared, law = document["shared"], {key: document[key] for key in ("method", "order", "form")}
+        noise, shared, solver = document["noise"], document["shared"], solver_named(**document["solver"])
         models = [_from_noise(entry) for entry in noise] if isinstance(noise, list) else _from_noise(noise)
     except (KeyError, TypeError, AttributeError) as error:
         raise FileFormatError(f"the record of its problem lacks {error}") from error
-    accuracy = None if rtol is None else Accuracy(rtol)
-    return Problem.joint(tests, free, shared, models, accuracy=accuracy, **law)
+    return Problem.joint(tests, free, shared, models, solver=solver)
 
 
 def _text_of(scene: Scene) -> str:

@@ -150,8 +150,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
         depths=[depth],
         parameter=parameter,
         points=len(fit.curves[0].depth),
-        accuracy=problem.options.accuracy,
-        method=problem.options.method,
+        solver=problem.solver,
     )
     # Both problems have the same free parameters and priors, hence the same coordinates but for their origin.
     there = problem.vector({**fit.values, parameter: supposed})

@@ -22,7 +22,17 @@ import numpy as np
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError, MaterialError
 
-__all__ = ["RIGID", "Isotropic", "Layer", "Material", "Rigid", "Substrate", "TransverselyIsotropic"]
+__all__ = [
+    "RIGID",
+    "Isotropic",
+    "IsotropicLayer",
+    "Layer",
+    "Material",
+    "Rigid",
+    "Substrate",
+    "TransverselyIsotropic",
+    "isotropic_layer",
+]
 
 Real: TypeAlias = "float | FloatArray"
 
@@ -269,6 +279,11 @@ class TransverselyIsotropic:
 class Rigid:
     """A base that does not deform; the layer is bonded to it."""
 
+    @property
+    def plane_constants(self) -> None:
+        """None: nothing of it is seen but that it stands still."""
+        return
+
     def __repr__(self) -> str:
         return "RIGID"
 
@@ -302,3 +317,26 @@ class Layer:
             )
         if self.thickness != np.inf:
             object.__setattr__(self, "thickness", positive(self.thickness, "layer thickness", "m"))
+
+
+@dataclass(frozen=True)
+class IsotropicLayer:
+    """A layer and its base in engineering constants, as formulas of the literature need them.
+
+    Parameters
+    ----------
+    layer : Isotropic
+        What the layer is made of.
+    base : Isotropic or None
+        What it is bonded to; None is rigid.
+    """
+
+    layer: Isotropic
+    base: Isotropic | None
+
+
+def isotropic_layer(layer: Material, base: Substrate) -> IsotropicLayer | None:
+    """Describe a layer on its base; None where either is anisotropic."""
+    if not (isinstance(layer, Isotropic) and isinstance(base, Isotropic | Rigid)):
+        return None
+    return IsotropicLayer(layer, base if isinstance(base, Isotropic) else None)

@@ -15,7 +15,7 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
-    from underlay.mechanics.accuracy import Accuracy
+    from underlay.mechanics.solvers import AnySolver
     from underlay.scene.scene import Scene
 
 __all__ = ["effects_table", "scene_table"]
@@ -70,9 +70,9 @@ def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
     return rows
 
 
-def effects_table(scene: Scene, deepest: float, accuracy: Accuracy | None = None) -> pd.DataFrame:
+def effects_table(scene: Scene, deepest: float, solver: AnySolver = "auto") -> pd.DataFrame:
     """Return the ledger of effects at `deepest` (m) since contact, as text; see `Scene.effects`."""
-    ledger = scene.effects(deepest, accuracy)
+    ledger = scene.effects(deepest, solver=solver)
     rows = [
         {
             "effect": str(row["effect"]),

@@ -153,8 +153,8 @@ def _substrate_sentence(result: Fit) -> str:
         if not test.deepest > 0.0:
             continue
         at = np.array([test.deepest])
-        law = test.scene.contact_law(test.deepest, **result.solver)
-        bare = test.scene.contact_law(test.deepest, method="halfspace")
+        law = test.scene.contact_law(test.deepest, solver=result.solver)
+        bare = test.scene.contact_law(test.deepest, solver="halfspace")
         ratios.append(float(law.force(at)[0] / bare.force(at)[0]))
         contacts.append(float(law.contact_radius(at)[0]) / test.scene.layer.thickness)
         deepest.append(test.deepest)

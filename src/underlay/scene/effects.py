@@ -1,7 +1,7 @@
 """Which effects a scene calls for: how large each one is, whether it is simulated, what it costs.
 
 An effect is measured by leaving it out: the force with it and without it. What a scene does not declare, and
-a layer that changes the contact by less than the accuracy asked, runs none of its code.
+a layer that differs from its base by less than the accuracy asked, runs none of its code.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ import pandas as pd
 
 from underlay._arrays import FloatArray, positive
 from underlay.errors import RangeError
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Rigid, TransverselyIsotropic
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import AnySolver, as_solver
 
 if TYPE_CHECKING:
     from underlay.scene.scene import Scene
@@ -61,7 +62,7 @@ EffectRule: TypeAlias = "Callable[[Scene, ContactLaw], Effect]"
 
 
 def effects_table(
-    scene: Scene, max_depth: float, accuracy: Accuracy | None = None, further: Iterable[EffectRule] = ()
+    scene: Scene, max_depth: float, solver: AnySolver = "auto", further: Iterable[EffectRule] = ()
 ) -> pd.DataFrame:
     """List every effect of `scene` at tip depth `max_depth` (m).
 
@@ -71,8 +72,8 @@ def effects_table(
         The test.
     max_depth : float
         Deepest point (m) since contact, positive.
-    accuracy : Accuracy, optional
-        How close to the exact contact problem; a layer that changes less is not simulated.
+    solver : Solver or str, default "auto"
+        Which contact law; see `contact_law`. An effect below its tolerance is marked.
     further : iterable of callable
         Effects of your own: each takes the scene and its law and returns an `Effect`.
 
@@ -93,16 +94,16 @@ def effects_table(
     RangeError
         If no law reaches `max_depth`.
     """
-    wanted = accuracy or Accuracy()
+    wanted = as_solver(solver)
     deepest = positive(max_depth, "max_depth", "m")
-    law = scene.contact_law(deepest, accuracy=wanted)
+    law = scene.contact_law(deepest, solver=wanted)
     found = (*_effects(scene, law), *(rule(scene, law) for rule in further))
     table = pd.DataFrame([_row(effect, deepest, wanted) for effect in found])
     table.attrs["law"] = f"{law.method}: {law.reason}"
     return table
 
 
-def effect_sizes(scene: Scene, depth: FloatArray, accuracy: Accuracy | None = None) -> pd.DataFrame:
+def effect_sizes(scene: Scene, depth: FloatArray, solver: AnySolver = "auto") -> pd.DataFrame:
     """Size of every effect the scene gives numbers for, against depth.
 
     Parameters
@@ -111,16 +112,16 @@ def effect_sizes(scene: Scene, depth: FloatArray, accuracy: Accuracy | None = No
         The test.
     depth : ndarray, shape (n,)
         Depths (m) since contact, positive and increasing.
-    accuracy : Accuracy, optional
-        How close to the exact contact problem.
+    solver : Solver or str, default "auto"
+        Which contact law; see `contact_law`.
 
     Returns
     -------
     pandas.DataFrame
         ``depth`` (m) and one column per effect: the relative change of the force when it is put in.
     """
-    wanted = accuracy or Accuracy()
-    law = scene.contact_law(float(depth[-1]), accuracy=wanted)
+    wanted = as_solver(solver)
+    law = scene.contact_law(float(depth[-1]), solver=wanted)
     known = {}
     for effect in _effects(scene, law):
         try:
@@ -132,15 +133,15 @@ def effect_sizes(scene: Scene, depth: FloatArray, accuracy: Accuracy | None = No
     return pd.DataFrame({"depth": depth, **known})
 
 
-def _row(effect: Effect, deepest: float, accuracy: Accuracy) -> dict[str, object]:
+def _row(effect: Effect, deepest: float, solver: Solver) -> dict[str, object]:
     row = {"effect": effect.name, "simulated": effect.simulated, "note": effect.note}
     try:
-        size = float(_size(effect, np.array([deepest]), accuracy)[0])
-        cost = _added_cost(effect, deepest, accuracy) if effect.simulated else 0.0
+        size = float(_size(effect, np.array([deepest]), solver)[0])
+        cost = _added_cost(effect, deepest, solver) if effect.simulated else 0.0
     except RangeError as error:
         size, cost, row["note"] = np.nan, np.nan, f"not measured: {error}"
-    if effect.simulated and abs(size) < accuracy.rtol:
-        row["note"] = f"{effect.note}; below rtol = {accuracy.rtol:g} here"
+    if effect.simulated and abs(size) < solver.tolerance:
+        row["note"] = f"{effect.note}; below rtol = {solver.tolerance:g} here"
     numbers = {"size_percent": 100.0 * size, "cost_percent": cost}
     return {key: (row | numbers)[key] for key in _COLUMNS}
 
@@ -232,16 +233,16 @@ def _baseline_effect(scene: Scene, level: Scene) -> Effect:
     return Effect("baseline", scene, level, simulated=True, note="against no baseline")
 
 
-def _size(effect: Effect, depth: FloatArray, accuracy: Accuracy) -> FloatArray:
+def _size(effect: Effect, depth: FloatArray, solver: Solver) -> FloatArray:
     """Relative change of the force at tip depths `depth` when the effect is put in; NaN where unknown."""
     if effect.with_it is None or effect.without is None:
         return np.full(depth.shape, np.nan)
     readings = depth + effect.with_it.instrument.contact_depth
-    with_it = effect.with_it.force(readings, accuracy=accuracy)
-    return np.asarray(with_it / effect.without.force(readings, accuracy=accuracy) - 1.0)
+    with_it = effect.with_it.force(readings, solver=solver)
+    return np.asarray(with_it / effect.without.force(readings, solver=solver) - 1.0)
 
 
-def _added_cost(effect: Effect, deepest: float, accuracy: Accuracy) -> float:
+def _added_cost(effect: Effect, deepest: float, solver: Solver) -> float:
     """Time of the scene with the effect over that without, less one, in per cent."""
     if effect.with_it is None or effect.without is None:
         return 0.0
@@ -249,9 +250,9 @@ def _added_cost(effect: Effect, deepest: float, accuracy: Accuracy) -> float:
     with_it = without = np.inf
     for _ in range(_COST_ROUNDS):
         start = time.process_time()
-        effect.with_it.force(depth, accuracy=accuracy)
+        effect.with_it.force(depth, solver=solver)
         middle = time.process_time()
-        effect.without.force(depth, accuracy=accuracy)
+        effect.without.force(depth, solver=solver)
         with_it = min(with_it, middle - start)
         without = min(without, time.process_time() - middle)
     return 100.0 * (with_it / without - 1.0)

@@ -14,10 +14,11 @@ import pandas as pd
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._files import write_atomic
 from underlay.errors import InputError
-from underlay.mechanics.accuracy import Accuracy, contact_law
+from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
+from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
 from underlay.scene.parameters import parameter_values, replace_values
@@ -80,36 +81,16 @@ class Scene:
                 "file, or leave the substrate out for a half-space"
             )
 
-    def contact_law(
-        self,
-        max_depth: float,
-        *,
-        accuracy: Accuracy | None = None,
-        method: str = "auto",
-        order: int = 4,
-        form: str = "auto",
-    ) -> ContactLaw:
-        """Build the law of this contact for tip depths up to `max_depth` (m); see `contact_law`."""
-        return contact_law(
-            self.indenter,
-            self.layer,
-            self.substrate,
-            max_depth=max_depth,
-            accuracy=accuracy,
-            method=method,
-            order=order,
-            form=form,
-        )
+    @property
+    def contact(self) -> Contact:
+        """What a solver is given."""
+        return Contact.of(self.indenter, self.layer, self.substrate)
 
-    def force(
-        self,
-        depth: ArrayLike,
-        *,
-        accuracy: Accuracy | None = None,
-        method: str = "auto",
-        order: int = 4,
-        form: str = "auto",
-    ) -> FloatArray:
+    def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
+        """Build the law of this contact for tip depths up to `max_depth` (m); see `contact_law`."""
+        return as_solver(solver).law(self.contact, max_depth)
+
+    def force(self, depth: ArrayLike, *, solver: AnySolver = "auto") -> FloatArray:
         """Force the instrument shows (N) at its depth readings `depth` (m), same shape.
 
         Raises
@@ -119,7 +100,7 @@ class Scene:
         """
         readings = as_finite(depth, "depth")
         deepest = float(readings.max(initial=0.0)) - self.instrument.contact_depth
-        law = self.contact_law(max(deepest, 0.0), accuracy=accuracy, method=method, order=order, form=form)
+        law = self.contact_law(max(deepest, 0.0), solver=solver)
         return self.instrument.reading(readings, law.force(self.instrument.tip_depth(law, readings)))
 
     @property
@@ -142,12 +123,12 @@ class Scene:
         """
         return replace_values(self, values)
 
-    def effects(self, max_depth: float, accuracy: Accuracy | None = None) -> pd.DataFrame:
+    def effects(self, max_depth: float, *, solver: AnySolver = "auto") -> pd.DataFrame:
         """List each effect at tip depth `max_depth` (m): its size, whether it is simulated, its cost.
 
         See `underlay.scene.effects.effects_table` for the columns.
         """
-        return effects_table(self, max_depth, accuracy)
+        return effects_table(self, max_depth, solver)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the scene as a scene file that `load_scene` reads back bit for bit.

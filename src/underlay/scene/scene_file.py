@@ -18,7 +18,7 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Optional sections: ``[instrument]``, ``[solver]`` (method, rtol, order, form), ``[noise]``, ``[curve]`` (which
+Optional sections: ``[instrument]``, ``[solver]`` (name, rtol, order, form), ``[noise]``, ``[curve]`` (which
 part of which file, and column names) and ``[simulate]`` (depths of a made curve). A new indenter
 needs no change here.
 """
@@ -37,9 +37,10 @@ import numpy as np
 from underlay._documents import parse_toml
 from underlay._door import FileKind, printable, read_text, understood
 from underlay.errors import InputError, UnderlayError, UnderlayWarning
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Cone, Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import solver_named
 from underlay.scene.field_names import hint
 from underlay.scene.fit_section import FreeParameter, free_parameters
 from underlay.scene.instrument import Instrument
@@ -102,8 +103,8 @@ class SceneFile:
         The test; where the file leaves a number to the file of the curve it holds a stand-in.
     free : tuple of FreeParameter
         What is fitted; empty if there is no ``[fit]``.
-    solver : mapping
-        Keywords for `Scene.force` and `Problem`: accuracy, method, order, form.
+    solver : Solver
+        What builds the contact law; `Auto` where the file does not say.
     noise : mapping
         Numbers of ``[noise]``, SI.
     curve : mapping
@@ -123,7 +124,7 @@ class SceneFile:
 
     draft: Scene
     free: tuple[FreeParameter, ...]
-    solver: Mapping[str, Any]
+    solver: Solver
     noise: Mapping[str, float]
     curve: Mapping[str, Any]
     simulate: SimulatedDepths | None
@@ -233,12 +234,10 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
         substrate=_substrate(document),
         instrument=_build(Instrument, "instrument", _table(document, "instrument")),
     )
-    solver = check(SolverSection, "solver", _table(document, "solver"))
-    accuracy = {"accuracy": Accuracy(solver.pop("rtol"))} if "rtol" in solver else {}
     return SceneFile(
         draft=scene,
         free=tuple(free_parameters(_table(document, "fit"), scene)),
-        solver=accuracy | solver,
+        solver=_solver(_table(document, "solver")),
         noise=check(NoiseSection, "noise", _table(document, "noise")),
         curve=check(CurveSection, "curve", _table(document, "curve")),
         simulate=_simulated_depths(document),
@@ -330,6 +329,23 @@ def _substrate(document: Mapping[str, Any]) -> Substrate | None:
     if table:
         raise InputError(f"[substrate] is rigid and needs nothing else; remove {', '.join(table)}")
     return RIGID
+
+
+#: Keys that [solver] had once, and what to write now.
+_OLD_SOLVER_KEYS = {"method": "name", "accuracy": "rtol"}
+
+
+def _solver(table: Mapping[str, Any]) -> Solver:
+    for old, new in _OLD_SOLVER_KEYS.items():
+        if old in table:
+            value = table[old]
+            said = f'"{value}"' if isinstance(value, str) else value
+            raise InputError(f"[solver] {old} is now {new}: write {new} = {said}")
+    stated = {"name": "auto", **check(SolverSection, "solver", table)}
+    try:
+        return solver_named(**stated)
+    except InputError as error:
+        raise InputError(f"[solver] {error}") from error
 
 
 def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:

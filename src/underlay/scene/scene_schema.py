@@ -86,7 +86,7 @@ class ThicknessSection(_Section):
 class SolverSection(_Section):
     """``[solver]``: which law, how accurate."""
 
-    method: str = Field(
+    name: str = Field(
         default="auto", description="auto, exact, asymptotic, halfspace or the name of a published correction"
     )
     rtol: Annotated[float, _quantity("dimensionless")] = Field(

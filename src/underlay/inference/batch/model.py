@@ -6,7 +6,6 @@ import hashlib
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,8 @@ from underlay.inference.batch.options import MapOptions, Sampling
 from underlay.inference.from_files import free_of
 from underlay.inference.priors import Prior
 from underlay.inference.problem import Given, Problem
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import Auto, as_solver
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
@@ -35,8 +36,8 @@ class BatchModel:
         As in `Problem`.
     noise : Noise or None
         As in `Problem`.
-    solver : mapping
-        Keywords of `Problem`: accuracy, method, order, form.
+    solver : Solver
+        As in `Problem`.
     file : SceneFile or None
         Says how a curve file is read and which part of it is used; None reads the loading part.
     quality : bool
@@ -48,14 +49,14 @@ class BatchModel:
     scene: Scene
     free: Mapping[str, Given]
     noise: Noise | None
-    solver: Mapping[str, Any]
+    solver: Solver
     file: SceneFile | None = None
     quality: bool = False
     sampling: Sampling | None = None
 
     def problem(self, scene: Scene, curve: Curve) -> Problem:
         """Build the problem of one curve."""
-        return Problem(scene, curve, self.free, self.noise, **self.solver)
+        return Problem(scene, curve, self.free, self.noise, solver=self.solver)
 
     @property
     def template(self) -> Problem:
@@ -90,7 +91,7 @@ class BatchModel:
             "scene": _hash(self.scene, sorted(self.scene.parameters.items())),
             "fit": _hash(sorted(self.free.items())),
             "noise": _hash(self.noise),
-            "solver": _hash(sorted(self.solver.items())),
+            "solver": _hash(self.solver),
             "curve section": _hash(None if file is None else (sorted(file.curve.items()), file.left_out)),
             "sampling": _hash(self.sampling, self.quality),
         }
@@ -111,9 +112,9 @@ def batch_model(
         If a scene file cannot be read.
     """
     file = scene_file_of(scene)
-    noise, solver = options.noise, {key: value for key, value in options.solver.items() if value is not None}
+    noise, solver = options.noise, options.solver
     if file is not None:
-        solver = {**file.solver, **solver}
+        solver = file.solver if solver is None else solver
         noise = Noise(**file.noise) if noise is None and file.noise else noise
         free = free_of(file) if free is None else free
         scene = file.draft
@@ -124,7 +125,8 @@ def batch_model(
             "nothing is free: pass free={'layer.E': (1e4, 1e8), ...}, or a scene file with [fit]"
         )
     paths = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
-    model = BatchModel(scene, paths, noise, solver, file, options.quality, options.how_sampled)
+    wanted = Auto() if solver is None else as_solver(solver)
+    model = BatchModel(scene, paths, noise, wanted, file, options.quality, options.how_sampled)
     template = model.template
     if model.sampling is not None:
         _require_proper(template.priors)

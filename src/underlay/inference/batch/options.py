@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 from underlay.data.noise import Noise
 from underlay.errors import InputError
+from underlay.mechanics.solvers import AnySolver
 
 __all__ = ["MapOptions", "Sampling"]
 
-# Keywords of `Problem` that say how the law is solved.
-_SOLVER = ("accuracy", "method", "order", "form")
 # A fit takes milliseconds, and seconds where it is hard: one of ten minutes does not end (s).
 _LONGEST_FIT = 600.0
 
@@ -43,8 +40,8 @@ class MapOptions:
     ----------
     noise : Noise, optional
         As in `Problem`; by default what the scene file says.
-    solver : mapping
-        Keywords of `Problem` that say how the law is solved: accuracy, method, order, form.
+    solver : Solver or str, optional
+        What builds the contact law, as in `Problem`; by default what the scene file says.
     quality : bool, default False
         Judge every curve by `check_quality` first. It takes longer than the fit. Without it the verdict is
         ``"good"`` where the fit has no warnings, ``"doubtful"`` where it has, ``"refused"`` where there is
@@ -66,11 +63,11 @@ class MapOptions:
     Raises
     ------
     InputError
-        If a time is not positive, or a keyword of the solver is unknown.
+        If a time is not positive.
     """
 
     noise: Noise | None = None
-    solver: Mapping[str, Any] = field(default_factory=dict)
+    solver: AnySolver | None = None
     quality: bool = False
     sampling: Sampling | bool = False
     resume: bool = False
@@ -82,9 +79,6 @@ class MapOptions:
         for name, value in (("time_limit", self.time_limit), ("timeout", self.timeout)):
             if value is not None and not value > 0.0:
                 raise InputError(f"{name} must be positive (s); got {value!r}")
-        unknown = [name for name in self.solver if name not in _SOLVER]
-        if unknown:
-            raise InputError(f"solver has no {unknown[0]!r}; it takes {', '.join(_SOLVER)}")
 
     @property
     def how_sampled(self) -> Sampling | None:

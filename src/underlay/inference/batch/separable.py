@@ -24,8 +24,9 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.model.coordinates import Coordinate
-from underlay.inference.model.forward import Forward, ScaledLaw
+from underlay.inference.model.forward import Forward
 from underlay.inference.problem import Problem
+from underlay.mechanics.scaled_law import ScaledLaw
 
 __all__ = ["SeparableFit", "SeparableModel"]
 

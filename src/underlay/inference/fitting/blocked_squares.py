@@ -19,11 +19,10 @@ from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.mechanics.accuracy import Accuracy
 
 __all__ = ["BlockedSquares", "Point"]
 
-_ACCURACY = Accuracy(rtol=1e-3)
+_RTOL = 1e-3
 _BLOCKS = 32
 # Chi-square per block below which a model explains the data: nothing explains them better than to their scatter.
 _EXPLAINED = 1.4
@@ -59,7 +58,7 @@ class _Blocked:
     def of(cls, member: Member, *, robust: bool) -> _Blocked:
         blocks = Blocks.of(member.curve, _BLOCKS, averages=not robust)
         laws = member.forward.laws
-        laws = replace(laws, options=replace(laws.options, accuracy=_ACCURACY), store=LawStore())
+        laws = replace(laws, solver=laws.solver.with_tolerance(_RTOL), store=LawStore())
         forward = replace(member.forward, depth=blocks.depth, laws=laws)
         sigma = member.scatter * (len(blocks.force) / len(member.force)) ** 0.5
         return cls(member, forward, blocks.force / sigma, sigma, list(member.entries.values()))

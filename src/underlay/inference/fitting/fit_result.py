@@ -21,6 +21,7 @@ from underlay.inference.fitting.diagnostics import ResidualDiagnostics
 from underlay.inference.fitting.instrument_modulus import InstrumentModulus, instrument_moduli
 from underlay.inference.fitting.provenance import provenance
 from underlay.inference.problem import Problem
+from underlay.mechanics.solver import Solver
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
@@ -181,15 +182,9 @@ class Fit:
         return self.problem.curves
 
     @property
-    def solver(self) -> dict[str, Any]:
-        """Keywords with which `Scene.force` uses the same law: accuracy, method, order, form."""
-        options = self.problem.options
-        return {
-            "accuracy": options.accuracy,
-            "method": options.method,
-            "order": options.order,
-            "form": options.form,
-        }
+    def solver(self) -> Solver:
+        """What built the contact laws."""
+        return self.problem.solver
 
     @property
     def instrument_moduli(self) -> dict[str, InstrumentModulus]:

@@ -12,7 +12,6 @@ from underlay.inference.fitting.diagnostics import ResidualDiagnostics
 from underlay.inference.fitting.fit_result import Alternative, FitStatistics, FitWarning
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.published import PublishedLaw
 from underlay.scene.depth_doubt import depth_doubt
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
@@ -169,7 +168,7 @@ def _law_range(laws: Sequence[ContactLaw]) -> list[FitWarning]:
     """One warning per curve whose law, one of `laws`, leaves its range."""
     warnings = []
     for number, law in enumerate(laws, start=1):
-        if isinstance(law, PublishedLaw) and law.warnings:
+        if law.warnings:
             which = f" on curve {number}" if len(laws) > 1 else ""
             broken = "; ".join(str(entry) for entry in law.warnings)
             text = f"{law.method} is used outside its range{which}: {broken}"
@@ -191,7 +190,7 @@ def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatisti
                     "law-error",
                     f"the {statistics.law_method} law's own error, about {statistics.law_error:.1e} of the "
                     f"force, is larger than the standard error of {coordinate.name} ({deviation:.1e} of it): "
-                    "use method='exact', a smaller Accuracy(rtol=...), or fit(problem, refine=True)",
+                    'use the solver "exact" with a smaller rtol, or fit(problem, refine=True)',
                 )
             )
     return warnings

@@ -14,8 +14,6 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError, RangeError
 from underlay.inference.model.forward import Forward
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.curve_batch import CurveBatch
-from underlay.mechanics.exact.family_law import FamilyLaw
 
 __all__ = ["LawRows", "Rows"]
 
@@ -85,34 +83,17 @@ class LawRows:
         w = self.b * depth
         if not self.possible.all():
             w *= self.possible[:, None, None]
-        tables = [law for _, law in self.shared if isinstance(law, FamilyLaw)]
         counts = {part.stop - part.start for part, _ in self.shared}
-        if len(tables) == len(self.shared) > 1 and len(counts) == 1 and self.possible.all():
+        if len(self.shared) > 1 and len(counts) == 1 and self.possible.all():
             # All laws in one call: the calls, not their arithmetic, are what so few numbers cost.
-            sets = np.ones(len(tables))
-            arguments = (w.reshape(len(tables), -1), tables[0].theta * sets, tables[0].thickness * sets)
-            return np.asarray(getattr(_together(tables), what)(*arguments)).reshape(w.shape)
+            laws = [law for _, law in self.shared]
+            together = laws[0].side_by_side(laws, what, w.reshape(len(laws), -1))
+            if together is not None:
+                return together.reshape(w.shape)
         result = np.zeros_like(w)
         for part, law in self.shared:
             result[part] = getattr(law, what)(w[part])
         return result
-
-
-def _together(laws: list[FamilyLaw]) -> CurveBatch:
-    """The same laws as one batch."""
-    rows = max(law.curve.coefficients.shape[-2] for law in laws)
-    coefficients = np.zeros((len(laws), *laws[0].curve.coefficients.shape[1:2], rows, 4))
-    for table, law in zip(coefficients, laws, strict=True):
-        table[:, : law.curve.coefficients.shape[-2]] = law.curve.coefficients[0]
-    stretches = [law.curve.stretch for law in laws]
-    return CurveBatch(
-        laws[0].measure,
-        np.array([law.family.cell.top for law in laws]),
-        np.array([[stretch.length] for stretch in stretches]),
-        np.array([[stretch.softness] for stretch in stretches]),
-        coefficients,
-        np.array([law.error_estimate for law in laws]),
-    )
 
 
 def _reaching(

@@ -29,13 +29,12 @@ from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import FlatPunch
 from underlay.scene.scene import Scene
 
 __all__ = ["scan_starts"]
 
-_SCAN_ACCURACY = Accuracy(rtol=1e-2)
+_SCAN_RTOL = 1e-2
 _BLOCKS = 16  # enough to tell a contact to a grid step
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
 _RADIUS_RATIOS = (0.06, 4.6)
@@ -134,7 +133,7 @@ def _trial(member: Member, problem: Problem) -> Trial:
     blocks = Blocks.of(member.curve, _BLOCKS)
     free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
     laws = member.forward.laws
-    laws = replace(laws, options=replace(laws.options, accuracy=_SCAN_ACCURACY), store=LawStore())
+    laws = replace(laws, solver=laws.solver.with_tolerance(_SCAN_RTOL), store=LawStore())
     forward = replace(member.forward, depth=blocks.depth, laws=laws)
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
     return Trial(forward, blocks, free, _contacts(free, blocks, member.base[CONTACT]), scales)

@@ -15,12 +15,11 @@ from underlay.errors import CurveError, InputError, ParameterError
 from underlay.inference.model.acting import NOISE_PATHS, require_acting
 from underlay.inference.model.coordinates import Coordinate, Spans, make_coordinate
 from underlay.inference.model.forward import Forward
-from underlay.inference.model.laws import LawOptions, LawStore
+from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.model.noise_start import noise_start
 from underlay.inference.priors import Prior
-from underlay.mechanics.accuracy import METHODS
-from underlay.mechanics.published import published_names
+from underlay.mechanics.solver import Solver
 from underlay.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -36,11 +35,10 @@ def compile_members(
     free: Mapping[str, Given],
     shared: tuple[str, ...],
     noise: Noise | Sequence[Noise | None] | None,
-    options: LawOptions,
+    solver: Solver,
     store: LawStore,
 ) -> tuple[tuple[Member, ...], tuple[Coordinate, ...]]:
     """Check a problem and compile it; see `Problem` for what is refused."""
-    _require_known(options.method)
     noises = _noises(noise, len(tests))
     _check_tests(tests)
     requests = _requests(free, shared, len(tests))
@@ -53,7 +51,7 @@ def compile_members(
     for index, request in enumerate(requests):
         own = [tests[i] for i in request.curves]
         for scene, _ in own:
-            require_acting(request.path, scene, paths, options.method)
+            require_acting(request.path, scene, paths, solver)
         start = _common_start(request, own, noises[request.curves[0]])
         widest = Spans(
             depth=max(spans[i].depth for i in request.curves),
@@ -63,7 +61,7 @@ def compile_members(
         for i in request.curves:
             entries[i][request.path] = index
     members = tuple(
-        _member(scene, curve, noises[i], entries[i], options, store) for i, (scene, curve) in enumerate(tests)
+        _member(scene, curve, noises[i], entries[i], solver, store) for i, (scene, curve) in enumerate(tests)
     )
     points = sum(len(curve) for _, curve in tests)
     if points <= len(coordinates):
@@ -71,12 +69,6 @@ def compile_members(
             f"{len(coordinates)} parameters are free but there are only {points} points: free fewer"
         )
     return members, tuple(coordinates)
-
-
-def _require_known(method: str) -> None:
-    known = (*METHODS, *published_names())
-    if method not in known:
-        raise InputError(f"unknown method {method!r}; known: {', '.join(known)}")
 
 
 def _noises(noise: Noise | Sequence[Noise | None] | None, count: int) -> list[Noise]:
@@ -195,7 +187,7 @@ def _member(
     curve: Curve,
     noise: Noise,
     entries: Mapping[str, int],
-    options: LawOptions,
+    solver: Solver,
     store: LawStore,
 ) -> Member:
     mechanical = {path: index for path, index in entries.items() if path not in NOISE_PATHS}
@@ -208,7 +200,7 @@ def _member(
             "noise.force is unknown beside relative or depth noise: give its value (N), or free it "
             "(free={'noise.force': None, ...})"
         )
-    forward = Forward.compile(scene, curve.depth, tuple(mechanical), options, store)
+    forward = Forward.compile(scene, curve.depth, tuple(mechanical), solver, store)
     member = Member(scene, curve, forward, noise, scene.parameters, mechanical, noisy)
     _check_noise_everywhere(member)
     return member

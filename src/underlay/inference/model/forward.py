@@ -14,15 +14,16 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.model.laws import LawOptions, LawSource, LawStore
+from underlay.inference.model.laws import LawSource, LawStore
 from underlay.inference.model.similarity import Similarity, compile_similarity
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.family_law import FamilyLaw
-from underlay.mechanics.published import published_names
+from underlay.mechanics.scaled_law import ScaledLaw
+from underlay.mechanics.solver import Solver
 from underlay.scene.instrument import Instrument
+from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 
-__all__ = ["Forward", "Reading", "ScaledLaw"]
+__all__ = ["Forward", "Reading"]
 
 # Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
 # derivative, and a law's own error of 1e-6 enters with 1e-3.
@@ -36,39 +37,6 @@ class Reading:
     contact: FloatArray
     stiffness: FloatArray
     force: FloatArray
-
-
-@dataclass(frozen=True)
-class ScaledLaw:
-    """A reference law seen through the factors of `Similarity`: P(w) = c P_ref(b w)."""
-
-    law: ContactLaw
-    b: float
-    c: float
-
-    @property
-    def max_depth(self) -> float:
-        """Largest depth (m)."""
-        return self.law.max_depth / self.b
-
-    def force(self, depth: FloatArray) -> FloatArray:
-        """P (N), shape of `depth` (m)."""
-        return self.c * self.law.force(self.b * depth)
-
-    def stiffness(self, depth: FloatArray) -> FloatArray:
-        """dP/dw (N/m), shape of `depth` (m)."""
-        return (self.b * self.c) * self.law.stiffness(self.b * depth)
-
-    def force_and_stiffness(self, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """P (N) and dP/dw (N/m) together, each of the shape of `depth` (m)."""
-        force, stiffness = self.law.force_and_stiffness(self.b * depth)
-        return self.c * force, (self.b * self.c) * stiffness
-
-    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray:
-        """dP/d ln k (N) of a law from a table, where the force (N) at `depth` (m) is `force`."""
-        if not isinstance(self.law, FamilyLaw):
-            raise TypeError(f"a law by {self.law.method!r} has no derivative in the ratio of moduli")
-        return self.law.ratio_slope(self.b * depth, force)
 
 
 @dataclass(frozen=True)
@@ -91,12 +59,12 @@ class Forward:
 
     @classmethod
     def compile(
-        cls, scene: Scene, depth: FloatArray, free: Sequence[str], options: LawOptions, store: LawStore
+        cls, scene: Scene, depth: FloatArray, free: Sequence[str], solver: Solver, store: LawStore
     ) -> Forward:
         """Compile `scene` for readings `depth` (m) when the parameters at the paths `free` vary."""
         reference = replace(scene, instrument=Instrument())
-        similarity = compile_similarity(scene, free, power_law=options.method not in published_names())
-        return cls(similarity, depth, LawSource.of(similarity, reference, free, options, store))
+        similarity = compile_similarity(scene, free, scaling=solver.scaling)
+        return cls(similarity, depth, LawSource.of(similarity, reference, free, solver, store))
 
     def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
@@ -107,7 +75,8 @@ class Forward:
             If the values are not those of a possible scene, or the law does not reach that deep.
         """
         b, c = self.similarity.factors(values)
-        return ScaledLaw(self.reference_law(self.similarity.reduced(values), b * deepest), b, c)
+        law = self.reference_law(self.similarity.reduced(values), b * deepest)
+        return ScaledLaw.of(law, b, c, self.similarity.length_ratio(values))
 
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
         """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
@@ -120,8 +89,7 @@ class Forward:
         """Force and stiffness at every reading; raises as `law` does."""
         instrument = _instrument(values)
         law = self.law(values, self._deepest(instrument))
-        # `tip_depth` asks a law for force, stiffness and max_depth, which a scaled law has.
-        w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]
+        w = instrument.tip_depth(law, self.depth)
         contact, stiffness = law.force_and_stiffness(w)
         return Reading(contact, stiffness, instrument.reading(self.depth, contact))
 
@@ -129,7 +97,7 @@ class Forward:
         """Force of the instrument (N), (n,), alone; raises as `law` does."""
         instrument = _instrument(values)
         law = self.law(values, self._deepest(instrument))
-        w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]  # as in `reading`
+        w = instrument.tip_depth(law, self.depth)
         return instrument.reading(self.depth, law.force(w))
 
     def jacobian(
@@ -144,7 +112,7 @@ class Forward:
         instrument = _instrument(values)
         deepest = self._deepest(instrument)
         law = self.law(values, deepest)
-        w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]  # as in `reading`
+        w = instrument.tip_depth(law, self.depth)
         P, S = law.force_and_stiffness(w)
         share = 1.0 / (1.0 + instrument.compliance * S) if instrument.compliance else 1.0
         columns = np.empty((len(paths), len(w)))
@@ -181,13 +149,12 @@ class Forward:
         log_b, log_c = self.similarity.factor_slopes(path, values)
         derivative = (log_c * P + log_b * np.maximum(w, 0.0) * S) / values[path]
         for ratio, slope in self.similarity.ratio_slopes(path).items():
-            if ratio not in ratio_columns:
-                ratio_columns[ratio] = (
-                    law.ratio_slope(w, P)
-                    if isinstance(law.law, FamilyLaw)
-                    else self._ratio_derivative(ratio, values, deepest, w, rough=rough)
-                )
             in_log = ratio not in self.similarity.direct
+            if ratio not in ratio_columns:
+                known = law.ratio_slope(w, P) if in_log and ratio == "substrate.E" else None
+                ratio_columns[ratio] = (
+                    self._ratio_derivative(ratio, values, deepest, w, rough=rough) if known is None else known
+                )
             derivative = derivative + ratio_columns[ratio] * (slope / values[path] if in_log else slope)
         return derivative
 
@@ -201,7 +168,7 @@ class Forward:
         in_log = ratio not in self.similarity.direct
         finer = self.laws.for_differences
         size = _RATIO_STEP
-        if ratio.startswith("indenter.") or ratio == "layer.thickness":
+        if ratio.startswith("indenter.") or kind_of(ratio) != "dimensionless":
             size *= abs(k)
 
         def force(steps: float) -> FloatArray:

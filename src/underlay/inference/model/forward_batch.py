@@ -4,8 +4,8 @@ Four ways, the first that applies:
 
 1. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
 2. only the ratio of two moduli varies: every set's curve is read off the table of its cell (`curve_family`);
-3. an isotropic layer on an isotropic or rigid base and the exact law allowed (``"auto"`` or ``"exact"``): the
-   sets go through `ExactBatch`, in groups whose stiffness ratio and range are alike;
+3. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
+   go through it, in groups whose stiffness ratio and range are alike;
 4. otherwise set by set, through `Forward.reading`.
 
 A set's answer does not depend on the company it is asked in: a chain can be repeated bit by bit.
@@ -25,8 +25,8 @@ from underlay.inference.model.exact_groups import exact_groups
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.parameter_sets import ParameterSets, Values
 from underlay.mechanics.exact.family_batch import family_batch
-from underlay.mechanics.indenters import FlatPunch, PowerLawShape, Sphere
-from underlay.mechanics.materials import Isotropic, PlaneConstants, Rigid, isotropic_constants
+from underlay.mechanics.indenters import PowerLawShape
+from underlay.mechanics.materials import PlaneConstants, isotropic_constants
 
 __all__ = ["Readings", "batched_readings"]
 
@@ -150,17 +150,9 @@ def _from_tables(asked: ParameterSets, *, stiffness: bool) -> Readings:
 
 def _has_exact_batches(asked: ParameterSets) -> bool:
     """Whether the exact law of an isotropic layer on an isotropic or rigid base may be taken."""
-    scene = asked.forward.similarity.scene
-    indenter = scene.indenter
-    known = isinstance(indenter, PowerLawShape) and not isinstance(indenter, FlatPunch)
-    fixed_sphere = isinstance(indenter, Sphere) and not asked.varies("indenter.radius")
-    return (
-        asked.forward.laws.options.method in ("auto", "exact")
-        and (known or fixed_sphere)
-        and isinstance(scene.layer.material, Isotropic)
-        and isinstance(scene.substrate, Isotropic | Rigid)
-        and bool(np.isfinite(scene.layer.thickness))
-    )
+    laws = asked.forward.laws
+    fixed_shape = isinstance(laws.contact.indenter, PowerLawShape) or not asked.varies("indenter.radius")
+    return fixed_shape and laws.solver.has_batches(laws.contact)
 
 
 def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:

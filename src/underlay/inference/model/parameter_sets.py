@@ -10,7 +10,6 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.exact.contact_curve import depth_measure
 from underlay.mechanics.indenters import PowerLawShape
 
@@ -56,7 +55,7 @@ class ParameterSets:
     @property
     def rtol(self) -> float:
         """Relative error asked of the laws."""
-        return (self.forward.laws.options.accuracy or Accuracy()).rtol
+        return self.forward.laws.solver.tolerance
 
     @property
     def rows(self) -> range:

@@ -52,16 +52,12 @@ def redrawn(
         coordinate.name: _measured_again(coordinate.prior, float(value), rng)
         for coordinate, value in zip(problem.coordinates, physical, strict=True)
     }
-    options = problem.options
     return Problem.joint(
         tests,
         free,
         problem.shared,
         problem.noise,
-        accuracy=options.accuracy,
-        method=options.method,
-        order=options.order,
-        form=options.form,
+        solver=problem.solver,
     )
 
 

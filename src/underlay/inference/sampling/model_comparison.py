@@ -68,7 +68,7 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     >>> curve = synthesize(scene, np.linspace(0.0, 5e-5, 40), noise, rng=1)
     >>> models = {}
     >>> for law in ("halfspace", "exact"):
-    ...     problem = Problem(scene, curve, {"layer.E": LogUniform(1e4, 1e8)}, noise, method=law)
+    ...     problem = Problem(scene, curve, {"layer.E": LogUniform(1e4, 1e8)}, noise, solver=law)
     ...     models[law] = problem, sample(problem, walkers=16, rng=0)
     >>> table = compare_models(models)
     >>> list(table.index)
@@ -152,7 +152,7 @@ def with_model_error(problem: Problem, model_error: float) -> Problem:
     >>> from underlay import Isotropic, Layer, Noise, Paraboloid, RIGID, Scene, simulate
     >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.45), 1e-3), RIGID)
     >>> curve = simulate(scene, np.linspace(0.0, 1e-5, 50))
-    >>> problem = Problem(scene, curve, ["layer.E"], Noise(force=1e-5, relative=0.003), method="dimitriadis2002")
+    >>> problem = Problem(scene, curve, ["layer.E"], Noise(force=1e-5, relative=0.003), solver="dimitriadis2002")
     >>> with_model_error(problem, 0.004).noise[0].relative
     0.005
     """

@@ -52,7 +52,7 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
             color=DATA,
             label="measured",
         )
-        upper.plot(depth / mm, scene.force(depth, **result.solver) / mN, color=FIT, label="fit")
+        upper.plot(depth / mm, scene.force(depth, solver=result.solver) / mN, color=FIT, label="fit")
         if scene.substrate is not None:
             bare = halfspace_of(scene).force(depth)
             upper.plot(depth / mm, bare / mN, "--", color=REFERENCE, label="half-space, same modulus")
