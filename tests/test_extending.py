@@ -3,22 +3,28 @@
 Each class or record below is all that its file would hold; the README says where the file goes.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import underlay as ul
+from underlay.data.noise import NoiseModel
 from underlay.data.readers import Format
 from underlay.data.readers._format import make_curve
 from underlay.data.readers._text import lines_of
-from underlay.errors import FitError, InputError
+from underlay.errors import CurveError, FitError, InputError, ParameterError
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.published.correction import MEASURED_RANGE, RIGID_BONDED, PublishedCorrection
 from underlay.mechanics.published.factor import PolynomialFactor
 from underlay.mechanics.published.measured_error import MeasuredError
 from underlay.mechanics.published.quantities import LAYER_NU
+from underlay.mechanics.response import History
+from underlay.quantities import quantity
+from underlay.report import tables as fit_tables
+from underlay.report.labels import label
 from underlay.scene.effects import Effect, effects_table
 
 # --- an indenter -----------------------------------------------------------------------------------------
@@ -361,6 +367,118 @@ def test_reader_works(tmp_path):
     assert curve.force[-1] == pytest.approx(1.9e-3)
     assert curve.metadata["format"] == "pipes"
     assert len(curve.metadata["sha256"]) == 64
+
+
+# --- a response with memory ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Maxwell(History):
+    """A spring and a dashpot in series: P(t) = int exp(-(t - s)/time) dP_el(w(s))."""
+
+    model: ClassVar[str] = "maxwell"
+
+    time: float = field(
+        metadata=quantity("time", "relaxation time of the sample", symbol=r"\tau", bounds=(0.0, np.inf))
+    )
+
+    def force(self, elastic, depth, time):
+        load, x = elastic(depth), np.diff(time) / self.time
+        force = np.array(load)
+        for n, step in enumerate(np.diff(load) * -np.expm1(-x) / x):
+            force[n + 1] = force[n] * np.exp(-x[n]) + step
+        return force
+
+
+RELAXING = ul.Scene(
+    ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e5, 0.45), 1e-3), ul.RIGID, history=Maxwell(time=0.5)
+)
+CLOCK = np.linspace(0.0, 3.0, 241)
+RAMP_AND_HOLD = np.minimum(6e-5 * CLOCK, 5e-5) - 1e-5
+
+
+def test_memory_keeps_to_its_laws():
+    elastic = replace(RELAXING, history=None).force(RAMP_AND_HOLD)
+    slow = replace(RELAXING, history=Maxwell(time=1e9)).force(RAMP_AND_HOLD, CLOCK)
+    assert slow == pytest.approx(elastic, rel=1e-8, abs=1e-12)
+    # Over the hold the force decays by itself.
+    held = RAMP_AND_HOLD.max() == RAMP_AND_HOLD
+    force = RELAXING.force(RAMP_AND_HOLD, CLOCK)[held]
+    assert force == pytest.approx(force[0] * np.exp(-(CLOCK[held] - CLOCK[held][0]) / 0.5), rel=1e-12)
+    with pytest.raises(InputError, match=r"pass time \(s\)"):
+        RELAXING.force(RAMP_AND_HOLD)
+
+
+def test_memory_is_fitted_to_a_curve_with_time():
+    curve = ul.synthesize(RELAXING, RAMP_AND_HOLD, ul.Noise(force=2e-6), rng=4, time=CLOCK)
+    assert curve.truth["history.time"] == 0.5
+    start = RELAXING.with_values({"history.time": 2.0, "layer.E": 3e4})
+    free = {"layer.E": (1e3, 1e7), "history.time": (1e-2, 1e2), "instrument.contact_depth": (-2e-5, 2e-5)}
+    problem = ul.Problem(start, curve, free)
+    # Derivatives go through the history; the test takes them from the force itself.
+    vector = problem.vector({"history.time": 0.4, "layer.E": 9e4, "instrument.contact_depth": 1e-6})
+    _, columns = problem.members[0].jacobian(problem.physical(vector))
+    for entry, slope in enumerate(problem.slopes(vector)):
+        step = 1e-5 * np.eye(3)[entry]
+        up, down = (problem.members[0].model(problem.physical(vector + s * step)) for s in (1, -1))
+        assert columns[:, entry] * slope == pytest.approx((up - down) / 2e-5, rel=1e-4, abs=1e-8)
+    fit = ul.fit(problem)
+    for name, true in (("layer.E", 1e5), ("history.time", 0.5), ("instrument.contact_depth", 0.0)):
+        assert abs(fit.values[name] - true) < 4.0 * fit.stderr[name] < 0.2 * max(true, 1e-4)
+    assert "history.time" in fit.report()
+    assert label("history.time") == "relaxation time of the sample"
+    # Many vectors at once, as a sampler asks, one by one here.
+    both = problem.log_likelihood(np.stack([fit.vector, vector]))
+    assert both[0] > both[1]
+    with pytest.raises(CurveError, match="times of its points"):
+        ul.Problem(start, ul.Curve(curve.depth, curve.force), free)
+
+
+def test_memory_stands_in_a_scene_file_and_in_the_ledger(tmp_path):
+    RELAXING.save(tmp_path / "scene.toml")
+    assert ul.load_scene(tmp_path / "scene.toml") == RELAXING
+    assert RELAXING.effects(5e-5).set_index("effect").loc["history", "simulated"]
+
+
+# --- a noise model ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Pump(NoiseModel):
+    """Noise that is louder from the moment a pump starts."""
+
+    start: ClassVar[float] = 1.0  # s
+
+    quiet: float = field(metadata=quantity("force", "noise before the pump starts", bounds=(0.0, np.inf)))
+    loud: float = field(metadata=quantity("force", "noise of the pump", bounds=(0.0, np.inf)))
+
+    def sigma(self, force, stiffness=None, time=None):
+        del stiffness
+        return np.where(time < self.start, self.quiet, self.loud) * np.ones_like(force)
+
+
+def test_noise_model_is_drawn_and_fitted():
+    scene = replace(RELAXING, history=None)
+    curve = ul.synthesize(scene, RAMP_AND_HOLD, Pump(2e-5, 4e-4), rng=2, time=CLOCK)
+    assert curve.truth["noise.loud"] == 4e-4
+    free = {"layer.E": (1e3, 1e7), "noise.loud": None}
+    problem = ul.Problem(scene, curve, free, noise=Pump(2e-5, 1e-4))
+    fit = ul.fit(problem)
+    # The standard deviation of a standard deviation from 160 points is 6 %.
+    assert fit.values["noise.loud"] == pytest.approx(4e-4, rel=0.25)
+    assert 0.03 < fit.stderr["noise.loud"] / fit.values["noise.loud"] < 0.12
+    assert abs(fit.values["layer.E"] - 1e5) < 4.0 * fit.stderr["layer.E"]
+    assert label("noise.loud") in fit_tables.diagnostics_table(fit).to_string()
+    # The same density for many vectors at once as for each alone, and as the normal distribution has it.
+    vectors = np.stack([fit.vector, fit.vector + 0.1, fit.vector - 0.2])
+    many = problem.log_likelihood(vectors)
+    for vector, density in zip(vectors, many, strict=True):
+        values = problem.values(vector)
+        model = scene.with_values({"layer.E": values["layer.E"]}).force(RAMP_AND_HOLD)
+        sigma = np.where(CLOCK < 1.0, 2e-5, values["noise.loud"])
+        assert density == pytest.approx(stats.norm.logpdf(curve.force, model, sigma).sum(), rel=1e-5)
+    with pytest.raises(ParameterError, match=r"did you mean 'noise\.loud'"):
+        ul.Problem(scene, curve, {"layer.E": None, "noise.laud": None}, noise=Pump(2e-5, 1e-4))
 
 
 # --- an effect -------------------------------------------------------------------------------------------

@@ -91,9 +91,9 @@ def test_a_batch_is_its_members(name, rtol, monkeypatch):
     alone = []
     one_by_one = forward_batch._one_by_one
 
-    def counted(asked, rows, readings):
+    def counted(forward, values, rows, readings):
         alone.extend(rows)
-        one_by_one(asked, rows, readings)
+        return one_by_one(forward, values, rows, readings)
 
     monkeypatch.setattr(forward_batch, "_one_by_one", counted)
     batch = member.readings(physical)

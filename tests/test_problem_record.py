@@ -157,9 +157,9 @@ class Own(ul.Uniform):
             "Nameless, has no name in scene files",
         ),
         (
-            replace(SCENE, indenter=Worded(1e-3)),
+            replace(SCENE, indenter=Worded(1e-3, "you")),
             {"layer.E": (1e2, 1e8)},
-            "its scene, of a Worded, cannot be written as a scene file",
+            "its scene, of a Worded, does not come back",
         ),
         (
             replace(SCENE, indenter=Forgetful(1e-3)),

@@ -1,7 +1,10 @@
 # The public names and where each lives: `__init__.py` reads this file and loads a module when it is asked for.
 from .data.contact_point import find_contact as find_contact
 from .data.curve import Curve as Curve
-from .data.noise import Noise as Noise
+from .data.noise import (
+    Noise as Noise,
+    NoiseModel as NoiseModel,
+)
 from .data.quality import check_quality as check_quality
 from .data.readers import (
     Format as Format,
@@ -78,6 +81,10 @@ from .mechanics.published import (
     PublishedCorrection as PublishedCorrection,
     published_corrections as published_corrections,
 )
+from .mechanics.response import (
+    History as History,
+    Response as Response,
+)
 from .mechanics.solver import (
     Scaling as Scaling,
     Solver as Solver,
@@ -91,6 +98,7 @@ from .mechanics.solvers import (
     contact_law as contact_law,
 )
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
+from .quantities import quantity as quantity
 from .report import plots as plots
 from .report.render import report as report
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost

@@ -23,13 +23,15 @@ from underlay.data.noise import Noise
 from underlay.data.synthetic import simulate as noiseless
 from underlay.data.synthetic import synthesize
 from underlay.errors import InputError
+from underlay.quantities import field_quantities
+from underlay.scene.instrument import Instrument
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import parse_quantity
 
 __all__ = ["simulate"]
 
 #: What --noise takes: first the numbers of a `Noise`, as in [noise], then what else `synthesize` disturbs.
-_NOISE = {"force": "force", "relative": "dimensionless", "depth": "length", "correlation_time": "time"}
+_NOISE = {name: known.kind for name, known in field_quantities(Noise).items()}
 _DISTURBANCES = {
     "drift": "loading rate",
     "quantisation": "force",
@@ -37,7 +39,7 @@ _DISTURBANCES = {
     "outlier_sd": "force",
 }
 #: What --offset takes: fields of the scene's instrument.
-_OFFSETS = {"contact_depth": "length", "baseline": "force", "baseline_slope": "stiffness"}
+_OFFSETS = {name: known.kind for name, known in field_quantities(Instrument).items() if name != "compliance"}
 
 NoiseOption = Annotated[
     list[str] | None,

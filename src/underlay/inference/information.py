@@ -13,7 +13,7 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.data.synthetic import simulate
 from underlay.errors import InputError
 from underlay.inference.fitting.objective import Objective, weights_at
@@ -32,7 +32,7 @@ def expected_problem(
     scene: Scene,
     depth: ArrayLike,
     free: Mapping[str, Given] | Iterable[str],
-    noise: Noise,
+    noise: NoiseModel,
     *,
     duration: float = 1.0,
     solver: AnySolver = "auto",
@@ -57,7 +57,7 @@ def expected_problem(
     InputError
         If the size of the noise is unknown, or as `Problem`.
     """
-    if noise.force is None:
+    if noise.size_is_unknown:
         raise InputError("before a test the noise must be given: Noise(force=...) in newtons")
     readings = as_finite(depth, "depth")
     time = np.linspace(0.0, duration, len(readings))
@@ -65,7 +65,7 @@ def expected_problem(
     return Problem(scene, curve, free, noise, solver=solver)
 
 
-def information(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) -> FloatArray:
+def information(problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel]) -> FloatArray:
     """Fisher information (k, k) of the points alone at a scaled vector (k,); zero rows for the noise's."""
     objective = Objective(problem, weights_at(problem, vector, noises))
     rows = objective.jacobian(vector)[: problem.n_points]

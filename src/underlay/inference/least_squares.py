@@ -125,6 +125,10 @@ def _no_law(problem: Problem) -> FitError:
 def _scanned(problem: Problem, robust: str | None) -> list[FloatArray]:
     """Starts from the data alone, those that may be the optimum, best first; the scene's own if there is none."""
     starts = [_inside(problem, first) for first in scan_starts(problem)]
+    if any(member.forward.history is not None for member in problem.members):
+        # The scan takes the sample for elastic, and blocks of neighbouring depths have no time: every start of
+        # the scan is fitted to all points.
+        return starts or [problem.start]
     found = (
         [entry.vector for entry in rough_minima(problem, starts, robust=robust is not None)] if starts else []
     )

@@ -15,7 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError, ParameterError
 from underlay.inference.information import expected_problem, information, marginal, prior_information
 from underlay.inference.problem import Given, Problem
@@ -157,7 +157,7 @@ def plan(
     scene: Scene,
     *,
     free: Mapping[str, Given] | Iterable[str],
-    noise: Noise,
+    noise: NoiseModel,
     radii: ArrayLike,
     depths: ArrayLike,
     parameter: str = "layer.E",

@@ -8,26 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Self, TypeAlias
+from typing import Self
 
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
 from underlay.inference.model.laws import LawStore
-from underlay.inference.priors import Prior
+from underlay.inference.priors import Given, Prior
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.scene import Scene
 
 __all__ = ["Given", "Problem"]
-
-#: What may be said of a free parameter: a prior, bounds, or nothing.
-Given: TypeAlias = Prior | tuple[float, float] | None
 
 
 class Problem:
@@ -43,7 +40,7 @@ class Problem:
         Paths of the scene (``"layer.E"``, ``"instrument.contact_depth"``, ...) or of the noise
         (``"noise.force"``, ...), each with a `Prior`, bounds ``(low, high)`` (SI) or None. Finite bounds mean
         LogUniform for a quantity that is positive by nature and Uniform for another.
-    noise : Noise, optional
+    noise : Noise or another NoiseModel, optional
         What disturbs the force. Without it, or with ``Noise(force=None)``, the noise is white (or AR(1)) of
         unknown size: a fit estimates it, and the likelihood has it integrated out under 1/sigma.
     solver : Solver or str, default "auto"
@@ -69,7 +66,7 @@ class Problem:
         scene: Scene,
         curve: Curve,
         free: Mapping[str, Given] | Iterable[str],
-        noise: Noise | None = None,
+        noise: NoiseModel | None = None,
         *,
         solver: AnySolver = "auto",
     ) -> None:
@@ -81,7 +78,7 @@ class Problem:
         tests: Sequence[tuple[Scene, Curve]],
         free: Mapping[str, Given] | Iterable[str],
         shared: Iterable[str] = (),
-        noise: Noise | Sequence[Noise | None] | None = None,
+        noise: NoiseModel | Sequence[NoiseModel | None] | None = None,
         *,
         solver: AnySolver = "auto",
     ) -> Self:
@@ -117,7 +114,7 @@ class Problem:
         tests: Sequence[tuple[Scene, Curve]],
         free: Mapping[str, Given] | Iterable[str],
         shared: tuple[str, ...],
-        noise: Noise | Sequence[Noise | None] | None,
+        noise: NoiseModel | Sequence[NoiseModel | None] | None,
         solver: Solver,
     ) -> None:
         self.free: dict[str, Given] = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
@@ -135,7 +132,7 @@ class Problem:
         self,
         *,
         free: Mapping[str, Given] | None = None,
-        noise: Noise | Sequence[Noise | None] | None = None,
+        noise: NoiseModel | Sequence[NoiseModel | None] | None = None,
         solver: AnySolver | None = None,
         scenes: Sequence[Scene] | None = None,
     ) -> Problem:
@@ -220,7 +217,7 @@ class Problem:
         physical = self.physical(self._one(vector))
         return tuple(member.scene_at(physical) for member in self.members)
 
-    def noises(self, vector: FloatArray) -> tuple[Noise, ...]:
+    def noises(self, vector: FloatArray) -> tuple[NoiseModel, ...]:
         """One noise model per curve with the numbers of a vector (k,)."""
         physical = self.physical(self._one(vector))
         return tuple(member.noise_at(physical) for member in self.members)

@@ -15,7 +15,7 @@ import numpy as np
 
 from underlay.data.curve import Curve
 from underlay.data.metadata import Metadata
-from underlay.data.noise import Noise
+from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import FileFormatError, InputError
 from underlay.inference.fitting.provenance import curve_hash
 from underlay.inference.priors import (
@@ -164,6 +164,8 @@ def _from_given(entry: Mapping[str, Any] | None) -> Given:
 
 def _noise(noise: Any) -> Any:
     """A noise model, or one per curve, as plain values."""
+    if isinstance(noise, NoiseModel) and not isinstance(noise, Noise):
+        raise InputError(f"its noise model, {type(noise).__name__}, is not part of underlay")
     if noise is None or isinstance(noise, Noise):
         return None if noise is None else asdict(noise)
     return [_noise(entry) for entry in noise]

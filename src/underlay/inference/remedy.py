@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError, ParameterError
 from underlay.inference.information import information, marginal, prior_information
 from underlay.inference.planning import plan
@@ -180,7 +180,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
 
 
 def _about_specimen(
-    problem: Problem, vector: FloatArray, noises: Sequence[Noise], specimen: list[str]
+    problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel], specimen: list[str]
 ) -> FloatArray:
     """Information of the first test and of the priors about the specimen at a scaled vector, (s, s)."""
     kept = [problem.names.index(name) for name in specimen]

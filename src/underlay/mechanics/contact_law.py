@@ -17,6 +17,7 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError, LawError, RangeError, UnderlayError
+from underlay.mechanics.response import Response
 
 __all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw"]
 
@@ -29,8 +30,8 @@ _LARGEST = float(np.finfo(float).max)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactLaw(ABC):
-    """Force against depth for one indenter and body.
+class ContactLaw(Response, ABC):
+    """Force against depth for one indenter and body: the response that ignores time.
 
     Depth is the indentation depth w (m) from first contact, positive into the sample; force is positive in
     compression (N). Up to the smallest depth of its `domain`, zero unless a law says otherwise, there is no
@@ -57,8 +58,8 @@ class ContactLaw(ABC):
     error_estimate: float
     warnings: tuple[object, ...] = ()
 
-    def force(self, depth: ArrayLike) -> FloatArray:
-        """Force P (N), shape of `depth` (m).
+    def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
+        """Force P (N), shape of `depth` (m); an elastic sample does not ask for `time`.
 
         Raises
         ------
@@ -69,14 +70,16 @@ class ContactLaw(ABC):
         LawError
             If the law itself fails, or answers with NaN or in another shape.
         """
+        del time
         return self._in_contact(depth, self._force)
 
     def contact_radius(self, depth: ArrayLike) -> FloatArray:
         """Contact radius a (m), shape of `depth` (m); raises as `force` does."""
         return self._in_contact(depth, self._contact_radius)
 
-    def stiffness(self, depth: ArrayLike) -> FloatArray:
+    def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Incremental stiffness dP/dw (N/m) (9.1), shape of `depth` (m); raises as `force` does."""
+        del time
         return self._in_contact(depth, self._stiffness)
 
     def force_and_stiffness(self, depth: ArrayLike) -> tuple[FloatArray, FloatArray]:

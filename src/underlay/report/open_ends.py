@@ -76,8 +76,7 @@ def rival_name(place: int) -> str:
 def _rival_sentence(result: Fit, other: Alternative, name: str, profiles: Mapping[str, Profile]) -> str:
     shown = [path for path in other.values if is_of_the_sample(path)] or list(other.values)
     numbers = ", ".join(
-        f"{label(path)} {format_quantity(other.values[path], kind_of(path.partition('[')[0]))}"
-        for path in shown
+        f"{label(path)} {format_quantity(other.values[path], kind_of(path))}" for path in shown
     )
     nearly = "" if other.rise <= interval_threshold(result, _LEVEL) else "nearly "
     reach, mended = "are those of the best alone", False

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from underlay._door import sha256_of
 from underlay._text import one_line
+from underlay.data.noise import NoiseModel
 from underlay.inference.fitting.provenance import version_record
+from underlay.quantities import numbers_of
 from underlay.report.intervals import estimates
 from underlay.report.labels import label
 from underlay.report.open_ends import rival_name
@@ -53,8 +55,7 @@ def fit_table(result: Fit) -> pd.DataFrame:
     told = result.instrument_moduli
     rows = []
     for name, value in result.values.items():
-        path = name.partition("[")[0]
-        unit, factor = human_unit(value, kind_of(path))
+        unit, factor = human_unit(value, kind_of(name))
         error = result.stderr[name]
         rows.append(
             {
@@ -177,14 +178,14 @@ def diagnostics_table(result: Fit) -> pd.DataFrame:
     return facts_table(rows)
 
 
-def _noise_text(noise: Any) -> str:
-    parts = [f"{format_quantity(noise.force, 'force')} on the force"] if noise.force else []
-    if noise.relative:
-        parts.append(f"{100.0 * noise.relative:.3g} % of the force")
-    if noise.correlation_time:
-        parts.append(f"correlated over {format_quantity(noise.correlation_time, 'time')}")
-    if noise.depth:
-        parts.append(f"{format_quantity(noise.depth, 'length')} on the depth")
+def _noise_text(noise: NoiseModel) -> str:
+    """Every number of a noise model that is not zero, by its declared name."""
+    numbers = numbers_of(noise, "noise")
+    parts = [
+        f"{label(path)} {format_quantity(number.value, number.quantity.kind)}"
+        for path, number in numbers.items()
+        if number.value
+    ]
     return ", ".join(parts) or "none"
 
 

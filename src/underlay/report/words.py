@@ -94,9 +94,7 @@ def posterior_summary(posterior: Posterior) -> str:
     table = posterior.summary()
     parts = []
     for name, row in table.iterrows():
-        text = quantity_with_interval(
-            row["median"], row["hdi95_low"], row["hdi95_high"], kind_of(str(name).partition("[")[0])
-        )
+        text = quantity_with_interval(row["median"], row["hdi95_low"], row["hdi95_high"], kind_of(str(name)))
         sentence = f"{start(label(str(name)))} {_with_level(text)}."
         if row["informed"] == "not informed by these data":
             sentence = (

@@ -9,29 +9,70 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from underlay._arrays import FloatArray, positive
+from underlay._arrays import ArrayLike, FloatArray, positive
 from underlay.errors import RangeError
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.indenters import Paraboloid, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Rigid, TransverselyIsotropic
+from underlay.mechanics.indenters import Indenter, Paraboloid, Sphere
+from underlay.mechanics.materials import (
+    RIGID,
+    Isotropic,
+    Layer,
+    Material,
+    Rigid,
+    Substrate,
+    TransverselyIsotropic,
+)
+from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
+from underlay.scene.instrument import Instrument
 
-if TYPE_CHECKING:
-    from underlay.scene.scene import Scene
-
-__all__ = ["Effect", "EffectRule", "effect_sizes", "effects_table"]
+__all__ = ["Effect", "EffectRule", "Simulated", "effect_sizes", "effects_table"]
 
 _COLUMNS = ("effect", "size_percent", "simulated", "cost_percent", "note")
 # The cost of an effect is timed on curves of this many depths, from cold, with and without it in turns.
 _COST_POINTS = 200
 # The shortest of many rounds counts, in processor time.
 _COST_ROUNDS = 25
+
+
+class Simulated(Protocol):
+    """What the ledger asks of a scene: its parts, its law and its force. `Scene` is one."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def indenter(self) -> Indenter:
+        """What is pressed in."""
+
+    @property
+    def layer(self) -> Layer:
+        """What it is pressed into."""
+
+    @property
+    def substrate(self) -> Substrate | None:
+        """What the layer is bonded to."""
+
+    @property
+    def instrument(self) -> Instrument:
+        """What reads depth and force."""
+
+    @property
+    def history(self) -> History | None:
+        """What the sample remembers."""
+
+    def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
+        """Law of its contact up to `max_depth` (m)."""
+
+    def force(
+        self, depth: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
+    ) -> FloatArray:
+        """Force reading (N) at depth readings (m)."""
 
 
 @dataclass(frozen=True)
@@ -51,18 +92,18 @@ class Effect:
     """
 
     name: str
-    with_it: Scene | None
-    without: Scene | None
+    with_it: Simulated | None
+    without: Simulated | None
     simulated: bool
     note: str
 
 
 #: How an effect is found: from a scene and the law of its contact.
-EffectRule: TypeAlias = "Callable[[Scene, ContactLaw], Effect]"
+EffectRule: TypeAlias = "Callable[[Simulated, ContactLaw], Effect]"
 
 
 def effects_table(
-    scene: Scene, max_depth: float, solver: AnySolver = "auto", further: Iterable[EffectRule] = ()
+    scene: Simulated, max_depth: float, solver: AnySolver = "auto", further: Iterable[EffectRule] = ()
 ) -> pd.DataFrame:
     """List every effect of `scene` at tip depth `max_depth` (m).
 
@@ -103,7 +144,7 @@ def effects_table(
     return table
 
 
-def effect_sizes(scene: Scene, depth: FloatArray, solver: AnySolver = "auto") -> pd.DataFrame:
+def effect_sizes(scene: Simulated, depth: FloatArray, solver: AnySolver = "auto") -> pd.DataFrame:
     """Size of every effect the scene gives numbers for, against depth.
 
     Parameters
@@ -146,21 +187,24 @@ def _row(effect: Effect, deepest: float, solver: Solver) -> dict[str, object]:
     return {key: (row | numbers)[key] for key in _COLUMNS}
 
 
-def _effects(scene: Scene, law: ContactLaw) -> list[Effect]:
+def _effects(scene: Simulated, law: ContactLaw) -> list[Effect]:
     """Every effect there is, for a scene whose contact is simulated by `law`.
 
-    All but the baseline are measured without it: a per cent of the force is one of the contact force.
+    All but the baseline are measured without it: a per cent of the force is one of the contact force. What the
+    sample remembers acts in time and is left out: the sizes are those of a sudden depth.
     """
+    remembers, scene = scene.history is not None, replace(scene, history=None)
     level = replace(scene, instrument=replace(scene.instrument, baseline=0.0, baseline_slope=0.0))
     return [
         *_layer_effects(level, layered=law.method != "halfspace"),
         _sphere_effect(level),
         _compliance_effect(level),
         _baseline_effect(scene, level),
+        _history_effect(remembers=remembers),
     ]
 
 
-def _layer_effects(scene: Scene, *, layered: bool) -> list[Effect]:
+def _layer_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
     return [
         _thickness_effect(scene, layered=layered),
         _substrate_effect(scene, layered=layered),
@@ -168,7 +212,7 @@ def _layer_effects(scene: Scene, *, layered: bool) -> list[Effect]:
     ]
 
 
-def _thickness_effect(scene: Scene, *, layered: bool) -> Effect:
+def _thickness_effect(scene: Simulated, *, layered: bool) -> Effect:
     name = "finite thickness"
     if not _has_base(scene):
         return Effect(name, None, None, simulated=False, note="no substrate at a finite depth is declared")
@@ -176,7 +220,7 @@ def _thickness_effect(scene: Scene, *, layered: bool) -> Effect:
     return Effect(name, scene, halfspace, simulated=layered, note="against a half-space of the layer")
 
 
-def _substrate_effect(scene: Scene, *, layered: bool) -> Effect:
+def _substrate_effect(scene: Simulated, *, layered: bool) -> Effect:
     name = "substrate compliance"
     if not _has_base(scene) or isinstance(scene.substrate, Rigid):
         return Effect(name, None, None, simulated=False, note="no elastic substrate is declared")
@@ -184,7 +228,7 @@ def _substrate_effect(scene: Scene, *, layered: bool) -> Effect:
     return Effect(name, scene, rigid, simulated=layered, note="against a rigid base")
 
 
-def _anisotropy_effect(scene: Scene, *, layered: bool) -> Effect:
+def _anisotropy_effect(scene: Simulated, *, layered: bool) -> Effect:
     name = "anisotropy"
     isotropic = _isotropic(scene)
     if isotropic == scene:
@@ -194,11 +238,11 @@ def _anisotropy_effect(scene: Scene, *, layered: bool) -> Effect:
     return Effect(name, scene, isotropic, simulated=used, note=note)
 
 
-def _has_base(scene: Scene) -> bool:
+def _has_base(scene: Simulated) -> bool:
     return scene.substrate is not None and bool(np.isfinite(scene.layer.thickness))
 
 
-def _sphere_effect(scene: Scene) -> Effect:
+def _sphere_effect(scene: Simulated) -> Effect:
     name, tip = "true sphere", scene.indenter
     if isinstance(tip, Sphere):
         return Effect(
@@ -219,7 +263,7 @@ def _sphere_effect(scene: Scene) -> Effect:
     return Effect(name, None, None, simulated=False, note="the tip is not a sphere")
 
 
-def _compliance_effect(scene: Scene) -> Effect:
+def _compliance_effect(scene: Simulated) -> Effect:
     name = "instrument compliance"
     if not scene.instrument.compliance:
         return Effect(name, None, None, simulated=False, note="the instrument is declared stiff")
@@ -227,10 +271,17 @@ def _compliance_effect(scene: Scene) -> Effect:
     return Effect(name, scene, stiff, simulated=True, note="against a stiff instrument")
 
 
-def _baseline_effect(scene: Scene, level: Scene) -> Effect:
+def _baseline_effect(scene: Simulated, level: Simulated) -> Effect:
     if scene == level:
         return Effect("baseline", None, None, simulated=False, note="no baseline is declared")
     return Effect("baseline", scene, level, simulated=True, note="against no baseline")
+
+
+def _history_effect(*, remembers: bool) -> Effect:
+    if not remembers:
+        return Effect("history", None, None, simulated=False, note="the sample is declared elastic")
+    note = "it acts in time: compare the forces of a history of depths with it and without"
+    return Effect("history", None, None, simulated=True, note=note)
 
 
 def _size(effect: Effect, depth: FloatArray, solver: Solver) -> FloatArray:
@@ -258,7 +309,7 @@ def _added_cost(effect: Effect, deepest: float, solver: Solver) -> float:
     return 100.0 * (with_it / without - 1.0)
 
 
-def _isotropic(scene: Scene) -> Scene:
+def _isotropic(scene: Simulated) -> Simulated:
     """Return the scene with each anisotropic material replaced by its in-plane E and nu."""
     layer = replace(scene.layer, material=_in_plane(scene.layer.material))
     substrate = scene.substrate

@@ -18,9 +18,9 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Optional sections: ``[instrument]``, ``[solver]`` (name, rtol, order, form), ``[noise]``, ``[curve]`` (which
-part of which file, and column names) and ``[simulate]`` (depths of a made curve). A new indenter
-needs no change here.
+Optional sections: ``[instrument]``, ``[history]`` (model, and its numbers), ``[solver]`` (name, rtol, order,
+form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made
+curve). A new indenter or history needs no change here.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ from underlay._door import FileKind, printable, read_text, understood
 from underlay.errors import InputError, UnderlayError, UnderlayWarning
 from underlay.mechanics.indenters import Cone, Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
+from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
 from underlay.scene.field_names import hint
@@ -208,6 +209,7 @@ _SECTIONS = (
     "layer",
     "substrate",
     "instrument",
+    "history",
     "fit",
     "solver",
     "noise",
@@ -225,14 +227,14 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
     for name in ("indenter", "layer"):
         if name not in document:
             raise InputError(f"section [{name}] is missing")
-    layer, thickness = _material("layer", dict(_table(document, "layer")))
     tip = dict(_table(document, "indenter"))
     left_out = _left_out(tip)
     scene = Scene(
         indenter=_indenter({**tip, **{path.partition(".")[2]: _STAND_IN for path in left_out}}),
-        layer=Layer(layer, thickness),
+        layer=_layer(dict(_table(document, "layer"))),
         substrate=_substrate(document),
         instrument=_build(Instrument, "instrument", _table(document, "instrument")),
+        history=_history(document),
     )
     return SceneFile(
         draft=scene,
@@ -295,6 +297,11 @@ def _indenter(table: dict[str, Any]) -> Indenter:
     return indenter
 
 
+def _layer(table: dict[str, Any]) -> Layer:
+    material, thickness = _material("layer", table)
+    return Layer(material, thickness)
+
+
 def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
     if table:
         raise InputError(f"[indenter] shape {name} needs nothing else; remove {', '.join(table)}")
@@ -331,6 +338,20 @@ def _substrate(document: Mapping[str, Any]) -> Substrate | None:
     return RIGID
 
 
+def _history(document: Mapping[str, Any]) -> History | None:
+    if "history" not in document:
+        return None
+    table = dict(_table(document, "history"))
+    models = {kind.model: kind for kind in History.models()}
+    name = table.pop("model", None)
+    if name not in models:
+        raise InputError(
+            f"[history] model: {name!r} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
+        )
+    history: History = _build(models[name], "history", table)
+    return history
+
+
 #: Keys that [solver] had once, and what to write now.
 _OLD_SOLVER_KEYS = {"method": "name", "accuracy": "rtol"}
 
@@ -359,4 +380,4 @@ def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
 
 def _build(kind: type[Any], section: str, table: Mapping[str, Any], *, besides: tuple[str, ...] = ()) -> Any:
     """Make a dataclass from a section; its fields, and `besides`, say which keys there are."""
-    return kind(**check(schema_of(kind, section), section, table, besides=besides))
+    return kind(**check(schema_of(kind), section, table, besides=besides))

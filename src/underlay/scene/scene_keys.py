@@ -92,7 +92,7 @@ def _all() -> Iterator[SceneKey]:
 
 def _of_class(kind: type[Any], section: str, remark: str, seen: tuple[str, ...] = ()) -> Iterator[SceneKey]:
     said = _described(kind)
-    for name, field in schema_of(kind, section).model_fields.items():
+    for name, field in schema_of(kind).model_fields.items():
         if name not in seen:
             meaning = said.get(name, _first_sentence(kind))
             yield SceneKey(section, f"{name}{remark}", _takes(field), _default(field), meaning)

@@ -12,8 +12,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic.fields import FieldInfo
 
 from underlay.errors import InputError
+from underlay.quantities import quantity_of
 from underlay.scene.field_names import hint
-from underlay.scene.parameters import kind_of
 from underlay.units import parse_quantity
 
 __all__ = [
@@ -22,7 +22,6 @@ __all__ = [
     "NoiseSection",
     "SimulateSection",
     "SolverSection",
-    "ThicknessSection",
     "check",
     "free_parameter_schema",
     "kind_of_field",
@@ -51,12 +50,13 @@ def kind_of_field(field: FieldInfo) -> str | None:
     return None
 
 
-def schema_of(kind: type[Any], section: str) -> type[BaseModel]:
-    """Pydantic model of a section, from the dataclass it describes."""
+def schema_of(kind: type[Any]) -> type[BaseModel]:
+    """Pydantic model of a section, from the dataclass it describes and what that declares of its numbers."""
     definitions: dict[str, Any] = {}
     for field in fields(kind):
-        default = ... if field.default is MISSING else field.default
-        definitions[field.name] = (Annotated[Any, _quantity(kind_of(f"{section}.{field.name}"))], default)
+        if not field.metadata.get("inlined"):
+            default = ... if field.default is MISSING else field.default
+            definitions[field.name] = (Annotated[Any, _quantity(quantity_of(field).kind)], default)
     return create_model(kind.__name__, __config__=ConfigDict(extra="forbid"), **definitions)
 
 

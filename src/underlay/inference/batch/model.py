@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import InputError
 from underlay.inference.batch.options import MapOptions, Sampling
 from underlay.inference.from_files import free_of
@@ -48,7 +48,7 @@ class BatchModel:
 
     scene: Scene
     free: Mapping[str, Given]
-    noise: Noise | None
+    noise: NoiseModel | None
     solver: Solver
     file: SceneFile | None = None
     quality: bool = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
 from underlay.mechanics.solvers import AnySolver
 
@@ -66,7 +66,7 @@ class MapOptions:
         If a time is not positive.
     """
 
-    noise: Noise | None = None
+    noise: NoiseModel | None = None
     solver: AnySolver | None = None
     quality: bool = False
     sampling: Sampling | bool = False

@@ -22,6 +22,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
+from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Forward
@@ -195,12 +196,15 @@ class SeparableModel:
         noise = member.noise
         separable = (
             _MODULUS in member.entries
+            and member.forward.history is None
             and set(problem.names) <= _SEPARABLE
             and member.forward.similarity.moduli == (_MODULUS,)
             and not any(coordinate.prior.informative for coordinate in problem.coordinates)
-            and not (noise.relative or noise.depth or noise.correlation_time)
+            and isinstance(noise, Noise)
+            and not (noise.follows_force or noise.correlation)
         )
-        return cls(member.forward, problem.coordinates, noise.force) if separable else None
+        known = noise.force if isinstance(noise, Noise) else None
+        return cls(member.forward, problem.coordinates, known) if separable else None
 
     def fit(self, curve: Curve, values: Mapping[str, float]) -> SeparableFit | None:
         """Fit one fittable curve; None hands it to `least_squares.fit`.

@@ -16,12 +16,13 @@ import pandas as pd
 from underlay._arrays import FloatArray
 from underlay._files import write_atomic
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.inference.fitting.diagnostics import ResidualDiagnostics
 from underlay.inference.fitting.instrument_modulus import InstrumentModulus, instrument_moduli
 from underlay.inference.fitting.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
+from underlay.quantities import field_quantities
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
@@ -154,7 +155,7 @@ class Fit:
     covariance: FloatArray = field(repr=False)
     no_error_bars: Mapping[str, str]
     bounds_hit: Mapping[str, str]
-    noises: tuple[Noise, ...]
+    noises: tuple[NoiseModel, ...]
     residuals: tuple[FloatArray, ...] = field(repr=False)
     diagnostics: tuple[ResidualDiagnostics, ...] = field(repr=False)
     statistics: FitStatistics = field(repr=False)
@@ -224,7 +225,7 @@ class Fit:
         lines = ["parameter                     value and standard error"]
         for name, value in self.values.items():
             error = self.stderr[name]
-            kind = kind_of(name.partition("[")[0])
+            kind = kind_of(name)
             text = format_quantity(value, kind, error if math.isfinite(error) else None)
             reason = self.no_error_bars.get(name) or self.bounds_hit.get(name, "")
             lines.append(f"{name:<28}  {text}{f'  ({reason})' if reason else ''}")
@@ -274,7 +275,9 @@ class Fit:
             "covariance": self.covariance.tolist(),
             "no_error_bars": dict(self.no_error_bars),
             "bounds_hit": dict(self.bounds_hit),
-            "noise": [asdict(noise) for noise in self.noises],
+            "noise": [
+                {name: getattr(noise, name) for name in field_quantities(noise)} for noise in self.noises
+            ],
             "statistics": asdict(self.statistics),
             "diagnostics": [asdict(entry) for entry in self.diagnostics],
             "warnings": [asdict(warning) for warning in self.warnings],

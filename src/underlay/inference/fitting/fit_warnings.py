@@ -121,8 +121,7 @@ def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:
     warnings = []
     for entry in alternatives:
         values = ", ".join(
-            f"{name} {format_quantity(value, kind_of(name.partition('[')[0]))}"
-            for name, value in entry.values.items()
+            f"{name} {format_quantity(value, kind_of(name))}" for name, value in entry.values.items()
         )
         warnings.append(
             FitWarning(

@@ -8,13 +8,13 @@ for the parameters already fitted. For white noise of unknown size that is the f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize
 
 from underlay._arrays import FloatArray
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.inference.fitting.objective import Objective, Weights, weights_at
 from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
@@ -59,10 +59,10 @@ class Renewal:
     settled: bool
 
 
-def first_noises(problem: Problem, vector: FloatArray) -> tuple[Noise, ...]:
+def first_noises(problem: Problem, vector: FloatArray) -> tuple[NoiseModel, ...]:
     """Noise of every curve at a scaled vector; an unknown size from the scatter of neighbouring points."""
     return tuple(
-        replace(noise, force=member.scatter) if member.scale_is_unknown else noise
+        noise.of_size(member.scatter) if member.scale_is_unknown else noise
         for member, noise in zip(problem.members, problem.noises(vector), strict=True)
     )
 
@@ -70,15 +70,14 @@ def first_noises(problem: Problem, vector: FloatArray) -> tuple[Noise, ...]:
 def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
     """Estimate, or compute again, the noise at an optimum of the other parameters."""
     problem, physical = objective.problem, objective.problem.physical(vector)
-    noises = objective.weights.noises
     if problem.noise_entries:
         linear = [member.jacobian(physical) for member in problem.members]
         vector = most_likely(problem, vector, sorted(problem.noise_entries), linear)
-        noises = problem.noises(vector)
+    noises = problem.noises(vector)
     if any(member.scale_is_unknown for member in problem.members):
         sizes = _sizes(objective, vector, robust=robust)
         noises = tuple(
-            replace(noise, force=size) if member.scale_is_unknown else noise
+            noise.of_size(size) if member.scale_is_unknown else noise
             for member, noise, size in zip(problem.members, noises, sizes, strict=True)
         )
     renewed = weights_at(problem, vector, noises)
@@ -92,18 +91,19 @@ def _is_settled(objective: Objective, renewed: Weights, *, robust: bool) -> bool
     if not objective.has_measured_priors and not robust:
         # Without a prior or a loss to weigh against, a common factor of all sigmas moves nothing.
         common = float(np.mean([ratio.mean() for ratio in ratios]))
-    taus = [
-        abs(new.correlation_time - before.correlation_time)
-        <= _SETTLED * max(new.correlation_time, before.correlation_time)
+    alike = all(
+        len(new.correlation) == len(before.correlation)
+        and np.allclose(np.array(new.correlation), np.array(before.correlation), rtol=_SETTLED, atol=0.0)
         for new, before in zip(renewed.noises, old.noises, strict=True)
-    ]
-    return all(taus) and all(float(np.abs(ratio / common - 1.0).max()) < _SETTLED for ratio in ratios)
+    )
+    return alike and all(float(np.abs(ratio / common - 1.0).max()) < _SETTLED for ratio in ratios)
 
 
 def _sizes(objective: Objective, vector: FloatArray, *, robust: bool) -> list[float]:
     """Size of the noise (N) of every curve from its residuals, S / (n - k) with the k it pays for."""
     ends = np.cumsum([len(member.force) for member in objective.problem.members])
-    before = [float(noise.force or 1.0) for noise in objective.weights.noises]
+    # Noise of unknown size is white: all its points have one standard deviation.
+    before = [float(sigma[0]) for sigma in objective.weights.sigmas]
     residuals = np.split(objective.residuals(vector), ends)
     if robust:
         return [

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.noise import Noise, whiten
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
@@ -37,15 +37,15 @@ class Minimum:
 class Weights:
     """Noise of every curve, frozen: model and standard deviations (N), one array (n,) each."""
 
-    noises: tuple[Noise, ...]
+    noises: tuple[NoiseModel, ...]
     sigmas: tuple[FloatArray, ...]
 
 
-def weights_at(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) -> Weights:
+def weights_at(problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel]) -> Weights:
     """Freeze the noise at the model of a scaled vector (k,)."""
     physical = problem.physical(vector)
     sigmas = tuple(
-        member.sigma(member.reading(physical) if noise.relative or noise.depth else None, noise)
+        member.sigma(member.reading(physical) if noise.follows_force else None, noise)
         for member, noise in zip(problem.members, noises, strict=True)
     )
     return Weights(tuple(noises), sigmas)
@@ -111,7 +111,7 @@ class Objective:
         except InputError:
             return self._refused()
         parts = [
-            whiten((model - member.force) / sigma, member.curve.time, noise.correlation_time)
+            noise.whiten((model - member.force) / sigma, member.curve.time)
             for model, (member, noise, sigma) in zip(models, self._members(), strict=True)
         ]
         if self._informative:
@@ -136,7 +136,7 @@ class Objective:
         for columns, (member, noise, sigma) in zip(
             self._columns(physical, rough=rough), self._members(), strict=True
         ):
-            rows = whiten(columns.T * (slopes[:, None] / sigma), member.curve.time, noise.correlation_time)
+            rows = noise.whiten(columns.T * (slopes[:, None] / sigma), member.curve.time)
             parts.append(rows.T)
         if self._informative:
             parts.append(self._penalties(physical)[1] * slopes)
@@ -189,7 +189,7 @@ class Objective:
                 self._last_models = key, [reading.force for reading, _ in both]
         return columns
 
-    def _members(self) -> Iterator[tuple[Member, Noise, FloatArray]]:
+    def _members(self) -> Iterator[tuple[Member, NoiseModel, FloatArray]]:
         return zip(self.problem.members, self.weights.noises, self.weights.sigmas, strict=True)
 
     def _penalties(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:

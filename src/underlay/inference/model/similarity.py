@@ -136,13 +136,13 @@ def compile_similarity(
 
     `scaling` says what the laws keep: with less, more parameters need laws of their own.
     """
-    values = scene.parameters
+    values, known = scene.parameters, scene.quantities
     layered = scene.substrate is not None and np.isfinite(scene.layer.thickness)
     materials = [
         path for path in values if path.startswith("layer.") or (layered and path.startswith("substrate."))
     ]
-    moduli = tuple(path for path in materials if kind_of(path) == "pressure" and path != "layer.E")
-    ratios = tuple(path for path in materials if kind_of(path) == "dimensionless")
+    moduli = tuple(path for path in materials if known[path].scales == "force" and path != "layer.E")
+    ratios = tuple(path for path in materials if known[path].scales is None)
     thickness = ("layer.thickness",) if layered else ()
     shape = tuple(path for path in values if path.startswith("indenter."))
     direct: tuple[str, ...] = ratios

@@ -8,12 +8,10 @@ chi-square with n - k degrees of freedom, to order 1 / (n - k).
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.fitting.noise_estimate import most_likely, restricted_log_likelihood
 from underlay.inference.fitting.objective import Objective, weights_at
@@ -113,10 +111,10 @@ def _held(fit: Fit, start: FloatArray, index: int, q: float) -> tuple[FloatArray
     return vector, restricted_log_likelihood(problem, vector, linear)
 
 
-def _noises(fit: Fit, vector: FloatArray) -> list[Noise]:
+def _noises(fit: Fit, vector: FloatArray) -> list[NoiseModel]:
     """Noise of every curve at a vector; a size that is no parameter stays as the fit estimated it."""
     return [
-        replace(noise, force=fitted.force) if member.scale_is_unknown else noise
+        noise.of_size(float(fitted.sigma(member.force)[0])) if member.scale_is_unknown else noise
         for member, noise, fitted in zip(
             fit.problem.members, fit.problem.noises(vector), fit.noises, strict=True
         )

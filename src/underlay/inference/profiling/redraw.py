@@ -14,7 +14,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.inference.priors import LogNormal, Normal, Prior, Truncated
 from underlay.inference.problem import Problem
 
@@ -22,7 +22,7 @@ __all__ = ["redrawn"]
 
 
 def redrawn(
-    problem: Problem, vector: FloatArray, noises: Sequence[Noise], rng: np.random.Generator
+    problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel], rng: np.random.Generator
 ) -> Problem:
     """Return the problem with curves and prior measurements drawn at a scaled vector (k,).
 

@@ -17,7 +17,7 @@ from underlay.inference.fitting.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.inference.problem_record import problem_from_record, problem_record
 from underlay.inference.sampling.archive import LARGEST, read_archive, write_archive
-from underlay.inference.sampling.arviz_bridge import to_inference_data
+from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.convergence import (
     effective_size,
     highest_density_interval,
@@ -158,18 +158,30 @@ class Posterior:
         table.insert(0, "prior", list(self.priors))
         return table
 
-    def to_inference_data(self) -> Any:
+    def to_inference_data(self, log_likelihood: FloatArray | None = None) -> Any:
         """Return the draws as an arviz ``InferenceData``, one chain per walker.
 
         Groups ``posterior`` (parameters and, where they have as many draws, derived quantities), ``prior``
-        and ``sample_stats`` (``lp``). ``to_netcdf`` of the result writes a file others can read.
+        and ``sample_stats`` (``lp``); with `log_likelihood` (draws, walkers, points), of the points, that too.
+        ``to_netcdf`` of the result writes a file others can read.
 
         Raises
         ------
         MissingExtraError
             If arviz is not installed (extra ``uq``).
         """
-        return to_inference_data(self)
+        parameters = {name: self.of(name).T for name in self.names}
+        whole = {name: values.T for name, values in self.derived.items()}
+        draws = self.chain.shape[0]
+        parameters |= {name: values for name, values in whole.items() if values.shape[1] == draws}
+        groups: dict[str, Any] = {
+            "posterior": parameters,
+            "sample_stats": {"lp": self.log_posterior.T},
+            "prior": {name: self.prior_quantiles[None, :, i] for i, name in enumerate(self.names)},
+        }
+        if log_likelihood is not None:
+            groups["log_likelihood"] = {"force": np.moveaxis(log_likelihood, 0, 1)}
+        return arviz_library().from_dict(**groups)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write everything to a compressed ``.npz`` file without pickles, the problem too.

@@ -39,7 +39,7 @@ def profile(walk: Profile, *, ax: Axes | None = None) -> Axes:
     matplotlib Axes
     """
     value, error = walk.fit.values[walk.name], walk.fit.stderr[walk.name]
-    unit, factor = human_unit(value, kind_of(walk.name.partition("[")[0]))
+    unit, factor = human_unit(value, kind_of(walk.name))
     top = 1.25 * max(walk.threshold(0.95), float(walk.rise.min()))
     parts = [walk, *(branch for branch in walk.branches if branch.rise.min() < top)]
     with style():

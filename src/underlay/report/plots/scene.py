@@ -48,7 +48,7 @@ def scene(
     """
     pressed = max(float(depth) - test.instrument.contact_depth, 0.0)
     law = test.contact_law(pressed, solver=solver)
-    tip = float(test.instrument.tip_depth(law, np.array([float(depth)]))[0])
+    tip = float(test.instrument.chain.tip_depth(law, np.array([float(depth)]))[0])
     radius = float(law.contact_radius(np.array([max(tip, 0.0)]))[0])
     size = radius or max(tip, 1e-3 * _length_of(test))
     thick = test.layer.thickness
