@@ -168,8 +168,8 @@ def _by_word(name: str) -> Quantity:
     return _WORDS.get(name.rpartition("_")[2], _UNKNOWN)
 
 
-_INDEX = re.compile(r"\[(\d+)\]")
-_LAST_INDEX = re.compile(r"^(?P<rest>.+)\[(?P<number>\d+)\]$")
+_INDEX = re.compile(r"\[(\d{1,6})\]")
+_LAST_INDEX = re.compile(r"^(?P<rest>.+)\[(?P<number>\d{1,6})\]$")
 
 
 def declared(name: str) -> Quantity:

@@ -9,7 +9,10 @@ from underlay.quantities import curve_of, declared, path_of
 
 __all__ = ["is_of_the_sample", "label", "start", "symbol"]
 
-_INDEX = re.compile(r"\[(\d+)\]$")
+# Parameters are paths: words, dots, and numbers in brackets. What else a file may hold in place of one could mean
+# something to Markdown, or to the formulas of a picture.
+_FOREIGN = re.compile(r"[^\w.\[\]]", re.ASCII)
+_INDEX = re.compile(r"\[(\d{1,6})\]$")
 
 
 def label(name: str) -> str:
@@ -28,9 +31,9 @@ def _words(path: str) -> str:
     place, _, last = path.rpartition(".")
     known = DERIVED.get(last) or declared(path)
     if not known.label:
-        return path
+        return _FOREIGN.sub("?", path)
     number = _INDEX.search(last)
-    words = known.label.format(part=_part(place))
+    words = known.label.format(part=_part(_FOREIGN.sub("?", place)))
     return f"{words}, number {int(number[1]) + 1}" if number else words
 
 
@@ -49,7 +52,7 @@ def symbol(name: str) -> str:
     path, curve = path_of(name), curve_of(name)
     letter = declared(path).symbol
     if not letter:
-        letter = r"\mathrm{" + path.replace("_", r"\_") + "}"
+        letter = r"\mathrm{" + _FOREIGN.sub("?", path).replace("_", r"\_") + "}"
     elif path.startswith("substrate."):
         letter = f"{letter}_2"
     return letter if curve is None else f"{letter}^{{({curve + 1})}}"

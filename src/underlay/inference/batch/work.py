@@ -19,29 +19,33 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
-from underlay.data.readers import read
+from underlay.data.readers import read, read_from_map
 from underlay.errors import CurveError, UnderlayError, UnderlayWarning
 from underlay.inference.batch.curves import CurvePlace
-from underlay.inference.batch.model import BatchModel, Sampling
+from underlay.inference.batch.model import BatchModel
+from underlay.inference.batch.options import Sampling
 from underlay.inference.batch.results_table import FAILED, FITTED, Layout
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
 from underlay.inference.fitting.provenance import curve_hash
 from underlay.inference.from_files import chosen_part, read_for
-from underlay.inference.least_squares import fit
 from underlay.inference.problem import Problem
-from underlay.inference.sampling.run import sample
 
-__all__ = ["Workshop", "died", "file_hash", "work"]
+__all__ = ["DIED", "CurveFitter", "Rows", "file_hash", "given_up", "work"]
+
+#: Rows (index, CSV text) that came together.
+Rows = list[tuple[int, str]]
+#: Why a curve is given up on which worker processes died.
+DIED = "the worker process died on this curve twice; out of memory, or killed from outside?"
 
 # A contact that explains the force no better than this many squared standard deviations beyond a flat line
 # is none: three free numbers reach 30 by chance in one curve of a million.
 _NO_CONTACT = 30.0
 
 
-def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> list[tuple[int, str]]:
-    """Rows (index, CSV text) of some curves: what a cluster's worker runs."""
-    return list(Workshop(model, layout).rows(places))
+def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> Rows:
+    """Rows of some curves: what a cluster's worker runs."""
+    return list(CurveFitter(model, layout).rows(places))
 
 
 def file_hash(path: str) -> str:
@@ -53,14 +57,13 @@ def file_hash(path: str) -> str:
         return ""
 
 
-def died(place: CurvePlace, layout: Layout) -> tuple[int, str]:
-    """Row of a curve on which worker processes died."""
-    reason = "the worker process died on this curve twice; out of memory, or killed from outside?"
+def given_up(place: CurvePlace, layout: Layout, reason: str) -> tuple[int, str]:
+    """Row of a curve on which a worker process ended."""
     return place.index, layout.text({**_about(place), **_failure(reason), "seconds": None})
 
 
 @dataclass(frozen=True)
-class _Outcome:
+class _Found:
     """What a fit gives to a row."""
 
     values: Mapping[str, float]
@@ -72,7 +75,7 @@ class _Outcome:
     more: Mapping[str, Any]
 
 
-class Workshop:
+class CurveFitter:
     """The common model, compiled once for all curves that pass through one worker.
 
     Parameters
@@ -120,9 +123,10 @@ class Workshop:
         if place.curve is not None:
             curve = place.curve if file is None else chosen_part(place.curve, file.curve)
         elif file is not None:
-            curve = read_for(file, place.path)
+            curve = read_for(file, place.of_map or place.path)
         else:
-            curve = chosen_part(read(place.path), {})
+            whole = read(place.path) if place.of_map is None else read_from_map(place.of_map)
+            curve = chosen_part(whole, {})
         row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
         if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:
@@ -151,7 +155,7 @@ class Workshop:
         )
         _add_notes(row, [*notes, *outcome.notes])
 
-    def _fast(self, place: CurvePlace, curve: Curve) -> _Outcome | None:
+    def _fast(self, place: CurvePlace, curve: Curve) -> _Found | None:
         if self._separable is None or self._model.sampling is not None:
             return None
         values = {**self._base, **place.values}
@@ -162,7 +166,7 @@ class Workshop:
             return None
         paths = [coordinate.path for coordinate in self._separable.coordinates]
         noise, n, k = found.noise, len(curve), len(paths)
-        return _Outcome(
+        return _Found(
             dict(zip(paths, found.values.tolist(), strict=True)),
             dict(zip(paths, np.sqrt(np.diag(found.covariance)).tolist(), strict=True)),
             found.law_method,
@@ -172,11 +176,14 @@ class Workshop:
             {},
         )
 
-    def _thorough(self, place: CurvePlace, curve: Curve) -> _Outcome:
+    def _thorough(self, place: CurvePlace, curve: Curve) -> _Found:
+        # A worker is a fresh Python: it loads what most maps never call (lmfit, emcee) when it is called.
+        from underlay.inference.least_squares import fit  # noqa: PLC0415
+
         problem = self._problem(place, curve)
         found = fit(problem)
         residuals: FloatArray = found.residuals[0]
-        outcome = _Outcome(
+        outcome = _Found(
             found.values,
             found.stderr,
             found.statistics.law_method,
@@ -195,8 +202,10 @@ class Workshop:
         return self._model.problem(self._model.scene.with_values(place.values), curve)
 
 
-def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Outcome) -> _Outcome:
+def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Found) -> _Found:
     """Replace the fit's numbers by those of the posterior: median, standard deviation, 95 % interval."""
+    from underlay.inference.sampling.run import sample  # noqa: PLC0415  as for `fit`
+
     seed = _seed(sampling.seed, place.name)
     posterior = sample(
         problem, walkers=sampling.walkers, max_steps=sampling.max_steps, rng=seed, progress=False
@@ -219,7 +228,7 @@ def _seed(seed: int, name: str) -> int:
     return int(np.random.SeedSequence([seed, *words.tolist()]).generate_state(1)[0])
 
 
-def _require_contact(curve: Curve, outcome: _Outcome) -> None:
+def _require_contact(curve: Curve, outcome: _Found) -> None:
     """Refuse a curve whose force a straight line explains as well as the contact does."""
     sloping = "instrument.baseline_slope" in outcome.values
     flat = curve.force - curve.force.mean()
