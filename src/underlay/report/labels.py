@@ -38,10 +38,10 @@ def _words(path: str) -> str:
 
 
 def _part(place: str) -> str:
-    """What a part is called: ``"layer"``; ``"substrate.layers[0]"`` is layer 1 of the substrate."""
+    """What a part is called: ``"layer"``; ``"substrate.layers[0]"`` is substrate layer 1."""
     whole, _, inner = place.partition(".")
     number = _INDEX.search(inner)
-    return f"layer {int(number[1]) + 1} of the {whole}" if number else whole
+    return f"{whole} layer {int(number[1]) + 1}" if number else whole
 
 
 def symbol(name: str) -> str:
