@@ -19,6 +19,7 @@ from underlay.report.measured import beyond_loading
 from underlay.report.open_ends import advice, rivals
 from underlay.report.tables import correlated_pairs, fit_table
 from underlay.report.words import headline
+from underlay.units import format_quantity
 
 __all__ = ["fit", "quality_doubts", "reservations", "show_fit", "write_fit"]
 
@@ -73,6 +74,12 @@ def show_fit(result: Fit, name: str) -> None:
     for sentence in (headline(result), *advice(result), *rivals(result)):
         say(sentence)
     say_table(fit_table(result), f"Fit of {name}")
+    for path, told in result.instrument_moduli.items():
+        say(
+            f"{path}: the instrument's own reduced modulus {format_quantity(told.reduced, 'pressure')} is "
+            f"{format_quantity(told.youngs, 'pressure')} at nu = {told.nu:g}; ours differs by "
+            f"{100.0 * told.difference:+.3g} %"
+        )
     pairs = correlated_pairs(result)
     if len(pairs):
         say_table(pairs, "Correlations above 0.9")

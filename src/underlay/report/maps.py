@@ -16,6 +16,7 @@ from underlay.report.labels import label, start
 from underlay.report.tables import facts_table, labelled_table, source_rows
 from underlay.report.words import quantity_with_interval
 from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity
 
 __all__ = [
     "columns_to_draw",
@@ -126,9 +127,22 @@ def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
                 "parameter": label(name),
                 "median (two thirds of the sites)": quantity_with_interval(middle, low, high, kind_of(name)),
                 "median standard error": f"{100.0 * share:.2g} %",
+                **_instrument_cells(table, name),
             }
         )
     return labelled_table(rows or [{"parameter": "none", "median (two thirds of the sites)": ""}])
+
+
+def _instrument_cells(table: pd.DataFrame, name: str) -> dict[str, str]:
+    """Cells on what the instrument itself found of a parameter, for the same Poisson's ratio; none without it."""
+    columns = [f"{name}.instrument", f"{name}.difference_percent"]
+    if not set(columns) <= set(table.columns) or not table[columns].notna().all(axis=1).any():
+        return {}
+    own, difference = (float(np.nanmedian(table[column].to_numpy(dtype=float))) for column in columns)
+    return {
+        "instrument's own (median)": format_quantity(own, kind_of(name)),
+        "ours against it (median)": f"{difference:+.2g} %",
+    }
 
 
 def verdict_table(table: pd.DataFrame) -> pd.DataFrame:

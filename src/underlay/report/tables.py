@@ -53,8 +53,11 @@ def fit_table(result: Fit) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``parameter``, ``value``, ``standard error``, ``unit``, ``relative`` (per cent) and ``at bound``.
+        ``parameter``, ``value``, ``standard error``, ``unit``, ``relative`` (per cent) and ``at bound``. Where
+        the file of the curve says what the instrument found: ``instrument's own``, in the same unit and for the
+        same Poisson's ratio, and ``difference`` of ours from it (per cent).
     """
+    told = result.instrument_moduli
     rows = []
     for name, value in result.values.items():
         unit, factor = human_unit(value, kind_of(name))
@@ -69,6 +72,10 @@ def fit_table(result: Fit) -> pd.DataFrame:
                 "at bound": result.bounds_hit.get(name, ""),
             }
         )
+        if told:
+            own = told.get(name)
+            rows[-1]["instrument's own"] = own.youngs / factor if own else np.nan
+            rows[-1]["difference (%)"] = 100.0 * own.difference if own else np.nan
     return pd.DataFrame(rows)
 
 
@@ -87,6 +94,7 @@ def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -
     Intervals are those of `profiles`, by name of the parameter, where there are some. Another optimum the data
     hardly reject has a column of its own.
     """
+    told = result.instrument_moduli
     rows = []
     for entry in estimates(result, profiles):
         kind = kind_of(entry.path)
@@ -103,12 +111,27 @@ def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -
                     else quantity_with_interval(entry.value, entry.low, entry.high, kind)
                 ),
                 **others,
+                **(
+                    {"instrument's own (ours against it)": _instrument_text(result, entry.name)}
+                    if told
+                    else {}
+                ),
                 "standard error": _error_text(result, entry.name, entry.value, kind),
                 "before the test": _prior_text(result, entry.name, kind),
                 "path": entry.name,
             }
         )
     return labelled_table(rows)
+
+
+def _instrument_text(result: Fit, name: str) -> str:
+    own = result.instrument_moduli.get(name)
+    if own is None:
+        return ""
+    return (
+        f"{format_quantity(own.youngs, 'pressure')} at nu = {own.nu:g} (reduced: "
+        f"{format_quantity(own.reduced, 'pressure')}; {100.0 * own.difference:+.2g} %)"
+    )
 
 
 def _error_text(result: Fit, name: str, value: float, kind: str) -> str:

@@ -28,7 +28,7 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,8 @@ from underlay.scene.scene_schema import (
 
 __all__ = ["SceneFile", "SimulatedDepths", "load_scene", "read_scene_file", "scene_from_text"]
 
+# In place of a length that only the file of a curve says; never computed with.
+_STAND_IN = "1 m"
 _LARGEST_FILE = 1_000_000  # bytes; a scene is a page of text
 
 
@@ -83,8 +85,8 @@ class SceneFile:
 
     Parameters
     ----------
-    scene : Scene
-        The test.
+    draft : Scene
+        The test; where the file leaves a number to the file of the curve it holds a stand-in.
     free : tuple of FreeParameter
         What is fitted; empty if there is no ``[fit]``.
     solver : mapping
@@ -92,21 +94,42 @@ class SceneFile:
     noise : mapping
         Numbers of ``[noise]``, SI.
     curve : mapping
-        Which part of a curve file: format, test, columns and calibration for the reader; segment, min_depth
-        and max_depth (readings, m) for what is used of it.
+        Which part of a curve file: format, test, columns and calibration for the reader; flip for signs that
+        are the other way round; segment, min_depth and max_depth (readings, m) for what is used of it;
+        overrule, for what the scene knows better than the file of the curve.
     simulate : SimulatedDepths or None
         Depths of a made curve.
     path : Path
         Where it was read.
+    left_out : tuple of str
+        Paths of the scene that the file of the curve must say.
     """
 
-    scene: Scene
+    draft: Scene
     free: tuple[FreeParameter, ...]
     solver: Mapping[str, Any]
     noise: Mapping[str, float]
     curve: Mapping[str, Any]
     simulate: SimulatedDepths | None
     path: Path
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def scene(self) -> Scene:
+        """The test.
+
+        Raises
+        ------
+        InputError
+            If a number is left out: only with a curve whose file says it is the test complete.
+        """
+        if self.left_out:
+            section, _, key = self.left_out[0].partition(".")
+            raise InputError(
+                f"{self.path.name}: [{section}] needs {key!r}; it can be left out only with a curve whose file "
+                "says it"
+            )
+        return self.draft
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
@@ -188,8 +211,10 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
     for name in ("indenter", "layer"):
         if name not in document:
             raise InputError(f"section [{name}] is missing")
+    tip = dict(_table(document, "indenter"))
+    left_out = _left_out(tip)
     scene = Scene(
-        indenter=_indenter(dict(_table(document, "indenter"))),
+        indenter=_indenter({**tip, **{path.partition(".")[2]: _STAND_IN for path in left_out}}),
         layer=_layer(dict(_table(document, "layer"))),
         substrate=_substrate(document),
         instrument=_build(Instrument, "instrument", _table(document, "instrument")),
@@ -198,14 +223,23 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
     solver = check(SolverSection, "solver", _table(document, "solver"))
     accuracy = {"accuracy": Accuracy(solver.pop("rtol"))} if "rtol" in solver else {}
     return SceneFile(
-        scene=scene,
+        draft=scene,
         free=tuple(free_parameters(_table(document, "fit"), scene)),
         solver=accuracy | solver,
         noise=check(NoiseSection, "noise", _table(document, "noise")),
         curve=check(CurveSection, "curve", _table(document, "curve")),
         simulate=_simulated_depths(document),
         path=path,
+        left_out=left_out,
     )
+
+
+def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
+    """What a section of the indenter leaves to the file of a curve: the radius of a shape that has one."""
+    shape: Any = next((kind for kind in Indenter.shapes() if kind.shape == tip.get("shape")), None)
+    if shape is None or "radius" in tip:
+        return ()
+    return ("indenter.radius",) if any(field.name == "radius" for field in fields(shape)) else ()
 
 
 def _table(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:

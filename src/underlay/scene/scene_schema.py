@@ -80,12 +80,37 @@ class NoiseSection(_Section):
     depth: Annotated[float, _quantity("length")] = 0.0
 
 
+def _fittable_segment(value: Any) -> Any:
+    if value == "hold":
+        raise ValueError(
+            "a hold cannot be fitted: at one depth the force tells of time, not of depth. Allowed are "
+            "'loading', 'unloading' (of an elastic sample), 'all' and 'equilibrium' (the ends of the holds of a "
+            "stepwise test)"
+        )
+    return value
+
+
 class CurveSection(_Section):
-    """``[curve]``: which part of which file."""
+    """``[curve]``: which part of which file.
+
+    ``flip`` turns the sign of the depth, the force or both; an empty list says that both are right as they are.
+    ``overrule`` names what is right in the scene where the file of the curve says another number.
+    """
 
     format: str | None = None
     test: int | None = Field(default=None, ge=1)
-    segment: Literal["all", "loading", "unloading", "hold", "equilibrium"] = "loading"
+    segment: Annotated[
+        Literal["all", "loading", "unloading", "equilibrium"], BeforeValidator(_fittable_segment)
+    ] = "loading"
+    flip: list[Literal["depth", "force"]] | None = None
+    overrule: list[
+        Literal[
+            "indenter.radius",
+            "instrument.compliance",
+            "calibration.spring_constant",
+            "calibration.sensitivity",
+        ]
+    ] = []
     columns: dict[str, str] | None = None
     calibration: dict[str, str] | None = None
     min_depth: Annotated[float, _quantity("length")] = -np.inf

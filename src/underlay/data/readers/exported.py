@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ _PROVENANCE = ("path", "member", "sha256", "format", "reader", "test")
 _SIGNS = {"depth": "as exported", "force": "as exported"}
 # What the reading says anew.
 _ANEW = ("units", "points_left_out", "comments")
+_LARGEST = 2**53
 # What other parts rely on being a number.
 _NUMBERS = (
     "indenter_radius",
@@ -59,19 +61,31 @@ def restored(curve: Curve, about: Any) -> Curve:
     notes = metadata.pop("notes", [])
     told = [note for note in notes if isinstance(note, str)] if isinstance(notes, list) else []
     truth = about.get("truth")
-    return Curve(
-        curve.depth,
-        curve.force,
-        curve.time,
-        curve.segment,
-        {
+    return replace(
+        curve,
+        metadata={
             **curve.metadata,
             **metadata,
             **({"origin": origin} if origin else {}),
             "notes": (*told, *curve.metadata["notes"]),
         },
-        truth if isinstance(truth, dict) else None,
+        truth=truth if isinstance(truth, dict) else None,
+        columns=_further(about.get("columns"), len(curve)),
     )
+
+
+def _further(stored: Any, length: int) -> dict[str, FloatArray]:
+    """Further columns (SI) as far as they are columns of numbers, null for none, as long as the curve."""
+    columns = {}
+    for name, values in (stored if isinstance(stored, dict) else {}).items():
+        if isinstance(values, list) and len(values) == length and all(map(_is_number_or_none, values)):
+            columns[name] = np.array(values, dtype=np.float64)
+    return columns
+
+
+def _is_number_or_none(value: Any) -> bool:
+    # Whole numbers of any length are JSON; beyond a float they are no reading.
+    return value is None or isinstance(value, float) or (type(value) is int and abs(value) < _LARGEST)
 
 
 def _sniff_json(source: Source) -> bool:

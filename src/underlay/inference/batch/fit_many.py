@@ -20,11 +20,11 @@ import pandas as pd
 
 from underlay._files import require_writable_folder
 from underlay.errors import InputError
-from underlay.inference.batch.curves import CurvePlace, Curves, list_curves
+from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, with_stand_ins
 from underlay.inference.batch.dask import through_dask
 from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.batch.model import BatchModel, batch_model
+from underlay.inference.batch.model import BatchModel, batch_model, scene_file_of
 from underlay.inference.batch.options import MapOptions
 from underlay.inference.batch.processes import through_processes
 from underlay.inference.batch.progress import MapProgress
@@ -93,7 +93,9 @@ def fit_many(
     pandas.DataFrame
         One row per curve, in the order of the curves (SI): ``name``, ``path``, ``x``, ``y``, ``status``
         ("fitted" or "failed"), ``verdict``, ``reason``, every free parameter and its ``<parameter>.stderr``,
-        every parameter of the manifest, ``law``, ``reduced_chi_square`` (one where the noise is estimated),
+        every parameter of the manifest or taken from the files, where ``layer.E`` is fitted what the instrument
+        itself found for the same Poisson's ratio (``layer.E.instrument``) and by how much ours differs
+        (``layer.E.difference_percent``), ``law``, ``reduced_chi_square`` (one where the noise is estimated),
         ``rms`` (N), ``warnings`` (how many), ``seconds``, ``sha256``. A curve that cannot be fitted is a row
         with its reason. All but ``seconds`` is the same whatever the number of workers.
 
@@ -118,18 +120,21 @@ def fit_many(
     np.True_
     """
     options = options or MapOptions()
-    model = batch_model(scene, free, options)
-    count = _require_workers(workers)
     own_files = [Path(entry) for entry in (manifest, scene) if isinstance(entry, str | os.PathLike)]
     own_files += [] if output is None else [_table_path(output)]
-    places, given = _with_manifest(list_curves(curves, own_files), manifest, model)
+    listed = list_curves(curves, own_files)
+    file = scene_file_of(scene)
+    model = batch_model(scene if file is None else with_stand_ins(file, listed), free, options)
+    count = _require_workers(workers)
+    places, given = _with_manifest(listed, manifest, model)
+    told = () if file is None else tuple(path for path in file.left_out if path not in given)
     if output is not None:
         # The run must know its curves again.
         places = [
             place if place.curve is None else replace(place, sha256=curve_hash(place.curve))
             for place in places
         ]
-    layout = Layout.of(list(model.free), given, sampled=model.sampling is not None)
+    layout = Layout.of(list(model.free), (*given, *told), sampled=model.sampling is not None)
     with _table(output) as table:
         identity = _identity(model, places, layout)
         with _journal(table, identity, layout, options) as journal:

@@ -20,7 +20,7 @@ from underlay.inference.problem import Given, Problem
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
-__all__ = ["BatchModel", "batch_model"]
+__all__ = ["BatchModel", "batch_model", "scene_file_of"]
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class BatchModel:
             "fit": _hash(sorted(self.free.items())),
             "noise": _hash(self.noise),
             "solver": _hash(sorted(self.solver.items())),
-            "curve section": _hash(sorted(file.curve.items()) if file is not None else None),
+            "curve section": _hash(None if file is None else (sorted(file.curve.items()), file.left_out)),
             "sampling": _hash(self.sampling, self.quality),
         }
 
@@ -110,15 +110,13 @@ def batch_model(
     FileAccessError, FileFormatError
         If a scene file cannot be read.
     """
-    file = scene if isinstance(scene, SceneFile) else None
-    if isinstance(scene, str | os.PathLike):
-        file = read_scene_file(scene)
+    file = scene_file_of(scene)
     noise, solver = options.noise, {key: value for key, value in options.solver.items() if value is not None}
     if file is not None:
         solver = {**file.solver, **solver}
         noise = Noise(**file.noise) if noise is None and file.noise else noise
         free = free_of(file) if free is None else free
-        scene = file.scene
+        scene = file.draft
     if not isinstance(scene, Scene):
         raise InputError(f"scene must be a Scene or the path of a scene file; got {scene!r:.100}")
     if free is None:
@@ -131,6 +129,13 @@ def batch_model(
     if model.sampling is not None:
         _require_proper(template.priors)
     return model
+
+
+def scene_file_of(scene: Scene | SceneFile | str | os.PathLike[str]) -> SceneFile | None:
+    """The scene file of a map, read if it is a path; None where a `Scene` was given."""
+    if isinstance(scene, str | os.PathLike):
+        return read_scene_file(scene)
+    return scene if isinstance(scene, SceneFile) else None
 
 
 def _require_proper(priors: Mapping[str, Prior]) -> None:

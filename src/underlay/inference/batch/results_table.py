@@ -17,10 +17,22 @@ from underlay._files import replacing
 from underlay._text import guarded_cell, one_line, unguarded_cell
 from underlay.errors import InputError, MissingExtraError
 
-__all__ = ["FAILED", "FITTED", "Layout", "require_format", "to_frame", "write_table"]
+__all__ = [
+    "DIFFERENCE",
+    "FAILED",
+    "FITTED",
+    "INSTRUMENT",
+    "Layout",
+    "require_format",
+    "to_frame",
+    "write_table",
+]
 
 #: What the column ``status`` says.
 FITTED, FAILED = "fitted", "failed"
+
+#: The instrument's own modulus (Pa) for the same Poisson's ratio, and ours over it less one (per cent).
+INSTRUMENT, DIFFERENCE = "layer.E.instrument", "layer.E.difference_percent"
 
 _TEXT, _NUMBER, _COUNT = "text", "number", "count"
 _BEFORE = (
@@ -63,6 +75,8 @@ class Layout:
         ends = ("", ".stderr", ".low", ".high") if sampled else ("", ".stderr")
         fitted = [(f"{path}{end}", _NUMBER) for path in parameters for end in ends]
         known = [(path, _NUMBER) for path in given if path not in parameters]
+        if "layer.E" in parameters:
+            known += [(column, _NUMBER) for column in (INSTRUMENT, DIFFERENCE)]
         columns = (*_BEFORE, *fitted, *known, *_AFTER, *(_SAMPLED if sampled else ()))
         return cls(dict(columns))
 

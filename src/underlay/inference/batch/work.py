@@ -24,11 +24,14 @@ from underlay.errors import CurveError, UnderlayError, UnderlayWarning
 from underlay.inference.batch.curves import CurvePlace
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.options import Sampling
-from underlay.inference.batch.results_table import FAILED, FITTED, Layout
+from underlay.inference.batch.results_table import DIFFERENCE, FAILED, FITTED, INSTRUMENT, Layout
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
+from underlay.inference.file_facts import EVERYTHING, settle
+from underlay.inference.fitting.instrument_modulus import instrument_modulus
 from underlay.inference.fitting.provenance import curve_hash
-from underlay.inference.from_files import chosen_part, read_for
+from underlay.inference.from_files import chosen_part, read_for, turned
+from underlay.inference.plausibility import require_plausible
 from underlay.inference.problem import Problem
 
 __all__ = ["DIED", "CurveFitter", "Rows", "file_hash", "given_up", "work"]
@@ -103,7 +106,10 @@ class CurveFitter:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always", UnderlayWarning)
                 curve = self._read(place, row)
+                place, curve, notes = self._settled(place, curve)
+                row.update(place.values)
                 self._fit(place, curve, row)
+                _add_notes(row, notes)
         except UnderlayError as error:
             row.update(_failure(str(error)))
         except MemoryError:
@@ -117,16 +123,32 @@ class CurveFitter:
         row["seconds"] = time.perf_counter() - began
         return row
 
+    def _settled(self, place: CurvePlace, curve: Curve) -> tuple[CurvePlace, Curve, tuple[str, ...]]:
+        """The place with what its own file says of the scene, the curve noted so, and what is to be said of it."""
+        file = self._model.file
+        settled = settle(
+            self._model.scene.with_values(place.values),
+            curve,
+            left_out=() if file is None else [path for path in file.left_out if path not in place.values],
+            # Nobody but a scene file can say which of two numbers is right: without one the row says that they
+            # differ.
+            overrule=EVERYTHING if file is None else file.curve.get("overrule", ()),
+            free=self._model.free,
+        )
+        notes = settled.notes[len(settled.values) :]  # what was taken stands in the row itself
+        noted = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *notes)) if notes else curve
+        return replace(place, values={**place.values, **settled.values}), noted, notes
+
     def _read(self, place: CurvePlace, row: dict[str, Any]) -> Curve:
         """Read the curve and the part of it that is fitted; note its hash and position."""
         file = self._model.file
         if place.curve is not None:
-            curve = place.curve if file is None else chosen_part(place.curve, file.curve)
+            curve = place.curve if file is None else chosen_part(turned(place.curve, file.curve), file.curve)
         elif file is not None:
             curve = read_for(file, place.of_map or place.path)
         else:
             whole = read(place.path) if place.of_map is None else read_from_map(place.of_map)
-            curve = chosen_part(whole, {})
+            curve = chosen_part(turned(whole, {}), {})
         row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
         if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:
@@ -142,6 +164,12 @@ class CurveFitter:
         outcome = self._fast(place, curve) or self._thorough(place, curve)
         _require_contact(curve, outcome)
         row.update(outcome.values)
+        if "layer.E" in outcome.values:
+            told = instrument_modulus(
+                self._model.scene.with_values({**place.values, **self._of_scene(outcome)}), curve
+            )
+            if told is not None:
+                row.update({INSTRUMENT: told.youngs, DIFFERENCE: 100.0 * told.difference})
         row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})
         row.update(
             status=FITTED,
@@ -154,6 +182,9 @@ class CurveFitter:
             **outcome.more,
         )
         _add_notes(row, [*notes, *outcome.notes])
+
+    def _of_scene(self, outcome: _Found) -> dict[str, float]:
+        return {path: value for path, value in outcome.values.items() if path in self._base}
 
     def _fast(self, place: CurvePlace, curve: Curve) -> _Found | None:
         if self._separable is None or self._model.sampling is not None:
@@ -181,6 +212,8 @@ class CurveFitter:
         from underlay.inference.least_squares import fit  # noqa: PLC0415
 
         problem = self._problem(place, curve)
+        # A fit that ends on a bound comes this way: it may be a unit that put it there.
+        require_plausible(problem)
         found = fit(problem)
         residuals: FloatArray = found.residuals[0]
         outcome = _Found(

@@ -18,6 +18,7 @@ from underlay._files import write_atomic
 from underlay.data.curve import Curve
 from underlay.data.noise import NoiseModel
 from underlay.inference.fitting.diagnostics import ResidualDiagnostics
+from underlay.inference.fitting.instrument_modulus import InstrumentModulus, instrument_moduli
 from underlay.inference.fitting.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.quantities import field_quantities
@@ -192,6 +193,11 @@ class Fit:
         }
 
     @property
+    def instrument_moduli(self) -> dict[str, InstrumentModulus]:
+        """What the instrument's own software found in place of each fitted ``layer.E``, as far as files say."""
+        return instrument_moduli(self.problem, self.scenes, self.curves)
+
+    @property
     def provenance(self) -> dict[str, Any]:
         """Versions of what computed, and names, files and hashes of the curves."""
         return provenance(self.curves)
@@ -241,6 +247,11 @@ class Fit:
             f"law {self.law_reason} (estimated relative error {s.law_error:.1e})",
             f"{s.method}: {s.stopped} {s.evaluations} evaluations, {s.seconds * 1e3:.1f} ms",
         ]
+        lines += [
+            f"{name}: the instrument found {format_quantity(told.youngs, 'pressure')} (reduced "
+            f"{format_quantity(told.reduced, 'pressure')}, nu {told.nu:g}); ours {100.0 * told.difference:+.3g} %"
+            for name, told in self.instrument_moduli.items()
+        ]
         lines += [f"warning: {warning.message}" for warning in self.warnings]
         return "\n".join(lines)
 
@@ -277,6 +288,7 @@ class Fit:
             "warnings": [asdict(warning) for warning in self.warnings],
             "alternatives": [{"values": dict(a.values), "rise": a.rise} for a in self.alternatives],
             "scenes": [scene.parameters for scene in self.scenes],
+            "instrument_moduli": {name: asdict(told) for name, told in self.instrument_moduli.items()},
             "provenance": self.provenance,
         }
         return write_atomic(path, json.dumps(_finite(document), indent=2, allow_nan=False) + "\n")

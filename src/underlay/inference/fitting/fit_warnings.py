@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.inference.file_facts import EVERYTHING, settle
 from underlay.inference.fitting.diagnostics import ResidualDiagnostics
 from underlay.inference.fitting.fit_result import Alternative, FitStatistics, FitWarning
 from underlay.inference.problem import Problem
@@ -53,7 +54,19 @@ def warnings_of(
         *_residuals(diagnostics),
         *_law_range(laws),
         *_law_error(problem, covariance, statistics),
+        *_file_facts(problem),
     )
+
+
+def _file_facts(problem: Problem) -> list[FitWarning]:
+    """Where a scene differs from what the file of its curve says, as far as the curve's notes do not say it."""
+    notes = [
+        note
+        for member in problem.members
+        for note in settle(member.scene, member.curve, overrule=EVERYTHING, free=member.entries).notes
+        if note not in member.curve.metadata.get("notes", ())
+    ]
+    return [FitWarning("file", note) for note in dict.fromkeys(notes)]
 
 
 def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
