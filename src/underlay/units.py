@@ -89,6 +89,8 @@ _NAMED = {"": ("dimensionless", 1.0), "deg": ("angle", math.pi / 180.0), "rad": 
 # expressions, and a file is not trusted with an expression.
 _UNIT = re.compile(r"[A-Za-z%°\u00b5\u03bc\u00b7*/^() .\-0-9²³]{0,40}")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*", re.DOTALL)
+# A number of a country that writes 1,5 for 1.5.
+_DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+(?:[eE][+-]?\d{1,3})?(?:\s*[^\d\s,.][^,]*)?)\s*")
 # Exponents of a unit: one digit is more than any quantity here needs, and bounds pint's work.
 _POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d+(?:\.\d+)?\)?")
 _SHORT_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d(?:\.\d{1,6})?\)?")
@@ -202,7 +204,9 @@ def unit_factor(unit: str, kind: str) -> float:
     wanted = _kind(kind)
     known = _parse_unit(unit)
     if known is None:
-        raise UnitError(f"unknown unit {unit!r} for {_article(kind)}; allowed: {_offer(wanted)}")
+        same = [name for name in wanted.units if name.casefold() == unit.strip().casefold()]
+        meant = f"; did you mean {same[0]}?" if same else ";"
+        raise UnitError(f"unknown unit {unit!r} for {_article(kind)}{meant} allowed: {_offer(wanted)}")
     found, factor = known
     if found != kind:
         raise UnitError(f"{unit!r} is a unit of {found}, but {_article(kind)} is needed: {_offer(wanted)}")
@@ -254,6 +258,9 @@ def parse_quantity(value: str | float, kind: str) -> float:
         raise UnitError(f"{_article(kind)} must be given as {wanted.example!r}; got {value!r:.80}")
     matched = _NUMBER.fullmatch(value) if isinstance(value, str) else None
     if isinstance(value, str):
+        comma = _DECIMAL_COMMA.fullmatch(value)
+        if comma is not None:
+            raise UnitError(f"write the number with a point: {'.'.join(comma.groups())!r}; got {value!r:.80}")
         if matched is None:
             raise UnitError(f"{_article(kind)} must be given as {wanted.example!r}; got {value!r:.80}")
         number, unit = float(matched.group(1)), matched.group(2)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table
-from underlay.cli.deepest_point import deepest_point, wanted_accuracy
-from underlay.cli.options import MaxDepth, OutputFolder, Rtol, ScenePath
+from underlay.cli.deepest_point import wanted_accuracy
+from underlay.cli.expected import deepest_point, measured_curve
+from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, Rtol, ScenePath
 from underlay.report import plots
 from underlay.report.csv_text import csv_text
 from underlay.scene.effects import effects_table
@@ -16,14 +17,19 @@ __all__ = ["effects"]
 
 
 def effects(
-    scene: ScenePath, max_depth: MaxDepth = None, rtol: Rtol = None, output: OutputFolder = None
+    scene: ScenePath,
+    max_depth: MaxDepth = None,
+    curve: CurveOption = None,
+    rtol: Rtol = None,
+    output: OutputFolder = None,
 ) -> None:
     """Say which effects a scene calls for, how large each one is at the deepest point, and what it costs.
 
     Example: `underlay effects scene.toml --max-depth "100 um" --output results`
     """
     file = read_scene_file(scene)
-    deepest, accuracy = deepest_point(file, max_depth), wanted_accuracy(file, rtol)
+    deepest = deepest_point(file, max_depth, measured_curve(file, curve))
+    accuracy = wanted_accuracy(file, rtol)
     if output is not None:
         require_writable_folder(output)
     table = effects_table(file.scene, deepest, accuracy)

@@ -8,6 +8,7 @@ from pathlib import Path
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
 from underlay.cli.options import CurveFile, OutputFolder, SceneOption
+from underlay.cli.wording import spoken
 from underlay.data.quality import check_quality
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import Fit
@@ -72,7 +73,7 @@ def show_fit(result: Fit, name: str) -> None:
     """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
     say("")
     for sentence in (headline(result), *advice(result), *rivals(result)):
-        say(sentence)
+        say(spoken(sentence))
     say_table(fit_table(result), f"Fit of {name}")
     for path, told in result.instrument_moduli.items():
         say(
@@ -83,7 +84,7 @@ def show_fit(result: Fit, name: str) -> None:
     pairs = correlated_pairs(result)
     if len(pairs):
         say_table(pairs, "Correlations above 0.9")
-    say(f"law: {result.law_reason}")
+    say(f"law: {spoken(result.law_reason)}")
 
 
 def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:

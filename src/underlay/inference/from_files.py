@@ -18,9 +18,10 @@ from underlay.data.signs import flipped, require_signs
 from underlay.errors import CurveError, InputError, UnderlayError
 from underlay.inference.file_facts import settle
 from underlay.inference.plausibility import require_plausible
-from underlay.inference.priors import Normal, prior_from_numbers
+from underlay.inference.priors import Normal, Uniform, prior_from_numbers
 from underlay.inference.problem import Given, Problem
 from underlay.scene.fit_section import FreeParameter
+from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
 __all__ = [
@@ -31,11 +32,15 @@ __all__ = [
     "read_for",
     "read_whole",
     "turned",
+    "weak_bounds",
     "whole_curve",
 ]
 
 # An elastic sample gives back the work of the way in; over a tenth less is no rounding of the segments' ends.
 _LOST = 0.1
+_CONTACT = "instrument.contact_depth"
+# Times the span of a curve that a baseline may be away from zero, where nothing is said of it.
+_WEAK = 10.0
 
 
 def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -> Problem:
@@ -159,8 +164,8 @@ def _work(part: Curve) -> float:
     return float(0.5 * (part.force[1:] + part.force[:-1]) @ np.diff(part.depth))
 
 
-def problem_from(file: SceneFile, curve: Curve) -> Problem:
-    """Build the problem that a scene file states for `curve`.
+def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | None = None) -> Problem:
+    """Build the problem that a scene file states for `curve`; `priors`, by path, go before the file's.
 
     Raises
     ------
@@ -184,9 +189,39 @@ def problem_from(file: SceneFile, curve: Curve) -> Problem:
     )
     file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
     curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
-    problem = Problem(file.scene, curve, free_of(file, curve), noise, **file.solver)
+    free = {**free_of(file, curve), **(priors or {})}
+    problem = Problem(_started(file, curve), curve, free, noise, **file.solver)
     require_plausible(problem)
     return problem
+
+
+def _started(file: SceneFile, curve: Curve) -> Scene:
+    """Return the scene, with a contact depth from the data where the file gives bounds for it and no start."""
+    entry = next((entry for entry in file.free if entry.path == _CONTACT), None)
+    start = file.scene.instrument.contact_depth
+    if entry is None or _CONTACT in file.stated or entry.low < start < entry.high:
+        return file.scene
+    found = find_contact(curve, scene=file.scene).depth
+    inside = [depth for depth in (found, 0.5 * (entry.low + entry.high)) if entry.low < depth < entry.high]
+    return file.scene.with_values({_CONTACT: inside[0]}) if inside else file.scene
+
+
+def weak_bounds(file: SceneFile, curve: Curve) -> dict[str, Given]:
+    """Bounds for a free baseline and its slope where the scene file gives none, by path.
+
+    A sampler needs proper priors. The force is linear in both, and ten times the span of the curve holds
+    whatever they can be.
+    """
+    force = _WEAK * float(np.ptp(curve.force))
+    widths = {
+        "instrument.baseline": force,
+        "instrument.baseline_slope": force / float(np.ptp(curve.depth)),
+    }
+    return {
+        entry.path: Uniform(-widths[entry.path], widths[entry.path])
+        for entry in file.free
+        if entry.path in widths and entry.prior is None and np.isinf([entry.low, entry.high]).all()
+    }
 
 
 def free_of(file: SceneFile, curve: Curve | None = None) -> dict[str, Given]:

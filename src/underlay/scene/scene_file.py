@@ -27,19 +27,20 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
+from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError, UnderlayWarning
 from underlay.mechanics.accuracy import Accuracy
-from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.indenters import Cone, Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
 from underlay.mechanics.response import History
-from underlay.quantities import field_quantities
+from underlay.scene.field_names import hint
 from underlay.scene.fit_section import FreeParameter, free_parameters
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
@@ -48,14 +49,25 @@ from underlay.scene.scene_schema import (
     NoiseSection,
     SimulateSection,
     SolverSection,
+    ThicknessSection,
     check,
     schema_of,
 )
 
-__all__ = ["SceneFile", "SimulatedDepths", "load_scene", "read_scene_file", "scene_from_text"]
+__all__ = [
+    "EQUIVALENT_CONES",
+    "PLACE",
+    "SceneFile",
+    "SimulatedDepths",
+    "load_scene",
+    "read_scene_file",
+    "scene_from_text",
+]
 
 # In place of a length that only the file of a curve says; never computed with.
 _STAND_IN = "1 m"
+#: What stands in a starter scene where a number is still to be written.
+PLACE = "TODO"
 _LARGEST_FILE = 1_000_000  # bytes; a scene is a page of text
 
 
@@ -94,11 +106,14 @@ class SceneFile:
     noise : mapping
         Numbers of ``[noise]``, SI.
     curve : mapping
-        Which part of a curve file: format, test, columns and calibration for the reader; flip for signs that
-        are the other way round; segment, min_depth and max_depth (readings, m) for what is used of it;
-        overrule, for what the scene knows better than the file of the curve.
+        Which part of which curve file: file (a path beside the scene file); format, test, columns and
+        calibration for the reader; flip for signs that are the other way round; segment, min_depth and
+        max_depth (readings, m) for what is used of it; overrule, for what the scene knows better than the
+        file of the curve.
     simulate : SimulatedDepths or None
         Depths of a made curve.
+    stated : frozenset of str
+        Paths of the instrument's numbers that the file gives; what it leaves out is a default.
     path : Path
         Where it was read.
     left_out : tuple of str
@@ -113,6 +128,7 @@ class SceneFile:
     simulate: SimulatedDepths | None
     path: Path
     left_out: tuple[str, ...] = ()
+    stated: frozenset[str] = frozenset()
 
     @property
     def scene(self) -> Scene:
@@ -130,6 +146,12 @@ class SceneFile:
                 "says it"
             )
         return self.draft
+
+    @property
+    def curve_path(self) -> Path | None:
+        """Curve file that ``[curve] file`` names, relative to the scene file; None if it names none."""
+        named = self.curve.get("file")
+        return None if named is None else self.path.parent / named
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
@@ -189,6 +211,9 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise FileFormatError(f"{path} is not a TOML file: {error}") from error
 
 
+#: Pyramids that are taken as the cone of the same projected area.
+EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
+
 _SECTIONS = (
     "title",
     "indenter",
@@ -205,9 +230,11 @@ _SECTIONS = (
 
 
 def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
+    _require_filled_in(document)
     for name in document:
         if name not in _SECTIONS:
-            raise InputError(f"unknown section [{name}]; allowed: {', '.join(_SECTIONS[1:])}")
+            meant = hint(name, _SECTIONS) or ";"
+            raise InputError(f"unknown section [{name}]{meant} allowed: {', '.join(_SECTIONS[1:])}")
     for name in ("indenter", "layer"):
         if name not in document:
             raise InputError(f"section [{name}] is missing")
@@ -231,6 +258,7 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
         simulate=_simulated_depths(document),
         path=path,
         left_out=left_out,
+        stated=frozenset(f"instrument.{name}" for name in _table(document, "instrument")),
     )
 
 
@@ -240,6 +268,21 @@ def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
     if shape is None or "radius" in tip:
         return ()
     return ("indenter.radius",) if any(field.name == "radius" for field in fields(shape)) else ()
+
+
+def _require_filled_in(document: Mapping[str, Any]) -> None:
+    """Refuse a starter scene whose places are not filled in, naming all of them at once."""
+    empty = list(_places(document, ""))
+    if empty:
+        raise InputError(f"not filled in yet: {', '.join(empty)}; replace {PLACE} by what you know")
+
+
+def _places(table: Mapping[str, Any], above: str) -> Iterator[str]:
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _places(value, f"{above}{name}.")
+        elif isinstance(value, str) and PLACE in value:
+            yield f"{above}{name}"
 
 
 def _table(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -255,22 +298,43 @@ def _table(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 def _indenter(table: dict[str, Any]) -> Indenter:
     shapes = {shape.shape: shape for shape in Indenter.shapes()}
     name = table.pop("shape", None)
-    if name not in shapes:
-        raise InputError(f"[indenter] shape: {name!r} is not known; allowed: {', '.join(sorted(shapes))}")
-    indenter: Indenter = _build(shapes[name], "indenter", table)
+    if isinstance(name, str) and name in EQUIVALENT_CONES:
+        return _equivalent_cone(name, table)
+    if not isinstance(name, str) or name not in shapes:
+        allowed = sorted([*shapes, *EQUIVALENT_CONES])
+        if name is None:
+            raise InputError(f"[indenter] needs 'shape'; allowed: {', '.join(allowed)}")
+        meant = hint(str(name), allowed) or ";"
+        raise InputError(f"[indenter] shape: {name!r:.80} is not known{meant} allowed: {', '.join(allowed)}")
+    indenter: Indenter = _build(shapes[name], "indenter", table, besides=("shape",))
     return indenter
 
 
 def _layer(table: dict[str, Any]) -> Layer:
-    own = {name: table.pop(name) for name in field_quantities(Layer) if name in table}
-    numbers = check(schema_of(Layer), "layer", own)
-    return Layer(_material("layer", table), **numbers)
+    material, thickness = _material("layer", table)
+    return Layer(material, thickness)
 
 
-def _material(section: str, table: dict[str, Any]) -> Material:
+def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
+    if table:
+        raise InputError(f"[indenter] shape {name} needs nothing else; remove {', '.join(table)}")
+    cone = EQUIVALENT_CONES[name]()
+    warnings.warn(
+        f"[indenter] shape: a {name} tip is taken as the cone of the same projected area, half-angle "
+        f"{np.rad2deg(cone.half_angle):.2f} deg; the pyramid's edges are not in the model",
+        UnderlayWarning,
+        stacklevel=2,
+    )
+    return cone
+
+
+def _material(section: str, table: dict[str, Any]) -> tuple[Material, float]:
+    thickness = np.inf
+    if section == "layer" and "thickness" in table:
+        thickness = check(ThicknessSection, section, {"thickness": table.pop("thickness")})["thickness"]
     kind = TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
-    material: Material = _build(kind, section, table)
-    return material
+    besides = ("thickness",) if section == "layer" else ("rigid",)
+    return _build(kind, section, table, besides=besides), thickness
 
 
 def _substrate(document: Mapping[str, Any]) -> Substrate | None:
@@ -281,7 +345,7 @@ def _substrate(document: Mapping[str, Any]) -> Substrate | None:
     if not isinstance(rigid, bool):
         raise InputError(f"[substrate] rigid: must be true or false, not {rigid!r}")
     if not rigid:
-        return _material("substrate", table)
+        return _material("substrate", table)[0]
     if table:
         raise InputError(f"[substrate] is rigid and needs nothing else; remove {', '.join(table)}")
     return RIGID
@@ -310,6 +374,6 @@ def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
     return depths
 
 
-def _build(kind: type[Any], section: str, table: Mapping[str, Any]) -> Any:
-    """Make a dataclass from a section; its fields say which keys there are."""
-    return kind(**check(schema_of(kind), section, table))
+def _build(kind: type[Any], section: str, table: Mapping[str, Any], *, besides: tuple[str, ...] = ()) -> Any:
+    """Make a dataclass from a section; its fields, and `besides`, say which keys there are."""
+    return kind(**check(schema_of(kind), section, table, besides=besides))

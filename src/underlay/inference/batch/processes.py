@@ -164,7 +164,7 @@ class _Worker:
 
     def __init__(self, message: bytes, time_limit: float | None) -> None:
         if multiprocessing.current_process().daemon:
-            raise FitError("a daemonic process cannot have worker processes: pass workers=0")
+            raise FitError("a daemonic process cannot have worker processes: use none (workers 0)")
         self.connection, theirs = multiprocessing.Pipe()
         self._process = multiprocessing.get_context("spawn").Process(
             target=_serve, args=(theirs, message), daemon=True

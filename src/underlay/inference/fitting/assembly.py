@@ -9,7 +9,7 @@ import numpy as np
 from underlay._arrays import FloatArray, read_only
 from underlay.inference.fitting.diagnostics import diagnose
 from underlay.inference.fitting.fit_result import Alternative, Fit, FitStatistics
-from underlay.inference.fitting.fit_warnings import warnings_of
+from underlay.inference.fitting.fit_warnings import too_deep, warnings_of
 from underlay.inference.fitting.noise_estimate import noise_covariance
 from underlay.inference.fitting.objective import Minimum, Objective
 from underlay.inference.problem import Problem
@@ -85,8 +85,11 @@ def assemble(
         residuals=forces,
         diagnostics=diagnostics,
         statistics=statistics,
-        warnings=warnings_of(
-            problem, laws, reasons, bounds_hit, covariance, diagnostics, statistics, alternatives
+        warnings=(
+            *too_deep(problem, vector),
+            *warnings_of(
+                problem, laws, reasons, bounds_hit, covariance, diagnostics, statistics, alternatives
+            ),
         ),
         alternatives=alternatives,
     )

@@ -13,10 +13,11 @@ from underlay.inference.fitting.fit_result import Alternative, FitStatistics, Fi
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.published import PublishedLaw
+from underlay.scene.depth_doubt import depth_doubt
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
-__all__ = ["warnings_of"]
+__all__ = ["too_deep", "warnings_of"]
 
 # A standard error of a factor e either way, or of the whole range of the curve, says nothing.
 _UNINFORMATIVE = 1.0
@@ -149,6 +150,18 @@ def _residuals(diagnostics: Sequence[ResidualDiagnostics]) -> list[FitWarning]:
                 )
             )
     return warnings
+
+
+def too_deep(problem: Problem, vector: FloatArray) -> tuple[FitWarning, ...]:
+    """One warning per curve whose tip goes deeper than the layer is thick, at a scaled `vector` (k,)."""
+    warnings = []
+    for scene, curve in zip(problem.scenes(vector), problem.curves, strict=True):
+        instrument = scene.instrument
+        bent = instrument.compliance * max(float(curve.force.max()) - instrument.baseline, 0.0)
+        doubt = depth_doubt(scene, float(curve.depth.max()) - instrument.contact_depth - bent)
+        if doubt is not None:
+            warnings.append(FitWarning("too-deep", doubt))
+    return tuple(warnings)
 
 
 def _law_range(laws: Sequence[ContactLaw]) -> list[FitWarning]:
