@@ -23,6 +23,7 @@ from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
+from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene_writer import scene_text
 
 __all__ = ["Scene"]
@@ -148,6 +149,9 @@ class Scene:
         ParameterError
             If the scene has no such path; names the nearest one.
         """
+        for path in values:
+            if path not in self._numbers:
+                raise unknown_parameter(path, self._numbers)
         return replace_values(self, values)
 
     def effects(self, max_depth: float, *, solver: AnySolver = "auto") -> pd.DataFrame:

@@ -38,7 +38,7 @@ class MapOptions:
 
     Parameters
     ----------
-    noise : Noise, optional
+    noise : Noise or another NoiseModel, optional
         As in `Problem`; by default what the scene file says.
     solver : Solver or str, optional
         What builds the contact law, as in `Problem`; by default what the scene file says.
