@@ -11,8 +11,8 @@ import underlay as ul
 from support.inverse import layer_on, measured, problem
 from underlay.data.noise import Noise
 from underlay.errors import InputError
-from underlay.inference.fitting.objective import Objective, weights_at
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.objective import Objective, freeze
 from underlay.inference.priors import HalfNormal, LogNormal, Normal
 from underlay.inference.problem import Problem
 from underlay.inference.profiles import p_value_at, profile, rise_at
@@ -96,9 +96,9 @@ def test_redrawn_curves_have_the_model_the_noise_and_the_priors_of_the_fit():
     made = [
         redrawn(found.problem, found.vector, found.noises, np.random.default_rng([3, b])) for b in range(300)
     ]
-    objective = Objective(found.problem, weights_at(found.problem, found.vector, found.noises))
+    objective = Objective(found.problem, freeze(found.problem, found.vector, found.noises))
     model = objective.models(found.vector)[0]
-    member, sigma = found.problem.members[0], objective.weights.sigmas[0]
+    member, sigma = found.problem.members[0], objective.noise.sigmas[0]
     white = np.array(
         [noise.whiten((p.curves[0].force - model) / sigma, member.curve.time) for p in made]
     ).ravel()

@@ -14,8 +14,8 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.errors import FileAccessError, InputError
-from underlay.inference.fitting.diagnostics import diagnose
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.diagnostics import diagnose
 from underlay.inference.priors import LogNormal, Normal
 from underlay.inference.problem import Problem
 

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from underlay.errors import FitError, InputError, ParameterError
-from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.mechanics.published import published_names
 

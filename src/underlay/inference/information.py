@@ -16,7 +16,7 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.data.synthetic import simulate
 from underlay.errors import InputError
-from underlay.inference.fitting.objective import Objective, weights_at
+from underlay.inference.least_squares.objective import Objective, freeze
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene
@@ -68,7 +68,7 @@ def expected_problem(
 
 def information(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) -> FloatArray:
     """Fisher information (k, k) of the points alone at a scaled vector (k,); zero rows for the noise's."""
-    objective = Objective(problem, weights_at(problem, vector, noises))
+    objective = Objective(problem, freeze(problem, vector, noises))
     rows = objective.jacobian(vector)[: problem.n_points]
     return rows.T @ rows
 

@@ -19,8 +19,8 @@ from __future__ import annotations
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.inference.profiling.calibrated_profile import calibrated
 from underlay.inference.profiling.calibration import Calibration, Draws, p_value_at, require_draws

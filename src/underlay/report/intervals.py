@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
+    from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.profiles import Profile
 
 __all__ = ["Estimate", "estimates"]

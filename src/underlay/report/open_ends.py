@@ -15,7 +15,7 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Alternative, Fit
+    from underlay.inference.least_squares.fit_result import Alternative, Fit
     from underlay.inference.profiles import Profile
 
 __all__ = ["advice", "rival_name", "rivals"]

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from underlay.errors import FileAccessError
-from underlay.inference.fitting.provenance import version_record
+from underlay.inference.least_squares.provenance import version_record
 from underlay.report.intervals import estimates
 from underlay.report.labels import label
 from underlay.report.open_ends import rival_name
@@ -22,8 +22,8 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
     from underlay.inference.identifiability import Identifiability
+    from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.profiles import Profile
     from underlay.inference.sampling.posterior import Posterior
 

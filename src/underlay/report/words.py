@@ -17,7 +17,7 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
+    from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.profiles import Profile
     from underlay.inference.sampling.posterior import Posterior
 

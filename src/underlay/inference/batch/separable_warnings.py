@@ -8,9 +8,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.batch.separable import SeparableFit
-from underlay.inference.fitting.diagnostics import diagnose
-from underlay.inference.fitting.fit_result import FitStatistics
-from underlay.inference.fitting.fit_warnings import warnings_of
+from underlay.inference.least_squares.diagnostics import diagnose
+from underlay.inference.least_squares.fit_result import FitStatistics
+from underlay.inference.least_squares.fit_warnings import warnings_of
 from underlay.inference.problem import Problem
 from underlay.mechanics.published import published_names
 

@@ -26,9 +26,9 @@ from underlay.inference.batch.model import BatchModel, Sampling
 from underlay.inference.batch.results_table import FAILED, FITTED, Layout
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
-from underlay.inference.fitting.provenance import curve_hash
 from underlay.inference.from_files import chosen_part, read_for
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
 

@@ -23,9 +23,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import FitError, InputError
-from underlay.inference.fitting.fit_result import Fit
-from underlay.inference.fitting.objective import Objective, weights_at
-from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fitting import quick_fit
+from underlay.inference.least_squares.objective import Objective, freeze
 from underlay.inference.problem import Problem
 from underlay.inference.profiling.constrained import constrained_fit, missed, rise_at
 from underlay.inference.profiling.redraw import redrawn
@@ -180,9 +180,9 @@ def draw_rises(
 
 def _rise_of_truth(problem: Problem, name: str, value: float, truth: FloatArray, least: float) -> float:
     """T of the value a problem was drawn at; an upper bound of it where that is below `least`."""
-    fit = least_squares_fit(problem)
-    objective = Objective(fit.problem, weights_at(fit.problem, fit.vector, fit.noises))
-    at_truth, at_fit = (float(np.square(objective.residuals(q)).sum()) for q in (truth, fit.vector))
+    fit = quick_fit(problem)
+    objective = Objective(fit.problem, freeze(fit.problem, fit.vector, fit.noises))
+    at_truth, at_fit = objective.square(truth), objective.square(fit.vector)
     below = missed(fit, truth)
     # All parameters at the truth explain the curve at most as well as the best fit with one of them there.
     bound = at_truth - at_fit - below

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.fitting.fit_result import Fit
-from underlay.inference.fitting.objective import Objective, weights_at
-from underlay.inference.least_squares import minimise
+from underlay.inference.least_squares.engine import minimise
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.objective import Objective, freeze
 from underlay.inference.profiling.walk import Walk
 
 __all__ = ["constrained_fit", "index_of", "missed", "rise_at"]
@@ -53,10 +51,11 @@ def missed(fit: Fit, vector: FloatArray) -> float:
 
     Of two optima a fit may have found the higher one only.
     """
-    objective = Objective(fit.problem, weights_at(fit.problem, fit.vector, fit.noises))
-    found = minimise(objective, vector).vector
-    here, there = (float(np.square(objective.residuals(q)).sum()) for q in (fit.vector, found))
-    return min(there - here, 0.0)
+    objective = Objective(fit.problem, freeze(fit.problem, fit.vector, fit.noises))
+    found = minimise(objective, vector)
+    if found is None:
+        return 0.0
+    return min(objective.square(found.vector) - objective.square(fit.vector), 0.0)
 
 
 def constrained_fit(

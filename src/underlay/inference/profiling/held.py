@@ -10,7 +10,7 @@ from __future__ import annotations
 from underlay._arrays import FloatArray
 from underlay.data.noise import Noise
 from underlay.errors import InputError
-from underlay.inference.fitting.start import scan_starts
+from underlay.inference.least_squares.scan import scan
 from underlay.inference.problem import Problem
 
 __all__ = ["starts_with_held"]
@@ -35,4 +35,4 @@ def starts_with_held(problem: Problem, index: int, vector: FloatArray) -> list[F
         # The value cannot be a scene's: a contact beyond the last point, an impossible material.
         return []
     known = problem.values(vector)
-    return [problem.vector(known | held.values(start)) for start in scan_starts(held)]
+    return [problem.vector(known | held.values(start)) for start in scan(held)]

@@ -14,10 +14,10 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.data.noise import Noise
-from underlay.inference.fitting.fit_result import Fit
-from underlay.inference.fitting.noise_estimate import most_likely, restricted_log_likelihood
-from underlay.inference.fitting.objective import Objective, weights_at
-from underlay.inference.least_squares import minimise
+from underlay.inference.least_squares.engine import minimise
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.noise_estimate import most_likely, restricted_log_likelihood
+from underlay.inference.least_squares.objective import Objective, freeze
 from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
 from underlay.inference.profiling.profile_result import Profile
@@ -100,8 +100,9 @@ def _held(fit: Fit, start: FloatArray, index: int, q: float) -> tuple[FloatArray
     vector[index] = q
     others = sorted(problem.noise_entries - {index})
     for _ in range(_MOST_ROUNDS):
-        objective = Objective(problem, weights_at(problem, vector, _noises(fit, vector)))
-        found = minimise(objective, vector).vector
+        objective = Objective(problem, freeze(problem, vector, _noises(fit, vector)))
+        minimum = minimise(objective, vector)
+        found = vector if minimum is None else minimum.vector
         linear = _linear(problem, found)
         if not others:
             return found, restricted_log_likelihood(problem, found, linear)

@@ -11,7 +11,7 @@ from scipy import interpolate, optimize, stats
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.fitting.fit_result import Fit
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.profiling.calibration import Calibration
 from underlay.inference.profiling.interval import Interval
 from underlay.inference.profiling.walk import HIGHEST

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.fitting.fit_result import Fit
-from underlay.inference.fitting.objective import Minimum, Objective, Weights, weights_at
-from underlay.inference.least_squares import minimise
+from underlay.inference.least_squares.engine import FINE, Minimum, Search, minimise
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.objective import Objective, freeze
 from underlay.inference.profiling.held import starts_with_held
 
 __all__ = ["HIGHEST", "Walk"]
@@ -26,14 +26,13 @@ _GROWTH = 2.0  # a flattening profile is walked in steps at most this much longe
 # range of the curve.
 _FARTHEST = 12.0
 _MOST_STEPS = 60
-_MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
 # An entry that moves all readings together by less than this many standard deviations per unit lies on a plateau.
 _FLAT = 1e-3
 # Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
 _BETTER = 0.01  # of t: less than that changes no interval by a hundredth of its width
-# Of a start elsewhere: after so many evaluations it must be within this rise of what it competes with.
-_ROUGH_EVALUATIONS, _MAY_BE = 12, 30.0
+# Of a start elsewhere: after so many steps it must be within this rise of what it competes with.
+_ROUGH, _MAY_BE = Search(steps=8, settled=1e-4), 30.0
 # A start of the scan this close to where the others are (scaled coordinates) ends where they are.
 _SAME_PLACE = 0.3
 
@@ -53,10 +52,10 @@ class Walk:
     @classmethod
     def start(cls, fit: Fit, index: int, vector: FloatArray) -> Walk:
         """Stand at the optimum or another place (k,), with the noise of the fit frozen."""
-        weights: Weights = weights_at(fit.problem, fit.vector, fit.noises)
-        objective = Objective(fit.problem, weights, held=frozenset({index}))
-        base = float(np.square(objective.residuals(fit.vector)).sum())
-        rise = float(np.square(objective.residuals(vector)).sum()) - base
+        noise = freeze(fit.problem, fit.vector, fit.noises)
+        objective = Objective(fit.problem, noise, held=frozenset({index}))
+        base = objective.square(fit.vector)
+        rise = objective.square(vector) - base
         return cls(fit, index, objective, base, [np.array(vector)], [rise])
 
     @property
@@ -71,15 +70,16 @@ class Walk:
         Steps are long where a profile is flat: without its bottom a basin would be read too narrow, and a
         deeper optimum in it missed.
         """
-        free = Objective(self.fit.problem, self.objective.weights)
+        free = Objective(self.fit.problem, self.objective.noise)
         q = [float(vector[self.index]) for vector in self.vectors]
         vectors, rises = list(self.vectors), list(self.rises)
         # From the far end, so that the places before an insertion keep their numbers.
         for i in range(len(rises) - 2, 0, -1):
             if not self.rises[i - 1] > self.rises[i] < self.rises[i + 1]:
                 continue
-            bottom = minimise(free, self.vectors[i], max_evaluations=_MOST_EVALUATIONS).vector
-            rise = float(np.square(free.residuals(bottom)).sum()) - self.base
+            found = minimise(free, self.vectors[i])
+            bottom = self.vectors[i] if found is None else found.vector
+            rise = free.square(bottom) - self.base
             here = float(bottom[self.index])
             if rise < self.rises[i] and min(q[i - 1], q[i + 1]) < here < max(q[i - 1], q[i + 1]):
                 place = i + 1 if abs(here - q[0]) > abs(q[i] - q[0]) else i
@@ -145,7 +145,7 @@ class Walk:
 
     def rise(self, found: Minimum) -> float:
         """T at a minimum."""
-        return float(np.square(self.objective.residuals(found.vector)).sum()) - self.base
+        return self.objective.square(found.vector) - self.base
 
     @staticmethod
     def _z(rise: float) -> float:
@@ -178,7 +178,7 @@ class Walk:
             if found is not None and (np.abs(start - found.vector) < _SAME_PLACE).all():
                 continue
             begin = _with(np.clip(start, low, high), self.index, q)
-            other = self._minimised(begin, _ROUGH_EVALUATIONS)
+            other = self._minimised(begin, _ROUGH)
             if other is None or (found is not None and self.rise(other) > self.rise(found) + _MAY_BE):
                 continue
             other = self._minimised(other.vector)
@@ -197,15 +197,17 @@ class Walk:
         low, high = self.fit.problem.bounds.T
         for candidate in (np.clip(start, low, high), self.vectors[-1]):
             begin = _with(candidate, self.index, q)
-            if self._exists(begin):
-                return self._minimised(begin)
+            found = self._minimised(begin)
+            if found is not None:
+                return found
         return None
 
-    def _minimised(self, start: FloatArray, evaluations: int = _MOST_EVALUATIONS) -> Minimum | None:
+    def _minimised(self, start: FloatArray, search: Search = FINE) -> Minimum | None:
         """Others fitted from a start; None if there is no law there or where that ends."""
-        if not self._exists(start):
+        found = minimise(self.objective, start, search)
+        if found is None:
             return None
-        found = self._off_plateau(minimise(self.objective, start, max_evaluations=evaluations))
+        found = self._off_plateau(found)
         return found if self._exists(found.vector) else None
 
     def _off_plateau(self, found: Minimum) -> Minimum:
@@ -216,10 +218,9 @@ class Walk:
         """
         for i in self._flat(found.vector):
             begin = _with(found.vector, i, 0.0)
-            if not self.objective.exists(begin):
-                continue
-            other = minimise(self.objective, begin, max_evaluations=_MOST_EVALUATIONS)
-            found = min((found, other), key=self.rise)
+            other = minimise(self.objective, begin)
+            if other is not None:
+                found = min((found, other), key=self.rise)
         return found
 
     def _flat(self, vector: FloatArray) -> list[int]:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.fitting.diagnostics import ResidualDiagnostics
-from underlay.inference.fitting.fit_result import Alternative, FitStatistics, FitWarning
+from underlay.inference.least_squares.diagnostics import ResidualDiagnostics
+from underlay.inference.least_squares.fit_result import Alternative, FitStatistics, FitWarning
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.published import PublishedLaw

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,10 @@ from underlay._arrays import FloatArray
 from underlay._files import write_atomic
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
-from underlay.inference.fitting.diagnostics import ResidualDiagnostics
-from underlay.inference.fitting.provenance import provenance
+from underlay.inference.least_squares.diagnostics import ResidualDiagnostics
+from underlay.inference.least_squares.last_word import Minimiser
+from underlay.inference.least_squares.objective import Objective, freeze
+from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
@@ -158,6 +161,19 @@ class Fit:
     statistics: FitStatistics = field(repr=False)
     warnings: tuple[FitWarning, ...]
     alternatives: tuple[Alternative, ...] = ()
+    _lmfit: Any = field(default=None, repr=False)
+
+    @cached_property
+    def lmfit(self) -> Any:
+        """lmfit's own `MinimizerResult`, in scaled coordinates, its names with ``_`` for dots and brackets.
+
+        Values are logarithms of ratios to the scene's own numbers, or shares of the curve's ranges; see
+        `Problem.vector`. Where the fit was made without lmfit it is asked now, begun at the optimum.
+        """
+        if self._lmfit is not None:
+            return self._lmfit
+        objective = Objective(self.problem, freeze(self.problem, self.vector, self.noises))
+        return Minimiser()(objective, self.vector).result
 
     @property
     def names(self) -> tuple[str, ...]:

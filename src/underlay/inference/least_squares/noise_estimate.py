@@ -15,7 +15,7 @@ from scipy import optimize
 
 from underlay._arrays import FloatArray
 from underlay.data.noise import Noise
-from underlay.inference.fitting.objective import Objective, Weights, weights_at
+from underlay.inference.least_squares.objective import FrozenNoise, Objective, freeze
 from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
 
@@ -47,7 +47,7 @@ class Renewal:
     ----------
     vector : FloatArray
         The vector with the numbers of the noise renewed, (k,).
-    weights : Weights
+    noise : FrozenNoise
         Frozen noise there.
     settled : bool
         Whether the parameters need no further fit: the weights are those they were fitted with, or only their
@@ -55,7 +55,7 @@ class Renewal:
     """
 
     vector: FloatArray
-    weights: Weights
+    noise: FrozenNoise
     settled: bool
 
 
@@ -70,7 +70,7 @@ def first_noises(problem: Problem, vector: FloatArray) -> tuple[Noise, ...]:
 def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
     """Estimate, or compute again, the noise at an optimum of the other parameters."""
     problem, physical = objective.problem, objective.problem.physical(vector)
-    noises = objective.weights.noises
+    noises = objective.noise.models
     if problem.noise_entries:
         linear = [member.jacobian(physical) for member in problem.members]
         vector = most_likely(problem, vector, sorted(problem.noise_entries), linear)
@@ -81,12 +81,12 @@ def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
             replace(noise, force=size) if member.scale_is_unknown else noise
             for member, noise, size in zip(problem.members, noises, sizes, strict=True)
         )
-    renewed = weights_at(problem, vector, noises)
+    renewed = freeze(problem, vector, noises)
     return Renewal(vector, renewed, _is_settled(objective, renewed, robust=robust))
 
 
-def _is_settled(objective: Objective, renewed: Weights, *, robust: bool) -> bool:
-    old = objective.weights
+def _is_settled(objective: Objective, renewed: FrozenNoise, *, robust: bool) -> bool:
+    old = objective.noise
     ratios = [new / before for new, before in zip(renewed.sigmas, old.sigmas, strict=True)]
     common = 1.0
     if not objective.has_measured_priors and not robust:
@@ -95,7 +95,7 @@ def _is_settled(objective: Objective, renewed: Weights, *, robust: bool) -> bool
     taus = [
         abs(new.correlation_time - before.correlation_time)
         <= _SETTLED * max(new.correlation_time, before.correlation_time)
-        for new, before in zip(renewed.noises, old.noises, strict=True)
+        for new, before in zip(renewed.models, old.models, strict=True)
     ]
     return all(taus) and all(float(np.abs(ratio / common - 1.0).max()) < _SETTLED for ratio in ratios)
 
@@ -103,7 +103,7 @@ def _is_settled(objective: Objective, renewed: Weights, *, robust: bool) -> bool
 def _sizes(objective: Objective, vector: FloatArray, *, robust: bool) -> list[float]:
     """Size of the noise (N) of every curve from its residuals, S / (n - k) with the k it pays for."""
     ends = np.cumsum([len(member.force) for member in objective.problem.members])
-    before = [float(noise.force or 1.0) for noise in objective.weights.noises]
+    before = [float(noise.force or 1.0) for noise in objective.noise.models]
     residuals = np.split(objective.residuals(vector), ends)
     if robust:
         return [

@@ -1,0 +1,343 @@
+"""Weighted residuals of a problem with their analytic Jacobian: what the engine and lmfit ask.
+
+The noise is frozen: it is that of a current model, and a fit renews it from outside until nothing changes.
+(Weights that follow the parameters without the normalisation of the likelihood would pull the model towards
+large noise.)
+
+Parameters in which the model is linear are solved for at every point that the engine asks for: a step along
+the valley of modulus and thickness leaves the modulus behind, and variable projection (Golub and Pereyra 1973,
+doi:10.1137/0710036) puts it right without another model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.data.noise import Noise, whiten
+from underlay.errors import InputError
+from underlay.inference.model.members import Member
+from underlay.inference.problem import Problem
+
+__all__ = ["FrozenNoise", "Objective", "Point", "acting", "freeze"]
+
+# Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
+_FAR = 40.0
+_LINEAR = ("instrument.baseline", "instrument.baseline_slope")
+# An entry whose column is this small beside the largest, or that moves all readings together by less than this
+# many standard deviations per unit, does not act any more (a base so stiff that it might be rigid). Levenberg
+# and Marquardt measure a step by the columns: that entry's is then without end, the law refuses it, and the
+# steps of all entries shrink below the tolerance before that one is short enough.
+_IDLE, _FLAT = 1e-10, 1e-4
+# The linear parameters stay where they are rather than make a force that is not there.
+_LEAST_FACTOR = 0.1
+
+
+@dataclass(frozen=True)
+class FrozenNoise:
+    """Noise of every curve, frozen: model and standard deviations (N), one array (n,) each."""
+
+    models: tuple[Noise, ...]
+    sigmas: tuple[FloatArray, ...]
+
+
+def freeze(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) -> FrozenNoise:
+    """Freeze the noise at the model of a scaled vector (k,)."""
+    physical = problem.physical(vector)
+    sigmas = tuple(
+        member.sigma(member.reading(physical) if noise.relative or noise.depth else None, noise)
+        for member, noise in zip(problem.members, noises, strict=True)
+    )
+    return FrozenNoise(tuple(noises), sigmas)
+
+
+def acting(norms: FloatArray) -> NDArray[np.bool_]:
+    """Which entries act at all, (k,), by the lengths of their columns of whitened derivatives, (k,)."""
+    return np.asarray(norms > max(_IDLE * float(norms.max(initial=0.0)), _FLAT))
+
+
+@dataclass(frozen=True)
+class Point:
+    """A place of the search, the linear parameters solved for.
+
+    Parameters
+    ----------
+    vector : FloatArray
+        Scaled, (k,).
+    residuals : FloatArray
+        Whitened, (n,).
+    rows : FloatArray
+        Their derivatives in the entries of the vector, (k, n).
+    square : float
+        Sum of squares.
+    """
+
+    vector: FloatArray
+    residuals: FloatArray
+    rows: FloatArray
+    square: float
+
+
+@dataclass
+class Objective:
+    """Residuals and Jacobian at full scaled vectors, for frozen noise; counts what it is asked.
+
+    Prior measurements (`Prior.penalty`) follow the points as further residuals, one per informative prior.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    noise : FrozenNoise
+        Of every curve.
+    held : frozenset of int
+        Entries of a vector that a search leaves alone.
+    members : tuple of Member, optional
+        Curves that stand for the problem's, such as their blocks.
+    evaluations, failures : int
+        Models asked, and how many did not exist.
+    """
+
+    problem: Problem
+    noise: FrozenNoise
+    held: frozenset[int] = frozenset()
+    members: tuple[Member, ...] = ()
+    evaluations: int = 0
+    failures: int = 0
+    _largest: float = field(default=1.0, repr=False)
+    _last_models: tuple[bytes, list[FloatArray]] = field(default=(b"", []), repr=False)
+    _last_columns: dict[bool, tuple[bytes, list[FloatArray]]] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        self.members = self.members or self.problem.members
+        noisy = self.problem.noise_entries
+        coordinates = self.problem.coordinates
+        #: Entries of a vector that a search varies: not the noise's, and not those held.
+        self.active = [i for i in range(len(coordinates)) if i not in noisy and i not in self.held]
+        self._informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
+        # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
+        self._one_law = not any(
+            member.forward.similarity.ratio_slopes(path)
+            for member in self.members
+            if not member.forward.laws.tabulated
+            for path in member.entries
+        )
+
+    @cached_property
+    def points(self) -> int:
+        """Number of points of all curves."""
+        return sum(len(member.force) for member in self.members)
+
+    @property
+    def has_measured_priors(self) -> bool:
+        """Whether a prior pulls, so that the size of the noise moves the optimum."""
+        return bool(self._informative)
+
+    # --- what lmfit and the results ask -----------------------------------------------------------------
+
+    def residuals(self, vector: FloatArray) -> FloatArray:
+        """Whitened (model - data) / sigma of all points, then the priors' residuals.
+
+        Where no law exists every residual is the root of the largest sum of squares seen: a minimiser
+        steps back.
+        """
+        if np.abs(vector).max(initial=0.0) > _FAR:
+            return self._refused()
+        physical = self.problem.physical(vector)
+        try:
+            models = self._models(physical)
+        except InputError:
+            return self._refused()
+        residuals = self._weighted(models, physical)
+        # The sum of squares is finite only if every entry is.
+        square = float(residuals @ residuals)
+        if not np.isfinite(square):
+            return self._refused()
+        self._largest = max(self._largest, square**0.5)
+        return residuals
+
+    def _refused(self) -> FloatArray:
+        self.failures += 1
+        return np.full(self.points + len(self._informative), self._largest)
+
+    def square(self, vector: FloatArray) -> float:
+        """Sum of squares of the residuals at (k,)."""
+        residuals = self.residuals(vector)
+        return float(residuals @ residuals)
+
+    def jacobian(self, vector: FloatArray, *, rough: bool = False) -> FloatArray:
+        """d residuals / d vector, (n + priors, k); `rough` as in `Forward.jacobian`."""
+        physical = self.problem.physical(vector)
+        return self._rows(self._columns(physical, rough=rough), physical).T
+
+    def exists(self, vector: FloatArray) -> bool:
+        """Whether there is a contact law at a vector (k,), and beside it for its derivatives."""
+        try:
+            self._columns(self.problem.physical(vector), rough=True)
+        except InputError:
+            return False
+        return True
+
+    def loss(self, vector: FloatArray) -> float:
+        """Minus twice the log-likelihood with the frozen noise, priors' residuals included, at (k,)."""
+        normalisation = sum(
+            float(noise.log_normalisation(sigma, member.curve.time))
+            for member, noise, sigma in self._curves()
+        )
+        return self.square(vector) - 2.0 * normalisation
+
+    def models(self, vector: FloatArray) -> list[FloatArray]:
+        """Instrument's force (N) of every curve at a vector (k,); raises InputError where no law exists."""
+        return self._models(self.problem.physical(vector))
+
+    # --- what the engine asks ---------------------------------------------------------------------------
+
+    def point(self, vector: FloatArray, low: FloatArray, high: FloatArray) -> Point | None:
+        """Place of the search at `vector` (k,), its linear parameters solved for within the bounds (k,).
+
+        None where there is no law.
+        """
+        physical = self.problem.physical(vector)
+        if np.abs(vector).max(initial=0.0) > _FAR:
+            self.failures += 1
+            return None
+        try:
+            columns = self._columns(physical, rough=True)
+            models = self._models(physical)
+        except InputError:
+            self.failures += 1
+            return None
+        residuals, rows = self._weighted(models, physical), self._rows(columns, physical)
+        if len(self._linear[0]):
+            vector, residuals, rows = self._solved(vector, residuals, rows, low, high)
+        square = float(residuals @ residuals)
+        return Point(vector, residuals, rows, square) if np.isfinite(square) else None
+
+    def _solved(
+        self,
+        vector: FloatArray,
+        residuals: FloatArray,
+        rows: FloatArray,
+        low: FloatArray,
+        high: FloatArray,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The same with the linear parameters at their best, if that is allowed and they act."""
+        directions, scales = self._linear
+        along = directions @ rows
+        normal = along @ along.T
+        if not (np.diag(normal) > 0.0).all():
+            return vector, residuals, rows
+        change = -np.linalg.solve(normal, along @ residuals)
+        moves, factor = change, 1.0
+        if scales:
+            factor = 1.0 + float(change[-1])
+            if factor <= _LEAST_FACTOR:
+                return vector, residuals, rows
+            moves = np.append(change[:-1], np.log(factor))
+        settled = vector + moves @ directions
+        if (settled < low).any() or (settled > high).any():
+            return vector, residuals, rows
+        if scales:
+            # All that acts through the contact force grows with it.
+            through_force = [c.path not in _LINEAR for c in self.problem.coordinates]
+            rows[through_force, : self.points] *= factor
+        return settled, residuals + change @ along, rows
+
+    @cached_property
+    def _linear(self) -> tuple[FloatArray, bool]:
+        """Directions (p, k) in which the model is linear, and whether the last multiplies the contact force.
+
+        Baselines, and the moduli together where one factor on them is a factor on the force of every curve;
+        there a step is the logarithm of the factor.
+        """
+        unit = np.eye(len(self.problem.coordinates))
+        may = set(self.active) - set(self._informative)
+        directions = [
+            unit[i] for i, c in enumerate(self.problem.coordinates) if c.path in _LINEAR and i in may
+        ]
+        moduli = self._common_moduli()
+        scales = bool(moduli) and moduli <= may
+        if scales:
+            directions.append(unit[sorted(moduli)].sum(axis=0))
+        return np.reshape(directions, (len(directions), len(unit))), scales
+
+    def _common_moduli(self) -> set[int]:
+        """Entries that carry all moduli of all curves, in one factor; empty where there are none."""
+        found: list[set[int]] = []
+        for member in self.members:
+            gives = bool(member.base["instrument.compliance"]) or "instrument.compliance" in member.entries
+            moduli = member.forward.similarity.moduli
+            if gives or any(path not in member.entries for path in moduli):
+                return set()
+            found.append({member.entries[path] for path in moduli})
+        return found[0] if all(moduli == found[0] for moduli in found) else set()
+
+    # --- models, derivatives and their weights -----------------------------------------------------------
+
+    # MINPACK asks for its first point twice and lmfit for its last; the noise may change in between. So the
+    # last answers are kept without weights. And nearly every point whose force is asked is then asked for its
+    # derivatives, which bring the force along: where they cost no law they are computed at once.
+
+    def _models(self, physical: FloatArray) -> list[FloatArray]:
+        key = physical.tobytes()
+        if self._last_models[0] != key:
+            if self._one_law:
+                self._columns(physical, rough=False)
+            else:
+                self.evaluations += 1
+                self._last_models = key, [member.model(physical) for member in self.members]
+        return self._last_models[1]
+
+    def _columns(self, physical: FloatArray, *, rough: bool) -> list[FloatArray]:
+        """d force / d own entry (SI), (n, own), of every curve."""
+        key, wanted = physical.tobytes(), rough and not self._one_law
+        last, columns = self._last_columns.get(wanted, (b"", []))
+        if last != key:
+            both = [
+                member.forward.jacobian(member.values_at(physical), tuple(member.entries), rough=wanted)
+                for member in self.members
+            ]
+            columns = [own for _, own in both]
+            self._last_columns[wanted] = key, columns
+            if self._last_models[0] != key:
+                self.evaluations += 1
+                self._last_models = key, [reading.force for reading, _ in both]
+        return columns
+
+    def _weighted(self, models: list[FloatArray], physical: FloatArray) -> FloatArray:
+        parts = [
+            whiten((model - member.force) / sigma, member.curve.time, noise.correlation_time)
+            for model, (member, noise, sigma) in zip(models, self._curves(), strict=True)
+        ]
+        if self._informative:
+            parts.append(self._penalties(physical)[0])
+        return np.concatenate(parts) if len(parts) > 1 else parts[0]
+
+    def _rows(self, columns: list[FloatArray], physical: FloatArray) -> FloatArray:
+        """Derivatives of the residuals in the entries of a vector, (k, n + priors)."""
+        slopes = self.problem.space.slopes(physical)
+        rows = np.zeros((len(slopes), self.points + len(self._informative)))
+        end = 0
+        for own, (member, noise, sigma) in zip(columns, self._curves(), strict=True):
+            entries, part = list(member.entries.values()), slice(end, end := end + len(sigma))
+            weighted = own.T * slopes[entries, None] / sigma
+            rows[entries, part] = whiten(weighted, member.curve.time, noise.correlation_time)
+        if self._informative:
+            rows[:, end:] = (self._penalties(physical)[1] * slopes).T
+        return rows
+
+    def _curves(self) -> Iterator[tuple[Member, Noise, FloatArray]]:
+        return zip(self.members, self.noise.models, self.noise.sigmas, strict=True)
+
+    def _penalties(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals of the informative priors (p,) and their slopes in SI (p, k)."""
+        which = self._informative
+        values, slopes = np.zeros(len(which)), np.zeros((len(which), len(physical)))
+        for row, index in enumerate(which):
+            values[row], slopes[row, index] = self.problem.coordinates[index].prior.penalty(physical[index])
+        return values, slopes
