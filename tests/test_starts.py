@@ -7,8 +7,9 @@ import underlay as ul
 from support.inverse import exact_curve, layer_on, measured, problem
 from underlay.data.curve import Curve
 from underlay.inference.least_squares import fit
-from underlay.inference.least_squares.blocks import Blocks
-from underlay.inference.least_squares.start import scan
+from underlay.inference.least_squares.blocks import Blocks, blocked_objective
+from underlay.inference.least_squares.candidates import candidates
+from underlay.inference.least_squares.scan import scan
 from underlay.inference.plain_hertz import plain_hertz_fit
 from underlay.inference.problem import Problem
 
@@ -51,8 +52,8 @@ def test_linear_parameters_are_at_their_best_wherever_it_is_asked():
     wide = np.full(5, 5.0)
     point = blocked.point(np.array([0.7, 0.1, 0.02, 0.7, 0.3]), -wide, wide)
     # Both moduli together, and the baseline: the gradient vanishes along them, up to the rounding of the solution.
-    scale = np.linalg.norm(point.rows, axis=1) * np.linalg.norm(point.residuals)
-    gradient = point.rows @ point.residuals
+    scale = np.sqrt(np.diag(point.normal) * point.square)
+    gradient = point.gradient
     assert abs(gradient[0] + gradient[3]) < 1e-4 * scale[0]
     assert abs(gradient[4]) < 1e-9 * scale[4]
     ratio = point.vector[3] - point.vector[0]

@@ -10,7 +10,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.least_squares.engine import Minimum, Search, descend
-from underlay.inference.least_squares.objective import Objective, Point
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.projection import Point
 from underlay.inference.least_squares.scan_curve import BASE_MODULUS, MODULUS
 
 __all__ = ["Candidate", "candidates"]
@@ -113,7 +114,7 @@ def _candidate(
     at_edge = ((at <= low) & (low > bounds[0])) | ((at >= high) & (high < bounds[1]))
     normal = None
     if point.square <= _EXPLAINED * blocked.points:
-        normal = (point.rows @ point.rows.T) * (degrees / point.square)
+        normal = point.normal * (degrees / point.square)
     return Candidate(point.square, at, normal, bool(at_edge[blocked.active].any()))
 
 

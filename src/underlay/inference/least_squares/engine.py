@@ -12,9 +12,11 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.least_squares.objective import Objective, Point, acting
+from underlay.inference.least_squares.objective import Objective, acting
+from underlay.inference.least_squares.projection import Point
 
 __all__ = ["FINE", "GiveUp", "Minimum", "Search", "descend", "minimise"]
 
@@ -120,11 +122,10 @@ def descend(
 
 
 def _step(
-    point: Point, damping: float, active: FloatArray, low: FloatArray, high: FloatArray
+    point: Point, damping: float, active: NDArray[np.bool_], low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, float]:
     """Step (k,), where entries that would leave their bounds rest, and what it should gain."""
-    normal = point.rows @ point.rows.T
-    gradient = point.rows @ point.residuals
+    normal, gradient = point.normal, point.gradient
     diagonal = np.diag(normal)
     acts = active & acting(np.sqrt(diagonal))
     inside = ((point.vector > low) | (gradient < 0.0)) & ((point.vector < high) | (gradient > 0.0))

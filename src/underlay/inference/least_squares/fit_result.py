@@ -18,7 +18,7 @@ from underlay._arrays import FloatArray
 from underlay._files import write_atomic
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
-from underlay.inference.least_squares.diagnostics import ResidualDiagnostics
+from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
 from underlay.inference.least_squares.last_word import Minimiser
 from underlay.inference.least_squares.objective import Objective, freeze
 from underlay.inference.least_squares.provenance import provenance
@@ -137,8 +137,8 @@ class Fit:
         Noise of every curve at the optimum.
     residuals : tuple of FloatArray
         Data minus model (N), one array (n,) per curve.
-    diagnostics : tuple of ResidualDiagnostics
-        One per curve.
+    whitened : tuple of FloatArray
+        The same in standard deviations, model minus data, and independent where the noise is as assumed.
     statistics : FitStatistics
         How it was reached.
     warnings : tuple of FitWarning
@@ -157,7 +157,7 @@ class Fit:
     bounds_hit: Mapping[str, str]
     noises: tuple[Noise, ...]
     residuals: tuple[FloatArray, ...] = field(repr=False)
-    diagnostics: tuple[ResidualDiagnostics, ...] = field(repr=False)
+    whitened: tuple[FloatArray, ...] = field(repr=False)
     statistics: FitStatistics = field(repr=False)
     warnings: tuple[FitWarning, ...]
     alternatives: tuple[Alternative, ...] = ()
@@ -174,6 +174,11 @@ class Fit:
             return self._lmfit
         objective = Objective(self.problem, freeze(self.problem, self.vector, self.noises))
         return Minimiser()(objective, self.vector).result
+
+    @cached_property
+    def diagnostics(self) -> tuple[ResidualDiagnostics, ...]:
+        """What the residuals look like, one per curve."""
+        return tuple(diagnose(own, force) for own, force in zip(self.whitened, self.residuals, strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -121,6 +121,9 @@ def _scan_and_descend(problem: Problem, *, robust: bool) -> Sequence[FloatArray]
     starts = [_inside(problem, first) for first in scan(problem)]
     if not starts:
         return [problem.start]
+    if len(starts) == 1 and not robust:
+        # Nothing to choose from: on all points at once.
+        return starts
     found = candidates(blocked_objective(problem, robust=robust), starts)
     # Robust fits of different scale do not compare by their losses: only the best is taken further.
     return [entry.vector for entry in (found[:1] if robust else found)] or starts

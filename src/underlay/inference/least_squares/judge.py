@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.inference.least_squares.diagnostics import diagnose
+from underlay.inference.least_squares.diagnostics import correlated
 from underlay.inference.least_squares.fit_result import Alternative, Fit, FitStatistics
 from underlay.inference.least_squares.fit_warnings import warnings_of
 from underlay.inference.least_squares.noise_estimate import noise_covariance
@@ -63,7 +63,7 @@ def judge(optimum: Optimum, others: Sequence[FloatArray] = (), *, seconds: float
     ends = np.cumsum([len(member.force) for member in problem.members])
     whitened = np.split(residuals, ends)[: len(forces)]
     alternatives = _alternatives(objective, vector, residuals, deviation_scaled, others)
-    diagnostics = tuple(diagnose(own, force) for own, force in zip(whitened, forces, strict=True))
+    related = [correlated(own, force) for own, force in zip(whitened, forces, strict=True)]
     laws = [member.law(physical) for member in problem.members]
     law = max(laws, key=lambda law: law.error_estimate)
     statistics = _statistics(optimum, whitened, law, seconds)
@@ -78,10 +78,10 @@ def judge(optimum: Optimum, others: Sequence[FloatArray] = (), *, seconds: float
         bounds_hit=bounds_hit,
         noises=objective.noise.models,
         residuals=forces,
-        diagnostics=diagnostics,
+        whitened=tuple(read_only(own) for own in whitened),
         statistics=statistics,
         warnings=warnings_of(
-            problem, laws, reasons, bounds_hit, covariance, diagnostics, statistics, alternatives
+            problem, laws, reasons, bounds_hit, covariance, related, statistics, alternatives
         ),
         alternatives=alternatives,
         _lmfit=optimum.lmfit,

@@ -110,14 +110,14 @@ def _sizes(objective: Objective, vector: FloatArray, *, robust: bool) -> list[fl
             size * _MEDIAN_TO_SD * float(np.median(np.abs(r)))
             for size, r in zip(before, residuals, strict=False)
         ]
-    jacobian = objective.jacobian(vector)[:, objective.active]
+    normals, total = objective.normals(vector)
     # The pseudo-inverse of J'J as numpy.linalg.pinv has it, without the calls.
-    values, directions = np.linalg.eigh(jacobian.T @ jacobian)
-    fixed = directions[:, values > _RANK * len(values) * values[-1]]
+    values, directions = np.linalg.eigh(total)
+    fixed = directions[:, values > _RANK * len(values) * values.max(initial=0.0)]
     inverse = (fixed / values[len(values) - fixed.shape[1] :]) @ fixed.T
     sizes = []
-    for size, own, rows in zip(before, residuals, np.split(jacobian, ends), strict=False):
-        degrees = len(own) - float(np.sum(inverse * (rows.T @ rows)))
+    for size, own, normal in zip(before, residuals, normals, strict=False):
+        degrees = len(own) - float(np.sum(inverse * normal))
         sizes.append(size * float(np.sqrt(own @ own / degrees)))
     return sizes
 

@@ -3,16 +3,12 @@
 The noise is frozen: it is that of a current model, and a fit renews it from outside until nothing changes.
 (Weights that follow the parameters without the normalisation of the likelihood would pull the model towards
 large noise.)
-
-Parameters in which the model is linear are solved for at every point that the engine asks for: a step along
-the valley of modulus and thickness leaves the modulus behind, and variable projection (Golub and Pereyra 1973,
-doi:10.1137/0710036) puts it right without another model.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,21 +17,19 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.data.noise import Noise, whiten
 from underlay.errors import InputError
+from underlay.inference.least_squares.projection import LinearDirections, Point
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 
-__all__ = ["FrozenNoise", "Objective", "Point", "acting", "freeze"]
+__all__ = ["FrozenNoise", "Objective", "acting", "freeze"]
 
 # Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
 _FAR = 40.0
-_LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 # An entry whose column is this small beside the largest, or that moves all readings together by less than this
 # many standard deviations per unit, does not act any more (a base so stiff that it might be rigid). Levenberg
 # and Marquardt measure a step by the columns: that entry's is then without end, the law refuses it, and the
 # steps of all entries shrink below the tolerance before that one is short enough.
 _IDLE, _FLAT = 1e-10, 1e-4
-# The linear parameters stay where they are rather than make a force that is not there.
-_LEAST_FACTOR = 0.1
 
 
 @dataclass(frozen=True)
@@ -59,28 +53,6 @@ def freeze(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) -> Fro
 def acting(norms: FloatArray) -> NDArray[np.bool_]:
     """Which entries act at all, (k,), by the lengths of their columns of whitened derivatives, (k,)."""
     return np.asarray(norms > max(_IDLE * float(norms.max(initial=0.0)), _FLAT))
-
-
-@dataclass(frozen=True)
-class Point:
-    """A place of the search, the linear parameters solved for.
-
-    Parameters
-    ----------
-    vector : FloatArray
-        Scaled, (k,).
-    residuals : FloatArray
-        Whitened, (n,).
-    rows : FloatArray
-        Their derivatives in the entries of the vector, (k, n).
-    square : float
-        Sum of squares.
-    """
-
-    vector: FloatArray
-    residuals: FloatArray
-    rows: FloatArray
-    square: float
 
 
 @dataclass
@@ -120,6 +92,7 @@ class Objective:
         #: Entries of a vector that a search varies: not the noise's, and not those held.
         self.active = [i for i in range(len(coordinates)) if i not in noisy and i not in self.held]
         self._informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
+        self._entries = [list(member.entries.values()) for member in self.members]
         # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
         self._one_law = not any(
             member.forward.similarity.ratio_slopes(path)
@@ -175,6 +148,19 @@ class Objective:
         physical = self.problem.physical(vector)
         return self._rows(self._columns(physical, rough=rough), physical).T
 
+    def normals(self, vector: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+        """J'J over the active entries of each curve, and of all with the priors, each (active, active)."""
+        physical = self.problem.physical(vector)
+        slopes, kept = self.problem.space.slopes(physical), np.ix_(self.active, self.active)
+        scale = np.outer(slopes, slopes)
+        parts = [
+            (self._normal([own], [entries]) * scale)[kept]
+            for own, entries in zip(
+                self._whitened_rows(self._columns(physical, rough=False)), self._entries, strict=True
+            )
+        ]
+        return parts, sum(parts, self._prior_point(vector, physical).normal[kept])
+
     def exists(self, vector: FloatArray) -> bool:
         """Whether there is a contact law at a vector (k,), and beside it for its derivatives."""
         try:
@@ -202,80 +188,69 @@ class Objective:
 
         None where there is no law.
         """
-        physical = self.problem.physical(vector)
         if np.abs(vector).max(initial=0.0) > _FAR:
             self.failures += 1
             return None
+        physical = self.problem.physical(vector)
         try:
-            columns = self._columns(physical, rough=True)
-            models = self._models(physical)
+            columns, models = self._columns(physical, rough=True), self._models(physical)
         except InputError:
             self.failures += 1
             return None
-        residuals, rows = self._weighted(models, physical), self._rows(columns, physical)
-        if len(self._linear[0]):
-            vector, residuals, rows = self._solved(vector, residuals, rows, low, high)
-        square = float(residuals @ residuals)
-        return Point(vector, residuals, rows, square) if np.isfinite(square) else None
-
-    def _solved(
-        self,
-        vector: FloatArray,
-        residuals: FloatArray,
-        rows: FloatArray,
-        low: FloatArray,
-        high: FloatArray,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The same with the linear parameters at their best, if that is allowed and they act."""
-        directions, scales = self._linear
-        along = directions @ rows
-        normal = along @ along.T
-        if not (np.diag(normal) > 0.0).all():
-            return vector, residuals, rows
-        change = -np.linalg.solve(normal, along @ residuals)
-        moves, factor = change, 1.0
-        if scales:
-            factor = 1.0 + float(change[-1])
-            if factor <= _LEAST_FACTOR:
-                return vector, residuals, rows
-            moves = np.append(change[:-1], np.log(factor))
-        settled = vector + moves @ directions
-        if (settled < low).any() or (settled > high).any():
-            return vector, residuals, rows
-        if scales:
-            # All that acts through the contact force grows with it.
-            through_force = [c.path not in _LINEAR for c in self.problem.coordinates]
-            rows[through_force, : self.points] *= factor
-        return settled, residuals + change @ along, rows
+        slopes, rows = self.problem.space.slopes(physical), self._whitened_rows(columns)
+        prior = self._prior_point(vector, physical)
+        normal = self._normal(rows, self._entries) * np.outer(slopes, slopes)
+        here = self._against(rows, models, slopes, normal, prior)
+        step = self._linear.step(here)
+        if step is not None and _within(vector + step.change, low, high):
+            # From the residuals, not from their products: a small sum of squares keeps its digits.
+            along = step.along * slopes
+            models = [
+                model + own @ along[entries]
+                for model, own, entries in zip(models, columns, self._entries, strict=True)
+            ]
+            normal = normal * np.outer(step.grown, step.grown)
+            prior = replace(prior, vector=vector + step.change)
+            here = self._against(rows, models, slopes * step.grown, normal, prior)
+        return here if np.isfinite(here.square) else None
 
     @cached_property
-    def _linear(self) -> tuple[FloatArray, bool]:
-        """Directions (p, k) in which the model is linear, and whether the last multiplies the contact force.
+    def _linear(self) -> LinearDirections:
+        return LinearDirections.of(self.problem, set(self.active) - set(self._informative))
 
-        Baselines, and the moduli together where one factor on them is a factor on the force of every curve;
-        there a step is the logarithm of the factor.
-        """
-        unit = np.eye(len(self.problem.coordinates))
-        may = set(self.active) - set(self._informative)
-        directions = [
-            unit[i] for i, c in enumerate(self.problem.coordinates) if c.path in _LINEAR and i in may
-        ]
-        moduli = self._common_moduli()
-        scales = bool(moduli) and moduli <= may
-        if scales:
-            directions.append(unit[sorted(moduli)].sum(axis=0))
-        return np.reshape(directions, (len(directions), len(unit))), scales
+    def _against(
+        self,
+        rows: list[FloatArray],
+        models: list[FloatArray],
+        slopes: FloatArray,
+        normal: FloatArray,
+        prior: Point,
+    ) -> Point:
+        """The models' residuals with their derivatives, and what the priors add."""
+        square, gradient = prior.square, np.zeros(len(slopes))
+        for own, entries, residuals in zip(
+            rows, self._entries, self._whitened_residuals(models), strict=True
+        ):
+            square += float(residuals @ residuals)
+            gradient[entries] += own @ residuals
+        return Point(prior.vector, square, gradient * slopes + prior.gradient, normal + prior.normal)
 
-    def _common_moduli(self) -> set[int]:
-        """Entries that carry all moduli of all curves, in one factor; empty where there are none."""
-        found: list[set[int]] = []
-        for member in self.members:
-            gives = bool(member.base["instrument.compliance"]) or "instrument.compliance" in member.entries
-            moduli = member.forward.similarity.moduli
-            if gives or any(path not in member.entries for path in moduli):
-                return set()
-            found.append({member.entries[path] for path in moduli})
-        return found[0] if all(moduli == found[0] for moduli in found) else set()
+    def _normal(self, rows: list[FloatArray], entries: list[list[int]]) -> FloatArray:
+        """J'J of the points (k, k), in SI."""
+        k = len(self.problem.coordinates)
+        total = np.zeros((k, k))
+        for own, which in zip(rows, entries, strict=True):
+            total[np.ix_(which, which)] += own @ own.T
+        return total
+
+    def _prior_point(self, vector: FloatArray, physical: FloatArray) -> Point:
+        """The same of the priors' residuals alone."""
+        k = len(vector)
+        if not self._informative:
+            return Point(vector, 0.0, np.zeros(k), np.zeros((k, k)))
+        values, slopes = self._penalties(physical)
+        rows = slopes * self.problem.space.slopes(physical)
+        return Point(vector, float(values @ values), values @ rows, rows.T @ rows)
 
     # --- models, derivatives and their weights -----------------------------------------------------------
 
@@ -310,26 +285,35 @@ class Objective:
         return columns
 
     def _weighted(self, models: list[FloatArray], physical: FloatArray) -> FloatArray:
-        parts = [
-            whiten((model - member.force) / sigma, member.curve.time, noise.correlation_time)
-            for model, (member, noise, sigma) in zip(models, self._curves(), strict=True)
-        ]
+        """Residuals of all points and of the priors, (n + p,)."""
+        parts = self._whitened_residuals(models)
         if self._informative:
             parts.append(self._penalties(physical)[0])
         return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
     def _rows(self, columns: list[FloatArray], physical: FloatArray) -> FloatArray:
-        """Derivatives of the residuals in the entries of a vector, (k, n + priors)."""
+        """Derivatives of the residuals in the entries of a vector, (k, n + p)."""
         slopes = self.problem.space.slopes(physical)
         rows = np.zeros((len(slopes), self.points + len(self._informative)))
         end = 0
-        for own, (member, noise, sigma) in zip(columns, self._curves(), strict=True):
-            entries, part = list(member.entries.values()), slice(end, end := end + len(sigma))
-            weighted = own.T * slopes[entries, None] / sigma
-            rows[entries, part] = whiten(weighted, member.curve.time, noise.correlation_time)
+        for own, entries in zip(self._whitened_rows(columns), self._entries, strict=True):
+            rows[entries, end : end + own.shape[1]] = own * slopes[entries, None]
+            end += own.shape[1]
         if self._informative:
             rows[:, end:] = (self._penalties(physical)[1] * slopes).T
         return rows
+
+    def _whitened_residuals(self, models: list[FloatArray]) -> list[FloatArray]:
+        return [
+            whiten((model - member.force) / sigma, member.curve.time, noise.correlation_time)
+            for model, (member, noise, sigma) in zip(models, self._curves(), strict=True)
+        ]
+
+    def _whitened_rows(self, columns: list[FloatArray]) -> list[FloatArray]:
+        return [
+            whiten(own.T / sigma, member.curve.time, noise.correlation_time)
+            for own, (member, noise, sigma) in zip(columns, self._curves(), strict=True)
+        ]
 
     def _curves(self) -> Iterator[tuple[Member, Noise, FloatArray]]:
         return zip(self.members, self.noise.models, self.noise.sigmas, strict=True)
@@ -341,3 +325,7 @@ class Objective:
         for row, index in enumerate(which):
             values[row], slopes[row, index] = self.problem.coordinates[index].prior.penalty(physical[index])
         return values, slopes
+
+
+def _within(vector: FloatArray, low: FloatArray, high: FloatArray) -> bool:
+    return bool(((vector >= low) & (vector <= high)).all())
