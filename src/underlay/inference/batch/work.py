@@ -27,7 +27,7 @@ from underlay.inference.batch.results_table import FAILED, FITTED, Layout
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
 from underlay.inference.from_files import chosen_part, read_for
-from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
@@ -60,7 +60,7 @@ def died(place: CurvePlace, layout: Layout) -> tuple[int, str]:
 
 
 @dataclass(frozen=True)
-class _Outcome:
+class _Fitted:
     """What a fit gives to a row."""
 
     values: Mapping[str, float]
@@ -135,23 +135,23 @@ class Workshop:
             quality = check_quality(curve, self._model.scene.with_values(place.values))
             quality.require()
             notes = quality.reasons
-        outcome = self._fast(place, curve) or self._thorough(place, curve)
-        _require_contact(curve, outcome)
-        row.update(outcome.values)
-        row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})
+        fitted = self._fast(place, curve) or self._thorough(place, curve)
+        _require_contact(curve, fitted)
+        row.update(fitted.values)
+        row.update({f"{path}.stderr": error for path, error in fitted.stderr.items()})
         row.update(
             status=FITTED,
             verdict=GOOD,
             reason="",
-            law=outcome.law,
-            reduced_chi_square=outcome.reduced_chi_square,
-            rms=float(np.sqrt(outcome.sum_of_squares / len(curve))),
+            law=fitted.law,
+            reduced_chi_square=fitted.reduced_chi_square,
+            rms=float(np.sqrt(fitted.sum_of_squares / len(curve))),
             warnings=0,
-            **outcome.more,
+            **fitted.more,
         )
-        _add_notes(row, [*notes, *outcome.notes])
+        _add_notes(row, [*notes, *fitted.notes])
 
-    def _fast(self, place: CurvePlace, curve: Curve) -> _Outcome | None:
+    def _fast(self, place: CurvePlace, curve: Curve) -> _Fitted | None:
         if self._separable is None or self._model.sampling is not None:
             return None
         values = {**self._base, **place.values}
@@ -162,7 +162,7 @@ class Workshop:
             return None
         paths = [coordinate.path for coordinate in self._separable.coordinates]
         noise, n, k = found.noise, len(curve), len(paths)
-        return _Outcome(
+        return _Fitted(
             dict(zip(paths, found.values.tolist(), strict=True)),
             dict(zip(paths, np.sqrt(np.diag(found.covariance)).tolist(), strict=True)),
             found.law_method,
@@ -172,11 +172,11 @@ class Workshop:
             {},
         )
 
-    def _thorough(self, place: CurvePlace, curve: Curve) -> _Outcome:
+    def _thorough(self, place: CurvePlace, curve: Curve) -> _Fitted:
         problem = self._problem(place, curve)
-        found = fit(problem)
+        found = quick_fit(problem)
         residuals: FloatArray = found.residuals[0]
-        outcome = _Outcome(
+        fitted = _Fitted(
             found.values,
             found.stderr,
             found.statistics.law_method,
@@ -186,16 +186,16 @@ class Workshop:
             {},
         )
         return (
-            outcome
+            fitted
             if self._model.sampling is None
-            else _sampled(problem, place, self._model.sampling, outcome)
+            else _sampled(problem, place, self._model.sampling, fitted)
         )
 
     def _problem(self, place: CurvePlace, curve: Curve) -> Problem:
         return self._model.problem(self._model.scene.with_values(place.values), curve)
 
 
-def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Outcome) -> _Outcome:
+def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, fitted: _Fitted) -> _Fitted:
     """Replace the fit's numbers by those of the posterior: median, standard deviation, 95 % interval."""
     seed = _seed(sampling.seed, place.name)
     posterior = sample(
@@ -206,7 +206,7 @@ def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _
     for name, values in draws.items():
         more[f"{name}.low"], more[f"{name}.high"] = np.quantile(values, [0.025, 0.975]).tolist()
     return replace(
-        outcome,
+        fitted,
         values={name: float(np.median(values)) for name, values in draws.items()},
         stderr={name: float(np.std(values)) for name, values in draws.items()},
         more=more,
@@ -219,19 +219,19 @@ def _seed(seed: int, name: str) -> int:
     return int(np.random.SeedSequence([seed, *words.tolist()]).generate_state(1)[0])
 
 
-def _require_contact(curve: Curve, outcome: _Outcome) -> None:
+def _require_contact(curve: Curve, fitted: _Fitted) -> None:
     """Refuse a curve whose force a straight line explains as well as the contact does."""
-    sloping = "instrument.baseline_slope" in outcome.values
+    sloping = "instrument.baseline_slope" in fitted.values
     flat = curve.force - curve.force.mean()
     if sloping:
         along = curve.depth - curve.depth.mean()
         flat = flat - along * float(along @ flat / (along @ along))
-    variance = outcome.sum_of_squares / max(len(curve) - len(outcome.values), 1)
-    gain = float(flat @ flat) - outcome.sum_of_squares
+    variance = fitted.sum_of_squares / max(len(curve) - len(fitted.values), 1)
+    gain = float(flat @ flat) - fitted.sum_of_squares
     if not gain > _NO_CONTACT * variance:
         flat_one = "a straight line" if sloping else "a constant force"
         reason = f"no contact: {flat_one} explains the curve as well as any contact within the bounds does"
-        raise CurveError("; ".join([f"{reason} (are the units right?)", *outcome.notes]))
+        raise CurveError("; ".join([f"{reason} (are the units right?)", *fitted.notes]))
 
 
 def _about(place: CurvePlace) -> dict[str, Any]:
