@@ -307,7 +307,7 @@ def test_a_second_optimum_is_told():
     (other,) = found.alternatives
     moduli = sorted([found.values[E], other.values[E]])
     assert moduli[0] < 0.6 * moduli[1]
-    assert 0.0 <= other.rise < 11.6
+    assert 0.0 <= other.delta_chi_square < 11.6
     assert any(w.code == "second-optimum" for w in found.warnings)
 
 

@@ -16,7 +16,8 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.data.synthetic import simulate
 from underlay.errors import InputError
-from underlay.inference.least_squares.objective import Objective, freeze
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene

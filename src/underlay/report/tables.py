@@ -24,7 +24,7 @@ from underlay.units import format_quantity, human_unit
 if TYPE_CHECKING:
     from underlay.inference.identifiability import Identifiability
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.profiles import Profile
+    from underlay.inference.profiles import LikelihoodProfile
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
@@ -79,7 +79,7 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["parameters", "correlation"])
 
 
-def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -> pd.DataFrame:
+def interval_table(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None) -> pd.DataFrame:
     """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
 
     Intervals are those of `profiles`, by name of the parameter, where there are some. Another optimum the data

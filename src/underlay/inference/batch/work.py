@@ -186,9 +186,7 @@ class Workshop:
             {},
         )
         return (
-            fitted
-            if self._model.sampling is None
-            else _sampled(problem, place, self._model.sampling, fitted)
+            fitted if self._model.sampling is None else _sampled(problem, place, self._model.sampling, fitted)
         )
 
     def _problem(self, place: CurvePlace, curve: Curve) -> Problem:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.least_squares.objective import Objective, acting
-from underlay.inference.least_squares.projection import Point
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.projection import Point, acting
 
 __all__ = ["FINE", "GiveUp", "Minimum", "Search", "descend", "minimise"]
 

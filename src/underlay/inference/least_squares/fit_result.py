@@ -19,8 +19,9 @@ from underlay._files import write_atomic
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
+from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.last_word import Minimiser
-from underlay.inference.least_squares.objective import Objective, freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.scene.parameters import kind_of
@@ -51,13 +52,13 @@ class Alternative:
         In scaled coordinates, (k,).
     values : mapping of name to float
         Parameters (SI).
-    rise : float
+    delta_chi_square : float
         Chi-square above that of the best.
     """
 
     vector: FloatArray = field(repr=False)
     values: Mapping[str, float]
-    rise: float
+    delta_chi_square: float
 
 
 @dataclass(frozen=True)
@@ -293,7 +294,9 @@ class Fit:
             "statistics": asdict(self.statistics),
             "diagnostics": [asdict(entry) for entry in self.diagnostics],
             "warnings": [asdict(warning) for warning in self.warnings],
-            "alternatives": [{"values": dict(a.values), "rise": a.rise} for a in self.alternatives],
+            "alternatives": [
+                {"values": dict(a.values), "delta_chi_square": a.delta_chi_square} for a in self.alternatives
+            ],
             "scenes": [scene.parameters for scene in self.scenes],
             "provenance": self.provenance,
         }

@@ -116,8 +116,9 @@ def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:
         warnings.append(
             FitWarning(
                 "second-optimum",
-                f"another optimum explains the data nearly as well (chi-square {entry.rise:.2g} higher): "
-                f"{values}; standard errors say nothing of it, profile(fit, name, calibrate=99) does",
+                "another optimum explains the data nearly as well (chi-square "
+                f"{entry.delta_chi_square:.2g} higher): {values}; standard errors say nothing of it, "
+                "profile(fit, name, calibrate=99) does",
             )
         )
     return warnings

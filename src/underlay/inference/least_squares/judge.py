@@ -131,7 +131,7 @@ def _alternatives(
     base = float(residuals @ residuals)
     found: list[Alternative] = []
     for other in others:
-        known = [(vector, 0.0), *((entry.vector, entry.rise) for entry in found)]
+        known = [(vector, 0.0), *((entry.vector, entry.delta_chi_square) for entry in found)]
         if any((np.abs(other - there) <= _SAME * (deviation + 1e-6)).all() for there, _ in known):
             continue
         rise = objective.square(other) - base
@@ -139,7 +139,7 @@ def _alternatives(
             _joined(objective, other, there, base + max(rise, at) + _HILL) for there, at in known
         ):
             found.append(Alternative(read_only(other), objective.problem.values(other), max(rise, 0.0)))
-    return tuple(sorted(found, key=lambda entry: entry.rise))
+    return tuple(sorted(found, key=lambda entry: entry.delta_chi_square))
 
 
 def robust_inflation(residuals: FloatArray, loss: str | None) -> float:

@@ -10,7 +10,8 @@ import lmfit
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.least_squares.objective import Objective, acting
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.projection import acting
 
 __all__ = ["LOSSES", "METHODS", "LastWord", "Minimiser"]
 

@@ -15,7 +15,8 @@ from scipy import optimize
 
 from underlay._arrays import FloatArray
 from underlay.data.noise import Noise
-from underlay.inference.least_squares.objective import FrozenNoise, Objective, freeze
+from underlay.inference.least_squares.frozen_noise import FrozenNoise, freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
 

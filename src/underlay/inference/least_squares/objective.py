@@ -7,52 +7,24 @@ large noise.)
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.noise import Noise, whiten
 from underlay.errors import InputError
+from underlay.inference.least_squares.frozen_noise import FrozenNoise
 from underlay.inference.least_squares.projection import LinearDirections, Point
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 
-__all__ = ["FrozenNoise", "Objective", "acting", "freeze"]
+__all__ = ["Objective"]
 
 # Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
 _FAR = 40.0
-# An entry whose column is this small beside the largest, or that moves all readings together by less than this
-# many standard deviations per unit, does not act any more (a base so stiff that it might be rigid). Levenberg
-# and Marquardt measure a step by the columns: that entry's is then without end, the law refuses it, and the
-# steps of all entries shrink below the tolerance before that one is short enough.
-_IDLE, _FLAT = 1e-10, 1e-4
-
-
-@dataclass(frozen=True)
-class FrozenNoise:
-    """Noise of every curve, frozen: model and standard deviations (N), one array (n,) each."""
-
-    models: tuple[Noise, ...]
-    sigmas: tuple[FloatArray, ...]
-
-
-def freeze(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) -> FrozenNoise:
-    """Freeze the noise at the model of a scaled vector (k,)."""
-    physical = problem.physical(vector)
-    sigmas = tuple(
-        member.sigma(member.reading(physical) if noise.relative or noise.depth else None, noise)
-        for member, noise in zip(problem.members, noises, strict=True)
-    )
-    return FrozenNoise(tuple(noises), sigmas)
-
-
-def acting(norms: FloatArray) -> NDArray[np.bool_]:
-    """Which entries act at all, (k,), by the lengths of their columns of whitened derivatives, (k,)."""
-    return np.asarray(norms > max(_IDLE * float(norms.max(initial=0.0)), _FLAT))
 
 
 @dataclass

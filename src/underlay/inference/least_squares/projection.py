@@ -17,11 +17,16 @@ from underlay._arrays import FloatArray
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 
-__all__ = ["LinearDirections", "LinearStep", "Point"]
+__all__ = ["LinearDirections", "LinearStep", "Point", "acting"]
 
 _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 # The linear parameters stay where they are rather than make a force that is not there.
 _LEAST_FACTOR = 0.1
+# An entry whose column is this small beside the largest, or that moves all readings together by less than this
+# many standard deviations per unit, does not act any more (a base so stiff that it might be rigid). Levenberg
+# and Marquardt measure a step by the columns: that entry's is then without end, the law refuses it, and the
+# steps of all entries shrink below the tolerance before that one is short enough.
+_IDLE, _FLAT = 1e-10, 1e-4
 
 
 @dataclass(frozen=True)
@@ -123,3 +128,8 @@ def _common_moduli(members: Sequence[Member]) -> set[int]:
             return set()
         found.append({member.entries[path] for path in moduli})
     return found[0] if all(moduli == found[0] for moduli in found) else set()
+
+
+def acting(norms: FloatArray) -> NDArray[np.bool_]:
+    """Which entries act at all, (k,), by the lengths of their columns of whitened derivatives, (k,)."""
+    return np.asarray(norms > max(_IDLE * float(norms.max(initial=0.0)), _FLAT))

@@ -9,9 +9,10 @@ from typing import Any
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.engine import Minimum, minimise
+from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.last_word import LastWord, Minimiser
 from underlay.inference.least_squares.noise_estimate import first_noises, renew
-from underlay.inference.least_squares.objective import Objective, freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.problem import Problem
 
 __all__ = ["Optimum", "confirmed", "settle"]

@@ -6,10 +6,11 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.engine import minimise
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.objective import Objective, freeze
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.profiling.walk import Walk
 
-__all__ = ["constrained_fit", "index_of", "missed", "rise_at"]
+__all__ = ["constrained_fit", "delta_chi_square_at", "index_of", "missed"]
 
 
 def index_of(fit: Fit, name: str) -> int:
@@ -30,12 +31,12 @@ def index_of(fit: Fit, name: str) -> int:
     return fit.names.index(name)
 
 
-def rise_at(fit: Fit, name: str, value: float) -> float:
+def delta_chi_square_at(fit: Fit, name: str, value: float) -> float:
     """T of one value (SI): how much the sum of squares rises when the parameter is held there.
 
     It rises from that of the fit, or of a better one that is found with the parameter let go again. The
-    value is inside the interval of a level where this is at most `Profile.threshold`; two refits instead of
-    a walk.
+    value is inside the interval of a level where this is at most `LikelihoodProfile.threshold`; two refits
+    instead of a walk.
 
     Raises
     ------
@@ -61,8 +62,9 @@ def missed(fit: Fit, vector: FloatArray) -> float:
 def constrained_fit(
     fit: Fit, name: str, value: float, near: FloatArray | None = None
 ) -> tuple[float, FloatArray]:
-    """T above the fit and the scaled vector (k,) of the best one that has a value (SI); raises as `rise_at`.
+    """T above the fit and the scaled vector (k,) of the best one that has a value (SI).
 
+    Raises as `delta_chi_square_at`.
     `near` is a vector (k,) to begin at instead of the optima: the truth of a drawn curve.
     """
     index = index_of(fit, name)
@@ -77,10 +79,10 @@ def constrained_fit(
     best = None
     for place in begin:
         found = Walk.start(fit, index, place).follow(q)
-        if found is not None and (best is None or walk.rise(found) < walk.rise(best)):
+        if found is not None and (best is None or walk.delta_chi_square(found) < walk.delta_chi_square(best)):
             best = found
     if walk.in_doubt(best):
         best = walk.look_elsewhere(q, best)
     if best is None:
         raise InputError(f"no contact law at {name} = {value!r}")
-    return walk.rise(best), best.vector
+    return walk.delta_chi_square(best), best.vector
