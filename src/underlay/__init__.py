@@ -1,90 +1,32 @@
-"""underlay: the stiffness of a thin layer from an indentation curve, with the substrate in the model."""
+"""underlay: the stiffness of a thin layer from an indentation curve, with the substrate in the model.
 
-from underlay.data.contact_point import find_contact
-from underlay.data.curve import Curve
-from underlay.data.noise import Noise
-from underlay.data.quality import check_quality
-from underlay.data.readers import read, read_all
-from underlay.data.synthetic import simulate, synthesize
-from underlay.errors import UnderlayError, UnderlayWarning
-from underlay.inference.batch.fit_many import fit_many
-from underlay.inference.batch.model import Sampling
-from underlay.inference.compare import compare
-from underlay.inference.from_files import load_problem
-from underlay.inference.identifiability import identifiability
-from underlay.inference.least_squares import Fit, fit
-from underlay.inference.planning import plan
-from underlay.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
-from underlay.inference.problem import Problem
-from underlay.inference.profiles import profile
-from underlay.inference.remedy import remedy
-from underlay.inference.sampling.model_comparison import compare_models, with_model_error
-from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.run import sample
-from underlay.mechanics.accuracy import Accuracy, contact_law
-from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.kernel import SubstrateKernel
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
-from underlay.mechanics.profile import Profile
-from underlay.mechanics.published import published_corrections
-from underlay.mechanics.stiffness_relation import modulus_from_stiffness
-from underlay.report import plots
-from underlay.report.render import report
-from underlay.scene.accuracy_cost import accuracy_cost
-from underlay.scene.instrument import Instrument
-from underlay.scene.scene import Scene
-from underlay.scene.scene_file import load_scene
+The public names are those of `__init__.pyi`. Each is loaded when it is first asked for: `import underlay` costs
+milliseconds, and a script that only computes a contact law never loads a fitting library (PEP 562).
+"""
 
-__all__ = [
-    "RIGID",
-    "Accuracy",
-    "Cone",
-    "Curve",
-    "Fit",
-    "FlatPunch",
-    "HalfNormal",
-    "Instrument",
-    "Isotropic",
-    "Layer",
-    "LogNormal",
-    "LogUniform",
-    "Noise",
-    "Normal",
-    "Paraboloid",
-    "Posterior",
-    "PowerLaw",
-    "Problem",
-    "Profile",
-    "Sampling",
-    "Scene",
-    "Sphere",
-    "SubstrateKernel",
-    "TransverselyIsotropic",
-    "UnderlayError",
-    "UnderlayWarning",
-    "Uniform",
-    "accuracy_cost",
-    "check_quality",
-    "compare",
-    "compare_models",
-    "contact_law",
-    "find_contact",
-    "fit",
-    "fit_many",
-    "identifiability",
-    "load_problem",
-    "load_scene",
-    "modulus_from_stiffness",
-    "plan",
-    "plots",
-    "profile",
-    "published_corrections",
-    "read",
-    "read_all",
-    "remedy",
-    "report",
-    "sample",
-    "simulate",
-    "synthesize",
-    "with_model_error",
-]
+import sys
+from types import ModuleType
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+class _Underlay(ModuleType):
+    """The package, with `report` the function, although a subpackage has that name too.
+
+    Loading the subpackage would set it as an attribute of this module, in place of the function.
+    """
+
+    @property
+    def report(self) -> object:
+        from underlay.report.render import report  # noqa: PLC0415  loaded when it is asked for
+
+        return report
+
+    @report.setter
+    def report(self, module: ModuleType) -> None:
+        pass
+
+
+sys.modules[__name__].__class__ = _Underlay

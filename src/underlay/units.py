@@ -13,10 +13,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-
-import pint
+from typing import TYPE_CHECKING
 
 from underlay.errors import UnitError
+
+if TYPE_CHECKING:
+    import pint
 
 __all__ = ["KINDS", "format_quantity", "human_unit", "kind_of", "parse_quantity", "unit_factor"]
 
@@ -60,6 +62,29 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
     }
 )
 
+# The units that scene files and instruments nearly always use are read by this small table: a decimal prefix, a
+# base unit, and at most one division. pint, which knows all others, takes longer to load than a fit takes.
+_PREFIXES = {"": 0, "p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}
+_BASES = {
+    "m": "length",
+    "Pa": "pressure",
+    "N": "force",
+    "s": "time",
+    "Hz": "frequency",
+    "V": "voltage",
+    "A": "current",
+}
+_QUOTIENTS = {
+    ("force", "length"): "stiffness",
+    ("length", "force"): "compliance",
+    ("length", "time"): "speed",
+    ("force", "time"): "loading rate",
+    ("length", "voltage"): "sensitivity",
+    ("length", "current"): "current sensitivity",
+}
+_SIMPLE = re.compile(r"([pnumkMG]?)(m|Pa|N|s|Hz|V|A)")
+_NAMED = {"": ("dimensionless", 1.0), "deg": ("angle", math.pi / 180.0), "rad": ("angle", 1.0)}
+
 # What a unit may be written with. Everything else is refused before pint sees it: pint evaluates
 # expressions, and a file is not trusted with an expression.
 _UNIT = re.compile(r"[A-Za-z%°\u00b5\u03bc\u00b7*/^() .\-0-9²³]{0,40}")
@@ -73,6 +98,8 @@ _ANGLE_UNITS = frozenset({"degree", "radian", "turn", "arcminute", "arcsecond", 
 @functools.cache
 def _registry() -> pint.UnitRegistry[float]:
     # A constant of the module, built at first use because building it takes a good part of a second.
+    import pint  # noqa: PLC0415  for the same reason
+
     return pint.UnitRegistry()
 
 
@@ -89,6 +116,28 @@ def _parse_unit(unit: str) -> tuple[str, float] | None:
     if not _UNIT.fullmatch(unit):
         return None
     text = _clean(unit)
+    return _parse_simple(text) or _parse_any(text)
+
+
+def _parse_simple(text: str) -> tuple[str, float] | None:
+    """Kind and SI factor of a unit in the small table; None for any other."""
+    if text in _NAMED:
+        return _NAMED[text]
+    matches = [_SIMPLE.fullmatch(part) for part in text.split("/")]
+    parts = [match for match in matches if match]
+    if len(parts) != len(matches) or len(parts) > 2:
+        return None
+    bases = [_BASES[part[2]] for part in parts]
+    kind = bases[0] if len(bases) == 1 else _QUOTIENTS.get((bases[0], bases[1]))
+    if kind is None or kind not in KINDS:
+        return None
+    power = _PREFIXES[parts[0][1]] - sum(_PREFIXES[part[1]] for part in parts[1:])
+    # From text, so that the factor is the double nearest to the power of ten.
+    return kind, float(f"1e{power}")
+
+
+def _parse_any(text: str) -> tuple[str, float] | None:
+    """Kind and SI factor of a unit that pint knows; None if there is none."""
     if len(_POWER.findall(text)) != len(_SHORT_POWER.findall(text)):
         return None
     registry = _registry()

@@ -1,0 +1,70 @@
+# The public names and where each lives: `__init__.py` reads this file and loads a module when it is asked for.
+from .data.contact_point import find_contact as find_contact
+from .data.curve import Curve as Curve
+from .data.noise import Noise as Noise
+from .data.quality import check_quality as check_quality
+from .data.readers import (
+    read as read,
+    read_all as read_all,
+)
+from .data.synthetic import (
+    simulate as simulate,
+    synthesize as synthesize,
+)
+from .errors import (
+    UnderlayError as UnderlayError,
+    UnderlayWarning as UnderlayWarning,
+)
+from .inference.batch.fit_many import fit_many as fit_many
+from .inference.batch.model import Sampling as Sampling
+from .inference.compare import compare as compare
+from .inference.from_files import load_problem as load_problem
+from .inference.identifiability import identifiability as identifiability
+from .inference.least_squares import (
+    Fit as Fit,
+    fit as fit,
+)
+from .inference.planning import plan as plan
+from .inference.priors import (
+    HalfNormal as HalfNormal,
+    LogNormal as LogNormal,
+    LogUniform as LogUniform,
+    Normal as Normal,
+    Uniform as Uniform,
+)
+from .inference.problem import Problem as Problem
+from .inference.profiles import profile as profile
+from .inference.remedy import remedy as remedy
+from .inference.sampling.model_comparison import (
+    compare_models as compare_models,
+    with_model_error as with_model_error,
+)
+from .inference.sampling.posterior import Posterior as Posterior
+from .inference.sampling.run import sample as sample
+from .mechanics.accuracy import (
+    Accuracy as Accuracy,
+    contact_law as contact_law,
+)
+from .mechanics.indenters import (
+    Cone as Cone,
+    FlatPunch as FlatPunch,
+    Paraboloid as Paraboloid,
+    PowerLaw as PowerLaw,
+    Sphere as Sphere,
+)
+from .mechanics.kernel import SubstrateKernel as SubstrateKernel
+from .mechanics.materials import (
+    RIGID as RIGID,
+    Isotropic as Isotropic,
+    Layer as Layer,
+    TransverselyIsotropic as TransverselyIsotropic,
+)
+from .mechanics.profile import Profile as Profile
+from .mechanics.published import published_corrections as published_corrections
+from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
+from .report import plots as plots
+from .report.render import report as report
+from .scene.accuracy_cost import accuracy_cost as accuracy_cost
+from .scene.instrument import Instrument as Instrument
+from .scene.scene import Scene as Scene
+from .scene.scene_file import load_scene as load_scene
