@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from underlay.errors import FitError, InputError, ParameterError
-from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.problem import Problem
 from underlay.mechanics.published import published_names
 
@@ -130,7 +130,7 @@ def compare(problem: Problem, methods: Sequence[str] | None = None) -> Compariso
     for method in wanted:
         try:
             posed, dropped[method] = _posed(problem, method)
-            fits[method] = fit(posed)
+            fits[method] = quick_fit(posed)
         except (InputError, FitError) as error:
             if methods is None and method in published_names():
                 continue  # a correction for another indenter or base is no candidate here
