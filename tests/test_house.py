@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "underlay"
 
 #: Floors from the ground up; a module may import from its own floor and from below.
 FLOORS = ("base", "mechanics", "scene", "data", "inference", "report", "cli")
-GROUND = {"errors", "units", "_arrays", "_files"}
+GROUND = {"errors", "units", "_arrays", "_files", "_text"}
 
 #: Third parties and the only modules (relative to the package, by prefix) that may import them.
 HOMES = {
@@ -19,7 +19,7 @@ HOMES = {
     "emcee": ("inference/sampling/run", "inference/sampling/moves"),
     "dask": ("inference/batch/dask",),
     "distributed": ("inference/batch/dask",),
-    "matplotlib": ("report/plots",),
+    "matplotlib": ("report/plots", "report/kernel"),
     "pint": ("units",),
     "pydantic": ("scene/scene_schema",),
     "tomlkit": ("scene/scene_writer",),

@@ -20,7 +20,7 @@ from underlay.report import labels, maps, open_ends, tables, words
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.execution import execute
 from underlay.report.intervals import estimates
-from underlay.report.notebook import make_notebook
+from underlay.report.notebook import filled, make_notebook
 from underlay.report.page import html_page
 from underlay.report.problem_source import problem_source, write_inputs
 from underlay.scene.effects import effects_table
@@ -393,7 +393,7 @@ def test_without_the_extra_it_says_what_to_install(tmp_path, monkeypatch):
 
 
 def test_a_failing_cell_is_one_clear_line(tmp_path):
-    notebook = make_notebook("posterior_scene", {"title": "x"})
+    notebook = make_notebook(filled("posterior_scene", {}), "x")
     with pytest.raises(FitError, match=r"the notebook of the report stopped: NameError"):
         execute(notebook, tmp_path)
 

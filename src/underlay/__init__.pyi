@@ -16,7 +16,8 @@ from .errors import (
     UnderlayWarning as UnderlayWarning,
 )
 from .inference.batch.fit_many import fit_many as fit_many
-from .inference.batch.model import Sampling as Sampling
+from .inference.batch.options import MapOptions as MapOptions
+from .inference.batch.options import Sampling as Sampling
 from .inference.compare import compare as compare
 from .inference.from_files import load_problem as load_problem
 from .inference.identifiability import identifiability as identifiability

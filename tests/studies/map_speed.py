@@ -34,6 +34,7 @@ RADIUS, NU = 5e-4, 0.45
 SCENE = ul.Scene(ul.Paraboloid(RADIUS), ul.Layer(ul.Isotropic(1e6, NU), 1.5e-3), ul.RIGID)
 FREE = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-5e-5, 5e-5)}
 EXACT = {"accuracy": ul.Accuracy(1e-4), "method": "exact"}
+OPTIONS = ul.MapOptions(solver=EXACT)
 
 SCENE_TOML = """
 indenter = { shape = "paraboloid", radius = "0.5 mm" }
@@ -137,7 +138,7 @@ def fit_slice(
     """Seconds and processor seconds of this process for some curves; every one must be fitted."""
     manifest = sites.manifest(start, stop)
     began, began_cpu = time.perf_counter(), time.process_time()
-    table = ul.fit_many(curves[start:stop], SCENE, FREE, manifest, workers=workers, **EXACT)
+    table = ul.fit_many(curves[start:stop], SCENE, FREE, manifest, workers=workers, options=OPTIONS)
     took = time.perf_counter() - began, time.process_time() - began_cpu
     assert (table["status"] == "fitted").all()
     # The truth is found: nobody times a fit that fails.

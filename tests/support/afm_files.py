@@ -40,13 +40,46 @@ def jpk(
     return stream.getvalue()
 
 
-def _segment(archive, number, style, *, pause, calibrated, claimed, shared):
+def jpk_map(count):
+    """JPK map: a folder a curve, each a little stiffer than the one before, with a picture nobody reads."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("header.properties", "#Thu Mar 31 17:51:15 CEST 2016\ntype=force-scan-map\n")
+        archive.writestr("shared-data/header.properties", _vdeflection("lcd-info.0", calibrated=True))
+        archive.writestr("data-image.jpk-qi-image", np.random.default_rng(1).bytes(50_000))
+        archive.writestr("index/", b"")
+        for index in range(count):
+            folder = f"index/{index}/"
+            archive.writestr(folder, b"")
+            archive.writestr(
+                f"{folder}header.properties",
+                f"force-scan-series.header.position.x={index}.0E-6\n"
+                "force-scan-series.header.position.y=0.0\n"
+                f"force-scan-series.header.position-index={index}\n",
+            )
+            for number, style in enumerate(("extend", "retract")):
+                _segment(
+                    archive,
+                    number,
+                    style,
+                    pause="",
+                    calibrated=True,
+                    claimed=None,
+                    shared=True,
+                    inside=folder,
+                    stiffer=1.0 + 0.1 * index,
+                )
+    return stream.getvalue()
+
+
+def _segment(archive, number, style, *, pause, calibrated, claimed, shared, inside="", stiffer=1.0):
     height, force = approach()
+    force = stiffer * force
     if style == "retract":
         height, force = height[::-1], 0.8 * force[::-1]
     elif style == "pause":
         height, force = np.full(POINTS, height[-1]), np.full(POINTS, force[-1])
-    folder = f"segments/{number}/"
+    folder = f"{inside}segments/{number}/"
     settings = pause if style == "pause" else "z-extend-force"
     deflection = (
         "channel.vDeflection.lcd-info.*=0\n" if shared else _vdeflection("channel.vDeflection", calibrated)

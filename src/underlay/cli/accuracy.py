@@ -8,6 +8,7 @@ from underlay.cli.deepest_point import deepest_point
 from underlay.cli.options import MaxDepth, OutputFolder, ScenePath
 from underlay.report import plots
 from underlay.report.accuracy_table import accuracy_summary
+from underlay.report.csv_text import csv_text
 from underlay.scene.accuracy_cost import accuracy_cost
 from underlay.scene.scene_file import read_scene_file
 from underlay.units import format_quantity
@@ -33,7 +34,7 @@ def accuracy(scene: ScenePath, max_depth: MaxDepth = None, output: OutputFolder 
     )
     if output is not None:
         stem = output / scene.stem
-        say(f"wrote {write_atomic(stem.with_suffix('.accuracy.csv'), table.to_csv(index=False))}")
+        say(f"wrote {write_atomic(stem.with_suffix('.accuracy.csv'), csv_text(table))}")
         for times in ("cold", "held"):
             picture = plots.accuracy_cost(table, times=times)
             say(f"wrote {plots.save(picture, stem.with_suffix(f'.accuracy.{times}.png'))}")

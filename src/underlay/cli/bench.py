@@ -12,6 +12,7 @@ from underlay.cli.console import say, say_table
 from underlay.cli.options import OutputFolder
 from underlay.errors import FileAccessError, FileFormatError
 from underlay.report.bench import bench_markdown, bench_table, depth_table, fit_table
+from underlay.report.csv_text import csv_text
 
 __all__ = ["bench"]
 
@@ -39,9 +40,9 @@ def bench(
     say_table(curve, "Against the number of depths")
     say_table(fits, "Times in units of lmfit's fit of Hertz's formula, 1000 points")
     if output is not None:
-        say(f"wrote {write_atomic(output / 'bench.csv', table.to_csv(index=False))}")
-        say(f"wrote {write_atomic(output / 'bench.depths.csv', curve.to_csv(index=False))}")
-        say(f"wrote {write_atomic(output / 'bench.fits.csv', fits.to_csv(index=False))}")
+        say(f"wrote {write_atomic(output / 'bench.csv', csv_text(table))}")
+        say(f"wrote {write_atomic(output / 'bench.depths.csv', csv_text(curve))}")
+        say(f"wrote {write_atomic(output / 'bench.fits.csv', csv_text(fits))}")
     if readme is not None and page is not None:
         before, after = page
         text = f"{before}{_START}\n{bench_markdown(table, curve, fits)}\n{_END}{after}"

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from underlay._text import one_line
 from underlay.errors import UnderlayWarning
 
 __all__ = ["gathered_warnings", "say", "say_error", "say_table", "say_warnings"]
@@ -23,12 +24,12 @@ _FILE_WIDTH = 160
 
 def say(text: str) -> None:
     """Print a line of text for people; words in it are never taken for markup."""
-    Console(highlight=False).print(text, markup=False, soft_wrap=True)
+    Console(highlight=False).print("\n".join(map(one_line, text.split("\n"))), markup=False, soft_wrap=True)
 
 
 def say_error(text: str) -> None:
     """Print one line to standard error."""
-    line = " ".join(text.split())
+    line = one_line(" ".join(text.split()))
     Console(stderr=True, highlight=False).print(f"underlay: {line}", markup=False, soft_wrap=True)
 
 
@@ -36,7 +37,9 @@ def say_table(frame: pd.DataFrame, title: str) -> None:
     """Print a table; numbers to the right, words to the left, an index of names as the first column."""
     if not pd.api.types.is_integer_dtype(frame.index):
         frame = frame.rename_axis("" if frame.index.name is None else str(frame.index.name)).reset_index()
-    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
+    table = Table(
+        title=escape(one_line(title)), box=box.SIMPLE_HEAD, title_justify="left", title_style="bold"
+    )
     for name, column in frame.items():
         numeric = pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
         table.add_column(str(name), justify="right" if numeric else "left", no_wrap=name != frame.columns[-1])
@@ -53,7 +56,7 @@ def _cell(value: object) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.4g}"
-    return escape(str(value))
+    return escape(one_line(value))
 
 
 @contextmanager

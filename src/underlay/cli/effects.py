@@ -7,6 +7,7 @@ from underlay.cli.console import say, say_table
 from underlay.cli.deepest_point import deepest_point, wanted_accuracy
 from underlay.cli.options import MaxDepth, OutputFolder, Rtol, ScenePath
 from underlay.report import plots
+from underlay.report.csv_text import csv_text
 from underlay.scene.effects import effects_table
 from underlay.scene.scene_file import read_scene_file
 from underlay.units import format_quantity
@@ -31,5 +32,5 @@ def effects(
     if output is not None:
         stem = output / f"{scene.stem}.effects"
         picture = plots.effects(file.scene, deepest, accuracy)
-        say(f"wrote {write_atomic(stem.with_suffix('.effects.csv'), table.to_csv(index=False))}")
+        say(f"wrote {write_atomic(stem.with_suffix('.effects.csv'), csv_text(table))}")
         say(f"wrote {plots.save(picture, stem.with_suffix('.effects.png'))}")

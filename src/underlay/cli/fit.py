@@ -14,6 +14,7 @@ from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
+from underlay.report.csv_text import csv_text
 from underlay.report.measured import beyond_loading
 from underlay.report.open_ends import advice, rivals
 from underlay.report.tables import correlated_pairs, fit_table
@@ -84,7 +85,7 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
     A curve that was measured beyond loading gets a picture of its segments.
     """
     written = [
-        write_atomic(folder / f"{stem}.fit.csv", fit_table(result).to_csv(index=False)),
+        write_atomic(folder / f"{stem}.fit.csv", csv_text(fit_table(result))),
         result.to_json(folder / f"{stem}.fit.json"),
         plots.save(plots.fit(result), folder / f"{stem}.fit.png"),
     ]

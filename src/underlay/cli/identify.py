@@ -15,6 +15,7 @@ from underlay.errors import InputError
 from underlay.inference.from_files import free_of, problem_from, read_for
 from underlay.inference.identifiability import Identifiability, identifiability
 from underlay.report import plots
+from underlay.report.csv_text import csv_text
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
 __all__ = ["identify"]
@@ -39,7 +40,7 @@ def identify(
     told = identifiability(problem_from(file, read_for(file, curve))) if curve else _before(file)
     say(told.report())
     if output is not None:
-        table = told.to_frame().to_csv()
+        table = csv_text(told.to_frame())
         say(f"wrote {write_atomic(output / f'{scene.stem}.identifiability.csv', table)}")
         picture = plots.identifiability(told)
         say(f"wrote {plots.save(picture, output / f'{scene.stem}.identifiability.png')}")

@@ -14,7 +14,7 @@ from underlay.cli.console import say, say_error, say_table
 from underlay.cli.options import SceneOption, Seed
 from underlay.errors import InputError
 from underlay.inference.batch.fit_many import fit_many
-from underlay.inference.batch.model import Sampling
+from underlay.inference.batch.options import MapOptions, Sampling
 from underlay.report import plots
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
@@ -63,12 +63,14 @@ def map_curves(
             curves,
             scene,
             manifest=manifest,
-            quality=check,
-            sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
             workers=workers,
             scheduler=scheduler,
             output=path,
-            resume=resume,
+            options=MapOptions(
+                quality=check,
+                sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
+                resume=resume,
+            ),
         )
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")

@@ -17,6 +17,7 @@ from underlay.errors import InputError
 from underlay.inference.from_files import free_of
 from underlay.inference.planning import plan as plan_tests
 from underlay.report import plots
+from underlay.report.csv_text import csv_text
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import parse_quantity
 
@@ -65,7 +66,7 @@ def plan(
     say(planned.recommendation)
     if output is not None:
         stem = f"{scene.stem}.plan"
-        say(f"wrote {write_atomic(output / f'{stem}.csv', planned.to_frame().to_csv())}")
+        say(f"wrote {write_atomic(output / f'{stem}.csv', csv_text(planned.to_frame()))}")
         say(f"wrote {plots.save(plots.plan(planned), output / f'{stem}.png')}")
 
 

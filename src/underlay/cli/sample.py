@@ -16,6 +16,7 @@ from underlay.inference.from_files import load_problem
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.run import sample as sample_posterior
 from underlay.report import plots
+from underlay.report.csv_text import csv_text
 from underlay.report.posterior_tables import posterior_table, prior_table
 
 __all__ = ["sample"]
@@ -69,7 +70,9 @@ def _write(posterior: Posterior, folder: Path, stem: str) -> list[Path]:
     draws = folder / f"{stem}.posterior.npz"
     posterior.save(draws)
     return [
-        write_atomic(folder / f"{stem}.posterior.csv", posterior.summary().to_csv(index_label="parameter")),
+        write_atomic(
+            folder / f"{stem}.posterior.csv", csv_text(posterior.summary().rename_axis("parameter"))
+        ),
         draws,
         plots.save(plots.corner(posterior), folder / f"{stem}.corner.png"),
         plots.save(plots.predictive(posterior), folder / f"{stem}.predictive.png"),

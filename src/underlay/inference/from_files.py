@@ -11,7 +11,7 @@ import numpy as np
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
-from underlay.data.readers import read
+from underlay.data.readers import JpkMapCurve, read, read_from_map
 from underlay.errors import CurveError, InputError, UnderlayError
 from underlay.inference.priors import Normal, prior_from_numbers
 from underlay.inference.problem import Given, Problem
@@ -40,15 +40,17 @@ def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -
     return problem_from(file, read_for(file, curve).with_metadata(scene_path=str(file.path)))
 
 
-def read_for(file: SceneFile, path: str | os.PathLike[str]) -> Curve:
+def read_for(file: SceneFile, path: str | os.PathLike[str] | JpkMapCurve) -> Curve:
     """Read the part of a curve file that the scene file asks for."""
     return chosen_part(read_whole(file, path), file.curve)
 
 
-def read_whole(file: SceneFile, path: str | os.PathLike[str]) -> Curve:
-    """Read a curve file as the scene file says it must be read, with every segment."""
-    reader = ("format", "columns", "test", "calibration")
-    return read(path, **{key: file.curve[key] for key in reader if key in file.curve})
+def read_whole(file: SceneFile, path: str | os.PathLike[str] | JpkMapCurve) -> Curve:
+    """Read a curve file, or a curve of a map, as the scene file says it must be read, with every segment."""
+    options = {key: file.curve[key] for key in ("format", "columns", "calibration") if key in file.curve}
+    if isinstance(path, JpkMapCurve):
+        return read_from_map(path, **options)
+    return read(path, test=file.curve.get("test"), **options)
 
 
 def whole_curve(part: Curve) -> Curve | None:

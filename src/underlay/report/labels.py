@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 __all__ = ["is_of_the_sample", "label", "start"]
 
+# Parameters are paths: words, dots, and the number of a curve. What else a file may hold in place of one could
+# mean something to Markdown, or to the formulas of a picture.
+_FOREIGN = re.compile(r"[^\w.\[\]]", re.ASCII)
+_OF_CURVE = re.compile(r"(?P<path>.+)\[(?P<number>\d{1,6})\]")
 #: What the parameters are called in a sentence.
 _LABELS = {
     "layer.E": "layer modulus",
@@ -36,9 +42,10 @@ def label(name: str) -> str:
     """
     if name.endswith(".stderr"):
         return f"standard error of the {label(name.removesuffix('.stderr'))}"
-    path, _, number = name.partition("[")
-    words = _LABELS.get(path, path)
-    return f"{words} (curve {int(number.rstrip(']')) + 1})" if number else words
+    of_curve = _OF_CURVE.fullmatch(name)
+    path = of_curve["path"] if of_curve else name
+    words = _LABELS.get(path) or _FOREIGN.sub("?", path)
+    return f"{words} (curve {int(of_curve['number']) + 1})" if of_curve else words
 
 
 def is_of_the_sample(name: str) -> bool:

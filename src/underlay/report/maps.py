@@ -11,6 +11,7 @@ import pandas as pd
 
 from underlay.errors import FileAccessError, FileFormatError
 from underlay.inference.batch.results_table import FITTED
+from underlay.report.csv_text import unguarded
 from underlay.report.labels import label, start
 from underlay.report.tables import facts_table, labelled_table, source_rows
 from underlay.report.words import quantity_with_interval
@@ -63,7 +64,7 @@ def read_map(path: str | os.PathLike[str]) -> pd.DataFrame:
         if Path(path).suffix.lower() == ".parquet":
             table = pd.read_parquet(path)
         else:
-            table = pd.read_csv(path, dtype={"reason": "str"})
+            table = unguarded(pd.read_csv(path, dtype={"reason": "str"}))
     except OSError as error:
         raise FileAccessError(f"cannot read {os.fspath(path)}: {error.strerror or error}") from error
     except (ValueError, UnicodeDecodeError) as error:

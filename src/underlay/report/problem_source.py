@@ -7,7 +7,8 @@ from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import require_own_folder, write_atomic
+from underlay._text import comment_line
 from underlay.data.curve import Curve
 from underlay.inference.priors import Prior
 from underlay.inference.problem import Problem
@@ -24,7 +25,7 @@ def write_inputs(problem: Problem, folder: Path) -> list[Path]:
     FileAccessError
         If the folder cannot be written.
     """
-    require_writable_folder(folder)
+    require_own_folder(folder)
     written = []
     for number, (curve, scene) in enumerate(zip(problem.curves, problem.base_scenes, strict=True), start=1):
         written.append(write_atomic(folder / f"curve-{number}.csv", _exact_csv(curve)))
@@ -43,7 +44,7 @@ def write_measured(problem: Problem, folder: Path) -> dict[int, Path]:
     wholes = {number: beyond_loading(curve) for number, curve in enumerate(problem.curves, start=1)}
     found = {number: whole for number, whole in wholes.items() if whole is not None}
     if found:
-        require_writable_folder(folder)
+        require_own_folder(folder)
     return {
         number: write_atomic(folder / f"measured-{number}.csv", _exact_csv(whole))
         for number, whole in found.items()
@@ -118,7 +119,7 @@ def _exact_csv(curve: Curve) -> str:
     if curve.segment is not None:
         held["segment"] = [str(label) for label in curve.segment]
     origin = [
-        f"# {word}: {curve.metadata[key]}"
+        comment_line(f"{word}: {curve.metadata[key]}")
         for word, key in (("taken from", "path"), ("its sha256", "sha256"))
         if curve.metadata.get(key)
     ]

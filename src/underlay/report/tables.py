@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from underlay._text import one_line
 from underlay.errors import FileAccessError
 from underlay.inference.least_squares.provenance import version_record
 from underlay.report.intervals import estimates
@@ -250,8 +251,8 @@ def source_rows(files: Iterable[str]) -> dict[str, str]:
 
 
 def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
-    """Make a table whose first column labels the rows."""
-    frame = pd.DataFrame(rows)
+    """Make a table whose first column labels the rows; what came from a file is one printable line in it."""
+    frame = pd.DataFrame([{name: one_line(text) for name, text in row.items()} for row in rows])
     # The first column's name goes beside the others': pandas would give the index a header row of its own.
     return frame.set_index(frame.columns[0]).rename_axis(index=None, columns=frame.columns[0])
 

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from underlay._arrays import ArrayLike
+from underlay._text import one_line
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.intervals import Estimate, estimates
 from underlay.report.labels import is_of_the_sample, label, start
+from underlay.report.markdown import markdown_text
 from underlay.report.open_ends import advice, rivals
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "headline",
+    "noted",
     "posterior_summary",
     "quantity_with_interval",
     "strong_pairs",
@@ -104,8 +107,13 @@ def posterior_summary(posterior: Posterior) -> str:
             parts.append(f"**{sentence}**")
     d = posterior.diagnostics
     state = "The sampling converged" if posterior.converged else "**The sampling did not converge**"
-    reason = d.reason.removeprefix("converged: ").rstrip(".")
+    reason = markdown_text(d.reason.removeprefix("converged: ").rstrip("."))
     return "\n\n".join([" ".join(parts), f"{state}: {reason}."])
+
+
+def noted(message: object, *_: object) -> str:
+    """Return a warning as a line of a report: takes the place of `warnings.formatwarning`."""
+    return f"note: {one_line(message)}\n"
 
 
 def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:

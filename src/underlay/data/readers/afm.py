@@ -23,7 +23,7 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._hdf5 import HDF5_MAGIC, is_own, open_checked
-from underlay.data.readers._source import Source
+from underlay.data.readers._source import Source, open_zip
 from underlay.data.readers._text import decode
 from underlay.data.readers.jpk import JpkCurve, check_claims, read_jpk
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
@@ -140,6 +140,8 @@ def _afmformats() -> Any:
 def _load_jpk(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
     stream = _NamedStream(source.data, str(source.path))
     cache = formats.fmt_jpk.jpk_reader.ArchiveCache.open_archives
+    # Left to itself, the package would open the path that the stream answers to, and not the stream.
+    cache[stream] = open_zip(source)
     try:
         return _curves(source, formats.fmt_jpk.load_jpk(stream, meta_override=dict(override)))
     finally:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from underlay.data.curve import Curve
-from underlay.data.readers import read_all
+from underlay.data.readers import JpkMapCurve, curves_of_jpk_map, read_all
 from underlay.errors import FileAccessError, InputError
 
 __all__ = ["CurvePlace", "Curves", "list_curves"]
@@ -38,12 +38,14 @@ class CurvePlace:
         Its file, or the empty string for a curve in memory.
     curve : Curve or None
         The curve in memory; None is read where it is fitted.
+    of_map : JpkMapCurve or None
+        Which curve of the file, where it is a map.
     x, y : float or None
         Position (m).
     values : mapping
         Numbers of its own scene (SI), by path.
     sha256 : str
-        Hash of a curve in memory, where it is known already.
+        Hash of a curve in memory, or of its file, where it is known already.
     """
 
     index: int
@@ -54,6 +56,7 @@ class CurvePlace:
     y: float | None = None
     values: Mapping[str, float] = field(default_factory=dict)
     sha256: str = ""
+    of_map: JpkMapCurve | None = None
 
 
 def list_curves(curves: Curves, leave_out: Iterable[Path] = ()) -> list[CurvePlace]:
@@ -107,13 +110,16 @@ def _of_path(path: Path, leave_out: set[Path]) -> list[CurvePlace]:
         return [CurvePlace(index, name, str(folder / name)) for index, name in enumerate(files)]
     if not path.exists():
         raise FileAccessError(f"there is no folder or file {path}")
+    file = str(path.resolve())
+    if len(listed := curves_of_jpk_map(path)) > 1:
+        return [
+            CurvePlace(of.number - 1, f"{path.name}#{of.number}", file, sha256=of.sha256, of_map=of)
+            for of in listed
+        ]
     tests = read_all(path)
     if len(tests) == 1:
-        return [CurvePlace(0, path.name, str(path.resolve()))]
-    return [
-        CurvePlace(number, f"{path.name}#{number + 1}", str(path.resolve()), test)
-        for number, test in enumerate(tests)
-    ]
+        return [CurvePlace(0, path.name, file)]
+    return [CurvePlace(number, f"{path.name}#{number + 1}", file, test) for number, test in enumerate(tests)]
 
 
 def _of_several(curves: Iterable[Curve | str | os.PathLike[str]]) -> list[CurvePlace]:

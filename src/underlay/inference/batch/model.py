@@ -13,31 +13,14 @@ import numpy as np
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.errors import InputError
+from underlay.inference.batch.options import MapOptions, Sampling
 from underlay.inference.from_files import free_of
 from underlay.inference.priors import Prior
 from underlay.inference.problem import Given, Problem
-from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
-__all__ = ["BatchModel", "Sampling", "batch_model"]
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """How posteriors are sampled; every curve draws from a stream of its own, named by seed and curve.
-
-    Parameters
-    ----------
-    walkers, max_steps : int
-        As in `sample`.
-    seed : int
-        Seed of the whole map.
-    """
-
-    walkers: int = 64
-    max_steps: int = 20_000
-    seed: int = 0
+__all__ = ["BatchModel", "batch_model"]
 
 
 @dataclass(frozen=True)
@@ -116,14 +99,7 @@ class BatchModel:
 def batch_model(
     scene: Scene | SceneFile | str | os.PathLike[str],
     free: Mapping[str, Given] | Iterable[str] | None,
-    noise: Noise | None,
-    *,
-    accuracy: Accuracy | None,
-    method: str | None,
-    order: int | None,
-    form: str | None,
-    quality: bool,
-    sampling: Sampling | None,
+    options: MapOptions,
 ) -> BatchModel:
     """Join what a scene file says and what the caller says, who has the last word, and check it.
 
@@ -137,8 +113,7 @@ def batch_model(
     file = scene if isinstance(scene, SceneFile) else None
     if isinstance(scene, str | os.PathLike):
         file = read_scene_file(scene)
-    given = {"accuracy": accuracy, "method": method, "order": order, "form": form}
-    solver = {key: value for key, value in given.items() if value is not None}
+    noise, solver = options.noise, {key: value for key, value in options.solver.items() if value is not None}
     if file is not None:
         solver = {**file.solver, **solver}
         noise = Noise(**file.noise) if noise is None and file.noise else noise
@@ -151,9 +126,9 @@ def batch_model(
             "nothing is free: pass free={'layer.E': (1e4, 1e8), ...}, or a scene file with [fit]"
         )
     paths = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
-    model = BatchModel(scene, paths, noise, solver, file, quality, sampling)
+    model = BatchModel(scene, paths, noise, solver, file, options.quality, options.how_sampled)
     template = model.template
-    if sampling is not None:
+    if model.sampling is not None:
         _require_proper(template.priors)
     return model
 

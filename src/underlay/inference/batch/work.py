@@ -19,29 +19,33 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
-from underlay.data.readers import read
+from underlay.data.readers import read, read_from_map
 from underlay.errors import CurveError, UnderlayError, UnderlayWarning
 from underlay.inference.batch.curves import CurvePlace
-from underlay.inference.batch.model import BatchModel, Sampling
+from underlay.inference.batch.model import BatchModel
+from underlay.inference.batch.options import Sampling
 from underlay.inference.batch.results_table import FAILED, FITTED, Layout
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
 from underlay.inference.from_files import chosen_part, read_for
-from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.problem import Problem
-from underlay.inference.sampling.run import sample
 
-__all__ = ["Workshop", "died", "file_hash", "work"]
+__all__ = ["DIED", "CurveFitter", "Rows", "file_hash", "given_up", "work"]
+
+#: Rows (index, CSV text) that came together.
+Rows = list[tuple[int, str]]
+#: Why a curve is given up on which worker processes died.
+DIED = "the worker process died on this curve twice; out of memory, or killed from outside?"
 
 # A contact that explains the force no better than this many squared standard deviations beyond a flat line
 # is none: three free numbers reach 30 by chance in one curve of a million.
 _NO_CONTACT = 30.0
 
 
-def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> list[tuple[int, str]]:
-    """Rows (index, CSV text) of some curves: what a cluster's worker runs."""
-    return list(Workshop(model, layout).rows(places))
+def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> Rows:
+    """Rows of some curves: what a cluster's worker runs."""
+    return list(CurveFitter(model, layout).rows(places))
 
 
 def file_hash(path: str) -> str:
@@ -53,14 +57,13 @@ def file_hash(path: str) -> str:
         return ""
 
 
-def died(place: CurvePlace, layout: Layout) -> tuple[int, str]:
-    """Row of a curve on which worker processes died."""
-    reason = "the worker process died on this curve twice; out of memory, or killed from outside?"
+def given_up(place: CurvePlace, layout: Layout, reason: str) -> tuple[int, str]:
+    """Row of a curve on which a worker process ended."""
     return place.index, layout.text({**_about(place), **_failure(reason), "seconds": None})
 
 
 @dataclass(frozen=True)
-class _Fitted:
+class _Found:
     """What a fit gives to a row."""
 
     values: Mapping[str, float]
@@ -72,7 +75,7 @@ class _Fitted:
     more: Mapping[str, Any]
 
 
-class Workshop:
+class CurveFitter:
     """The common model, compiled once for all curves that pass through one worker.
 
     Parameters
@@ -120,9 +123,10 @@ class Workshop:
         if place.curve is not None:
             curve = place.curve if file is None else chosen_part(place.curve, file.curve)
         elif file is not None:
-            curve = read_for(file, place.path)
+            curve = read_for(file, place.of_map or place.path)
         else:
-            curve = chosen_part(read(place.path), {})
+            whole = read(place.path) if place.of_map is None else read_from_map(place.of_map)
+            curve = chosen_part(whole, {})
         row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
         if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:
@@ -135,23 +139,23 @@ class Workshop:
             quality = check_quality(curve, self._model.scene.with_values(place.values))
             quality.require()
             notes = quality.reasons
-        fitted = self._fast(place, curve) or self._thorough(place, curve)
-        _require_contact(curve, fitted)
-        row.update(fitted.values)
-        row.update({f"{path}.stderr": error for path, error in fitted.stderr.items()})
+        outcome = self._fast(place, curve) or self._thorough(place, curve)
+        _require_contact(curve, outcome)
+        row.update(outcome.values)
+        row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})
         row.update(
             status=FITTED,
             verdict=GOOD,
             reason="",
-            law=fitted.law,
-            reduced_chi_square=fitted.reduced_chi_square,
-            rms=float(np.sqrt(fitted.sum_of_squares / len(curve))),
+            law=outcome.law,
+            reduced_chi_square=outcome.reduced_chi_square,
+            rms=float(np.sqrt(outcome.sum_of_squares / len(curve))),
             warnings=0,
-            **fitted.more,
+            **outcome.more,
         )
-        _add_notes(row, [*notes, *fitted.notes])
+        _add_notes(row, [*notes, *outcome.notes])
 
-    def _fast(self, place: CurvePlace, curve: Curve) -> _Fitted | None:
+    def _fast(self, place: CurvePlace, curve: Curve) -> _Found | None:
         if self._separable is None or self._model.sampling is not None:
             return None
         values = {**self._base, **place.values}
@@ -162,7 +166,7 @@ class Workshop:
             return None
         paths = [coordinate.path for coordinate in self._separable.coordinates]
         noise, n, k = found.noise, len(curve), len(paths)
-        return _Fitted(
+        return _Found(
             dict(zip(paths, found.values.tolist(), strict=True)),
             dict(zip(paths, np.sqrt(np.diag(found.covariance)).tolist(), strict=True)),
             found.law_method,
@@ -172,11 +176,14 @@ class Workshop:
             {},
         )
 
-    def _thorough(self, place: CurvePlace, curve: Curve) -> _Fitted:
+    def _thorough(self, place: CurvePlace, curve: Curve) -> _Found:
+        # A worker is a fresh Python: it loads what most maps never call (pandas, emcee) when it is called.
+        from underlay.inference.least_squares.fitting import quick_fit  # noqa: PLC0415
+
         problem = self._problem(place, curve)
         found = quick_fit(problem)
         residuals: FloatArray = found.residuals[0]
-        fitted = _Fitted(
+        outcome = _Found(
             found.values,
             found.stderr,
             found.statistics.law_method,
@@ -186,15 +193,19 @@ class Workshop:
             {},
         )
         return (
-            fitted if self._model.sampling is None else _sampled(problem, place, self._model.sampling, fitted)
+            outcome
+            if self._model.sampling is None
+            else _sampled(problem, place, self._model.sampling, outcome)
         )
 
     def _problem(self, place: CurvePlace, curve: Curve) -> Problem:
         return self._model.problem(self._model.scene.with_values(place.values), curve)
 
 
-def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, fitted: _Fitted) -> _Fitted:
+def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Found) -> _Found:
     """Replace the fit's numbers by those of the posterior: median, standard deviation, 95 % interval."""
+    from underlay.inference.sampling.run import sample  # noqa: PLC0415  as for `quick_fit`
+
     seed = _seed(sampling.seed, place.name)
     posterior = sample(
         problem, walkers=sampling.walkers, max_steps=sampling.max_steps, rng=seed, progress=False
@@ -204,7 +215,7 @@ def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, fitted: _F
     for name, values in draws.items():
         more[f"{name}.low"], more[f"{name}.high"] = np.quantile(values, [0.025, 0.975]).tolist()
     return replace(
-        fitted,
+        outcome,
         values={name: float(np.median(values)) for name, values in draws.items()},
         stderr={name: float(np.std(values)) for name, values in draws.items()},
         more=more,
@@ -217,19 +228,19 @@ def _seed(seed: int, name: str) -> int:
     return int(np.random.SeedSequence([seed, *words.tolist()]).generate_state(1)[0])
 
 
-def _require_contact(curve: Curve, fitted: _Fitted) -> None:
+def _require_contact(curve: Curve, outcome: _Found) -> None:
     """Refuse a curve whose force a straight line explains as well as the contact does."""
-    sloping = "instrument.baseline_slope" in fitted.values
+    sloping = "instrument.baseline_slope" in outcome.values
     flat = curve.force - curve.force.mean()
     if sloping:
         along = curve.depth - curve.depth.mean()
         flat = flat - along * float(along @ flat / (along @ along))
-    variance = fitted.sum_of_squares / max(len(curve) - len(fitted.values), 1)
-    gain = float(flat @ flat) - fitted.sum_of_squares
+    variance = outcome.sum_of_squares / max(len(curve) - len(outcome.values), 1)
+    gain = float(flat @ flat) - outcome.sum_of_squares
     if not gain > _NO_CONTACT * variance:
         flat_one = "a straight line" if sloping else "a constant force"
         reason = f"no contact: {flat_one} explains the curve as well as any contact within the bounds does"
-        raise CurveError("; ".join([f"{reason} (are the units right?)", *fitted.notes]))
+        raise CurveError("; ".join([f"{reason} (are the units right?)", *outcome.notes]))
 
 
 def _about(place: CurvePlace) -> dict[str, Any]:

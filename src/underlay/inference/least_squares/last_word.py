@@ -6,7 +6,6 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-import lmfit
 import numpy as np
 
 from underlay._arrays import FloatArray
@@ -60,6 +59,9 @@ class Minimiser:
 
     def __call__(self, objective: Objective, start: FloatArray) -> LastWord:
         """Minimise the weighted sum of squares, or its loss, from a scaled start (k,)."""
+        # The engine alone needs no lmfit, and it takes a second to load.
+        import lmfit  # noqa: PLC0415
+
         active = objective.active
         names = [_UNNAMEABLE.sub("_", objective.problem.names[i]).strip("_") for i in active]
         low, high = objective.problem.bounds.T

@@ -226,7 +226,9 @@ def _put_new(
 ) -> None:
     """Lay out a file beside `path`, fill in what there is so far, and put it in its place in one move."""
     beside = Path(f"{os.fspath(path)}.new")
-    with _opened(beside, "w") as file:
+    # What a killed run left, or a link that would lead out of the output.
+    beside.unlink(missing_ok=True)
+    with _opened(beside, "x") as file:
         _lay_out(file, names, shape)
         if progress is not None:
             steps = len(progress.chain)
