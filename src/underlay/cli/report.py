@@ -13,9 +13,9 @@ from underlay._door import FileKind, read_text, understood
 from underlay._files import write_atomic
 from underlay.cli.console import say
 from underlay.errors import InputError
-from underlay.inference.fitting.provenance import curve_hash
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.problem import Problem
 from underlay.report.maps import is_map, read_map
 from underlay.report.render import (

@@ -17,7 +17,7 @@ from underlay.data.curve import Curve
 from underlay.data.metadata import Metadata
 from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import FileFormatError, InputError
-from underlay.inference.fitting.provenance import curve_hash
+from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.priors import (
     Flat,
     HalfNormal,

@@ -13,7 +13,7 @@ import pandas as pd
 from underlay._door import sha256_of
 from underlay._text import one_line
 from underlay.data.noise import NoiseModel
-from underlay.inference.fitting.provenance import version_record
+from underlay.inference.least_squares.provenance import version_record
 from underlay.quantities import numbers_of
 from underlay.report.intervals import estimates
 from underlay.report.labels import label
@@ -23,9 +23,9 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
     from underlay.inference.identifiability import Identifiability
-    from underlay.inference.profiles import Profile
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.profiles import LikelihoodProfile
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
@@ -83,7 +83,7 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["parameters", "correlation"])
 
 
-def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -> pd.DataFrame:
+def interval_table(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None) -> pd.DataFrame:
     """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
 
     Intervals are those of `profiles`, by name of the parameter, where there are some. Another optimum the data

@@ -28,9 +28,9 @@ from underlay.inference.batch.results_table import DIFFERENCE, FAILED, FITTED, I
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
 from underlay.inference.file_facts import EVERYTHING, settle
-from underlay.inference.fitting.instrument_modulus import instrument_modulus
-from underlay.inference.fitting.provenance import curve_hash
 from underlay.inference.from_files import chosen_part, read_for, turned
+from underlay.inference.least_squares.instrument_modulus import instrument_modulus
+from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.plausibility import require_plausible
 from underlay.inference.problem import Problem
 
@@ -207,13 +207,13 @@ class CurveFitter:
         )
 
     def _thorough(self, place: CurvePlace, curve: Curve) -> _Found:
-        # A worker is a fresh Python: it loads what most maps never call (lmfit, emcee) when it is called.
-        from underlay.inference.least_squares import fit  # noqa: PLC0415
+        # A worker is a fresh Python: it loads what most maps never call (pandas, emcee) when it is called.
+        from underlay.inference.least_squares.fitting import quick_fit  # noqa: PLC0415
 
         problem = self._problem(place, curve)
         # A fit that ends on a bound comes this way: it may be a unit that put it there.
         require_plausible(problem)
-        found = fit(problem)
+        found = quick_fit(problem)
         residuals: FloatArray = found.residuals[0]
         outcome = _Found(
             found.values,
@@ -236,7 +236,7 @@ class CurveFitter:
 
 def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Found) -> _Found:
     """Replace the fit's numbers by those of the posterior: median, standard deviation, 95 % interval."""
-    from underlay.inference.sampling.run import sample  # noqa: PLC0415  as for `fit`
+    from underlay.inference.sampling.run import sample  # noqa: PLC0415  as for `quick_fit`
 
     seed = _seed(sampling.seed, place.name)
     posterior = sample(

@@ -13,7 +13,7 @@ import pandas as pd
 from underlay._arrays import FloatArray
 from underlay._door import FileKind, printable, understood
 from underlay.errors import FileFormatError, InputError
-from underlay.inference.fitting.provenance import provenance
+from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.inference.problem_record import problem_from_record, problem_record
 from underlay.inference.sampling.archive import LARGEST, read_archive, write_archive

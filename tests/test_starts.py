@@ -1,4 +1,4 @@
-"""Starts and rough fits: blocks, the scan's agreement with a known base, which minima are kept."""
+"""Starts and their candidates: blocks, the scan's agreement with a known base, which minima are kept."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,10 @@ import pytest
 import underlay as ul
 from support.inverse import exact_curve, layer_on, measured, problem
 from underlay.data.curve import Curve
-from underlay.inference.fitting.blocked_squares import BlockedSquares
-from underlay.inference.fitting.blocks import Blocks
-from underlay.inference.fitting.rough import rough_minima
-from underlay.inference.fitting.start import scan_starts
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.blocks import Blocks, blocked_objective
+from underlay.inference.least_squares.candidates import candidates
+from underlay.inference.least_squares.scan import scan
 from underlay.inference.plain_hertz import plain_hertz_fit
 from underlay.inference.problem import Problem
 
@@ -37,11 +36,11 @@ def test_blocked_derivatives_are_those_of_its_residuals(indenter, base):
     scene = layer_on(base, indenter=indenter, baseline=2e-3)
     free = [E, H, C, BASELINE, *([] if base is ul.RIGID else [BASE])]
     p = problem(scene, free)
-    squares = BlockedSquares.of(p, robust=False)
+    blocked = blocked_objective(p, robust=False)
     vector = np.full(len(free), 0.01)
-    jacobian = squares._evaluate(vector)[1]
+    jacobian = blocked.jacobian(vector, rough=True)
     for k, step in enumerate(1e-3 * np.eye(len(free))):
-        change = squares._evaluate(vector + step)[0] - squares._evaluate(vector - step)[0]
+        change = blocked.residuals(vector + step) - blocked.residuals(vector - step)
         # Laws to 1e-3: their differences over 2e-3 are within a few hundredths of the largest derivative.
         assert np.abs(change / 2e-3 - jacobian[:, k]).max() < 0.05 * np.abs(jacobian[:, k]).max(), free[k]
 
@@ -49,15 +48,15 @@ def test_blocked_derivatives_are_those_of_its_residuals(indenter, base):
 def test_linear_parameters_are_at_their_best_wherever_it_is_asked():
     scene = layer_on(ul.Isotropic(4e6, 0.3), baseline=2e-3)
     p = problem(scene, [E, H, C, BASE, BASELINE])
-    squares = BlockedSquares.of(p, robust=False)
+    blocked = blocked_objective(p, robust=False)
     wide = np.full(5, 5.0)
-    point = squares.point(np.array([0.7, 0.1, 0.02, 0.7, 0.3]), -wide, wide)
+    point = blocked.point(np.array([0.7, 0.1, 0.02, 0.7, 0.3]), -wide, wide)
     # Both moduli together, and the baseline: the gradient vanishes along them, up to the rounding of the solution.
-    scale = np.linalg.norm(point.jacobian, axis=0) * np.linalg.norm(point.residuals)
-    gradient = point.jacobian.T @ point.residuals
+    scale = np.sqrt(np.diag(point.normal) * point.square)
+    gradient = point.gradient
     assert abs(gradient[0] + gradient[3]) < 1e-4 * scale[0]
     assert abs(gradient[4]) < 1e-9 * scale[4]
-    ratio = point.at[3] - point.at[0]
+    ratio = point.vector[3] - point.vector[0]
     assert ratio == pytest.approx(0.0, abs=1e-12)
 
 
@@ -67,7 +66,7 @@ def test_a_rough_fit_ends_within_a_fraction_of_a_standard_error(base):
     p = problem(scene, [E, H, C], measured(scene, points=1000))
     found = fit(p)
     deviation = np.sqrt(np.diag(found.scaled_covariance))
-    (rough,) = rough_minima(p, [found.vector + np.array([0.4, 0.3, 0.01])], robust=False)
+    (rough,) = candidates(blocked_objective(p, robust=False), [found.vector + np.array([0.4, 0.3, 0.01])])
     # Averages of 31 points lose little of what 1000 tell; the law is coarse to 1e-3 of the force.
     assert (np.abs(rough.vector - found.vector) < 0.5 * deviation).all()
 
@@ -79,7 +78,7 @@ def test_one_place_is_kept_once():
     near = [
         start + offset for offset in (np.zeros(3), np.array([0.05, 0.04, 0.0]), np.array([-0.1, -0.1, 0.0]))
     ]
-    assert len(rough_minima(p, near, robust=False)) == 1
+    assert len(candidates(blocked_objective(p, robust=False), near)) == 1
 
 
 @pytest.mark.parametrize("modulus", [4e6, 1e8, 2e5])
@@ -87,7 +86,7 @@ def test_the_scan_agrees_with_a_base_that_is_known(modulus):
     scene = layer_on(ul.Isotropic(modulus, 0.3))
     start = scene.with_values({E: 1e3 * scene.parameters[E]})
     p = Problem(start, exact_curve(scene), [E, C])
-    best = p.values(scan_starts(p)[0])
+    best = p.values(scan(p)[0])
     # Between ratios up to seven apart the straight line is off by a few tens of per cent.
     assert abs(np.log(best[E] / 1e6)) < 0.5
     assert abs(best[C] - 1e-5) < 0.05 * 1.8e-4

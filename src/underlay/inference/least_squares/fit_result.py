@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,12 @@ from underlay._arrays import FloatArray
 from underlay._files import write_atomic
 from underlay.data.curve import Curve
 from underlay.data.noise import NoiseModel
-from underlay.inference.fitting.diagnostics import ResidualDiagnostics
-from underlay.inference.fitting.instrument_modulus import InstrumentModulus, instrument_moduli
-from underlay.inference.fitting.provenance import provenance
+from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.instrument_modulus import InstrumentModulus, instrument_moduli
+from underlay.inference.least_squares.last_word import Minimiser
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.quantities import field_quantities
@@ -51,13 +55,13 @@ class Alternative:
         In scaled coordinates, (k,).
     values : mapping of name to float
         Parameters (SI).
-    rise : float
+    delta_chi_square : float
         Chi-square above that of the best.
     """
 
     vector: FloatArray = field(repr=False)
     values: Mapping[str, float]
-    rise: float
+    delta_chi_square: float
 
 
 @dataclass(frozen=True)
@@ -137,8 +141,8 @@ class Fit:
         Noise of every curve at the optimum.
     residuals : tuple of FloatArray
         Data minus model (N), one array (n,) per curve.
-    diagnostics : tuple of ResidualDiagnostics
-        One per curve.
+    whitened : tuple of FloatArray
+        The same in standard deviations, model minus data, and independent where the noise is as assumed.
     statistics : FitStatistics
         How it was reached.
     warnings : tuple of FitWarning
@@ -157,10 +161,28 @@ class Fit:
     bounds_hit: Mapping[str, str]
     noises: tuple[NoiseModel, ...]
     residuals: tuple[FloatArray, ...] = field(repr=False)
-    diagnostics: tuple[ResidualDiagnostics, ...] = field(repr=False)
+    whitened: tuple[FloatArray, ...] = field(repr=False)
     statistics: FitStatistics = field(repr=False)
     warnings: tuple[FitWarning, ...]
     alternatives: tuple[Alternative, ...] = ()
+    _lmfit: Any = field(default=None, repr=False)
+
+    @cached_property
+    def lmfit(self) -> Any:
+        """lmfit's own `MinimizerResult`, in scaled coordinates, its names with ``_`` for dots and brackets.
+
+        Values are logarithms of ratios to the scene's own numbers, or shares of the curve's ranges; see
+        `Problem.vector`. Where the fit was made without lmfit it is asked now, begun at the optimum.
+        """
+        if self._lmfit is not None:
+            return self._lmfit
+        objective = Objective(self.problem, freeze(self.problem, self.vector, self.noises))
+        return Minimiser()(objective, self.vector).result
+
+    @cached_property
+    def diagnostics(self) -> tuple[ResidualDiagnostics, ...]:
+        """What the residuals look like, one per curve."""
+        return tuple(diagnose(own, force) for own, force in zip(self.whitened, self.residuals, strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -281,7 +303,9 @@ class Fit:
             "statistics": asdict(self.statistics),
             "diagnostics": [asdict(entry) for entry in self.diagnostics],
             "warnings": [asdict(warning) for warning in self.warnings],
-            "alternatives": [{"values": dict(a.values), "rise": a.rise} for a in self.alternatives],
+            "alternatives": [
+                {"values": dict(a.values), "delta_chi_square": a.delta_chi_square} for a in self.alternatives
+            ],
             "scenes": [scene.parameters for scene in self.scenes],
             "instrument_moduli": {name: asdict(told) for name, told in self.instrument_moduli.items()},
             "provenance": self.provenance,

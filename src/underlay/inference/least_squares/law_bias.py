@@ -9,7 +9,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
+    from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.problem import Problem
 
 __all__ = ["law_bias", "shift_of_the_law"]

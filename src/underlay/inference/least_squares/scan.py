@@ -16,23 +16,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.fitting.blocks import Blocks
-from underlay.inference.fitting.trial import (
+from underlay.inference.least_squares.blocks import Blocks, blocked_forward
+from underlay.inference.least_squares.scan_curve import (
     BASE_MODULUS,
     CONTACT,
     MODULUS,
     THICKNESS,
-    Sight,
-    Trial,
+    GridFit,
+    ScanCurve,
 )
 from underlay.inference.model.coordinates import Coordinate
-from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.indenters import FlatPunch
 from underlay.scene.scene import Scene
 
-__all__ = ["scan_starts"]
+__all__ = ["scan"]
 
 _SCAN_RTOL = 1e-2
 _BLOCKS = 16  # enough to tell a contact to a grid step
@@ -50,32 +49,32 @@ _RIVAL, _APART = np.log(2.7), np.log(1.6)
 
 
 @dataclass(frozen=True)
-class _Scan:
+class _Grid:
     """What one curve says to the grid: misfit (N^2) and values (SI) by path, each (thicknesses, moduli)."""
 
     misfit: FloatArray
     values: dict[str, FloatArray]
 
-    def best_along(self, axis: int) -> _Scan:
+    def best_along(self, axis: int) -> _Grid:
         """The best of one axis, which then has one entry."""
         which = np.expand_dims(np.argmin(self.misfit, axis=axis), axis)
         values = {path: np.take_along_axis(value, which, axis) for path, value in self.values.items()}
-        return _Scan(np.take_along_axis(self.misfit, which, axis), values)
+        return _Grid(np.take_along_axis(self.misfit, which, axis), values)
 
 
-def scan_starts(problem: Problem, count: int = 3) -> list[FloatArray]:
+def scan(problem: Problem, count: int = 3) -> list[FloatArray]:
     """Local minima of the grid as starts (scaled vectors (k,)), best first, at most `count`.
 
     Thickness and moduli that curves share are scanned together; what is a curve's own is chosen by it alone.
     Empty if no grid point has a law.
     """
-    trials = [_trial(member, problem) for member in problem.members]
-    radii = [_radius_scale(m.scene, trial.blocks) for m, trial in zip(problem.members, trials, strict=True)]
-    scans = [
-        _scan(member, trial, problem, (min(radii), max(radii)))
-        for member, trial in zip(problem.members, trials, strict=True)
+    curves = [_scanned(member, problem) for member in problem.members]
+    radii = [_radius_scale(m.scene, curve.blocks) for m, curve in zip(problem.members, curves, strict=True)]
+    grids = [
+        _grid_of(member, curve, problem, (min(radii), max(radii)))
+        for member, curve in zip(problem.members, curves, strict=True)
     ]
-    total = np.sum([scan.misfit for scan in scans], axis=0)
+    total = np.sum([grid.misfit for grid in grids], axis=0)
     minima = np.isfinite(total)
     for axis in (0, 1):
         beyond = np.full_like(np.take(total, [0], axis), np.inf)
@@ -90,9 +89,9 @@ def scan_starts(problem: Problem, count: int = 3) -> list[FloatArray]:
     chosen = [(int(i), int(j)) for i, j in ranked]
     # With the base's modulus free the two basins are one valley.
     one_base = not any(BASE_MODULUS in member.entries for member in problem.members)
-    if one_base and THICKNESS in scans[0].values:
-        chosen += _beside(total, np.log(scans[0].values[THICKNESS].max(axis=1)), chosen)
-    return [_vector(problem, trials, scans, place) for place in chosen]
+    if one_base and THICKNESS in grids[0].values:
+        chosen += _beside(total, np.log(grids[0].values[THICKNESS].max(axis=1)), chosen)
+    return [_vector(problem, curves, grids, place) for place in chosen]
 
 
 def _beside(
@@ -113,13 +112,13 @@ def _beside(
 
 
 def _vector(
-    problem: Problem, trials: Sequence[Trial], scans: Sequence[_Scan], place: tuple[int, int]
+    problem: Problem, curves: Sequence[ScanCurve], grids: Sequence[_Grid], place: tuple[int, int]
 ) -> FloatArray:
     """Scaled vector of what each curve found; a shared parameter takes the mean."""
     found: list[list[float]] = [[] for _ in problem.coordinates]
-    for member, trial, scan in zip(problem.members, trials, scans, strict=True):
-        values = {path: float(value[place]) for path, value in scan.values.items()}
-        values |= trial.linear({**member.base, **values})
+    for member, curve, grid in zip(problem.members, curves, grids, strict=True):
+        values = {path: float(value[place]) for path, value in grid.values.items()}
+        values |= curve.linear({**member.base, **values})
         for path, entry in member.entries.items():
             if path in values:
                 coordinate = problem.coordinates[entry]
@@ -129,68 +128,66 @@ def _vector(
     return np.array([float(np.mean(values)) if values else 0.0 for values in found])
 
 
-def _trial(member: Member, problem: Problem) -> Trial:
+def _scanned(member: Member, problem: Problem) -> ScanCurve:
     blocks = Blocks.of(member.curve, _BLOCKS)
     free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
-    laws = member.forward.laws
-    laws = replace(laws, solver=laws.solver.with_tolerance(_SCAN_RTOL), store=LawStore())
-    forward = replace(member.forward, depth=blocks.depth, laws=laws)
+    forward = blocked_forward(member, blocks, _SCAN_RTOL)
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
-    return Trial(forward, blocks, free, _contacts(free, blocks, member.base[CONTACT]), scales)
+    return ScanCurve(forward, blocks, free, _contacts(free, blocks, member.base[CONTACT]), scales)
 
 
-def _scan(member: Member, trial: Trial, problem: Problem, radii: tuple[float, float]) -> _Scan:
+def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[float, float]) -> _Grid:
     """Best of one curve for every place of the shared grid."""
     alone = len(problem.members) == 1
-    thicknesses = _thicknesses(trial.free, radii)
+    thicknesses = _thicknesses(curve.free, radii)
     moduli_are_shared = alone or not {MODULUS, BASE_MODULUS}.isdisjoint(problem.shared)
     # A grid that curves share is laid about the values of the first of them.
-    bases = _base_moduli(trial.free, problem.members[0].base if moduli_are_shared else member.base)
-    base_is_known = bases.size > 0 and BASE_MODULUS not in trial.free
-    tried = replace(trial, scales=True) if base_is_known else trial
+    bases = _base_moduli(curve.free, problem.members[0].base if moduli_are_shared else member.base)
+    base_is_known = bases.size > 0 and BASE_MODULUS not in curve.free
+    asked = replace(curve, scales=True) if base_is_known else curve
     shape = (max(bases.size, 1), max(thicknesses.size, 1))
-    seen = _seen(tried, member, thicknesses, bases)
+    fits = _fits(asked, member, thicknesses, bases)
     misfit, contact, amplitude = (
-        part.reshape(shape).T for part in (seen.misfit, seen.contact, seen.amplitude)
+        part.reshape(shape).T for part in (fits.misfit, fits.contact, fits.amplitude)
     )
     values = {CONTACT: contact}
-    if tried.scales:
+    if asked.scales:
         values[MODULUS] = amplitude * member.base[MODULUS]
     if bases.size and not base_is_known:
         values[BASE_MODULUS] = amplitude * bases
     if thicknesses.size:
         values[THICKNESS] = np.repeat(thicknesses[:, None], shape[0], axis=1)
-    scan = _Scan(misfit, values)
+    grid = _Grid(misfit, values)
     if base_is_known:
-        scan = _consistent(scan, np.log(bases / member.base[BASE_MODULUS]) + np.log(amplitude))
+        grid = _consistent(grid, np.log(bases / member.base[BASE_MODULUS]) + np.log(amplitude))
     if not (alone or THICKNESS in problem.shared):
-        scan = scan.best_along(0)
-    return scan if moduli_are_shared else scan.best_along(1)
+        grid = grid.best_along(0)
+    return grid if moduli_are_shared else grid.best_along(1)
 
 
-def _seen(trial: Trial, member: Member, thicknesses: FloatArray, bases: FloatArray) -> Sight:
+def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: FloatArray) -> GridFit:
     """What the curve says to every thickness on the first base, then on the second, and so on."""
     rows: dict[str, float | FloatArray] = dict(member.base)
-    count, contacts = max(thicknesses.size, 1), trial.contacts
+    count, contacts = max(thicknesses.size, 1), curve.contacts
     if thicknesses.size:
         rows[THICKNESS] = np.tile(thicknesses, max(bases.size, 1))
     if bases.size <= 1:
         if bases.size:
             rows[BASE_MODULUS] = float(bases[0])
-        laws = trial.laws(rows)
-        found = trial.look(rows, laws, contacts)
-        return trial.closer(rows, laws, found) if len(contacts) > 1 else found
+        laws = curve.laws(rows)
+        found = curve.best_contact(rows, laws, contacts)
+        return curve.refined(rows, laws, found) if len(contacts) > 1 else found
     order = np.argsort(np.abs(np.log(bases / member.base[MODULUS] / _FIRST_RATIO)))
     rows[BASE_MODULUS] = np.repeat(bases[order], count)
-    laws = trial.laws(rows)
+    laws = curve.laws(rows)
     first, others = slice(0, count), slice(count, None)
-    found = trial.look(_part(rows, first), laws.part(first), contacts)
+    found = curve.best_contact(_part(rows, first), laws.part(first), contacts)
     about = _about(contacts, found)
-    found = found.followed_by(trial.look(_part(rows, others), laws.part(others), about))
+    found = found.followed_by(curve.best_contact(_part(rows, others), laws.part(others), about))
     if len(contacts) > 1:
-        found = trial.closer(rows, laws, found)
+        found = curve.refined(rows, laws, found)
     back = np.argsort(order)
-    return Sight(
+    return GridFit(
         *(part.reshape(-1, count)[back].ravel() for part in (found.misfit, found.contact, found.amplitude))
     )
 
@@ -199,7 +196,7 @@ def _part(rows: Mapping[str, float | FloatArray], which: slice) -> dict[str, flo
     return {path: value[which] if isinstance(value, np.ndarray) else value for path, value in rows.items()}
 
 
-def _about(contacts: FloatArray, seen: Sight) -> FloatArray:
+def _about(contacts: FloatArray, seen: GridFit) -> FloatArray:
     """Contacts between those seen and a step of the grid beyond, two where a softer base would bend the curve."""
     reached = seen.contact[np.isfinite(seen.misfit)]
     if len(contacts) <= _FEWER_CONTACTS or not reached.size:
@@ -209,13 +206,13 @@ def _about(contacts: FloatArray, seen: Sight) -> FloatArray:
     return np.linspace(low, high, _FEWER_CONTACTS)
 
 
-def _consistent(scan: _Scan, beyond: FloatArray) -> _Scan:
+def _consistent(grid: _Grid, beyond: FloatArray) -> _Grid:
     """What each thickness says where the base has the modulus that is known, between the ratios tried.
 
     `beyond` (thicknesses, moduli) is the logarithm of the base's modulus that goes with the layer's, over the
     known one.
     """
-    usable = np.isfinite(scan.misfit)
+    usable = np.isfinite(grid.misfit)
     below, above = beyond[:, :-1], beyond[:, 1:]
     crosses = usable[:, :-1] & usable[:, 1:] & (below <= 0.0) & (above > 0.0)
     share = np.where(crosses, -below / np.where(crosses, above - below, 1.0), 0.0)
@@ -225,15 +222,15 @@ def _consistent(scan: _Scan, beyond: FloatArray) -> _Scan:
         inside = (1.0 - share) * values[:, :-1] + share * values[:, 1:]
         return np.concatenate((inside, values), axis=1)
 
-    misfit = between(np.where(usable, scan.misfit, 0.0))
+    misfit = between(np.where(usable, grid.misfit, 0.0))
     # A base beyond all that were tried is as good as rigid, or as none: the end tells the layer's modulus.
     nearest = np.where(usable, np.abs(beyond), np.inf).argmin(axis=1)
     alone = ~np.any(crosses, axis=1, keepdims=True)
     ends = (np.arange(beyond.shape[1]) == nearest[:, None]) & usable & alone
     misfit = np.where(np.concatenate((crosses, ends), axis=1), misfit, np.inf)
-    values = {path: between(value) for path, value in scan.values.items()}
-    values[MODULUS] = np.exp(between(np.log(scan.values[MODULUS])))
-    return _Scan(misfit, values).best_along(1)
+    values = {path: between(value) for path, value in grid.values.items()}
+    values[MODULUS] = np.exp(between(np.log(grid.values[MODULUS])))
+    return _Grid(misfit, values).best_along(1)
 
 
 def _radius_scale(scene: Scene, blocks: Blocks) -> float:

@@ -1,4 +1,4 @@
-"""From an optimum to a `Fit`: covariance, what has no error bar and why, statistics, warnings."""
+"""Judge an optimum: covariance, what has no error bar and why, second optima, statistics, warnings."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.inference.fitting.diagnostics import diagnose
-from underlay.inference.fitting.fit_result import Alternative, Fit, FitStatistics
-from underlay.inference.fitting.fit_warnings import too_deep, warnings_of
-from underlay.inference.fitting.noise_estimate import noise_covariance
-from underlay.inference.fitting.objective import Minimum, Objective
+from underlay.inference.least_squares.diagnostics import correlated
+from underlay.inference.least_squares.fit_result import Alternative, Fit, FitStatistics
+from underlay.inference.least_squares.fit_warnings import too_deep, warnings_of
+from underlay.inference.least_squares.noise_estimate import noise_covariance
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.settle import Optimum
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
-__all__ = ["assemble"]
+__all__ = ["judge"]
 
 # Closer than this to a bound (scaled coordinates) counts as on it; lmfit's bounded search approaches a bound
 # quadratically and stops about 1e-6 away.
@@ -30,24 +31,18 @@ _SINGULAR = 1e-9
 _SAME, _REJECTED = 0.3, 11.6
 # Two places with no higher hill of chi-square than this between them lie on one plateau or in one valley.
 _HILL = 0.01
+_ENGINE = "projected Levenberg-Marquardt"
 
 
-def assemble(
-    objective: Objective,
-    minimum: Minimum,
-    others: Sequence[FloatArray] = (),
-    *,
-    method: str,
-    robust: str,
-    seconds: float,
-) -> Fit:
-    """Make the result of a fit from where its minimiser stopped; `others` are optima of other starts."""
-    problem, vector = objective.problem, minimum.vector
+def judge(optimum: Optimum, others: Sequence[FloatArray] = (), *, seconds: float) -> Fit:
+    """Make the result of a fit from where it ended; `others` are optima of other starts."""
+    objective, vector = optimum.objective, optimum.vector
+    problem = objective.problem
     physical = problem.physical(vector)
     residuals, jacobian = objective.residuals(vector), objective.jacobian(vector)
     bounds_hit = _bounds_hit(problem, vector, objective.active)
     covariance, reasons = scaled_covariance(objective, jacobian, bounds_hit)
-    covariance *= robust_inflation(residuals, robust)
+    covariance *= robust_inflation(residuals, optimum.loss_function)
     if problem.noise_entries:
         entries = sorted(problem.noise_entries)
         own = noise_covariance(problem, vector)
@@ -68,10 +63,10 @@ def assemble(
     ends = np.cumsum([len(member.force) for member in problem.members])
     whitened = np.split(residuals, ends)[: len(forces)]
     alternatives = _alternatives(objective, vector, residuals, deviation_scaled, others)
-    diagnostics = tuple(diagnose(own, force) for own, force in zip(whitened, forces, strict=True))
+    related = [correlated(own, force) for own, force in zip(whitened, forces, strict=True)]
     laws = [member.law(physical) for member in problem.members]
     law = max(laws, key=lambda law: law.error_estimate)
-    statistics = _statistics(objective, minimum, whitened, law, method=method, robust=robust, seconds=seconds)
+    statistics = _statistics(optimum, whitened, law, seconds)
     return Fit(
         problem=problem,
         vector=read_only(vector),
@@ -81,17 +76,16 @@ def assemble(
         covariance=read_only(covariance * np.outer(slopes, slopes)),
         no_error_bars=reasons,
         bounds_hit=bounds_hit,
-        noises=objective.weights.noises,
+        noises=objective.noise.models,
         residuals=forces,
-        diagnostics=diagnostics,
+        whitened=tuple(read_only(own) for own in whitened),
         statistics=statistics,
         warnings=(
             *too_deep(problem, vector),
-            *warnings_of(
-                problem, laws, reasons, bounds_hit, covariance, diagnostics, statistics, alternatives
-            ),
+            *warnings_of(problem, laws, reasons, bounds_hit, covariance, related, statistics, alternatives),
         ),
         alternatives=alternatives,
+        _lmfit=optimum.lmfit,
     )
 
 
@@ -138,22 +132,24 @@ def _alternatives(
     base = float(residuals @ residuals)
     found: list[Alternative] = []
     for other in others:
-        known = [vector, *(entry.vector for entry in found)]
-        if any((np.abs(other - there) <= _SAME * (deviation + 1e-6)).all() for there in known):
+        known = [(vector, 0.0), *((entry.vector, entry.delta_chi_square) for entry in found)]
+        if any((np.abs(other - there) <= _SAME * (deviation + 1e-6)).all() for there, _ in known):
             continue
-        rise = float(np.square(objective.residuals(other)).sum()) - base
-        if rise < _REJECTED and not any(_joined(objective, other, there) for there in known):
+        rise = objective.square(other) - base
+        if rise < _REJECTED and not any(
+            _joined(objective, other, there, base + max(rise, at) + _HILL) for there, at in known
+        ):
             found.append(Alternative(read_only(other), objective.problem.values(other), max(rise, 0.0)))
-    return tuple(sorted(found, key=lambda entry: entry.rise))
+    return tuple(sorted(found, key=lambda entry: entry.delta_chi_square))
 
 
-def robust_inflation(residuals: FloatArray, loss: str) -> float:
+def robust_inflation(residuals: FloatArray, loss: str | None) -> float:
     """Factor on the covariance of an M-estimator, E[psi^2] / E[psi']^2 over its residuals.
 
     Huber (1981), Robust Statistics, eq. 7.6.8 (doi:10.1002/0471725250), with psi(r) = r rho'(r^2) of scipy's
     losses; one for least squares.
     """
-    if loss == "none":
+    if loss is None:
         return 1.0
     z = residuals * residuals
     weight, slope = _LOSSES[loss](z)
@@ -185,32 +181,20 @@ def _bounds_hit(problem: Problem, vector: FloatArray, active: list[int]) -> dict
     return hit
 
 
-def _joined(objective: Objective, one: FloatArray, other: FloatArray) -> bool:
-    """Whether one can go straight from one place to the other without climbing."""
-
-    def square(share: float) -> float:
-        return float(np.square(objective.residuals(one + share * (other - one))).sum())
-
-    top = max(square(0.0), square(1.0)) + _HILL
-    return all(square(share) <= top for share in (0.25, 0.5, 0.75))
+def _joined(objective: Objective, one: FloatArray, other: FloatArray, top: float) -> bool:
+    """Whether one can go straight from one place to the other with sums of squares no higher than `top`."""
+    return all(objective.square(one + share * (other - one)) <= top for share in (0.5, 0.25, 0.75))
 
 
 def _statistics(
-    objective: Objective,
-    minimum: Minimum,
-    whitened: list[FloatArray],
-    law: ContactLaw,
-    *,
-    method: str,
-    robust: str,
-    seconds: float,
+    optimum: Optimum, whitened: list[FloatArray], law: ContactLaw, seconds: float
 ) -> FitStatistics:
-    problem = objective.problem
+    objective, problem = optimum.objective, optimum.objective.problem
     n, k = problem.n_points, len(problem.names)
     squares = [float(own @ own) for own in whitened]
     log_likelihood, estimated = 0.0, 0
     for member, noise, sigma, square in zip(
-        problem.members, objective.weights.noises, objective.weights.sigmas, squares, strict=True
+        problem.members, objective.noise.models, objective.noise.sigmas, squares, strict=True
     ):
         points, size = len(member.force), 1.0
         if member.scale_is_unknown:
@@ -232,10 +216,10 @@ def _statistics(
         failures=objective.failures,
         laws_built=problem.store.built,
         seconds=seconds,
-        success=minimum.success,
-        stopped=minimum.message,
-        method=method,
-        robust=robust,
+        success=optimum.success,
+        stopped=optimum.message,
+        method=_ENGINE if optimum.minimiser is None else optimum.minimiser.method,
+        robust=optimum.loss_function or "none",
         law_method=law.method,
         law_reason=law.reason,
         law_error=law.error_estimate,

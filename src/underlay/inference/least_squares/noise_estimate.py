@@ -15,7 +15,8 @@ from scipy import optimize
 
 from underlay._arrays import FloatArray
 from underlay.data.noise import NoiseModel
-from underlay.inference.fitting.objective import Objective, Weights, weights_at
+from underlay.inference.least_squares.frozen_noise import FrozenNoise, freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
 
@@ -47,7 +48,7 @@ class Renewal:
     ----------
     vector : FloatArray
         The vector with the numbers of the noise renewed, (k,).
-    weights : Weights
+    noise : FrozenNoise
         Frozen noise there.
     settled : bool
         Whether the parameters need no further fit: the weights are those they were fitted with, or only their
@@ -55,7 +56,7 @@ class Renewal:
     """
 
     vector: FloatArray
-    weights: Weights
+    noise: FrozenNoise
     settled: bool
 
 
@@ -80,12 +81,12 @@ def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
             noise.of_size(size) if member.scale_is_unknown else noise
             for member, noise, size in zip(problem.members, noises, sizes, strict=True)
         )
-    renewed = weights_at(problem, vector, noises)
+    renewed = freeze(problem, vector, noises)
     return Renewal(vector, renewed, _is_settled(objective, renewed, robust=robust))
 
 
-def _is_settled(objective: Objective, renewed: Weights, *, robust: bool) -> bool:
-    old = objective.weights
+def _is_settled(objective: Objective, renewed: FrozenNoise, *, robust: bool) -> bool:
+    old = objective.noise
     ratios = [new / before for new, before in zip(renewed.sigmas, old.sigmas, strict=True)]
     common = 1.0
     if not objective.has_measured_priors and not robust:
@@ -94,7 +95,7 @@ def _is_settled(objective: Objective, renewed: Weights, *, robust: bool) -> bool
     alike = all(
         len(new.correlation) == len(before.correlation)
         and np.allclose(np.array(new.correlation), np.array(before.correlation), rtol=_SETTLED, atol=0.0)
-        for new, before in zip(renewed.noises, old.noises, strict=True)
+        for new, before in zip(renewed.models, old.models, strict=True)
     )
     return alike and all(float(np.abs(ratio / common - 1.0).max()) < _SETTLED for ratio in ratios)
 
@@ -103,21 +104,21 @@ def _sizes(objective: Objective, vector: FloatArray, *, robust: bool) -> list[fl
     """Size of the noise (N) of every curve from its residuals, S / (n - k) with the k it pays for."""
     ends = np.cumsum([len(member.force) for member in objective.problem.members])
     # Noise of unknown size is white: all its points have one standard deviation.
-    before = [float(sigma[0]) for sigma in objective.weights.sigmas]
+    before = [float(sigma[0]) for sigma in objective.noise.sigmas]
     residuals = np.split(objective.residuals(vector), ends)
     if robust:
         return [
             size * _MEDIAN_TO_SD * float(np.median(np.abs(r)))
             for size, r in zip(before, residuals, strict=False)
         ]
-    jacobian = objective.jacobian(vector)[:, objective.active]
+    normals, total = objective.normals(vector)
     # The pseudo-inverse of J'J as numpy.linalg.pinv has it, without the calls.
-    values, directions = np.linalg.eigh(jacobian.T @ jacobian)
-    fixed = directions[:, values > _RANK * len(values) * values[-1]]
+    values, directions = np.linalg.eigh(total)
+    fixed = directions[:, values > _RANK * len(values) * values.max(initial=0.0)]
     inverse = (fixed / values[len(values) - fixed.shape[1] :]) @ fixed.T
     sizes = []
-    for size, own, rows in zip(before, residuals, np.split(jacobian, ends), strict=False):
-        degrees = len(own) - float(np.sum(inverse * (rows.T @ rows)))
+    for size, own, normal in zip(before, residuals, normals, strict=False):
+        degrees = len(own) - float(np.sum(inverse * normal))
         sizes.append(size * float(np.sqrt(own @ own / degrees)))
     return sizes
 

@@ -19,7 +19,7 @@ from scipy import fft, special
 
 from underlay._arrays import FloatArray
 
-__all__ = ["ResidualDiagnostics", "diagnose"]
+__all__ = ["ResidualDiagnostics", "correlated", "diagnose"]
 
 # A thousand honest curves in a row would raise one false alarm.
 _SIGNIFICANT = 1e-3
@@ -88,6 +88,14 @@ def diagnose(whitened: FloatArray, force_residuals: FloatArray) -> ResidualDiagn
         runs_probability=probability,
         effective_points=n / max(_initial_positive_sum(rho), 1.0),
     )
+
+
+def correlated(whitened: FloatArray, force_residuals: FloatArray) -> ResidualDiagnostics | None:
+    """`diagnose` a curve whose residuals hang together; None, for a tenth of the cost, where they do not."""
+    if _runs(whitened)[2] >= _SIGNIFICANT:
+        return None
+    entry = diagnose(whitened, force_residuals)
+    return entry if entry.correlated else None
 
 
 def _autocorrelation(values: FloatArray) -> FloatArray:

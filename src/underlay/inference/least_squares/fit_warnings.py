@@ -8,8 +8,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.file_facts import EVERYTHING, settle
-from underlay.inference.fitting.diagnostics import ResidualDiagnostics
-from underlay.inference.fitting.fit_result import Alternative, FitStatistics, FitWarning
+from underlay.inference.least_squares.diagnostics import ResidualDiagnostics
+from underlay.inference.least_squares.fit_result import Alternative, FitStatistics, FitWarning
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.depth_doubt import depth_doubt
@@ -29,14 +29,14 @@ def warnings_of(
     reasons: Mapping[str, str],
     bounds_hit: Mapping[str, str],
     covariance: FloatArray,
-    diagnostics: Sequence[ResidualDiagnostics],
+    correlated: Sequence[ResidualDiagnostics | None],
     statistics: FitStatistics,
     alternatives: Sequence[Alternative],
 ) -> tuple[FitWarning, ...]:
     """Everything a reader of the numbers should know first.
 
     `laws` are those behind the curves, one each; `reasons` and `bounds_hit` are those of `Fit`; `covariance`
-    is the scaled one, (k, k).
+    is the scaled one, (k, k); `correlated` describes the residuals of the curves where they hang together.
     """
     warnings = []
     if not statistics.success:
@@ -51,7 +51,7 @@ def warnings_of(
         *_unfixed(problem, covariance),
         *_correlated(problem, covariance),
         *_second_optima(alternatives),
-        *_residuals(diagnostics),
+        *_residuals(correlated),
         *_law_range(laws),
         *_law_error(problem, covariance, statistics),
         *_file_facts(problem),
@@ -95,6 +95,8 @@ def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
     known = product > 0.0
     correlation = np.divide(covariance, product, out=np.zeros_like(product), where=known)
     linked = np.abs(correlation) > _STRONG_CORRELATION
+    if not np.triu(linked, 1).any():
+        return []
     # Who reaches whom over as many links as there are parameters; the first of those names the group.
     reached = np.linalg.matrix_power(linked | np.eye(len(linked), dtype=bool), len(linked))
     group = np.argmax(reached, axis=1)
@@ -126,18 +128,19 @@ def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:
         warnings.append(
             FitWarning(
                 "second-optimum",
-                f"another optimum explains the data nearly as well (chi-square {entry.rise:.2g} higher): "
-                f"{values}; standard errors say nothing of it, profile(fit, name, calibrate=99) does",
+                "another optimum explains the data nearly as well (chi-square "
+                f"{entry.delta_chi_square:.2g} higher): {values}; standard errors say nothing of it, "
+                "profile(fit, name, calibrate=99) does",
             )
         )
     return warnings
 
 
-def _residuals(diagnostics: Sequence[ResidualDiagnostics]) -> list[FitWarning]:
+def _residuals(correlated: Sequence[ResidualDiagnostics | None]) -> list[FitWarning]:
     warnings = []
-    for number, entry in enumerate(diagnostics):
-        if entry.correlated:
-            which = f"curve {number + 1}: " if len(diagnostics) > 1 else ""
+    for number, entry in enumerate(correlated):
+        if entry is not None:
+            which = f"curve {number + 1}: " if len(correlated) > 1 else ""
             warnings.append(
                 FitWarning(
                     "correlated-residuals",

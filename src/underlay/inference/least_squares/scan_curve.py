@@ -1,4 +1,4 @@
-"""One curve tried at the points of a grid: every contact at once, linear parameters solved for."""
+"""One curve at the points of a grid: every contact at once, linear parameters solved for."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.fitting.blocks import Blocks
-from underlay.inference.fitting.law_rows import LawRows, Rows
+from underlay.inference.least_squares.blocks import Blocks
+from underlay.inference.least_squares.law_rows import LawRows, Rows
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Forward
 
-__all__ = ["BASE_MODULUS", "CONTACT", "MODULUS", "THICKNESS", "Sight", "Trial"]
+__all__ = ["BASE_MODULUS", "CONTACT", "MODULUS", "THICKNESS", "GridFit", "ScanCurve"]
 
 MODULUS, BASE_MODULUS, THICKNESS = "layer.E", "substrate.E", "layer.thickness"
 CONTACT = "instrument.contact_depth"
@@ -22,8 +22,8 @@ _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
 
 @dataclass(frozen=True)
-class Sight:
-    """What a curve says to the rows of a grid, each (r,).
+class GridFit:
+    """How well a curve goes with the rows of a grid, each (r,).
 
     Parameters
     ----------
@@ -39,16 +39,16 @@ class Sight:
     contact: FloatArray
     amplitude: FloatArray
 
-    def followed_by(self, other: Sight) -> Sight:
+    def followed_by(self, other: GridFit) -> GridFit:
         """These rows and then those of another."""
-        return Sight(*(np.concatenate(pair) for pair in self._beside(other)))
+        return GridFit(*(np.concatenate(pair) for pair in self._beside(other)))
 
-    def better(self, other: Sight) -> Sight:
+    def better(self, other: GridFit) -> GridFit:
         """Row by row the one that fits better."""
         lower = other.misfit < self.misfit
-        return Sight(*(np.where(lower, theirs, ours) for ours, theirs in self._beside(other)))
+        return GridFit(*(np.where(lower, theirs, ours) for ours, theirs in self._beside(other)))
 
-    def _beside(self, other: Sight) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    def _beside(self, other: GridFit) -> tuple[tuple[FloatArray, FloatArray], ...]:
         return (
             (self.misfit, other.misfit),
             (self.contact, other.contact),
@@ -57,7 +57,7 @@ class Sight:
 
 
 @dataclass(frozen=True)
-class Trial:
+class ScanCurve:
     """A curve and what is free of its scene.
 
     Parameters
@@ -84,7 +84,7 @@ class Trial:
         """Laws of the rows for every contact that is tried."""
         return LawRows.of(self.forward, rows, float(self._travel(rows).max() - self.contacts[0]))
 
-    def look(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> Sight:
+    def best_contact(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> GridFit:
         """Best of the contacts (m), (c,) or (r, c), of every row."""
         forces = laws.force(self._travel(rows) - np.atleast_2d(contacts)[:, :, None])
         basis = self._linear_basis
@@ -94,15 +94,15 @@ class Trial:
         left = target - amplitude[..., None] * shapes
         misfit = np.where(laws.possible[:, None], np.einsum("rcm,rcm->rc", left, left), np.inf)
         chosen = np.arange(len(misfit)), np.argmin(misfit, axis=1)
-        return Sight(misfit[chosen], np.broadcast_to(contacts, misfit.shape)[chosen], amplitude[chosen])
+        return GridFit(misfit[chosen], np.broadcast_to(contacts, misfit.shape)[chosen], amplitude[chosen])
 
-    def closer(self, rows: Rows, laws: LawRows, found: Sight) -> Sight:
+    def refined(self, rows: Rows, laws: LawRows, found: GridFit) -> GridFit:
         """The same after a Gauss-Newton step of each contact, where that is better."""
         step = float(self.contacts[1] - self.contacts[0])
         moved = found.contact + np.clip(self._towards(rows, laws, found), -step, step)
         # Not before the first contact: the laws reach no deeper.
         moved = np.clip(moved, self.contacts[0], self.free[CONTACT].high)
-        return found.better(self.look(rows, laws, moved[:, None]))
+        return found.better(self.best_contact(rows, laws, moved[:, None]))
 
     def linear(self, values: Mapping[str, float]) -> dict[str, float]:
         """Baseline and slope, those that are free, that go best with the other numbers."""
@@ -115,7 +115,7 @@ class Trial:
         solved = np.linalg.lstsq(columns, rest, rcond=None)[0]
         return dict(zip((path for path in _LINEAR if path in self.free), solved.tolist(), strict=True))
 
-    def _towards(self, rows: Rows, laws: LawRows, found: Sight) -> FloatArray:
+    def _towards(self, rows: Rows, laws: LawRows, found: GridFit) -> FloatArray:
         """Gauss-Newton step of the contact depth (m), (r,), everything linear solved for beside it."""
         basis = self._linear_basis
         tip = (self._travel(rows) - found.contact[:, None])[:, None]
