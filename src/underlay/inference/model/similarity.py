@@ -87,6 +87,11 @@ class Similarity:
         """Paths that a reference law is built with."""
         return (*self.moduli[1:], *self.energies, *self.lengths, *self.direct)
 
+    @property
+    def force_scales(self) -> tuple[str, ...]:
+        """Paths of which one factor on all is a factor on the force; none where nothing scales."""
+        return (*self.moduli, *self.energies) if self.moduli else ()
+
     def factors(self, values: Mapping[str, float]) -> tuple[float, float]:
         """(b, c) of P(w) = c P_ref(b w)."""
         E, s = self._modulus_ratio(values), self.length_ratio(values)
