@@ -299,7 +299,9 @@ def _adhesion_effects(scene: Simulated, level: Simulated, law: ContactLaw) -> li
     found = [Effect(name, level, replace(level, adhesion=None), simulated=True, note=note)]
     if adhesion != adhesion.short_ranged:
         ranged = replace(level, adhesion=adhesion)
-        found.append(Effect("range of attraction", ranged, level, simulated=True, note=f"against JKR; {law.reason}"))
+        found.append(
+            Effect("range of attraction", ranged, level, simulated=True, note=f"against JKR; {law.reason}")
+        )
     return found
 
 

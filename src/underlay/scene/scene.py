@@ -78,20 +78,10 @@ class Scene:
             raise InputError(f"substrate must be a material, RIGID or None; got {self.substrate!r}")
         if not isinstance(self.instrument, Instrument):
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
-        if not isinstance(self.history, History | None):
-            raise InputError(f"history must be a History or None; got {self.history!r}")
         if not isinstance(self.adhesion, Adhesion | None):
             raise InputError(f"adhesion must be JKR(work), DMT(work) or None; got {self.adhesion!r}")
-        if self.history is not None and self.adhesion is not None:
-            raise InputError(
-                "adhesion beside a history is not simulated: how fast a sticking edge moves through a sample that "
-                "remembers is another problem; leave one of them out"
-            )
-        if self.history is not None and self.instrument.compliance:
-            raise InputError(
-                "a frame's compliance beside a history is not simulated: take it out of the depth first "
-                "(depth - compliance * force) and set instrument.compliance to 0"
-            )
+        if not isinstance(self.history, History | None):
+            raise InputError(f"history must be a History or None; got {self.history!r}")
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
                 f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
@@ -101,6 +91,22 @@ class Scene:
             raise InputError(
                 'a layer on a substrate needs its thickness: give layer.thickness, e.g. "1.5 mm" in a scene '
                 "file, or leave the substrate out for a half-space"
+            )
+        self._check_history()
+
+    def _check_history(self) -> None:
+        """Refuse what a sample that remembers is not simulated with."""
+        if self.history is None:
+            return
+        if self.adhesion is not None:
+            raise InputError(
+                "adhesion beside a history is not simulated: how fast a sticking edge moves through a sample that "
+                "remembers is another problem; leave one of them out"
+            )
+        if self.instrument.compliance:
+            raise InputError(
+                "a frame's compliance beside a history is not simulated: take it out of the depth first "
+                "(depth - compliance * force) and set instrument.compliance to 0"
             )
 
     @property

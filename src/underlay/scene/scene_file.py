@@ -18,9 +18,9 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Optional sections: ``[instrument]``, ``[history]`` and ``[adhesion]`` (model, and its numbers), ``[solver]`` (name, rtol, order,
-form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made
-curve). A new indenter or history needs no change here.
+Optional sections: ``[instrument]``, ``[history]`` and ``[adhesion]`` (model, and its numbers), ``[solver]`` (name,
+rtol, order, form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and
+``[simulate]`` (depths of a made curve). A new indenter, history or model of adhesion needs no change here.
 """
 
 from __future__ import annotations

@@ -13,10 +13,11 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.model.laws import LawStore, quiet_law
+from underlay.inference.model.laws import quiet_law
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.solvers import HalfSpace
 from underlay.scene.chain import Baseline, ContactPoint
 from underlay.scene.scene import Scene
 
@@ -47,14 +48,14 @@ class _Marks(NamedTuple):
 
 def adhesive_starts(problem: Problem, count: int) -> list[FloatArray]:
     """Scaled vectors (k,), best first, at most `count`; empty if none has a law."""
-    marks = [_marks(member, problem) for member in problem.members]
+    marks = [_marks(member) for member in problem.members]
     first = problem.members[0]
     moduli = [first.base[_MODULUS]]
     if _MODULUS in first.entries:
         moduli = (_elastic_modulus(first, marks[0]) * _MODULI).tolist()
     ranked: list[tuple[float, FloatArray]] = []
     for modulus in moduli:
-        for work in _works(first, problem, marks, modulus):
+        for work in _works(first, marks, modulus):
             vector = _vector(problem, marks, modulus, work)
             if vector is not None and np.isfinite(misfit := _misfit(problem, vector)):
                 ranked.append((misfit, vector))
@@ -62,7 +63,7 @@ def adhesive_starts(problem: Problem, count: int) -> list[FloatArray]:
     return [vector for _, vector in ranked[:count]]
 
 
-def _marks(member: Member, problem: Problem) -> _Marks:
+def _marks(member: Member) -> _Marks:
     order = np.argsort(member.forward.depth, kind="stable")
     depth, force = member.forward.depth[order], member.force[order]
     baseline = member.base[Baseline.path]
@@ -77,12 +78,12 @@ def _marks(member: Member, problem: Problem) -> _Marks:
 def _elastic_modulus(member: Member, marks: _Marks) -> float:
     """Modulus (Pa) of a half-space without adhesion that carries the top force at the range of depth."""
     bare = Scene(member.scene.indenter, member.scene.layer, member.scene.substrate)
-    law = quiet_law(bare, "halfspace", marks.span)
+    law = quiet_law(bare, HalfSpace(), marks.span)
     force = float(law.force(min(marks.span, law.max_depth)))
     return member.base[_MODULUS] * max(marks.top, marks.pull) / force
 
 
-def _works(member: Member, problem: Problem, marks: list[_Marks], modulus: float) -> list[float]:
+def _works(member: Member, marks: list[_Marks], modulus: float) -> list[float]:
     """Works of adhesion (J/m^2) to try with a modulus."""
     known = member.base[_WORK]
     if _WORK not in member.entries:

@@ -119,7 +119,7 @@ class LinearDirections:
 
 
 def _common_moduli(members: Sequence[Member]) -> set[int]:
-    """Entries that carry all moduli (and works of adhesion) of all curves, in one factor; empty if there are none."""
+    """Entries that carry all moduli (and works of adhesion) of all curves in one factor; or none."""
     found: list[set[int]] = []
     for member in members:
         gives = bool(member.base["instrument.compliance"]) or "instrument.compliance" in member.entries

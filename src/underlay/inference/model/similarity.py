@@ -137,7 +137,7 @@ class Similarity:
         E, s = self._modulus_ratio(values), self.length_ratio(values)
         if self.exponent is None:
             return E * s
-        return E * self._coefficient_ratio(values) ** 2 * s ** (2.0 * self.exponent - 1.0)
+        return E * self._coefficient_ratio(values) ** 2 * float(s ** (2.0 * self.exponent - 1.0))
 
     def _modulus_ratio(self, values: Mapping[str, float]) -> float:
         return values["layer.E"] / self.values["layer.E"] if self.moduli else 1.0

@@ -139,7 +139,8 @@ class AdhesiveLaw(ContactLaw):
                 f"here, {self.max_depth:.6g} m: {self._beyond}",
                 max_depth=self.max_depth,
             )
-        return self.branch.at(path.radius(flat)).depth.reshape(load.shape)[()]
+        depth: FloatArray = self.branch.at(path.radius(flat)).depth.reshape(load.shape)[()]
+        return depth
 
     def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray:
         """Depth (m) behind a spring of this compliance (m/N) at travels (m), (n,); the travel where it is off."""

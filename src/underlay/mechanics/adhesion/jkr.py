@@ -232,7 +232,10 @@ def _too_wide(contact: Contact, depth: float, force: float, asked: float) -> Ran
         else "the contact radius is 20 thicknesses; use a thicker layer or the half-space law of the substrate"
     )
     if force < 0.0:
-        return RangeError(f"adhesion alone draws the tip in until {why}, or declare a smaller work of adhesion")
+        return RangeError(
+            f"adhesion alone draws the tip in until {why}, or declare a smaller work of adhesion"
+        )
     return RangeError(
-        f"depth {asked:.6g} m is beyond the largest that works here, {depth:.6g} m: there {why}", max_depth=depth
+        f"depth {asked:.6g} m is beyond the largest that works here, {depth:.6g} m: there {why}",
+        max_depth=depth,
     )

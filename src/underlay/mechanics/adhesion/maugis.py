@@ -55,10 +55,11 @@ _SMALLEST = 0.1
 # Annuli searched, as (c - a)/a, and the step of the search in its logarithm.
 _NARROWEST, _WIDEST = 1e-12, 1e3
 _STEP = 0.7
+_NEAR = 1e-2  # where the first search begins
 
 
 class MaugisState(NamedTuple):
-    """One equilibrium: depth w (m), force P (N), separation delta at the annulus' end (m) and outer radius c (m)."""
+    """One equilibrium: depth w (m), force P (N), separation delta (m) at the radius `outer` c (m)."""
 
     depth: float
     force: float
@@ -130,7 +131,7 @@ class Maugis(Adhesion):
         """Attraction sigma0 (Pa)."""
         return self.work / self.range
 
-    def state(self, contact: Contact, radius: float, near: float = 1e-2) -> MaugisState:
+    def state(self, contact: Contact, radius: float, near: float = _NEAR) -> MaugisState:
         """Equilibrium of a contact of this radius (m); the search begins at (c - a)/a = `near`.
 
         Raises
@@ -147,8 +148,8 @@ class Maugis(Adhesion):
         low, high = _bracket(excess, float(np.log(near)), float(np.log(widest)))
         if excess(high) < 0.0:
             raise RangeError(
-                f"around a contact of radius {radius:.4g} m an attraction of range {self.range:.4g} m reaches beyond "
-                f"{radius * (1.0 + widest):.4g} m, where the solution or the indenter's shape ends"
+                f"around a contact of radius {radius:.4g} m an attraction of range {self.range:.4g} m "
+                f"reaches beyond {radius * (1.0 + widest):.4g} m, where the solution or the indenter's shape ends"
             )
         share = float(np.exp(brentq(excess, low, high, xtol=1e-12, rtol=1e-13)))
         return maugis_state(contact, radius, radius * (1.0 + share), self.stress)
@@ -165,7 +166,9 @@ class Maugis(Adhesion):
         """
         elastic_tolerance(solver)
         if isinstance(contact.indenter, FlatPunch):
-            raise InputError("Maugis(work, range) takes rounded and pointed tips; use JKR(work) for a flat punch")
+            raise InputError(
+                "Maugis(work, range) takes rounded and pointed tips; use JKR(work) for a flat punch"
+            )
         body = contact if solver.sees_base else replace(contact, thickness=np.inf)
         deepest = max(max_depth, 0.0)
         near = jkr_branch(body, self.work, deepest, _CURVE_RTOL)
@@ -183,8 +186,8 @@ class Maugis(Adhesion):
             rtol=_CURVE_RTOL,
         )
         reason = (
-            f"Maugis-Dugdale: at pull-off the attraction acts on a ring of (c - a)/a = {zone:.2g}, and the pull-off "
-            f"force is {100.0 * (-law.pull_off_force / jkr - 1.0):+.2g} % from JKR's"
+            f"Maugis-Dugdale: at pull-off the attraction acts on a ring of (c - a)/a = {zone:.2g}, and the "
+            f"pull-off force is {100.0 * (-law.pull_off_force / jkr - 1.0):+.2g} % from JKR's"
         )
         return replace(law, reason=reason)
 
@@ -210,12 +213,10 @@ def _branch(adhesion: Maugis, contact: Contact, reference: float, end: float) ->
     start = _SMALLEST * reference
     radii = np.geomspace(start, end, 2 + int(_PER_DECADE * np.log10(end / start)))
     radii[0], radii[-1] = start, end
-    states: list[MaugisState] = []
-    for radius in radii.tolist():
-        near = states[-1].outer / radius_before - 1.0 if states else 1e-2
-        states.append(adhesion.state(contact, radius, near))
-        radius_before = radius
-    table = np.array([(state.depth, state.force) for state in states])
+    table, near = np.empty((radii.size, 2)), _NEAR
+    for row, radius in zip(table, radii.tolist(), strict=True):
+        state = adhesion.state(contact, radius, near)
+        row[:], near = (state.depth, state.force), state.outer / radius - 1.0
     return _MaugisBranch(CubicSpline(np.log(radii), table), start, end, reference)
 
 

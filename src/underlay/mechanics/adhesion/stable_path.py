@@ -101,7 +101,9 @@ class StablePath:
         return (y <= piece.top) & ((y > piece.end) | last)
 
 
-def stable_path(curve: Curve, grid: FloatArray, columns: Columns | None = None, rtol: float = 1e-6) -> StablePath:
+def stable_path(
+    curve: Curve, grid: FloatArray, columns: Columns | None = None, rtol: float = 1e-6
+) -> StablePath:
     """Find the stable pieces of y(a) on `grid` and interpolate them.
 
     Parameters
@@ -144,7 +146,9 @@ def _piece(curve: Curve, lower: float, upper: float, columns: Columns | None, rt
     scale = abs(end) or float(y[-1] - end)
     x = np.arcsinh(np.sqrt((y - end) / scale))
     further = () if columns is None else (columns(radius),)
-    return _Piece(end, float(y[-1]), lower, scale, CubicSpline(x, np.column_stack((np.log(radius), *further))))
+    return _Piece(
+        end, float(y[-1]), lower, scale, CubicSpline(x, np.column_stack((np.log(radius), *further)))
+    )
 
 
 def _minimum(curve: Curve, grid: FloatArray, start: int) -> float:
