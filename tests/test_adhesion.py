@@ -57,7 +57,7 @@ def test_a_flat_punch_is_kendalls():
 
 
 def test_little_adhesion_is_none():
-    """At a given depth the first change of the force is - 2 pi a work/(dw_el/da): on a half-space DMT's over two."""
+    """At a given depth the first change of the force is - 2 pi a work/(dw_el/da)."""
     w, work = np.linspace(0.05, 0.5, 7), 1e-7
     elastic = ul.contact_law(ul.Paraboloid(1.0), layer(0.5), ul.RIGID, max_depth=0.5, solver=FINE)
     law = law_of(work, depth=0.5)
@@ -132,8 +132,8 @@ def test_a_thin_layer_approaches_two_and_three():
     def factor(nu, work):
         return law_of(work, nu=nu, solver=ul.Exact(1e-7)).pull_off_force / (np.pi * work)
 
-    compressible = [2.0 - factor(0.3, work) for work in (1e3, 1e4, 1e5)]
-    assert compressible == pytest.approx([2.0 - 1.96629, 2.0 - 1.98157, 0.0101], abs=1e-4)
+    compressible = [2.0 - factor(0.3, work) for work in (1e3, 1e4)]
+    assert compressible == pytest.approx([2.0 - 1.96629, 2.0 - 1.98157], abs=1e-5)
     thin = [3.0 - factor(0.5, work) for work in (1e3, 1e4, 1e5)]
     assert thin == pytest.approx([3.0 - 2.46806, 3.0 - 2.62074, 3.0 - 2.73597], abs=1e-5)
     # The rest goes with h/a_c.
@@ -169,7 +169,7 @@ def test_the_work_of_a_cycle_is_that_of_its_jumps(ratio):
     law = law_of(0.05, nu=0.4, ratio=ratio, depth=0.3, solver=ul.Exact(1e-8))
     w = np.linspace(0.0, 0.3, 4001)
     work = float(np.sum(0.5 * (law.force(w)[1:] + law.force(w)[:-1]) * np.diff(w)))
-    ends = law.contact_radius(w[[1, -1]])
+    ends = law.contact_radius(w[[0, -1]])
 
     def stored(radius, depth):
         """Elastic energy: that of the contact without adhesion at this radius, then of a punch drawn back."""
@@ -179,7 +179,7 @@ def test_the_work_of_a_cycle_is_that_of_its_jumps(ratio):
         drop, stiffness = depth - elastic.depth[-1], 4.0 * radius * elastic.kappa[-1]
         return energy + elastic.force[-1] * drop + 0.5 * stiffness * drop**2
 
-    change = stored(ends[1], w[-1]) - stored(ends[0], w[1])
+    change = stored(ends[1], w[-1]) - stored(ends[0], w[0])
     assert work == pytest.approx(change - 0.05 * np.pi * (ends[1] ** 2 - ends[0] ** 2), rel=1e-4)
 
 
@@ -230,11 +230,10 @@ def test_states():
 
 
 def test_a_fold_takes_the_widest_contact_and_reports_its_jump():
-    tip = ul.Cone(0.8)
-    law = law_of(1e-3, nu=0.3, ratio=0.01, tip=tip, depth=0.5, solver=ul.Exact(1e-8))
+    law = law_of(1e-3, nu=0.3, ratio=0.01, tip=ul.Cone(0.8), depth=10.0, solver=ul.Exact(1e-8))
     assert len(law.jumps) == 1
     jump = law.jumps[0]
-    assert jump.inner < jump.outer
+    assert 0.0 < jump.inner < jump.outer
     assert "jumps at depth" in law.reason
     for side, radius in ((1e-9, jump.outer), (-1e-9, jump.inner)):
         assert law.contact_radius(jump.at + side) == pytest.approx(radius, rel=2e-3)
@@ -242,6 +241,18 @@ def test_a_fold_takes_the_widest_contact_and_reports_its_jump():
     for depth in (jump.at * 0.9, jump.at * 1.1):
         wider = np.linspace(float(law.contact_radius(depth)) * 1.0001, law.branch.end, 400)
         assert (law.branch.at(wider).depth > depth).all()
+
+
+def test_a_fold_under_load():
+    """E2/E1 = 0.1: the load has two minima, the depth one; the tip comes off at the lower."""
+    law = law_of(0.1, nu=0.3, ratio=0.1, tip=ul.Cone(0.8), depth=2.0, solver=ul.Exact(1e-8))
+    assert law.jumps == ()
+    first, last = law.load_path.jumps
+    assert first.outer > first.inner > last.outer > last.inner == 0.0
+    forces = law.branch.at(np.geomspace(law.branch.start, law.branch.end, 20001)).force
+    assert law.pull_off_force == pytest.approx(-forces.min(), rel=1e-6)
+    for radius in (first.outer, first.inner):
+        assert law.branch.at(np.array([radius])).force[0] == pytest.approx(first.at, rel=1e-9)
 
 
 # --- Maugis and Dugdale -------------------------------------------------------------------------------------

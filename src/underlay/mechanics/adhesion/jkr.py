@@ -205,7 +205,9 @@ def jkr_branch(contact: Contact, work: float, max_depth: float, rtol: float) -> 
         relation = solve_relation(contact, end, rtol)
         branch = JKRBranch(relation, work, end, reference)
         last = branch.at(np.array([end]))
-        if last.depth[0] >= max_depth and last.force[0] >= 0.0:
+        # On a film that folds the widest contact is beyond the fold, where depth and force increase again.
+        grows = last.depth_slope[0] > 0.0 and last.force_slope[0] > 0.0
+        if grows and last.depth[0] >= max_depth and last.force[0] >= 0.0:
             return branch
         if end >= widest:
             raise _too_wide(contact, float(last.depth[0]), float(last.force[0]), max_depth)
