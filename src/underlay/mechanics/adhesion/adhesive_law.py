@@ -185,7 +185,7 @@ class AdhesiveLaw(ContactLaw):
         return self.path.radius(depth)
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
-        return self._force_and_stiffness(depth)[1]
+        return np.asarray(self._force_and_stiffness(depth)[1])
 
     def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
         values, slopes = self.path.values(depth, slopes=True)

@@ -155,7 +155,7 @@ class LayerRelation(RadiusRelation):
     def at(self, radius: FloatArray) -> AtRadius:
         """See `RadiusRelation`."""
         eps = radius / self.thickness
-        cosine = np.clip(self.stretch.z(eps), -1.0, 1.0)
+        cosine = self.stretch.z(eps)
         basis = np.polynomial.chebyshev.chebvander(cosine, self.coefficients.shape[0] - 1)
         factors = np.exp(basis @ self.coefficients)
         slopes = basis[:, :-1] @ np.polynomial.chebyshev.chebder(self.coefficients)
