@@ -192,7 +192,7 @@ def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatisti
                     "law-error",
                     f"the {statistics.law_method} law's own error, about {statistics.law_error:.1e} of the "
                     f"force, is larger than the standard error of {coordinate.name} ({deviation:.1e} of it): "
-                    'use the solver "exact" with a smaller rtol, or fit(problem, refine=True)',
+                    'use the solver "exact" with a smaller rtol',
                 )
             )
     return warnings
