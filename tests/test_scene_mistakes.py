@@ -198,7 +198,12 @@ def test_a_listed_key_is_one_that_is_accepted(tmp_path):
             if entry.section == section and "a table" not in entry.takes and entry.key != "format":
                 example = re.search(r'"[^"]+"|0\.45', entry.takes)
                 value = values.get(entry.key) or example.group(0)
-                text = SCENE.split("[noise]", maxsplit=1)[0] + f"\n[{section}]\n{entry.key} = {value}\n"
+                # The numbers of a solver go with its name.
+                name = {"order": "asymptotic", "form": "asymptotic", "rtol": "exact"}.get(entry.key)
+                named = f'name = "{name}"\n' if name else ""
+                text = (
+                    SCENE.split("[noise]", maxsplit=1)[0] + f"\n[{section}]\n{named}{entry.key} = {value}\n"
+                )
                 read_scene_file(write(tmp_path, text))
 
 
