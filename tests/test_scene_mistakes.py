@@ -207,6 +207,19 @@ def test_a_listed_key_is_one_that_is_accepted(tmp_path):
                 read_scene_file(write(tmp_path, text))
 
 
+def test_formats_shows_the_signs_that_the_scene_turns(run, tmp_path):
+    lines = [f"{0.1 * i:.3f},{-0.01 * i:.4f}" for i in range(30)]
+    (tmp_path / "c.csv").write_text("\n".join(["depth (um),force (uN)", *lines]) + "\n", encoding="utf-8")
+    scene = write(tmp_path, SCENE.split("[noise]", maxsplit=1)[0] + '\n[curve]\nflip = ["force"]\n')
+    code, out, err = run("formats", tmp_path / "c.csv")
+    assert code == 0, err
+    assert "-0.29 uN" in out
+    code, out, err = run("formats", tmp_path / "c.csv", "--scene", scene)
+    assert code == 0, err
+    assert "-0.29 uN" not in out
+    assert "0.29 uN" in out
+
+
 def test_a_starter_holds_what_the_file_knows_and_is_refused_until_filled_in(run, tmp_path):
     shutil.copy(SAMPLES / "chiaro_cell_indentation.csv", tmp_path / "cell.csv")
     scene = tmp_path / "new.toml"
