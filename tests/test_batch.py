@@ -233,13 +233,8 @@ def count_fits(monkeypatch):
 SCRIPT = """
 import sys
 sys.path[:0] = {path!r}
-import time
 from support.maps import *
-import underlay as ul
-from underlay.inference.batch import work as batch_work
-row = batch_work.CurveFitter._row
-batch_work.CurveFitter._row = lambda self, place: time.sleep(0.02) or row(self, place)
-curves = [made_curve(i) for i in range({count})]
+curves = [SlowCurve(made_curve(i)) for i in range({count})]
 fit(curves, made_manifest({count}), workers={workers}, output={output!r}, resume=True)
 """
 
