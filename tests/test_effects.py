@@ -30,6 +30,7 @@ EFFECTS = (
     "true sphere",
     "instrument compliance",
     "baseline",
+    "adhesion",
     "history",
 )
 PLAIN = Scene(Paraboloid(1e-3), Layer(GEL))

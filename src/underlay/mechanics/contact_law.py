@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError, LawError, RangeError, UnderlayError
@@ -133,6 +134,11 @@ class ContactLaw(Response, ABC):
         del depth, force
         return None
 
+    def work_slope(self, depth: FloatArray) -> FloatArray | None:
+        """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,); None where the law does not know it."""
+        del depth
+        return None
+
     @abstractmethod
     def _force(self, depth: FloatArray) -> FloatArray:
         """Force (N) at depths (m) inside the domain, 1-D."""
@@ -181,7 +187,7 @@ class ContactLaw(Response, ABC):
                 f"{self.max_depth:.6g} m: {self._beyond}",
                 max_depth=self.max_depth,
             )
-        touching = flat > self.domain[0]
+        touching = self._touching(np.atleast_1d(w)).ravel()
         if touching.all():
             return self._answer(primitive, flat, rows).reshape((*rows, *w.shape))[()]
         as_finite(w, "depth")
@@ -189,6 +195,10 @@ class ContactLaw(Response, ABC):
         if touching.any():
             values[..., touching] = self._answer(primitive, flat[touching], rows)
         return values.reshape((*rows, *w.shape))[()]
+
+    def _touching(self, depth: FloatArray) -> NDArray[np.bool_]:
+        """Where there is contact, at depths (..., n) in the order in which they are reached."""
+        return depth > self.domain[0]
 
     def _answer(
         self, primitive: Callable[[FloatArray], FloatArray], depth: FloatArray, rows: tuple[int, ...]

@@ -146,6 +146,8 @@ class Solver(ABC):
             As `build` does.
         """
         deepest = finite(max_depth, "max_depth", "m")
+        if contact.adhesion is not None:
+            return contact.adhesion.law(contact, deepest, self)
         try:
             law = self.build(contact, deepest)
         except UnderlayError:
