@@ -9,7 +9,9 @@ from types import ModuleType
 
 import lazy_loader
 
-__version__ = "0.1.0"
+from underlay._version import VERSION
+
+__version__ = VERSION
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from underlay import __version__
+from underlay._version import VERSION
 from underlay.cli.accuracy import accuracy
 from underlay.cli.bench import bench
 from underlay.cli.console import noted, say, say_error
@@ -40,7 +40,7 @@ app = typer.Typer(
 
 def _say_version(asked: bool) -> None:
     if asked:
-        say(f"underlay {__version__}")
+        say(f"underlay {VERSION}")
         raise typer.Exit
 
 
