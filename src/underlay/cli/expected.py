@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from underlay.scene.scene import Scene
     from underlay.scene.scene_file import SceneFile, SimulatedDepths
 
-__all__ = ["deepest_point", "expected_depths", "expected_noise", "measured_curve"]
+__all__ = ["deepest_point", "doubt_depth", "expected_depths", "expected_noise", "measured_curve"]
 
 # The default test: a contact as wide as the layer is thick, where the substrate is felt and strains are small;
 # a tenth of that depth, on a half-space, of a tip's radius; a cone has no length of its own.
@@ -46,7 +46,6 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
     InputError
         If what was given is not positive.
     """
-    from underlay.scene.depth_doubt import depth_doubt
     from underlay.units import format_quantity, parse_quantity
 
     if option is not None:
@@ -67,10 +66,17 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
         )
     if not depth > 0.0:
         raise InputError(f"the deepest point since contact must be positive; got {depth:.6g} m")
-    doubt = depth_doubt(file.scene, depth)
-    if doubt is not None:
-        say_warnings([doubt])
+    doubt_depth(file.scene, depth)
     return depth
+
+
+def doubt_depth(scene: Scene, depth: float) -> None:
+    """Warn where a depth since contact (m) is more than the layer's thickness."""
+    from underlay.mechanics.depth_doubt import DeeperThanLayer
+
+    doubt = DeeperThanLayer.of(depth, scene.layer.thickness)
+    if doubt is not None:
+        say_warnings([str(doubt)])
 
 
 def expected_noise(file: SceneFile, deepest: float, curve: Curve | None = None) -> Noise:
