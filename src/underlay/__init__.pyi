@@ -111,3 +111,5 @@ from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.instrument import Instrument as Instrument
 from .scene.scene import Scene as Scene
 from .scene.scene_file import load_scene as load_scene
+
+__version__: str

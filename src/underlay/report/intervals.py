@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
@@ -66,7 +66,7 @@ def estimates(
     s = result.statistics
     freedom = max(s.points - s.parameters, 1)
     half = 0.5 * (1.0 + level)
-    times = float(stats.t.ppf(half, freedom) if s.noise_estimated else stats.norm.ppf(half))
+    times = float(special.stdtrit(freedom, half) if s.noise_estimated else special.ndtri(half))
     deviations = np.sqrt(np.diag(result.scaled_covariance))
     rows = []
     for i, coordinate in enumerate(result.problem.coordinates):

@@ -7,7 +7,6 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
-import tomlkit
 
 from underlay.errors import InputError
 from underlay.mechanics.contact import Adhesion
@@ -25,6 +24,8 @@ def scene_text(scene: Any) -> str:
 
     A section for every part, a key for every number its dataclass declares; what has its default is left out.
     """
+    import tomlkit  # noqa: PLC0415  loaded by whoever writes a scene
+
     document = tomlkit.document()
     for entry in fields(scene):
         part = getattr(scene, entry.name)
