@@ -54,6 +54,8 @@ class History(Part, ABC):
     """
 
     parts: ClassVar[tuple[str, ...]] = ("history",)
+    #: Under which path its numbers stand.
+    prefix: ClassVar[str] = "history"
     #: Name in scene files.
     model: ClassVar[str] = ""
 
@@ -79,16 +81,26 @@ class History(Part, ABC):
             Their times (s), (n,), increasing.
         """
 
+    def require_told(self, free: Sequence[str], time: FloatArray) -> None:
+        """Refuse numbers at the paths `free` of which a record at these times (s) says nothing; default: none.
+
+        Raises
+        ------
+        ParameterError
+            With what to do instead.
+        """
+        del free, time
+
     def slopes(
         self, paths: Sequence[str], elastic: Elastic, depth: FloatArray, time: FloatArray
     ) -> Mapping[str, FloatArray]:
         """d force / d number, (n,), at its own `paths` (``history.time``); by differences unless overridden."""
-        numbers, found = numbers_of(self, "history"), {}
+        numbers, found = numbers_of(self, self.prefix), {}
         for path in paths:
             value, known = numbers[path]
             step = _STEP * (abs(value) or known.natural_scale)
             up, down = (
-                replace_values(self, {path: value + sign * step}, "history").force(elastic, depth, time)
+                replace_values(self, {path: value + sign * step}, self.prefix).force(elastic, depth, time)
                 for sign in (1.0, -1.0)
             )
             found[path] = (up - down) / (2.0 * step)

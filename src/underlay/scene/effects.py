@@ -27,6 +27,7 @@ from underlay.mechanics.materials import (
     Substrate,
     TransverselyIsotropic,
 )
+from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
 from underlay.mechanics.response import History, Remembered, Response
 from underlay.mechanics.solvers import AnySolver, as_solver
+from underlay.mechanics.viscoelastic.history import Viscoelastic, require_still_base
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
@@ -76,9 +77,13 @@ class Scene:
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
         if not isinstance(self.history, History | None):
             raise InputError(f"history must be a History or None; got {self.history!r}")
-        if self.history is not None and self.instrument.compliance:
+        if self.history is not None and self.layer.relaxation is not None:
+            raise InputError("a scene remembers in one way: a relaxation of its layer or a history, not both")
+        if self.layer.relaxation is not None:
+            require_still_base(self.layer, self.substrate)
+        if self.memory is not None and self.instrument.compliance:
             raise InputError(
-                "a frame's compliance beside a history is not simulated: take it out of the depth first "
+                "a frame's compliance beside a history or a relaxation is not simulated: take it out of the depth first "
                 "(depth - compliance * force) and set instrument.compliance to 0"
             )
         if self.substrate is None and np.isfinite(self.layer.thickness):
@@ -86,6 +91,19 @@ class Scene:
                 f"a layer {self.layer.thickness:.6g} m thick needs a substrate: pass substrate=RIGID or a "
                 "material, or leave the thickness out for a half-space"
             )
+
+    @cached_property
+    def memory(self) -> History | None:
+        """What remembers earlier depths: the layer's relaxation, the scene's history, or nothing."""
+        relaxation = self.layer.relaxation
+        return self.history if relaxation is None else Viscoelastic(relaxation)
+
+    @property
+    def elastic(self) -> Scene:
+        """The scene without memory: what it shows at once. Itself where there is none."""
+        if self.memory is None:
+            return self
+        return replace(self, layer=replace(self.layer, relaxation=None), history=None)
 
     @property
     def contact(self) -> Contact:
@@ -101,7 +119,7 @@ class Scene:
     ) -> FloatArray:
         """Force the instrument shows (N) at its depth readings `depth` (m), same shape.
 
-        `time` (s), (n,), is what a scene with a history needs too.
+        `time` (s), (n,), is what a scene that remembers needs too.
 
         Raises
         ------
@@ -118,7 +136,7 @@ class Scene:
 
     def response(self, law: ContactLaw) -> Response:
         """What the sample answers in time, given its elastic law: the law itself where it remembers nothing."""
-        return law if self.history is None else Remembered(law, self.history)
+        return law if self.memory is None else Remembered(law, self.memory)
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -18,9 +18,9 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Optional sections: ``[instrument]``, ``[history]`` (model, and its numbers), ``[solver]`` (name, rtol, order,
+Optional sections: ``[layer.relaxation]`` (model, and its numbers), ``[instrument]``, ``[history]`` (model, and its numbers), ``[solver]`` (name, rtol, order,
 form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made
-curve). A new indenter or history needs no change here.
+curve). A new indenter, relaxation or history needs no change here.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ import numpy as np
 from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
+from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
@@ -227,9 +228,27 @@ def _indenter(table: dict[str, Any]) -> Indenter:
 
 
 def _layer(table: dict[str, Any]) -> Layer:
+    relaxation = _relaxation(table)
     own = {name: table.pop(name) for name in field_quantities(Layer) if name in table}
     numbers = check(schema_of(Layer), "layer", own)
-    return Layer(_material("layer", table), **numbers)
+    return Layer(_material("layer", table), relaxation=relaxation, **numbers)
+
+
+def _relaxation(layer: dict[str, Any]) -> Relaxation | None:
+    """The relaxation of a layer's section, which is taken out of it."""
+    if "relaxation" not in layer:
+        return None
+    section, given = "layer.relaxation", layer.pop("relaxation")
+    if not isinstance(given, Mapping):
+        raise InputError(f"[{section}] must be a section, not {given!r}")
+    table = dict(given)
+    kind = _named({kind.model: kind for kind in Relaxation.models()}, section, table)
+    words = {"relaxes": table.pop("relaxes")} if "relaxes" in table else {}
+    numbers = check(schema_of(kind), section, table)
+    try:
+        return kind(**words, **numbers)
+    except InputError as error:
+        raise InputError(f"[{section}] {error}") from error
 
 
 def _material(section: str, table: dict[str, Any]) -> Material:
@@ -256,14 +275,19 @@ def _history(document: Mapping[str, Any]) -> History | None:
     if "history" not in document:
         return None
     table = dict(_table(document, "history"))
-    models = {kind.model: kind for kind in History.models()}
+    kind = _named({kind.model: kind for kind in History.models()}, "history", table)
+    history: History = _build(kind, "history", table)
+    return history
+
+
+def _named(models: Mapping[str, type[Any]], section: str, table: dict[str, Any]) -> type[Any]:
+    """The class that a section's ``model`` names; the key is taken out."""
     name = table.pop("model", None)
     if name not in models:
         raise InputError(
-            f"[history] model: {name!r} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
+            f"[{section}] model: {name!r} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
         )
-    history: History = _build(models[name], "history", table)
-    return history
+    return models[name]
 
 
 #: Keys that [solver] had once, and what to write now.

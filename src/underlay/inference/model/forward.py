@@ -77,10 +77,11 @@ class Forward:
         time: FloatArray | None = None,
     ) -> Forward:
         """Compile `scene` for readings `depth` (m) at `time` (s) when the parameters at the paths `free` vary."""
-        reference = replace(scene, instrument=Instrument(), history=None)
-        similarity = compile_similarity(scene, free, scaling=solver.scaling)
+        elastic = scene.elastic
+        reference = replace(elastic, instrument=Instrument())
+        similarity = compile_similarity(elastic, free, scaling=solver.scaling)
         laws = LawSource.of(similarity, reference, free, solver, store)
-        return cls(similarity, depth, laws, scene.history, time if scene.history is not None else None)
+        return cls(similarity, depth, laws, scene.memory, time if scene.memory is not None else None)
 
     def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
@@ -139,7 +140,7 @@ class Forward:
                 columns[path] = chain.at_fixed_travel(-S, S)
             elif path == Frame.path and chain.frame is not None:
                 columns[path] = chain.frame.slope(P, S)
-            elif path not in columns and not path.startswith("history."):
+            elif path not in columns and not self._remembers(path):
                 columns[path] = chain.at_fixed_travel(
                     self._mechanical(path, values, deepest, law, w, P, S, ratio_columns, rough=rough), S
                 )
@@ -155,8 +156,12 @@ class Forward:
 
     def _remembered(self, law: Response, history: History, values: Mapping[str, float]) -> Remembered:
         """The law seen through the history with the numbers of `values`."""
-        own = {path: value for path, value in values.items() if path.startswith("history.")}
-        return Remembered(law, replace_values(history, own, "history"))
+        own = {path: value for path, value in values.items() if self._remembers(path)}
+        return Remembered(law, replace_values(history, own, history.prefix))
+
+    def _remembers(self, path: str) -> bool:
+        """Whether a number is one of the history."""
+        return self.history is not None and path.startswith(f"{self.history.prefix}.")
 
     def _through_history(
         self,
@@ -182,7 +187,7 @@ class Forward:
 
             return slope
 
-        own = [path for path in paths if path.startswith("history.")]
+        own = [path for path in paths if self._remembers(path)]
         found = dict(history.slopes(own, law.force, w, time))
         for path in paths:
             if path not in found and path not in (Baseline.path, BaselineSlope.path):
