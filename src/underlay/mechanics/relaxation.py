@@ -104,10 +104,10 @@ def _checked_relaxes(given: str) -> None:
         raise InputError(f"relaxes must be one of {', '.join(map(repr, RELAXES))}; got {given!r}")
 
 
-def _numbers(values: Sequence[float], what: str) -> tuple[float, ...]:
+def _numbers(values: object, what: str) -> tuple[float, ...]:
     """The entries as floats, or an error that names the field."""
-    if isinstance(values, str) or np.ndim(values) != 1 or len(values) == 0:
-        raise InputError(f"{what} must be a list of at least one number; got {values!r}")
+    if not isinstance(values, Sequence | np.ndarray) or isinstance(values, str) or len(values) == 0:
+        raise InputError(f"{what} must be a list of at least one number; got {values!r:.80}")
     return tuple(finite(value, f"{what}[{index}]", "") for index, value in enumerate(values))
 
 
@@ -240,9 +240,7 @@ class PowerLawRelaxation(Relaxation):
     )
     time: float = field(
         default=1.0,
-        metadata=quantity(
-            "time", "time of the modulus of the {part}", symbol="t_0", bounds=(0.0, np.inf)
-        ),
+        metadata=quantity("time", "time of the modulus of the {part}", symbol="t_0", bounds=(0.0, np.inf)),
     )
     relaxes: str = "shear_and_bulk"
 

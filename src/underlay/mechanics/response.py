@@ -81,6 +81,13 @@ class History(Part, ABC):
             Their times (s), (n,), increasing.
         """
 
+    def prepared(self, depth: FloatArray, time: FloatArray) -> Callable[[Elastic], FloatArray]:
+        """The map from an elastic force to `force` for one motion, to be asked for several elastic forces.
+
+        Override it where the motion alone decides a good part of the work.
+        """
+        return lambda elastic: self.force(elastic, depth, time)
+
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
         """Refuse numbers at the paths `free` of which a record at these times (s) says nothing; default: none.
 

@@ -83,8 +83,8 @@ class Scene:
             require_still_base(self.layer, self.substrate)
         if self.memory is not None and self.instrument.compliance:
             raise InputError(
-                "a frame's compliance beside a history or a relaxation is not simulated: take it out of the depth first "
-                "(depth - compliance * force) and set instrument.compliance to 0"
+                "a frame's compliance beside a history or a relaxation is not simulated: take it out of the "
+                "depth first (depth - compliance * force) and set instrument.compliance to 0"
             )
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(

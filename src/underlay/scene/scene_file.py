@@ -18,9 +18,9 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Optional sections: ``[layer.relaxation]`` (model, and its numbers), ``[instrument]``, ``[history]`` (model, and its numbers), ``[solver]`` (name, rtol, order,
-form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made
-curve). A new indenter, relaxation or history needs no change here.
+Optional sections: ``[layer.relaxation]`` and ``[history]`` (model, and its numbers), ``[instrument]``,
+``[solver]`` (name, rtol, order, form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and
+``[simulate]`` (depths of a made curve). A new indenter, relaxation or history needs no change here.
 """
 
 from __future__ import annotations
@@ -246,9 +246,10 @@ def _relaxation(layer: dict[str, Any]) -> Relaxation | None:
     words = {"relaxes": table.pop("relaxes")} if "relaxes" in table else {}
     numbers = check(schema_of(kind), section, table)
     try:
-        return kind(**words, **numbers)
+        relaxation: Relaxation = kind(**words, **numbers)
     except InputError as error:
         raise InputError(f"[{section}] {error}") from error
+    return relaxation
 
 
 def _material(section: str, table: dict[str, Any]) -> Material:

@@ -212,5 +212,6 @@ def _check_history(scene: Scene, curve: Curve, free: Mapping[str, int]) -> None:
     scene.memory.require_told(tuple(free), checked_times(curve.time, curve.depth))
     if Frame.path in free:
         raise ParameterError(
-            f"{Frame.path} cannot be fitted beside a history or a relaxation: take the frame's share out of the depth first"
+            f"{Frame.path} cannot be fitted beside a history or a relaxation: take the frame's share out of "
+            "the depth first"
         )

@@ -12,6 +12,9 @@ closed constructions of `loading` and `unloading` do not hold.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Self
+
 import numpy as np
 
 from underlay._arrays import FloatArray
@@ -19,23 +22,42 @@ from underlay.mechanics.relaxation import Modes
 from underlay.mechanics.response import Elastic
 from underlay.mechanics.viscoelastic.memory import Memory
 
-__all__ = ["bed_force"]
+__all__ = ["Bed"]
 
 # Two cycles of a paraboloid, relative to the largest force against four times as many of both: see the tests.
 _SPRINGS = 400
 _STEPS = 1600
 
 
-def bed_force(elastic: Elastic, depth: FloatArray, modes: Modes, time: FloatArray) -> FloatArray:
-    """Force (N), (n,), of depths (m), (n,), negative before contact, at `time` (s), (n,)."""
-    pieces = max(int(np.ceil(_STEPS / (len(depth) - 1))), 1)
-    fine = np.arange((len(depth) - 1) * pieces + 1) / pieces
-    clock = np.interp(fine, np.arange(len(depth)), time)
-    path = np.interp(fine, np.arange(len(depth)), depth)
-    springs = np.linspace(0.0, float(path.max()), _SPRINGS + 1)
-    weights = -np.diff(elastic(springs)) / np.diff(springs)
-    forces = _stepped(path, Memory(modes, clock), springs)
-    return np.asarray(np.diff(forces[::pieces], axis=1) @ weights)
+@dataclass(frozen=True)
+class Bed:
+    """The map from an elastic force to that of one motion, whatever it is.
+
+    Parameters
+    ----------
+    springs : FloatArray
+        Depths (m) of the springs, (m,), from zero.
+    slopes : FloatArray
+        dQ/dx between the springs at every point, (n, m - 1).
+    """
+
+    springs: FloatArray
+    slopes: FloatArray
+
+    @classmethod
+    def of(cls, depth: FloatArray, modes: Modes, time: FloatArray) -> Self:
+        """Follow depths (m), (n,), negative before contact, at `time` (s), (n,)."""
+        pieces = max(int(np.ceil(_STEPS / (len(depth) - 1))), 1)
+        fine = np.arange((len(depth) - 1) * pieces + 1) / pieces
+        clock = np.interp(fine, np.arange(len(depth)), time)
+        path = np.interp(fine, np.arange(len(depth)), depth)
+        springs = np.linspace(0.0, float(path.max()), _SPRINGS + 1)
+        forces = _stepped(path, Memory(modes, clock), springs)[::pieces]
+        return cls(springs, np.diff(forces, axis=1) / np.diff(springs))
+
+    def __call__(self, elastic: Elastic) -> FloatArray:
+        """Force (N), (n,)."""
+        return np.asarray(self.slopes @ -np.diff(elastic(self.springs)))
 
 
 def _stepped(path: FloatArray, memory: Memory, springs: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -11,12 +11,12 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import InputError, ParameterError
 from underlay.mechanics.materials import Layer, Substrate
-from underlay.mechanics.relaxation import Modes, Relaxation
+from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import Elastic, History
-from underlay.mechanics.viscoelastic.bed import bed_force
-from underlay.mechanics.viscoelastic.loading import loading_force
+from underlay.mechanics.viscoelastic.bed import Bed
+from underlay.mechanics.viscoelastic.loading import Loading
 from underlay.mechanics.viscoelastic.memory import Memory
-from underlay.mechanics.viscoelastic.unloading import equal_radius, unloading_force
+from underlay.mechanics.viscoelastic.unloading import Unloading, equal_radius
 from underlay.quantities import inlined, numbers_of
 
 __all__ = ["Viscoelastic", "require_still_base"]
@@ -53,19 +53,24 @@ class Viscoelastic(History):
         InputError
             If it begins in contact and the relaxation has no finite modulus at once.
         """
+        return self.prepared(depth, time)(elastic)
+
+    def prepared(self, depth: FloatArray, time: FloatArray) -> Callable[[Elastic], FloatArray]:
+        """The map from an elastic force to `force` for one motion; raises as `force` does."""
         if len(depth) < 2 or not (depth > 0.0).any():
-            return np.asarray(elastic(np.maximum(depth, 0.0)))
+            return lambda elastic: np.asarray(elastic(np.maximum(depth, 0.0)))
         if depth[0] > 0.0 and not self.relaxation.bounded:
             raise InputError(
                 f"the record begins {depth[0]:.3g} m deep, and a {self.relaxation.model.replace('_', ' ')} "
                 "relaxation resists a sudden step without end: begin it before contact, or take a Prony series"
             )
         modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
+        memory = Memory(modes, time)
         for ripple in _RIPPLES:
-            force = _closed_force(elastic, depth, Memory(modes, time), ripple)
-            if force is not None:
-                return force
-        return bed_force(elastic, depth, modes, time)
+            found = _closed(depth, memory, ripple)
+            if found is not None:
+                return found
+        return Bed.of(depth, modes, time)
 
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
         """Refuse a free relaxation time outside what the record spans, from its sampling to its length.
@@ -111,26 +116,21 @@ class Viscoelastic(History):
         return np.asarray(modes.constant + (turned / (1.0 + turned)) @ modes.weights)
 
 
-def _closed_force(
-    elastic: Elastic, depth: FloatArray, memory: Memory, ripple: float
-) -> FloatArray | None:
-    """Force by Lee and Radok up to the last deepest point and by Ting after it; None where they do not hold."""
+def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Callable[[Elastic], FloatArray] | None:
+    """Lee and Radok up to the last deepest point and Ting after it; None where they do not hold."""
     w = np.maximum(depth, 0.0)
     allowed = (ripple + _ROUNDING) * w.max()
     turn = int(np.flatnonzero(w >= w.max() - allowed)[-1])
     if (np.maximum.accumulate(w[: turn + 1]) - w[: turn + 1] > allowed).any():
         return None
     if turn == len(w) - 1:
-        return loading_force(elastic, w, memory)
+        return Loading(w, memory)
     # Before contact the motion does not count, and after it the tip may leave the surface.
     path = np.concatenate((w[: turn + 1], depth[turn + 1 :]))
     found = equal_radius(path, memory, turn)
-    if (found.depth - np.minimum.accumulate(found.depth) > allowed).any():
+    if (found.depths - np.minimum.accumulate(found.depths) > allowed).any():
         return None
-    force, way_in = np.empty_like(w), Memory(memory.modes, memory.time[: turn + 1])
-    force[: turn + 1] = loading_force(elastic, w[: turn + 1], way_in)
-    force[turn + 1 :] = unloading_force(elastic, path, memory, turn, found)
-    return force
+    return Unloading(w[: turn + 1], memory, found)
 
 
 # A base this much stiffer than the layer is as good as rigid: the kernel of the unrelaxed layer then serves all
@@ -153,13 +153,13 @@ def require_still_base(layer: Layer, substrate: Substrate | None) -> None:
     plane = substrate.plane_constants
     if plane is None:
         return
-    ratio = plane.theta / layer.material.theta
+    ratio = float(plane.theta) / layer.material.theta
     if ratio >= _AS_GOOD_AS_RIGID:
         return
-    kept = layer.relaxation.equilibrium
-    size = "2 %" if kept >= 0.5 else "11 to 29 %, by measured cases in which nine tenths of it relax,"
+    half = layer.relaxation.equilibrium >= 0.5
+    size = "2 %" if half else "11 to 29 % (measured where nine tenths of it relax)"
     raise InputError(
-        f"a layer that relaxes on an elastic base only {ratio:.3g} times stiffer is not simulated: its force by the "
-        f"moduli of the moment would be up to {size} too low in a hold; a base 1000 times stiffer, RIGID, or no "
-        "base at all is exact"
+        f"a layer that relaxes on an elastic base only {ratio:.3g} times stiffer is not simulated: its force by "
+        f"the moduli of the moment would be up to {size} too low in a hold; a base 1000 times stiffer, a rigid "
+        "one, or none at all is exact"
     )

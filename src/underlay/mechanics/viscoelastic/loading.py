@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.response import Elastic
 from underlay.mechanics.viscoelastic.memory import Memory
 
-__all__ = ["loading_force", "loads"]
+__all__ = ["Loading", "loads"]
 
 
 def loads(elastic: Elastic, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -27,11 +29,25 @@ def loads(elastic: Elastic, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
     return values, middle
 
 
-def loading_force(elastic: Elastic, depth: FloatArray, memory: Memory) -> FloatArray:
-    """Force (N), (n,), of depths (m), (n,), that only grow or rest.
+@dataclass(frozen=True)
+class Loading:
+    """The map from an elastic force to that of one motion which only grows or rests.
 
     The elastic force is taken as quadratic in time over each step. Measured on a paraboloid, a ramp over 2.5
     relaxation times, relative to the largest force: 9e-7 with 10 points on the ramp, 2e-8 with 50, 5e-10 with
     200.
+
+    Parameters
+    ----------
+    depth : FloatArray
+        Depths (m), (n,).
+    memory : Memory
+        Their clock.
     """
-    return memory.hereditary(*loads(elastic, depth))
+
+    depth: FloatArray
+    memory: Memory
+
+    def __call__(self, elastic: Elastic) -> FloatArray:
+        """Force (N), (n,)."""
+        return self.memory.hereditary(*loads(elastic, self.depth))

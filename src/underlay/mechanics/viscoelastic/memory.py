@@ -93,9 +93,7 @@ class Memory:
 
     def hereditary(self, values: FloatArray, middle: FloatArray | None = None) -> FloatArray:
         """int e(t - s) dF(s) at every point, (n,); the arguments are those of `integrals`."""
-        return np.asarray(
-            self.modes.constant * values + self.modes.weights @ self.integrals(values, middle)
-        )
+        return np.asarray(self.modes.constant * values + self.modes.weights @ self.integrals(values, middle))
 
     def _summed(self, added: FloatArray, start: float) -> FloatArray:
         """Solve z_{n+1} = decay_n z_n + added_n from z_0 = `start`, (K, n).
