@@ -14,8 +14,8 @@ from underlay.mechanics import kernel, materials
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 from underlay.mechanics.response import Remembered
-from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.mechanics.solvers import Auto
+from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.report import plots
 from underlay.scene.chain import Baseline, Frame
 from underlay.scene.effects import effect_sizes

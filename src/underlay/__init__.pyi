@@ -32,7 +32,8 @@ from .errors import (
     UnitError as UnitError,
 )
 from .inference.batch.fit_many import fit_many as fit_many
-from .inference.batch.model import Sampling as Sampling
+from .inference.batch.options import MapOptions as MapOptions
+from .inference.batch.options import Sampling as Sampling
 from .inference.compare import compare as compare
 from .inference.from_files import load_problem as load_problem
 from .inference.identifiability import identifiability as identifiability

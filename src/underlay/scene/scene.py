@@ -24,6 +24,7 @@ from underlay.mechanics.viscoelastic.history import Viscoelastic, require_still_
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
+from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene_writer import scene_text
 
 __all__ = ["Scene"]
@@ -40,8 +41,8 @@ class Scene:
     layer : Layer
         What it is pressed into.
     substrate : Isotropic, TransverselyIsotropic or RIGID, optional
-        What the layer is bonded to. A layer of finite thickness needs one; without one the layer is a
-        half-space and no substrate code runs.
+        What the layer is bonded to. A layer of finite thickness needs one, and one on it needs a finite
+        thickness; without a substrate the layer is a half-space and no substrate code runs.
     instrument : Instrument, optional
         What reads depth and force; ideal by default.
     history : History, optional
@@ -50,7 +51,7 @@ class Scene:
     Raises
     ------
     InputError
-        If a part is of the wrong kind, or a finite layer has no substrate.
+        If a part is of the wrong kind, a finite layer has no substrate, or one on a substrate no thickness.
 
     Examples
     --------
@@ -88,8 +89,13 @@ class Scene:
             )
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
-                f"a layer {self.layer.thickness:.6g} m thick needs a substrate: pass substrate=RIGID or a "
-                "material, or leave the thickness out for a half-space"
+                f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
+                "a material), or leave the thickness out for a half-space"
+            )
+        if self.substrate is not None and not np.isfinite(self.layer.thickness):
+            raise InputError(
+                'a layer on a substrate needs its thickness: give layer.thickness, e.g. "1.5 mm" in a scene '
+                "file, or leave the substrate out for a half-space"
             )
 
     @cached_property
@@ -161,6 +167,9 @@ class Scene:
         ParameterError
             If the scene has no such path; names the nearest one.
         """
+        for path in values:
+            if path not in self._numbers:
+                raise unknown_parameter(path, self._numbers)
         return replace_values(self, values)
 
     def effects(self, max_depth: float, *, solver: AnySolver = "auto") -> pd.DataFrame:
