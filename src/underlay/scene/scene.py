@@ -78,15 +78,7 @@ class Scene:
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
         if not isinstance(self.history, History | None):
             raise InputError(f"history must be a History or None; got {self.history!r}")
-        if self.history is not None and self.layer.relaxation is not None:
-            raise InputError("a scene remembers in one way: a relaxation of its layer or a history, not both")
-        if self.layer.relaxation is not None:
-            require_still_base(self.layer, self.substrate)
-        if self.memory is not None and self.instrument.compliance:
-            raise InputError(
-                "a frame's compliance beside a history or a relaxation is not simulated: take it out of the "
-                "depth first (depth - compliance * force) and set instrument.compliance to 0"
-            )
+        _check_memory(self)
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
                 f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
@@ -188,3 +180,17 @@ class Scene:
             If the file cannot be written; an older file stays whole.
         """
         return write_atomic(path, scene_text(self))
+
+
+def _check_memory(scene: Scene) -> None:
+    """Refuse a memory that is not simulated."""
+    if scene.memory is None:
+        return
+    if scene.history is not None and scene.layer.relaxation is not None:
+        raise InputError("a scene remembers in one way: a relaxation of its layer or a history, not both")
+    if scene.instrument.compliance:
+        raise InputError(
+            "a frame's compliance beside a history or a relaxation is not simulated: take it out of the "
+            "depth first (depth - compliance * force) and set instrument.compliance to 0"
+        )
+    require_still_base(scene.layer, scene.substrate)
