@@ -7,6 +7,7 @@ import pytest
 from scipy import integrate, special
 
 import underlay as ul
+from underlay.inference.sampling.derived import derived_quantities
 from underlay.mechanics.viscoelastic import history
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.history import Viscoelastic
@@ -404,3 +405,13 @@ def test_power_law_is_fitted():
     fit = ul.fit(ul.Problem(start, curve, dict(zip(names, bounds, strict=True)), ul.Noise(force=2e-4)))
     for name in names:
         assert abs(fit.values[name] - scene.parameters[name]) < 4.0 * fit.stderr[name], name
+
+
+def test_equilibrium_modulus_follows_draw_by_draw():
+    curve = ul.simulate(SCENE, DEPTH, TIME)
+    free = ("layer.E", "layer.relaxation.fractions[1]")
+    problem = ul.Problem(SCENE, curve, free, ul.Noise(force=1e-4))
+    draws = np.array([[1e6, 0.3], [2e6, 0.1]])
+    assert derived_quantities(problem, draws)["layer.equilibrium_modulus"] == pytest.approx(
+        [3e5, 1e6], rel=1e-12
+    )
