@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy import integrate, special
@@ -11,6 +12,7 @@ from underlay.inference.sampling.derived import derived_quantities
 from underlay.mechanics.viscoelastic import history
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.history import Viscoelastic
+from underlay.report import plots
 
 #: Depth at which a paraboloid of radius h reaches a = h, by Poisson's ratio (lengths in h, theta = 1).
 REACH = {0.5: 0.559415485563, 0.3: 0.647622319928}
@@ -391,6 +393,12 @@ def test_loading_hold_and_unloading_are_fitted_together():
         assert abs(fit.values[name] - SCENE.parameters[name]) < 4.0 * fit.stderr[name], name
     assert fit.stderr["layer.relaxation.times[1]"] < 0.2
     assert "layer.relaxation.times[0]" in fit.report()
+    drawn = plots.fit_in_time(fit).lines[1].get_ydata()
+    assert drawn.max() == pytest.approx(1e3 * SCENE.force(DEPTH, TIME).max(), rel=0.01)
+    panel = plots.relaxation(fit)
+    assert panel.lines[0].get_ydata()[-1] == pytest.approx(0.3, rel=0.2)
+    assert panel.collections, "the band"
+    plt.close("all")
 
 
 def test_power_law_is_fitted():
