@@ -9,6 +9,8 @@ from scipy import integrate, special
 
 import underlay as ul
 from underlay.inference.sampling.derived import derived_quantities
+from underlay.mechanics.response import Remembered
+from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.mechanics.viscoelastic import history
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.history import Viscoelastic
@@ -355,6 +357,19 @@ def test_mistakes_about_time_are_named():
         ul.Problem(SCENE, ul.Curve(curve.depth, curve.force), free)
     with pytest.raises(ul.ParameterError, match=r"this record tells times from its sampling, 0\.03 s"):
         ul.Problem(SCENE.with_values({"layer.relaxation.times[1]": 30.0}), curve, free)
+
+
+class Sticky(ScaledLaw):
+    """A law that holds on below its first contact."""
+
+    @property
+    def domain(self):
+        return -1e-6, self.max_depth
+
+
+def test_adhesion_is_refused(laws):
+    with pytest.raises(ul.InputError, match="without adhesion"):
+        Remembered(Sticky.of(laws[0.5], 1.0, 1.0, 1.0), Viscoelastic(SOLID))
 
 
 # --- fits --------------------------------------------------------------------------------------------------

@@ -38,6 +38,11 @@ class Response(ABC):
 
     max_depth: float
 
+    @property
+    def domain(self) -> tuple[float, float]:
+        """Smallest and largest depth (m); up to the smallest there is no contact."""
+        return 0.0, self.max_depth
+
     @abstractmethod
     def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Force (N), shape of `depth` (m); `time` (s), (n,), where the response depends on it."""
@@ -124,10 +129,22 @@ class Remembered(Response):
         The elastic law.
     history : History
         What the sample remembers.
+
+    Raises
+    ------
+    InputError
+        If the law holds on below its first contact, as adhesion makes it.
     """
 
     law: Response
     history: History
+
+    def __post_init__(self) -> None:
+        if self.law.domain[0] < 0.0:
+            raise InputError(
+                "a sample that remembers is simulated without adhesion: how a sticking contact opens in time is "
+                "not known here; leave the adhesion or the memory out"
+            )
 
     @property
     def max_depth(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
