@@ -15,6 +15,7 @@ from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 from underlay.mechanics.response import Remembered
 from underlay.mechanics.solvers import Auto
+from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.report import plots
 from underlay.scene.chain import Baseline, Frame
 from underlay.scene.effects import effect_sizes
@@ -31,6 +32,7 @@ EFFECTS = (
     "instrument compliance",
     "baseline",
     "adhesion",
+    "relaxation",
     "history",
 )
 PLAIN = Scene(Paraboloid(1e-3), Layer(GEL))
@@ -56,6 +58,7 @@ def code_of_each_effect(monkeypatch):
         "instrument compliance": count_calls(monkeypatch, Frame, "tip_depth", "share"),
         "baseline": count_calls(monkeypatch, Baseline, "reading"),
         "history": count_calls(monkeypatch, Remembered, "force"),
+        "relaxation": count_calls(monkeypatch, Viscoelastic, "prepared", "force"),
     }
 
 

@@ -87,6 +87,11 @@ from .mechanics.published import (
     PublishedCorrection as PublishedCorrection,
     published_corrections as published_corrections,
 )
+from .mechanics.relaxation import (
+    PowerLawRelaxation as PowerLawRelaxation,
+    Prony as Prony,
+    Relaxation as Relaxation,
+)
 from .mechanics.response import (
     History as History,
     Response as Response,

@@ -43,6 +43,9 @@ def _scene_rows(scene: Scene) -> pd.DataFrame:
             "value": format_quantity(thick, "length") if math.isfinite(thick) else "infinite (a half-space)",
         }
     )
+    if (relaxation := scene.layer.relaxation) is not None:
+        rows.append({"part": "layer", "quantity": "relaxation", "value": relaxation.model.replace("_", " ")})
+        rows += _numbers("layer", relaxation)
     if isinstance(scene.substrate, Rigid):
         rows.append({"part": "substrate", "quantity": "material", "value": "rigid, bonded to the layer"})
     elif scene.substrate is not None:

@@ -42,6 +42,7 @@ _COST_POINTS = 200
 _COST_ROUNDS = 25
 # One that takes longer than this (s) is timed once.
 _LONG = 0.2
+_INCOMPRESSIBLE = 0.5
 
 
 class Simulated(Protocol):
@@ -73,6 +74,10 @@ class Simulated(Protocol):
     def adhesion(self) -> Adhesion | None:
         """What holds tip and surface together."""
 
+    @property
+    def elastic(self) -> Simulated:
+        """The scene without memory."""
+
     def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
         """Law of its contact up to `max_depth` (m)."""
 
@@ -96,6 +101,8 @@ class Effect:
         Whether the scene as it stands runs the effect's code.
     note : str
         What the size is measured against, or why there is none.
+    duration : float, optional
+        Time (s) of the even motion to the deepest point, for an effect that acts in time.
     """
 
     name: str
@@ -103,6 +110,7 @@ class Effect:
     without: Simulated | None
     simulated: bool
     note: str
+    duration: float | None = None
 
 
 #: How an effect is found: from a scene and the law of its contact.
@@ -200,7 +208,7 @@ def _effects(scene: Simulated, law: ContactLaw) -> list[Effect]:
     All but the baseline are measured without it: a per cent of the force is one of the contact force. What the
     sample remembers acts in time and is left out: the sizes are those of a sudden depth.
     """
-    remembers, scene = scene.history is not None, replace(scene, history=None)
+    given, scene = scene, scene.elastic
     ranged = scene
     if scene.adhesion is not None:
         # An attraction of finite range costs a thousand times as much, and is a row of its own.
@@ -212,7 +220,8 @@ def _effects(scene: Simulated, law: ContactLaw) -> list[Effect]:
         _compliance_effect(level),
         _baseline_effect(scene, level),
         *_adhesion_effects(ranged, level, law),
-        _history_effect(remembers=remembers),
+        *_relaxation_effects(given, level),
+        _history_effect(remembers=given.history is not None),
     ]
 
 
@@ -312,10 +321,48 @@ def _history_effect(*, remembers: bool) -> Effect:
     return Effect("history", None, None, simulated=True, note=note)
 
 
+def _relaxation_effects(given: Simulated, level: Simulated) -> list[Effect]:
+    """What the layer's relaxation does along a ramp, and what it would do if shear alone relaxed.
+
+    `level` is the scene without memory and baseline.
+    """
+    relaxation = given.layer.relaxation
+    if relaxation is None:
+        return [Effect("relaxation", None, None, simulated=False, note="the layer is declared elastic")]
+    ramp = relaxation.longest_time
+    relaxing = replace(level, layer=replace(level.layer, relaxation=relaxation))
+    note = f"a ramp of {ramp:.4g} s against the elastic layer of its modulus E; Poisson's ratio constant"
+    return [
+        Effect("relaxation", relaxing, level, simulated=True, note=note, duration=ramp),
+        *_shear_alone(level, relaxation.equilibrium),
+    ]
+
+
+def _shear_alone(level: Simulated, kept: float) -> list[Effect]:
+    """The end of a relaxation in which the bulk modulus stays: what a constant Poisson's ratio leaves out."""
+    material = level.layer.material
+    if not isinstance(material, Isotropic) or material.nu == _INCOMPRESSIBLE or not kept:
+        return []
+    shear = 0.5 * kept * material.E / (1.0 + material.nu)
+    bulk = material.E / (3.0 * (1.0 - 2.0 * material.nu))
+    nu = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear))
+    rising, constant = (
+        replace(level, layer=replace(level.layer, material=Isotropic(2.0 * shear * (1.0 + ratio), ratio)))
+        for ratio in (nu, material.nu)
+    )
+    note = f"at equilibrium, if the bulk modulus stayed and Poisson's ratio rose to {nu:.3f}; assumed not to"
+    return [Effect("relaxation of shear alone", rising, constant, simulated=False, note=note)]
+
+
 def _size(effect: Effect, depth: FloatArray, solver: Solver) -> FloatArray:
     """Relative change of the force at tip depths `depth` when the effect is put in; NaN where unknown."""
     if effect.with_it is None or effect.without is None:
         return np.full(depth.shape, np.nan)
+    if effect.duration is not None:
+        along, clock = _ramp(effect, float(depth.max()))
+        sizes = effect.with_it.force(along, clock, solver=solver)[1:]
+        sizes = sizes / effect.without.force(along, solver=solver)[1:] - 1.0
+        return np.interp(depth, along[1:] - along[0], sizes)
     readings = depth + effect.with_it.instrument.contact_depth
     with_it = effect.with_it.force(readings, solver=solver)
     return np.asarray(with_it / effect.without.force(readings, solver=solver) - 1.0)
@@ -325,11 +372,11 @@ def _added_cost(effect: Effect, deepest: float, solver: Solver) -> float:
     """Time of the scene with the effect over that without, less one, in per cent."""
     if effect.with_it is None or effect.without is None:
         return 0.0
-    depth = np.linspace(0.0, deepest, _COST_POINTS) + effect.with_it.instrument.contact_depth
+    depth, clock = _ramp(effect, deepest)
     with_it = without = np.inf
     for _ in range(_COST_ROUNDS):
         start = time.process_time()
-        effect.with_it.force(depth, solver=solver)
+        effect.with_it.force(depth, clock, solver=solver)
         middle = time.process_time()
         effect.without.force(depth, solver=solver)
         with_it = min(with_it, middle - start)
@@ -337,6 +384,14 @@ def _added_cost(effect: Effect, deepest: float, solver: Solver) -> float:
         if with_it > _LONG:
             break
     return 100.0 * (with_it / without - 1.0)
+
+
+def _ramp(effect: Effect, deepest: float) -> tuple[FloatArray, FloatArray | None]:
+    """Readings (m) from contact to `deepest` (m), and their times (s) where the effect acts in time."""
+    first = 0.0 if effect.with_it is None else effect.with_it.instrument.contact_depth
+    depth = np.linspace(0.0, deepest, _COST_POINTS) + first
+    clock = None if effect.duration is None else np.linspace(0.0, effect.duration, _COST_POINTS)
+    return depth, clock
 
 
 def _isotropic(scene: Simulated) -> Simulated:

@@ -18,9 +18,10 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Optional sections: ``[instrument]``, ``[history]`` and ``[adhesion]`` (model, and its numbers), ``[solver]`` (name,
-rtol, order, form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and
-``[simulate]`` (depths of a made curve). A new indenter, history or model of adhesion needs no change here.
+Optional sections: ``[layer.relaxation]``, ``[history]`` and ``[adhesion]`` (model, and its numbers),
+``[instrument]``, ``[solver]`` (name, rtol, order, form), ``[noise]``, ``[curve]`` (which part of which file, and
+column names) and ``[simulate]`` (depths of a made curve). A new indenter, relaxation, history or model of adhesion
+needs no change here.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ from underlay.mechanics.adhesion import MODELS
 from underlay.mechanics.contact import Adhesion
 from underlay.mechanics.indenters import Cone, Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
+from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
@@ -302,8 +304,27 @@ def _indenter(table: dict[str, Any]) -> Indenter:
 
 
 def _layer(table: dict[str, Any]) -> Layer:
+    relaxation = _relaxation(table)
     material, thickness = _material("layer", table)
-    return Layer(material, thickness)
+    return Layer(material, thickness, relaxation)
+
+
+def _relaxation(layer: dict[str, Any]) -> Relaxation | None:
+    """The relaxation of a layer's section, which is taken out of it."""
+    if "relaxation" not in layer:
+        return None
+    section, given = "layer.relaxation", layer.pop("relaxation")
+    if not isinstance(given, Mapping):
+        raise InputError(f"[{section}] must be a section, not {given!r}")
+    table = dict(given)
+    kind = _named({kind.model: kind for kind in Relaxation.models()}, section, table)
+    words = {"relaxes": table.pop("relaxes")} if "relaxes" in table else {}
+    numbers = check(schema_of(kind), section, table)
+    try:
+        relaxation: Relaxation = kind(**words, **numbers)
+    except InputError as error:
+        raise InputError(f"[{section}] {error}") from error
+    return relaxation
 
 
 def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
@@ -324,7 +345,7 @@ def _material(section: str, table: dict[str, Any]) -> tuple[Material, float]:
     if section == "layer" and "thickness" in table:
         thickness = check(ThicknessSection, section, {"thickness": table.pop("thickness")})["thickness"]
     kind = TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
-    besides = ("thickness",) if section == "layer" else ("rigid",)
+    besides = ("thickness", "relaxation") if section == "layer" else ("rigid",)
     return _build(kind, section, table, besides=besides), thickness
 
 
@@ -346,14 +367,19 @@ def _history(document: Mapping[str, Any]) -> History | None:
     if "history" not in document:
         return None
     table = dict(_table(document, "history"))
-    models = {kind.model: kind for kind in History.models()}
+    kind = _named({kind.model: kind for kind in History.models()}, "history", table)
+    history: History = _build(kind, "history", table)
+    return history
+
+
+def _named(models: Mapping[str, type[Any]], section: str, table: dict[str, Any]) -> type[Any]:
+    """The class that a section's ``model`` names; the key is taken out."""
     name = table.pop("model", None)
     if name not in models:
         raise InputError(
-            f"[history] model: {name!r} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
+            f"[{section}] model: {name!r} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
         )
-    history: History = _build(models[name], "history", table)
-    return history
+    return models[name]
 
 
 def _adhesion(document: Mapping[str, Any]) -> Adhesion | None:

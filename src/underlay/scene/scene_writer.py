@@ -12,6 +12,7 @@ from underlay.errors import InputError
 from underlay.mechanics.contact import Adhesion
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Rigid
+from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.quantities import field_quantities
 from underlay.units import KINDS
@@ -39,7 +40,7 @@ def _name(part: Any) -> dict[str, Any]:
     """The key by which a scene file knows which kind of a part it is."""
     if isinstance(part, Indenter):
         return {"shape": part.shape}
-    if isinstance(part, History | Adhesion):
+    if isinstance(part, History | Adhesion | Relaxation):
         if not part.model:
             raise InputError(f"{type(part).__name__} has no name in scene files: give its class a `model`")
         return {"model": part.model}
@@ -54,6 +55,9 @@ def _keys(part: Any) -> Iterator[tuple[str, Any]]:
             yield from _keys(value)
         elif "words" in entry.metadata and value != entry.default:
             yield entry.name, value
+        elif isinstance(value, Relaxation):
+            # "relaxes" is the one word among its numbers.
+            yield entry.name, _name(value) | dict(_keys(value)) | {"relaxes": value.relaxes}
         elif entry.name in known and (np.ndim(value) or value != entry.default):
             yield entry.name, _value(value, KINDS[known[entry.name].kind].si)
 
