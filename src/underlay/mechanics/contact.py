@@ -14,7 +14,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.kernel import SubstrateKernel
+from underlay.mechanics.kernel import Kernel, SubstrateKernel
 from underlay.mechanics.materials import IsotropicLayer, Layer, Substrate, isotropic_layer
 
 __all__ = ["Contact"]
@@ -28,7 +28,7 @@ class Contact:
     ----------
     indenter : Indenter
         Its shape.
-    kernel : SubstrateKernel
+    kernel : Kernel
         1 - L(u) of the body, u the wavenumber times `thickness`.
     theta : float
         Elastic constant of the surface (Pa): E / (2 (1 - nu^2)) when isotropic.
@@ -41,7 +41,7 @@ class Contact:
     """
 
     indenter: Indenter
-    kernel: SubstrateKernel
+    kernel: Kernel
     theta: float
     thickness: float = np.inf
     isotropic: IsotropicLayer | None = None

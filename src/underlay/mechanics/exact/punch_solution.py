@@ -25,15 +25,14 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.mechanics.exact.gauss import EvenRule, even_rule
 from underlay.mechanics.exact.nodes import Resolution
-from underlay.mechanics.kernel import one_minus_L
-from underlay.mechanics.materials import PlaneConstants
+from underlay.mechanics.kernel import Kernel
 
 __all__ = ["PunchSolution"]
 
 
 @dataclass(frozen=True)
 class PunchSolution:
-    """The flat punch at contact radii eps = a/h, on one pair of materials.
+    """The flat punch at contact radii eps = a/h, on one body.
 
     Parameters
     ----------
@@ -54,15 +53,13 @@ class PunchSolution:
     kappa: FloatArray
 
     @classmethod
-    def solve(
-        cls, layer: PlaneConstants, substrate: PlaneConstants | None, eps: FloatArray, resolution: Resolution
-    ) -> Self:
+    def solve(cls, body: Kernel, eps: FloatArray, resolution: Resolution) -> Self:
         """Solve for all `eps` in one batch."""
         rule = even_rule(resolution.radial)
         u, weights = resolution.wavenumber_rule()
         count = resolution.radial
         waves = np.cos(np.multiply.outer(np.multiply.outer(eps, rule.with_edge), u))
-        strength = (2.0 / np.pi) * weights * one_minus_L(u, layer, substrate)
+        strength = (2.0 / np.pi) * weights * body.values(u)
         kernel = (waves * np.multiply.outer(eps, strength)[:, None, :]) @ waves.transpose(0, 2, 1)
         matrix = kernel[:, :count, :count] * -rule.weights
         matrix.reshape(eps.size, count * count)[:, :: count + 1] += 1.0
