@@ -14,8 +14,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.kernel import Kernel, SubstrateKernel
-from underlay.mechanics.materials import IsotropicLayer, Layer, Substrate, isotropic_layer
+from underlay.mechanics.kernel import Kernel, StackKernel, SubstrateKernel
+from underlay.mechanics.materials import IsotropicLayer, Layer, isotropic_layer
+from underlay.mechanics.stack import Body, Stack
 
 __all__ = ["Contact"]
 
@@ -47,11 +48,14 @@ class Contact:
     isotropic: IsotropicLayer | None = None
 
     @classmethod
-    def of(cls, indenter: Indenter, layer: Layer, substrate: Substrate | None) -> Self:
-        """Contact with a layer bonded to a substrate; None continues the layer."""
+    def of(cls, indenter: Indenter, layer: Layer, substrate: Body | None) -> Self:
+        """Contact with a layer on a substrate or on further layers; None continues the layer."""
         material, thickness, base = layer.material, layer.thickness, substrate
         if base is None or thickness == np.inf:
             thickness, base = np.inf, material
+        if isinstance(base, Stack) or (layer.bond != "bonded" and np.isfinite(thickness)):
+            under, base = (base.layers, base.base) if isinstance(base, Stack) else ((), base)
+            return cls(indenter, StackKernel((layer, *under), base), material.theta, thickness)
         return cls(
             indenter,
             SubstrateKernel(material, base),

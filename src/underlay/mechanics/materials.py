@@ -21,6 +21,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError, MaterialError
+from underlay.mechanics.bonds import Bond, as_bond
 from underlay.quantities import Part, inlined, quantity
 
 __all__ = [
@@ -331,6 +332,9 @@ class Layer(Part):
         What it is made of.
     thickness : float, default inf
         Thickness h (m), positive; infinite means a half-space.
+    bond : "bonded", "slip" or Spring, default "bonded"
+        How its lower face holds to what is under it: without gap and slip, without gap and friction, or by
+        springs.
     """
 
     parts: ClassVar[tuple[str, ...]] = _OF_MATERIAL
@@ -340,6 +344,7 @@ class Layer(Part):
         default=np.inf,
         metadata=quantity("length", "{part} thickness", symbol="h", bounds=(0.0, np.inf), scales="length"),
     )
+    bond: Bond = "bonded"
 
     def __post_init__(self) -> None:
         if not isinstance(self.material, Isotropic | TransverselyIsotropic):
@@ -348,6 +353,7 @@ class Layer(Part):
             )
         if self.thickness != np.inf:
             object.__setattr__(self, "thickness", positive(self.thickness, "layer thickness", "m"))
+        as_bond(self.bond)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from underlay.mechanics.exact.master_curve import (
     chebyshev_coefficients,
 )
 from underlay.mechanics.exact.nodes import Resolution, curve_terms, series_terms
-from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, PowerLawShape, Sphere, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales
@@ -116,7 +116,7 @@ class ContactProblem:
 
     def resolution(self, chi: float, rtol: float) -> Resolution:
         """Nodes for radii up to `chi`."""
-        return Resolution.choose(self.scales, float(self.eps(np.array([chi]))[0]), rtol)
+        return proved_resolution(self.kernel, float(self.eps(np.array([chi]))[0]), rtol)
 
     def solve(self, chi: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
         """Varpi (radii,) and the logarithms of the three factors (radii, 3) at radii `chi`."""
@@ -222,7 +222,7 @@ class RadiusGuess:
     def of(cls, scales: Scales, exponent: float) -> Self:
         """Guess for one body and one shape exponent."""
         gain = float((0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent)) - 1.0
-        gain *= (0.66 + 0.34 * scales.firmness) * max(0.0, 1.0 - 1.0 / scales.ratio)
+        gain *= (0.66 + 0.34 * scales.firmness) * max(0.0, 1.0 - 1.0 / scales.stiffest)
         return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
 
     def radius(self, varpi: FloatArray) -> FloatArray:
@@ -236,11 +236,12 @@ def _placement(
 ) -> tuple[Callable[[FloatArray], FloatArray] | None, float, float]:
     """Where to put the radii for given varpi, the largest, and how errors of depth grow in the radius.
 
-    The guess will do unless the substrate is much softer than the layer: then a coarse solution tells. Where
+    The guess will do unless the substrate is much softer than the layer, or the body is more than one layer on a
+    base: then a coarse solution tells. Where
     varpi(chi) folds, or stops short, there is no placing beforehand (None). The growth is the largest slope
     d ln chi/d ln varpi: one, but near a fold.
     """
-    if problem.scales.ratio > _SOFT:
+    if problem.scales.charted and problem.scales.ratio > _SOFT:
         return guess.radius, last, 1.0
     branches = _series(problem, last, _COARSE)[0].branches()
     gain = min(max(_steepest(branch) for branch in branches), _LARGEST_GAIN)
@@ -272,13 +273,14 @@ def _direct(
     fine = max(rtol / gain, _FINEST)
     widen = last / float(place(np.array([top]))[0])
     terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol)
+    resolution = problem.resolution(last, fine)
     while terms <= MOST_TERMS:
-        resolution = problem.resolution(last, fine)
         targets = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
         varpi, logarithms = problem.solve(place(targets) * widen, resolution)
         if varpi[-1] < _SHORT * targets[-1] and last < problem.end:
             wider = min(1.05 * last * float(targets[-1] / varpi[-1]), problem.end)
             widen, last = widen * wider / last, wider
+            resolution = problem.resolution(last, fine)
             continue
         curve = MasterCurve.through(varpi, logarithms, top, softness)
         if curve.error_estimate <= _SHARE_OF_CURVE * rtol:

@@ -18,7 +18,7 @@ from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import LARGEST_EPS, ContactProblem, solve_curve
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve
 from underlay.mechanics.exact.nodes import Resolution
-from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape
 
 __all__ = ["ExactLaw", "ExactPunchLaw", "exact_law"]
@@ -196,7 +196,7 @@ def _punch_law(indenter: FlatPunch, contact: Contact, max_depth: float, rtol: fl
             f"the punch's radius is {eps:.4g} layer thicknesses, and {LARGEST_EPS:g} is the most that works "
             "here: use a smaller punch or, for contacts wider still, the half-space law of the substrate"
         )
-    resolution = Resolution.choose(contact.kernel.scales, eps, rtol)
+    resolution = proved_resolution(contact.kernel, eps, rtol)
     kappa = float(PunchSolution.solve(contact.kernel, np.array([eps]), resolution).kappa[0])
     return ExactPunchLaw(
         method="exact",

@@ -54,6 +54,12 @@ class Resolution:
             reach=reach / scales.decay,
         )
 
+    def finer(self) -> Resolution:
+        """Twice the nodes, graded finer and reaching further: what a solution is proved with."""
+        return Resolution(
+            ceil(1.5 * self.radial) + 1, 2 * self.wavenumbers, 0.25 * self.first, 1.2 * self.reach
+        )
+
     def wavenumber_rule(self) -> tuple[FloatArray, FloatArray]:
         """Nodes u and weights (wavenumbers,).
 

@@ -8,6 +8,16 @@ from underlay.mechanics.kernel.kernel import Kernel
 from underlay.mechanics.kernel.one_layer import one_minus_L
 from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.mechanics.kernel.scales import Scales
+from underlay.mechanics.kernel.stack import StackKernel
 from underlay.mechanics.kernel.substrate import LayerKernel, SubstrateKernel, coefficients
 
-__all__ = ["Kernel", "LayerKernel", "Scales", "SubstrateKernel", "coefficients", "one_minus_L", "u_rule"]
+__all__ = [
+    "Kernel",
+    "LayerKernel",
+    "Scales",
+    "StackKernel",
+    "SubstrateKernel",
+    "coefficients",
+    "one_minus_L",
+    "u_rule",
+]

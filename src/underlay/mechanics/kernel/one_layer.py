@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray, read_only
 from underlay.mechanics.materials import PlaneConstants, Real, magnitude
 
-__all__ = ["one_minus_L"]
+__all__ = ["one_minus_L", "passage"]
 
 # |d^2|/p below which the two roots count as equal: ch and sh are then exp(-u sigma/2) times 1 and u. The
 # rounding of isotropic constants leaves up to 2.0 eps. Error of L at the switch, on a rigid base: 6e-16 with
@@ -82,7 +82,7 @@ def one_minus_L(u: FloatArray, layer: PlaneConstants, substrate: PlaneConstants 
     r21 = m12 * (pair.d11 + pair.m11) * scale
     r22 = (m12 * m12 + pair.m11 * pair.d22) * scale
     det_r = (m12 * m12 - pair.d11 * pair.d22) * scale
-    ch, sh = _passage(u, pair)
+    ch, sh = passage(u, p, pair.sigma2, sigma)
     ch2, chsh, sh2 = ch * ch, ch * sh, sh * sh
     # G22 and G22 - G11, with E = ch + sh [[-k, p], [-1, k]] multiplied out.
     k, w, spread = 0.5 * sigma, p * r21 - r12, r22 - r11
@@ -128,10 +128,10 @@ def _interface(layer: PlaneConstants, substrate: PlaneConstants | None) -> _Inte
     )
 
 
-def _passage(u: FloatArray, pair: _Interface) -> tuple[FloatArray, FloatArray]:
-    """ch and sh times exp(-u sigma/2), with decaying exponentials only."""
-    p, half = pair.p, 0.5 * pair.sigma
-    d2 = 0.25 * pair.sigma2 - p
+def passage(u: FloatArray, p: Real, sigma2: Real, sigma: Real) -> tuple[FloatArray, FloatArray]:
+    """ch and sh times exp(-u sigma/2), with decaying exponentials only; `sigma2` is sigma^2."""
+    half = 0.5 * sigma
+    d2 = 0.25 * sigma2 - p
     equal = _EQUAL_ROOTS * p
     if _holds_for_none(magnitude(d2) > equal):
         ch = np.exp(-half * u)
