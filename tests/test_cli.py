@@ -207,8 +207,8 @@ def test_bad_scenes_end_with_one_line(run, tmp_path, old, new, message):
     assert old in text
     text = text.replace(old, new)
     if "asymptotic" in new:
-        # A layer this thin is beyond the root of the series.
-        text = text.replace('thickness = "2 mm"', 'thickness = "0.1 mm"').replace(
+        # A layer this thin is beyond the root of the series, if not thinner than the depth pressed.
+        text = text.replace('thickness = "2 mm"', 'thickness = "0.3 mm"').replace(
             'layer.thickness = { min = "0.3 mm", max = "10 mm" }', ""
         )
     scene = tmp_path / "scene.toml"

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "underlay"
 
 #: Floors from the ground up; a module may import from its own floor and from below.
 FLOORS = ("base", "mechanics", "scene", "data", "inference", "report", "cli")
-GROUND = {"errors", "units", "quantities", "_arrays", "_files", "_text"}
+GROUND = {"errors", "units", "quantities", "_arrays", "_documents", "_door", "_files", "_text", "_zip"}
 
 #: Third parties and the only modules (relative to the package, by prefix) that may import them.
 HOMES = {
@@ -133,3 +133,60 @@ def test_no_hidden_failures_in_mechanics():
         for word in ("errstate", "nan_to_num", "np.clip(", "except Exception", "except:"):
             seam = word == "except Exception" and path.name in SEAMS
             assert seam or word not in text, f"{path.name} holds {word}"
+
+
+#: What opens a file, or parses what came from one without bounds: the last part of the call's name.
+OPENS = {
+    "open", "fdopen", "FileIO", "read_text", "read_bytes", "read_csv", "read_parquet", "ParquetFile", "read_excel",
+    "load_workbook", "open_workbook", "ZipFile", "connect", "genfromtxt", "loadtxt", "fromfile", "memmap",
+}  # fmt: skip
+OPENS_DOTTED = {
+    "np.load",
+    "json.load",
+    "json.loads",
+    "tomllib.load",
+    "tomllib.loads",
+    "h5py.File",
+    "library.File",
+}
+#: The only modules that call them, and why; `_door` checks a file, the others get bytes of it or write.
+DOORS = {
+    "_door": {"os.open", "io.FileIO"},
+    "_documents": {"json.loads", "tomllib.loads"},
+    "_zip": {"zipfile.ZipFile", "archive.open"},
+    "_files": {"os.open", "os.fdopen"},  # writes
+    "data/export": {"h5py.File"},  # writes into memory
+    "data/readers/_hdf5": {"h5py.File"},  # bytes in memory
+    "data/readers/_sheets": {"openpyxl.load_workbook", "xlrd.open_workbook"},  # bytes in memory
+    "data/readers/_jpk_map": {"zipfile.ZipFile"},  # after opened
+    "inference/batch/manifest": {"pd.read_csv"},  # text in memory
+    "inference/batch/results_table": {"temporary.open", "parquet.ParquetFile"},  # writes; bytes in memory
+    "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
+    "inference/sampling/chain_file": {"library.File"},  # after require_regular
+    "report/maps": {"pd.read_csv"},  # bytes in memory
+    "report/execution": {"open"},  # writes a log
+    "report/page": {"read_text"},  # of the package itself
+    "report/notebook": {"read_text"},  # of the package itself
+}
+
+
+def opening_calls(path):
+    """Dotted name, as far as it is one, of every call in a file that opens or parses a file."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
+            name = ast.unparse(node.func)
+            last = name.rpartition(".")[2]
+            # A bare name but `open` is a function of the door.
+            if name in OPENS_DOTTED or name == "open" or (last in OPENS and name != last):
+                yield name if name.replace(".", "").replace("_", "").isalnum() else last
+
+
+@pytest.mark.parametrize("path", modules(), ids=name_of)
+def test_files_come_in_through_one_door(path):
+    assert set(opening_calls(path)) <= DOORS.get(name_of(path), set())
+
+
+def test_the_search_for_open_files_finds_them(tmp_path):
+    made = tmp_path / "module.py"
+    made.write_text("open(p)\nPath(p).read_bytes()\nnp.load(p)\npd.read_csv(p)\nf.opened(p)\njson.dumps(p)\n")
+    assert set(opening_calls(made)) == {"open", "read_bytes", "np.load", "pd.read_csv"}

@@ -104,7 +104,7 @@ def test_a_second_optimum_stands_beside_the_headline():
     # As many digits as are shown: four of the parameters, two of the rise.
     assert float(numbers[1]) == pytest.approx(other.values["layer.E"] / 1e6, rel=5e-4)
     assert float(numbers[2]) == pytest.approx(other.values["layer.thickness"] / 1e-3, rel=5e-4)
-    assert float(numbers[3]) == pytest.approx(other.rise, rel=0.05)
+    assert float(numbers[3]) == pytest.approx(other.delta_chi_square, rel=0.05)
     profiles = {name: ul.profile(fit, name) for name in ("layer.E", "layer.thickness")}
     headline, beside = words.summary(fit, profiles).split("\n\n")[:2]
     assert headline.startswith("**Layer modulus")
@@ -123,7 +123,7 @@ def test_a_second_optimum_stands_beside_the_headline():
 def test_an_optimum_the_data_nearly_reject_is_said_to_be_that():
     fit = ul.fit(ambiguous())
     # 3.9 is the 95 % threshold of F(1, 197).
-    far, near = (replace(fit.alternatives[0], rise=rise) for rise in (5.0, 3.8))
+    far, near = (replace(fit.alternatives[0], delta_chi_square=rise) for rise in (5.0, 3.8))
     first, second = open_ends.rivals(
         replace(fit, alternatives=(near, far)), {"layer.E": ul.profile(fit, "layer.E")}
     )

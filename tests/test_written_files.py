@@ -264,7 +264,9 @@ def test_a_map_of_hostile_names(tmp_path):
     assert again["layer.E"].tolist()[0] == table["layer.E"].tolist()[0]
     # Continued, the run finds every row.
     journal = (tmp_path / "map.csv.journal").read_bytes()
-    pd.testing.assert_frame_equal(ul.fit_many(curves, scene, **run, resume=True), table)
+    pd.testing.assert_frame_equal(
+        ul.fit_many(curves, scene, **run, options=ul.MapOptions(resume=True)), table
+    )
     assert (tmp_path / "map.csv.journal").read_bytes() == journal
 
 

@@ -32,7 +32,8 @@ from .errors import (
     UnitError as UnitError,
 )
 from .inference.batch.fit_many import fit_many as fit_many
-from .inference.batch.model import Sampling as Sampling
+from .inference.batch.options import MapOptions as MapOptions
+from .inference.batch.options import Sampling as Sampling
 from .inference.compare import compare as compare
 from .inference.from_files import load_problem as load_problem
 from .inference.identifiability import identifiability as identifiability
@@ -58,6 +59,7 @@ from .inference.sampling.model_comparison import (
 )
 from .inference.sampling.posterior import Posterior as Posterior
 from .inference.sampling.run import sample as sample
+from .mechanics.bonds import Spring as Spring
 from .mechanics.contact import Contact as Contact
 from .mechanics.contact_law import ContactLaw as ContactLaw
 from .mechanics.indenters import (
@@ -68,7 +70,11 @@ from .mechanics.indenters import (
     PowerLaw as PowerLaw,
     Sphere as Sphere,
 )
-from .mechanics.kernel import SubstrateKernel as SubstrateKernel
+from .mechanics.kernel import (
+    Kernel as Kernel,
+    StackKernel as StackKernel,
+    SubstrateKernel as SubstrateKernel,
+)
 from .mechanics.materials import (
     RIGID as RIGID,
     Isotropic as Isotropic,
@@ -96,6 +102,7 @@ from .mechanics.solvers import (
     Published as Published,
     contact_law as contact_law,
 )
+from .mechanics.stack import Stack as Stack
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
 from .quantities import quantity as quantity
 from .report import plots as plots

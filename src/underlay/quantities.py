@@ -17,9 +17,8 @@ dimensionless where that says nothing.
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, fields, is_dataclass, replace
 from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 
@@ -41,7 +40,6 @@ __all__ = [
     "quantity",
     "quantity_of",
     "replace_values",
-    "unknown_parameter",
 ]
 
 Whole = TypeVar("Whole")
@@ -268,7 +266,7 @@ def replace_values(whole: Whole, values: Mapping[str, float], prefix: str = "") 
     known = numbers_of(whole, prefix)
     for path in values:
         if path not in known:
-            raise unknown_parameter(path, known)
+            raise ParameterError(f"there is no number {path!r} here, but {', '.join(sorted(known))}")
     changed: Whole = _replaced(whole, prefix, {path: float(value) for path, value in values.items()})
     return changed
 
@@ -294,11 +292,3 @@ def _replaced(part: Any, prefix: str, values: Mapping[str, float]) -> Any:
         if new is not old and new != old:
             changed[entry.name] = new
     return replace(part, **changed) if changed else part
-
-
-def unknown_parameter(path: str, known: Iterable[str]) -> ParameterError:
-    """Build the error for a path that does not exist: names the nearest valid one."""
-    names = sorted(known)
-    near = difflib.get_close_matches(path, names, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    return ParameterError(f"this scene has no parameter {path!r}{hint} It has: {', '.join(names)}")

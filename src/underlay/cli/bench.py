@@ -7,14 +7,17 @@ from typing import Annotated
 
 import typer
 
+from underlay._door import FileKind, read_text
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.options import OutputFolder
-from underlay.errors import FileAccessError, FileFormatError
+from underlay.errors import FileFormatError
 from underlay.report.bench import bench_markdown, bench_table, depth_table, fit_table
 from underlay.report.csv_text import csv_text
 
 __all__ = ["bench"]
+
+_README = FileKind("a Markdown file", 10_000_000, "name the one with the table")
 
 _START, _END = "<!-- bench:start -->", "<!-- bench:end -->"
 
@@ -51,10 +54,7 @@ def bench(
 
 def _read(readme: Path) -> tuple[str, str]:
     """Return what stands before and after the table."""
-    try:
-        text = readme.read_text(encoding="utf-8")
-    except OSError as error:
-        raise FileAccessError(f"cannot read {readme}: {error.strerror}") from error
+    text = read_text(readme, _README)
     before, start, rest = text.partition(_START)
     _, end, after = rest.partition(_END)
     if not (start and end):

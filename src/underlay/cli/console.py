@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import pandas as pd
 from rich import box
@@ -14,9 +15,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from underlay._text import one_line
+from underlay.cli.wording import spoken
 from underlay.errors import UnderlayWarning
 
-__all__ = ["gathered_warnings", "say", "say_error", "say_table", "say_warnings"]
+__all__ = ["gathered_warnings", "noted", "say", "say_error", "say_table", "say_warnings"]
 
 
 _FILE_WIDTH = 160
@@ -29,7 +31,7 @@ def say(text: str) -> None:
 
 def say_error(text: str) -> None:
     """Print one line to standard error."""
-    line = one_line(" ".join(text.split()))
+    line = one_line(" ".join(spoken(text).split()))
     Console(stderr=True, highlight=False).print(f"underlay: {line}", markup=False, soft_wrap=True)
 
 
@@ -60,6 +62,24 @@ def _cell(value: object) -> str:
 
 
 @contextmanager
+def noted() -> Iterator[None]:
+    """Print our own warnings as notes, each once, where a command does not gather them for later."""
+    said: set[str] = set()
+
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        if not issubclass(category, UnderlayWarning):
+            python_shows(message, category, *where, **more)
+        elif str(message) not in said:
+            said.add(str(message))
+            say_warnings([str(message)])
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UnderlayWarning)
+        python_shows, warnings.showwarning = warnings.showwarning, show
+        yield
+
+
+@contextmanager
 def gathered_warnings() -> Iterator[list[str]]:
     """Collect our own warnings while a command works, to print them after its result."""
     texts: list[str] = []
@@ -76,4 +96,4 @@ def gathered_warnings() -> Iterator[list[str]]:
 def say_warnings(texts: list[str]) -> None:
     """Print each warning once."""
     for text in dict.fromkeys(texts):
-        say(f"note: {text}")
+        say(f"note: {spoken(text)}")

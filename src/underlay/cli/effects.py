@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table
-from underlay.cli.deepest_point import deepest_point, wanted_solver
-from underlay.cli.options import MaxDepth, OutputFolder, Rtol, ScenePath, SolverName
+from underlay.cli.expected import deepest_point, measured_curve
+from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, Rtol, ScenePath, SolverName
+from underlay.cli.wanted_solver import wanted_solver
 from underlay.report import plots
 from underlay.report.csv_text import csv_text
 from underlay.scene.effects import effects_table
@@ -18,6 +19,7 @@ __all__ = ["effects"]
 def effects(
     scene: ScenePath,
     max_depth: MaxDepth = None,
+    curve: CurveOption = None,
     solver: SolverName = None,
     rtol: Rtol = None,
     output: OutputFolder = None,
@@ -27,7 +29,8 @@ def effects(
     Example: `underlay effects scene.toml --max-depth "100 um" --output results`
     """
     file = read_scene_file(scene)
-    deepest, wanted = deepest_point(file, max_depth), wanted_solver(file.solver, solver, rtol)
+    deepest = deepest_point(file, max_depth, measured_curve(file, curve))
+    wanted = wanted_solver(file.solver, solver, rtol)
     if output is not None:
         require_writable_folder(output)
     table = effects_table(file.scene, deepest, wanted)

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
-from underlay.cli.deepest_point import wanted_solver
 from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, SolverName
+from underlay.cli.wanted_solver import wanted_solver
+from underlay.cli.wording import spoken
 from underlay.data.quality import check_quality
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import Fit
@@ -20,6 +21,7 @@ from underlay.report.measured import beyond_loading
 from underlay.report.open_ends import advice, rivals
 from underlay.report.tables import correlated_pairs, fit_table
 from underlay.report.words import headline
+from underlay.units import format_quantity
 
 __all__ = ["fit", "quality_doubts", "reservations", "show_fit", "write_fit"]
 
@@ -79,12 +81,18 @@ def show_fit(result: Fit, name: str) -> None:
     """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
     say("")
     for sentence in (headline(result), *advice(result), *rivals(result)):
-        say(sentence)
+        say(spoken(sentence))
     say_table(fit_table(result), f"Fit of {name}")
+    for path, told in result.instrument_moduli.items():
+        say(
+            f"{path}: the instrument's own reduced modulus {format_quantity(told.reduced, 'pressure')} is "
+            f"{format_quantity(told.youngs, 'pressure')} at nu = {told.nu:g}; ours differs by "
+            f"{100.0 * told.difference:+.3g} %"
+        )
     pairs = correlated_pairs(result)
     if len(pairs):
         say_table(pairs, "Correlations above 0.9")
-    say(f"law: {result.law_reason}")
+    say(f"law: {spoken(result.law_reason)}")
 
 
 def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:

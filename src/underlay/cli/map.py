@@ -11,11 +11,11 @@ import typer
 
 from underlay._files import require_writable_folder
 from underlay.cli.console import say, say_error, say_table
-from underlay.cli.deepest_point import wanted_solver
 from underlay.cli.options import Rtol, SceneOption, Seed, SolverName
+from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
 from underlay.inference.batch.fit_many import fit_many
-from underlay.inference.batch.model import Sampling
+from underlay.inference.batch.options import MapOptions, Sampling
 from underlay.report import plots
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene_file import read_scene_file
@@ -68,13 +68,15 @@ def map_curves(
             curves,
             scene,
             manifest=manifest,
-            solver=wanted,
-            quality=check,
-            sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
             workers=workers,
             scheduler=scheduler,
             output=path,
-            resume=resume,
+            options=MapOptions(
+                solver=wanted,
+                quality=check,
+                sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
+                resume=resume,
+            ),
         )
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")

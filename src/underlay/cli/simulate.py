@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +14,7 @@ import typer
 from underlay._arrays import positive
 from underlay._files import write_atomic
 from underlay.cli.console import say
+from underlay.cli.expected import deepest_point, expected_depths
 from underlay.cli.named_quantities import named_quantities
 from underlay.cli.options import ScenePath, Seed
 from underlay.data.curve import Curve
@@ -75,7 +77,8 @@ def simulate(
 ) -> None:
     """Make a curve from a scene, with the noise that --noise and its [noise] section name, and no other.
 
-    The depths are those of the scene's [simulate] section. Beside the CSV stands a JSON file with the truth.
+    The depths are those of the scene's [simulate] section, else a default that is said. Beside the CSV stands a
+    JSON file with the truth.
 
     Example: `underlay simulate scene.toml --output curve.csv --seed 1`
 
@@ -83,9 +86,7 @@ def simulate(
     """
     file = read_scene_file(scene)
     if file.simulate is None:
-        raise InputError(
-            f"{scene.name} has no [simulate] section; add one, e.g. max_depth = '100 um' and points = 200"
-        )
+        file = replace(file, simulate=expected_depths(file, deepest_point(file, None)))
     curve = _made(file, seed, noise or [], offset or [], sampling_rate)
     command = _command(scene, output, seed, noise or [], offset or [], sampling_rate)
     truth = {"command": command, "seed": seed, "truth": dict(curve.truth or {})}

@@ -116,6 +116,11 @@ def _about(curve: Curve) -> dict[str, Any]:
     return {
         "metadata": Metadata(curve.metadata).to_dict(),
         "truth": None if curve.truth is None else Metadata(curve.truth).to_dict(),
+        **(
+            {"columns": {name: values.tolist() for name, values in curve.columns.items()}}
+            if curve.columns
+            else {}
+        ),
     }
 
 

@@ -143,7 +143,7 @@ class _Beyond:
 
     @classmethod
     def of(cls, curve: Curve, contact: Contact, shift: float = 0.0) -> _Beyond:
-        loading = curve.loading()
+        loading = curve.way_in()
         pressed = loading.depth - (contact.depth + shift)
         force = loading.force - (contact.baseline + contact.baseline_slope * loading.depth)
         inside = pressed > 0.0

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from underlay.errors import FitError, InputError, ParameterError
-from underlay.inference.fitting.fit_result import Fit
-from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.problem import Problem
 from underlay.mechanics.published import published_names
 from underlay.mechanics.solver import Solver
@@ -139,7 +139,7 @@ def compare(problem: Problem, solvers: Sequence[AnySolver] | None = None) -> Com
     for label, solver in _labelled(wanted).items():
         try:
             posed, dropped[label] = _posed(problem, solver)
-            fits[label] = fit(posed)
+            fits[label] = quick_fit(posed)
         except (InputError, FitError) as error:
             if solver in candidates:
                 continue  # a correction for another indenter or base is no candidate here

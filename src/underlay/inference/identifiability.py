@@ -17,9 +17,9 @@ import pandas as pd
 from underlay._arrays import ArrayLike, FloatArray, read_only
 from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
-from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.information import expected_problem, information, marginal, prior_information
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solvers import AnySolver
 from underlay.scene.parameters import kind_of

@@ -16,7 +16,8 @@ from underlay.data.curve import Curve
 from underlay.data.noise import NoiseModel
 from underlay.data.synthetic import simulate
 from underlay.errors import InputError
-from underlay.inference.fitting.objective import Objective, weights_at
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solvers import AnySolver
 from underlay.scene.scene import Scene
@@ -67,7 +68,7 @@ def expected_problem(
 
 def information(problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel]) -> FloatArray:
     """Fisher information (k, k) of the points alone at a scaled vector (k,); zero rows for the noise's."""
-    objective = Objective(problem, weights_at(problem, vector, noises))
+    objective = Objective(problem, freeze(problem, vector, noises))
     rows = objective.jacobian(vector)[: problem.n_points]
     return rows.T @ rows
 

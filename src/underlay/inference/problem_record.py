@@ -17,7 +17,7 @@ from underlay.data.curve import Curve
 from underlay.data.metadata import Metadata
 from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import FileFormatError, InputError
-from underlay.inference.fitting.provenance import curve_hash
+from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.priors import (
     Flat,
     HalfNormal,
@@ -40,6 +40,8 @@ _PRIORS: Mapping[str, type[Prior]] = {
     kind.__name__: kind for kind in (Flat, HalfNormal, LogNormal, LogUniform, Normal, Truncated, Uniform)
 }
 _COLUMNS = ("depth", "force", "time", "segment")
+# What the names of further columns of a curve begin with.
+_FURTHER = "columns/"
 
 
 def problem_record(problem: Problem) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
@@ -64,6 +66,7 @@ def problem_record(problem: Problem) -> tuple[dict[str, Any], dict[str, np.ndarr
             }
         )
         columns = {name: getattr(curve, name) for name in _COLUMNS}
+        columns |= {f"{_FURTHER}{name}": values for name, values in curve.columns.items()}
         arrays |= {f"{number}/{name}": array for name, array in columns.items() if array is not None}
     document = {
         "tests": tests,
@@ -114,8 +117,20 @@ def _text_of(scene: Scene) -> str:
 
 
 def _curve(number: int, test: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> Curve:
-    columns = {name: arrays[f"{number}/{name}"] for name in _COLUMNS if f"{number}/{name}" in arrays}
-    curve = Curve(**columns, metadata=test["metadata"], truth=test["truth"])
+    columns = {name: arrays.get(f"{number}/{name}") for name in _COLUMNS}
+    if columns["depth"] is None or columns["force"] is None:
+        raise KeyError("depth")
+    start = f"{number}/{_FURTHER}"
+    further = {key.removeprefix(start): array for key, array in arrays.items() if key.startswith(start)}
+    curve = Curve(
+        columns["depth"],
+        columns["force"],
+        columns["time"],
+        columns["segment"],
+        metadata=test["metadata"],
+        truth=test["truth"],
+        columns=further,
+    )
     if curve_hash(curve) != test["sha256"]:
         raise FileFormatError(f"the points of curve {number + 1} are not those that were saved")
     return curve

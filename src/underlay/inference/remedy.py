@@ -17,7 +17,7 @@ from underlay.inference.problem import Problem
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
+    from underlay.inference.least_squares.fit_result import Fit
 
 __all__ = ["Remedy", "remedy"]
 

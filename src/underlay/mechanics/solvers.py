@@ -28,9 +28,10 @@ from underlay.mechanics.exact.family_law import table_number, tabulated_law
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, Sphere
-from underlay.mechanics.materials import Layer, Substrate
+from underlay.mechanics.materials import Layer
 from underlay.mechanics.published import PublishedCorrection, published_law, published_names
 from underlay.mechanics.solver import Scaling, Solver
+from underlay.mechanics.stack import Body
 
 __all__ = [
     "AnySolver",
@@ -381,7 +382,7 @@ def _unknown(what: str, name: object, known: tuple[str, ...]) -> InputError:
 def contact_law(
     indenter: Indenter,
     layer: Layer,
-    substrate: Substrate | None = None,
+    substrate: Body | None = None,
     *,
     max_depth: float,
     solver: AnySolver = "auto",
@@ -394,8 +395,8 @@ def contact_law(
         Its shape.
     layer : Layer
         Material and thickness.
-    substrate : material, RIGID or None
-        What the layer is bonded to; None for a half-space of the layer.
+    substrate : material, RIGID, Stack or None
+        What the layer stands on; None for a half-space of the layer.
     max_depth : float
         Largest indentation depth (m) that will be asked.
     solver : Solver, str or object, default "auto"

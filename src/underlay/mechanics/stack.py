@@ -70,6 +70,11 @@ class Stack(Part):
             raise InputError(f"the base of a Stack must be a material or RIGID; got {self.base!r}")
         object.__setattr__(self, "layers", given)
 
+    def without(self, index: int) -> Substrate | Stack:
+        """Return what is left when one layer is taken out."""
+        left = (*self.layers[:index], *self.layers[index + 1 :])
+        return Stack(left, self.base) if left else self.base
+
 
 #: What a layer may stand on.
 Body: TypeAlias = Substrate | Stack

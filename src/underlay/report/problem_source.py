@@ -11,6 +11,7 @@ from underlay._files import require_own_folder, write_atomic
 from underlay._text import comment_line
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
+from underlay.data.readers.delimited import COMMENTED_NUMBERS
 from underlay.inference.priors import Prior
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
@@ -128,6 +129,12 @@ def _exact_csv(curve: Curve) -> str:
         comment_line(f"{word}: {curve.metadata[key]}")
         for word, key in (("taken from", "path"), ("its sha256", "sha256"))
         if curve.metadata.get(key)
+    ]
+    # What the file says of the test goes with the copy: see the numbers that the reader of tables knows.
+    origin += [
+        f"# {key.replace('_', ' ')}: {float(curve.metadata[key])!r} {unit}"
+        for key, unit in COMMENTED_NUMBERS.items()
+        if isinstance(curve.metadata.get(key), float)
     ]
     rows = (",".join(row) for row in zip(*held.values(), strict=True))
     return "\n".join([*origin, ",".join(held), *rows]) + "\n"

@@ -12,8 +12,8 @@ import pandas as pd
 
 from underlay._files import require_own_folder, require_writable_folder, write_atomic
 from underlay.errors import InputError
-from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.from_files import load_problem
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.posterior import Posterior
 from underlay.report.csv_text import csv_text

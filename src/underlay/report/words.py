@@ -19,8 +19,8 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
-    from underlay.inference.profiles import Profile
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.profiles import LikelihoodProfile
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
@@ -67,7 +67,7 @@ def headline(result: Fit) -> str:
     return " ".join(_sentence(entry) for entry in estimates(result) if is_of_the_sample(entry.name))
 
 
-def summary(result: Fit, profiles: Mapping[str, Profile] | None = None) -> str:
+def summary(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None) -> str:
     """Return the result as Markdown: the numbers, their rivals, what holds them together, the substrate, doubts.
 
     Intervals are those of `profiles`, by name of the parameter, where there are some.

@@ -5,6 +5,24 @@ scene, the rest leads to a field of it. Fits, scene files, manifests and tables 
 of them is declared once (`underlay.quantities`).
 """
 
-from underlay.quantities import kind_of, unknown_parameter
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+from underlay.errors import ParameterError
+from underlay.quantities import kind_of
+from underlay.scene.field_names import fields_meant
 
 __all__ = ["kind_of", "unknown_parameter"]
+
+
+def unknown_parameter(path: str, known: Iterable[str]) -> ParameterError:
+    """Build the error for a path that does not exist: names the nearest valid one."""
+    names = sorted(known)
+    part, _, field = path.rpartition(".")
+    own = {name.rpartition(".")[2]: name for name in names if name.rpartition(".")[0] == part}
+    near = [own[meant] for meant in fields_meant(field, own)]
+    near = near or difflib.get_close_matches(path, names, n=1, cutoff=0.4)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return ParameterError(f"this scene has no parameter {path!r}{hint} It has: {', '.join(names)}")

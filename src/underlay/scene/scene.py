@@ -17,12 +17,14 @@ from underlay.errors import InputError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, Layer, Rigid, TransverselyIsotropic
 from underlay.mechanics.response import History, Remembered, Response
 from underlay.mechanics.solvers import AnySolver, as_solver
+from underlay.mechanics.stack import Body, Stack
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
+from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene_writer import scene_text
 
 __all__ = ["Scene"]
@@ -38,9 +40,10 @@ class Scene:
         What is pressed in.
     layer : Layer
         What it is pressed into.
-    substrate : Isotropic, TransverselyIsotropic or RIGID, optional
-        What the layer is bonded to. A layer of finite thickness needs one; without one the layer is a
-        half-space and no substrate code runs.
+    substrate : Isotropic, TransverselyIsotropic, RIGID or Stack, optional
+        What the layer stands on: a half-space, or further layers on one. A layer of finite thickness needs
+        one, and one on it needs a finite thickness; without a substrate the layer is a half-space and no
+        substrate code runs.
     instrument : Instrument, optional
         What reads depth and force; ideal by default.
     history : History, optional
@@ -49,7 +52,7 @@ class Scene:
     Raises
     ------
     InputError
-        If a part is of the wrong kind, or a finite layer has no substrate.
+        If a part is of the wrong kind, a finite layer has no substrate, or one on a substrate no thickness.
 
     Examples
     --------
@@ -61,7 +64,7 @@ class Scene:
 
     indenter: Indenter
     layer: Layer
-    substrate: Substrate | None = None
+    substrate: Body | None = None
     instrument: Instrument = Instrument()
     history: History | None = None
 
@@ -70,8 +73,8 @@ class Scene:
             raise InputError(f"indenter must be an Indenter such as Sphere(radius); got {self.indenter!r}")
         if not isinstance(self.layer, Layer):
             raise InputError(f"layer must be Layer(material, thickness); got {self.layer!r}")
-        if not isinstance(self.substrate, Isotropic | TransverselyIsotropic | Rigid | None):
-            raise InputError(f"substrate must be a material, RIGID or None; got {self.substrate!r}")
+        if not isinstance(self.substrate, Isotropic | TransverselyIsotropic | Rigid | Stack | None):
+            raise InputError(f"substrate must be a material, RIGID, a Stack or None; got {self.substrate!r}")
         if not isinstance(self.instrument, Instrument):
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
         if not isinstance(self.history, History | None):
@@ -83,8 +86,13 @@ class Scene:
             )
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
-                f"a layer {self.layer.thickness:.6g} m thick needs a substrate: pass substrate=RIGID or a "
-                "material, or leave the thickness out for a half-space"
+                f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
+                "a material), or leave the thickness out for a half-space"
+            )
+        if self.substrate is not None and not np.isfinite(self.layer.thickness):
+            raise InputError(
+                'a layer on a substrate needs its thickness: give layer.thickness, e.g. "1.5 mm" in a scene '
+                "file, or leave the substrate out for a half-space"
             )
 
     @property
@@ -143,6 +151,9 @@ class Scene:
         ParameterError
             If the scene has no such path; names the nearest one.
         """
+        for path in values:
+            if path not in self._numbers:
+                raise unknown_parameter(path, self._numbers)
         return replace_values(self, values)
 
     def effects(self, max_depth: float, *, solver: AnySolver = "auto") -> pd.DataFrame:

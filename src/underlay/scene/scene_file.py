@@ -18,6 +18,17 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
+Further layers under the one on top, from the top down, stand before their base, and each may say how its lower face
+holds, ``bond = "slip"`` or ``bond = { normal = "1 GPa/m", shear = "0 Pa/m" }``::
+
+    [substrate]
+    rigid = true
+
+    [[substrate.layers]]
+    E = "20 MPa"
+    nu = 0.4
+    thickness = "100 um"
+
 Optional sections: ``[instrument]``, ``[history]`` (model, and its numbers), ``[solver]`` (name, rtol, order,
 form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made
 curve). A new indenter or history needs no change here.
@@ -26,21 +37,25 @@ curve). A new indenter or history needs no change here.
 from __future__ import annotations
 
 import os
-import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
-from underlay.mechanics.indenters import Indenter
+from underlay._documents import parse_toml
+from underlay._door import FileKind, printable, read_text, understood
+from underlay.errors import InputError, UnderlayError, UnderlayWarning
+from underlay.mechanics.bonds import Bond, Spring, as_bond
+from underlay.mechanics.indenters import Cone, Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
-from underlay.quantities import field_quantities
+from underlay.mechanics.stack import Body, Stack
+from underlay.scene.field_names import hint
 from underlay.scene.fit_section import FreeParameter, free_parameters
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
@@ -49,13 +64,27 @@ from underlay.scene.scene_schema import (
     NoiseSection,
     SimulateSection,
     SolverSection,
+    ThicknessSection,
     check,
     schema_of,
 )
 
-__all__ = ["SceneFile", "SimulatedDepths", "load_scene", "read_scene_file", "scene_from_text"]
+__all__ = [
+    "EQUIVALENT_CONES",
+    "PLACE",
+    "SceneFile",
+    "SimulatedDepths",
+    "load_scene",
+    "read_scene_file",
+    "scene_from_text",
+]
 
-_LARGEST_FILE = 1_000_000  # bytes; a scene is a page of text
+# In place of a length that only the file of a curve says; never computed with.
+_STAND_IN = "1 m"
+#: What stands in a starter scene where a number is still to be written.
+PLACE = "TODO"
+# A scene is a page of text.
+_KIND = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
 
 
 @dataclass(frozen=True)
@@ -84,8 +113,8 @@ class SceneFile:
 
     Parameters
     ----------
-    scene : Scene
-        The test.
+    draft : Scene
+        The test; where the file leaves a number to the file of the curve it holds a stand-in.
     free : tuple of FreeParameter
         What is fitted; empty if there is no ``[fit]``.
     solver : Solver
@@ -93,21 +122,52 @@ class SceneFile:
     noise : mapping
         Numbers of ``[noise]``, SI.
     curve : mapping
-        Which part of a curve file: format, test, columns and calibration for the reader; segment, min_depth
-        and max_depth (readings, m) for what is used of it.
+        Which part of which curve file: file (a path beside the scene file); format, test, columns and
+        calibration for the reader; flip for signs that are the other way round; segment, min_depth and
+        max_depth (readings, m) for what is used of it; overrule, for what the scene knows better than the
+        file of the curve.
     simulate : SimulatedDepths or None
         Depths of a made curve.
+    stated : frozenset of str
+        Paths of the instrument's numbers that the file gives; what it leaves out is a default.
     path : Path
         Where it was read.
+    left_out : tuple of str
+        Paths of the scene that the file of the curve must say.
     """
 
-    scene: Scene
+    draft: Scene
     free: tuple[FreeParameter, ...]
     solver: Solver
     noise: Mapping[str, float]
     curve: Mapping[str, Any]
     simulate: SimulatedDepths | None
     path: Path
+    left_out: tuple[str, ...] = ()
+    stated: frozenset[str] = frozenset()
+
+    @property
+    def scene(self) -> Scene:
+        """The test.
+
+        Raises
+        ------
+        InputError
+            If a number is left out: only with a curve whose file says it is the test complete.
+        """
+        if self.left_out:
+            section, _, key = self.left_out[0].partition(".")
+            raise InputError(
+                f"{self.path.name}: [{section}] needs {key!r}; it can be left out only with a curve whose file "
+                "says it"
+            )
+        return self.draft
+
+    @property
+    def curve_path(self) -> Path | None:
+        """Curve file that ``[curve] file`` names, relative to the scene file; None if it names none."""
+        named = self.curve.get("file")
+        return None if named is None else self.path.parent / named
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
@@ -125,10 +185,8 @@ def scene_from_text(text: str) -> Scene:
     InputError
         If a section, key, unit or value is not allowed.
     """
-    try:
-        document = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FileFormatError(f"the text of the scene is not TOML: {error}") from error
+    with understood("the text of the scene", _KIND):
+        document = parse_toml(text)
     return _interpret(document, Path("scene.toml")).scene
 
 
@@ -145,28 +203,19 @@ def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
         If a section, key, unit or value is not allowed; the message names file, section and key.
     """
     source = Path(path)
-    document = _read_toml(source)
+    with understood(source, _KIND):
+        document = parse_toml(read_text(source, _KIND))
     try:
         return _interpret(document, source)
     except UnderlayError as error:
-        raise type(error)(f"{source.name}: {error}") from error
+        # A key or value of a hostile file may be as long as the file.
+        raise type(error)(f"{printable(source.name)}: {printable(str(error))[:_LONGEST_MESSAGE]}") from error
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        if not path.is_file():
-            raise FileAccessError(f"scene file {path} does not exist or is not a file")
-        if path.stat().st_size > _LARGEST_FILE:
-            raise FileFormatError(f"{path} is larger than a scene file can be (1 MB)")
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as error:
-        if isinstance(error, FileAccessError):
-            raise
-        raise FileAccessError(f"cannot read scene file {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FileFormatError(f"{path} is not a TOML file: {error}") from error
+#: Pyramids that are taken as the cone of the same projected area.
+EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
 
-
+_LONGEST_MESSAGE = 1000
 _SECTIONS = (
     "title",
     "indenter",
@@ -183,28 +232,57 @@ _SECTIONS = (
 
 
 def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
+    _require_filled_in(document)
     for name in document:
         if name not in _SECTIONS:
-            raise InputError(f"unknown section [{name}]; allowed: {', '.join(_SECTIONS[1:])}")
+            meant = hint(name, _SECTIONS) or ";"
+            raise InputError(f"unknown section [{name}]{meant} allowed: {', '.join(_SECTIONS[1:])}")
     for name in ("indenter", "layer"):
         if name not in document:
             raise InputError(f"section [{name}] is missing")
+    tip = dict(_table(document, "indenter"))
+    left_out = _left_out(tip)
     scene = Scene(
-        indenter=_indenter(dict(_table(document, "indenter"))),
+        indenter=_indenter({**tip, **{path.partition(".")[2]: _STAND_IN for path in left_out}}),
         layer=_layer(dict(_table(document, "layer"))),
         substrate=_substrate(document),
         instrument=_build(Instrument, "instrument", _table(document, "instrument")),
         history=_history(document),
     )
     return SceneFile(
-        scene=scene,
+        draft=scene,
         free=tuple(free_parameters(_table(document, "fit"), scene)),
         solver=_solver(_table(document, "solver")),
         noise=check(NoiseSection, "noise", _table(document, "noise")),
         curve=check(CurveSection, "curve", _table(document, "curve")),
         simulate=_simulated_depths(document),
         path=path,
+        left_out=left_out,
+        stated=frozenset(f"instrument.{name}" for name in _table(document, "instrument")),
     )
+
+
+def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
+    """What a section of the indenter leaves to the file of a curve: the radius of a shape that has one."""
+    shape: Any = next((kind for kind in Indenter.shapes() if kind.shape == tip.get("shape")), None)
+    if shape is None or "radius" in tip:
+        return ()
+    return ("indenter.radius",) if any(field.name == "radius" for field in fields(shape)) else ()
+
+
+def _require_filled_in(document: Mapping[str, Any]) -> None:
+    """Refuse a starter scene whose places are not filled in, naming all of them at once."""
+    empty = list(_places(document, ""))
+    if empty:
+        raise InputError(f"not filled in yet: {', '.join(empty)}; replace {PLACE} by what you know")
+
+
+def _places(table: Mapping[str, Any], above: str) -> Iterator[str]:
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _places(value, f"{above}{name}.")
+        elif isinstance(value, str) and PLACE in value:
+            yield f"{above}{name}"
 
 
 def _table(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -220,33 +298,85 @@ def _table(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 def _indenter(table: dict[str, Any]) -> Indenter:
     shapes = {shape.shape: shape for shape in Indenter.shapes()}
     name = table.pop("shape", None)
-    if name not in shapes:
-        raise InputError(f"[indenter] shape: {name!r} is not known; allowed: {', '.join(sorted(shapes))}")
-    indenter: Indenter = _build(shapes[name], "indenter", table)
+    if isinstance(name, str) and name in EQUIVALENT_CONES:
+        return _equivalent_cone(name, table)
+    if not isinstance(name, str) or name not in shapes:
+        allowed = sorted([*shapes, *EQUIVALENT_CONES])
+        if name is None:
+            raise InputError(f"[indenter] needs 'shape'; allowed: {', '.join(allowed)}")
+        meant = hint(str(name), allowed) or ";"
+        raise InputError(f"[indenter] shape: {name!r:.80} is not known{meant} allowed: {', '.join(allowed)}")
+    indenter: Indenter = _build(shapes[name], "indenter", table, besides=("shape",))
     return indenter
 
 
 def _layer(table: dict[str, Any]) -> Layer:
-    own = {name: table.pop(name) for name in field_quantities(Layer) if name in table}
-    numbers = check(schema_of(Layer), "layer", own)
-    return Layer(_material("layer", table), **numbers)
+    return _one_layer("layer", table)
 
 
-def _material(section: str, table: dict[str, Any]) -> Material:
+def _one_layer(section: str, table: dict[str, Any]) -> Layer:
+    thickness, bond = np.inf, _bond(section, table.pop("bond", "bonded"))
+    if "thickness" in table:
+        stated = {"thickness": table.pop("thickness")}
+        thickness = check(ThicknessSection, section, stated)["thickness"]
+    return Layer(_material(section, table, besides=("thickness", "bond")), thickness, bond)
+
+
+def _bond(section: str, given: Any) -> Bond:
+    if isinstance(given, Mapping):
+        spring: Spring = _build(Spring, f"{section}.bond", given)
+        return spring
+    try:
+        return as_bond(given)
+    except InputError as error:
+        raise InputError(
+            f'[{section}] bond: {given!r:.60} is not known; allowed: "bonded", "slip" or '
+            '{ normal = "1 GPa/m", shear = "0 Pa/m" }'
+        ) from error
+
+
+def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
+    if table:
+        raise InputError(f"[indenter] shape {name} needs nothing else; remove {', '.join(table)}")
+    cone = EQUIVALENT_CONES[name]()
+    warnings.warn(
+        f"[indenter] shape: a {name} tip is taken as the cone of the same projected area, half-angle "
+        f"{np.rad2deg(cone.half_angle):.2f} deg; the pyramid's edges are not in the model",
+        UnderlayWarning,
+        stacklevel=2,
+    )
+    return cone
+
+
+def _material(section: str, table: dict[str, Any], besides: tuple[str, ...]) -> Material:
     kind = TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
-    material: Material = _build(kind, section, table)
+    material: Material = _build(kind, section, table, besides=besides)
     return material
 
 
-def _substrate(document: Mapping[str, Any]) -> Substrate | None:
+def _substrate(document: Mapping[str, Any]) -> Body | None:
     if "substrate" not in document:
         return None
     table = dict(_table(document, "substrate"))
+    layers = table.pop("layers", None)
+    base = _base(table)
+    if layers is None:
+        return base
+    if not isinstance(layers, list) or not all(isinstance(entry, Mapping) for entry in layers):
+        raise InputError("[substrate] layers: write each as a section of its own, [[substrate.layers]]")
+    stack = [_one_layer(f"substrate.layers[{number}]", dict(entry)) for number, entry in enumerate(layers)]
+    try:
+        return Stack(stack, base)
+    except InputError as error:
+        raise InputError(f"[[substrate.layers]] {error}") from error
+
+
+def _base(table: dict[str, Any]) -> Substrate:
     rigid = table.pop("rigid", False)
     if not isinstance(rigid, bool):
         raise InputError(f"[substrate] rigid: must be true or false, not {rigid!r}")
     if not rigid:
-        return _material("substrate", table)
+        return _material("substrate", table, besides=("rigid", "layers"))
     if table:
         raise InputError(f"[substrate] is rigid and needs nothing else; remove {', '.join(table)}")
     return RIGID
@@ -292,6 +422,6 @@ def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
     return depths
 
 
-def _build(kind: type[Any], section: str, table: Mapping[str, Any]) -> Any:
-    """Make a dataclass from a section; its fields say which keys there are."""
-    return kind(**check(schema_of(kind), section, table))
+def _build(kind: type[Any], section: str, table: Mapping[str, Any], *, besides: tuple[str, ...] = ()) -> Any:
+    """Make a dataclass from a section; its fields, and `besides`, say which keys there are."""
+    return kind(**check(schema_of(kind), section, table, besides=besides))

@@ -42,7 +42,12 @@ def redrawn(
     for member, noise in zip(problem.members, noises, strict=True):
         reading = member.reading(physical)
         drawn = noise.sample(rng, member.sigma(reading, noise), member.curve.time)
-        tests.append((member.scene, Curve(member.curve.depth, reading.force + drawn, member.curve.time)))
+        tests.append(
+            (
+                member.scene,
+                Curve(member.curve.depth, reading.force + drawn, member.curve.time, member.curve.segment),
+            )
+        )
     free = {
         coordinate.name: _measured_again(coordinate.prior, float(value), rng)
         for coordinate, value in zip(problem.coordinates, physical, strict=True)

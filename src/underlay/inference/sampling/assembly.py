@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.fitting.provenance import provenance
+from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.model.laws import quiet_law
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.convergence import MIN_STEPS

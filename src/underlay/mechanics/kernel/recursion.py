@@ -236,15 +236,17 @@ def _passage(v: FloatArray, sheet: Sheet) -> tuple[FloatArray, FloatArray, Float
 def _reflected(v: FloatArray, sheet: Sheet, below: _Compliance) -> _Compliance:
     """C above by Y = I - J E J E + 2 J E Q E, Q = M D."""
     c11, c12, c22 = sheet.halfspace
+    n11: FloatArray | float
+    n12: FloatArray | float
+    n22: FloatArray | float
     e11, e12, e21, e22 = _passage(v, sheet)
     if _slips(below):
-        q22 = 2.0 * c22 / (c22 + below.c22)
-        x11, x12, x21, x22 = 0.0, 0.0, q22 * e21, q22 * e22
+        n11, n12, n22 = 0.0, 0.0, 1.0 / (c22 + below.c22)
     else:
         n11, n12, n22 = _interface(sheet, below)[:3]
-        q11, q12, q21, q22 = n11 * (-2.0 * c11), n12 * (2.0 * c22), n12 * (-2.0 * c11), n22 * (2.0 * c22)
-        x11, x12 = q11 * e11 + q12 * e21, q11 * e12 + q12 * e22
-        x21, x22 = q21 * e11 + q22 * e21, q21 * e12 + q22 * e22
+    q11, q12, q21, q22 = n11 * (-2.0 * c11), n12 * (2.0 * c22), n12 * (-2.0 * c11), n22 * (2.0 * c22)
+    x11, x12 = q11 * e11 + q12 * e21, q11 * e12 + q12 * e22
+    x21, x22 = q21 * e11 + q22 * e21, q21 * e12 + q22 * e22
     # I - J E J E + 2 J E Q E, the two products with E taken together.
     y11 = 1.0 - e11 * (e11 + x11) + e12 * (e21 - x21)
     y12 = e12 * (e22 - x22) - e11 * (e12 + x12)
