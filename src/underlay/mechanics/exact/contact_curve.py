@@ -114,8 +114,12 @@ class ContactProblem:
         depth = np.minimum(self.measure.abel(chi * self.thickness), deepest)
         return np.minimum(self.indenter.halfspace_radius(depth), self.indenter.max_radius) / self.thickness
 
+    def guess(self, chi: float, rtol: float) -> Resolution:
+        """Nodes for radii up to `chi`, as they were fitted to one layer on a base."""
+        return Resolution.choose(self.scales, float(self.eps(np.array([chi]))[0]), rtol)
+
     def resolution(self, chi: float, rtol: float) -> Resolution:
-        """Nodes for radii up to `chi`."""
+        """Nodes for radii up to `chi`, proved where they were not fitted to bodies of this kind."""
         return proved_resolution(self.kernel, float(self.eps(np.array([chi]))[0]), rtol)
 
     def solve(self, chi: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
@@ -293,7 +297,8 @@ def _direct(
 def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
     """Solve at Chebyshev points up to `last` and expand in chi, with as many terms as it takes."""
     stretch = Stretch.to(last, problem.scales.softness)
-    resolution = problem.resolution(last, rtol)
+    # What is asked for to place the radii of another solution needs no proof.
+    resolution = problem.resolution(last, rtol) if rtol < _COARSE else problem.guess(last, rtol)
     terms = series_terms(problem.scales, last, rtol)
     while True:
         angles = chebyshev_angles(terms)

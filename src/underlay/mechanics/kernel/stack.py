@@ -81,7 +81,9 @@ class StackKernel(Kernel):
                 f"a part under the surface is {softest:.3g} times as stiff as the layer on top, and the exact law "
                 f"ends at {SOFTEST:g}: check the units of the moduli; a layer on nothing carries no load"
             )
-        height, stiff = sum(sheet.thickness for sheet in sheets), max(1.0, *ratios, 1.0)
+        height = sum(sheet.thickness for sheet in sheets)
+        # A base bends no more than the layers let it: only they are plates.
+        stiff = max([1.0, *ratios[: len(sheets) - 1]])
         turns = [1.0 / height, (min(softest, 1.0) / stiff) ** (1.0 / 3.0) / height]
         stretch = min(1.0, softest) / (stiff * height)
         gives = [(1.0 / r, sheet.thickness) for r, sheet in zip(ratios, sheets[1:], strict=False) if r < 1.0]
