@@ -272,6 +272,59 @@ def test_one_unknown_of_a_known_stack_is_fitted(path, true, prior):
     assert fit.stderr[path] < 0.05 * true
 
 
+# --- what the automatic solver joins ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("layers", "base", "said", "rtol"),
+    [
+        (
+            [(1e6, 0.4, 5e-6), (1e6, 0.4, 15e-6), (3e6, 0.4, 1e-5)],
+            (70e9, 0.2),
+            "layer 2 as the layer on top",
+            1e-6,
+        ),
+        ([(1e6, 0.4, 2e-5), (3e6, 0.4, 1e-5), (70e9, 0.2, 1e-3)], (70e9, 0.2), "layer 3 as the base", 1e-6),
+        ([(1e6, 0.4, 2e-5), (3e6, 0.4, 1e-5), (3.01e6, 0.4, 1e-11)], None, "layer 3 as layer 2", 1e-6),
+        ([(1e6, 0.4, 2e-5), (3e6, 0.4, 1e-5), (5e6, 0.4, 1.0)], None, "the base as layer 3", 1e-3),
+        ([(1e6, 0.4, 2e-5), (1.2e6, 0.4, 1e-5), (1e6, 0.4, 2e-5)], None, "", 1e-6),
+    ],
+)
+def test_auto_joins_layers_that_do_not_matter(layers, base, said, rtol):
+    made = [ul.Layer(ul.Isotropic(E, nu), t) for E, nu, t in layers]
+    stack = ul.Stack(made[1:], ul.RIGID if base is None else ul.Isotropic(*base))
+    tip, depth = ul.Paraboloid(50e-6), np.geomspace(1e-8, 2e-6, 12)
+    auto, exact = (
+        ul.contact_law(tip, made[0], stack, max_depth=2e-6, solver=solver)
+        for solver in (ul.Auto(rtol), ul.Exact(1e-9))
+    )
+    assert said in auto.reason
+    assert ("taken together" in auto.reason) == bool(said)
+    np.testing.assert_allclose(auto.force(depth), exact.force(depth), rtol=rtol)
+    np.testing.assert_allclose(auto.stiffness(depth), exact.stiffness(depth), rtol=rtol)
+
+
+def test_what_joining_costs_is_bounded():
+    """Over random stacks with a looser and looser tolerance, nothing moves by more than is allowed."""
+    rng, joined = np.random.default_rng(5), 0
+    for _ in range(12):
+        rows = [
+            (10.0 ** rng.uniform(-0.5, 0.5), rng.uniform(0.2, 0.5), 10.0 ** rng.uniform(-2, 1))
+            for _ in range(3)
+        ]
+        made = [ul.Layer(ul.Isotropic(E, nu), t) for E, nu, t in [(1.0, 0.4, 1.0), *rows]]
+        tip, deepest, rtol = ul.Paraboloid(10.0), 10.0 ** rng.uniform(-3, -1), 1e-2
+        auto, exact = (
+            ul.contact_law(tip, made[0], ul.Stack(made[1:]), max_depth=deepest, solver=solver)
+            for solver in (ul.Auto(rtol), ul.Exact(1e-6))
+        )
+        joined += "taken together" in auto.reason
+        for name in ("force", "contact_radius", "stiffness"):
+            got, expected = (float(getattr(law, name)(deepest)) for law in (auto, exact))
+            assert got == pytest.approx(expected, rel=rtol)
+    assert joined >= 2
+
+
 # --- bad input ------------------------------------------------------------------------------------------
 
 
@@ -306,8 +359,7 @@ def test_bad_bodies_are_refused():
         ),
         ('[substrate]\nrigid = true\n[substrate.layers]\nE = "1 MPa"\n', r"\[\[substrate.layers\]\]"),
         (
-            "[substrate]\nrigid = true\n"
-            '[[substrate.layers]]\nE = "1 MPa"\nnu = 0.4\nthickness = "1 um"\nbond = "glued"\n',
+            '[substrate]\nrigid = true\n[[substrate.layers]]\nE = "1 MPa"\nnu = 0.4\nbond = "glued"\n',
             r"\[substrate.layers\[0\]\] bond: 'glued' is not known",
         ),
     ],

@@ -64,6 +64,19 @@ class Contact:
             isotropic_layer(material, base),
         )
 
+    def simplified(self, max_depth: float, allowed: float) -> tuple[Self, str]:
+        """Join the layers of a stack that contacts up to `max_depth` (m) cannot tell apart, and say which.
+
+        The relative change of force, contact radius and stiffness is at most `allowed`; the words are empty where
+        nothing is joined.
+        """
+        found = self.kernel.simpler(float(self.varpi(np.array([max_depth]))[0]), allowed)
+        if found is None:
+            return self, ""
+        top, *under = found.layers
+        body = Stack(under, found.base) if under else found.base
+        return type(self).of(self.indenter, top, body), "; ".join(found.said)
+
     @property
     def layered(self) -> bool:
         """Whether something under the surface differs from it."""

@@ -53,6 +53,8 @@ __all__ = [
 # cone. Both are measured again in tests/test_solvers.py.
 _CONTRAST_MARGIN, _SHALLOW_MARGIN = 4.0, 2.0
 _LARGEST_SHALLOW = 0.02
+# Of rtol, what may be lost by joining layers.
+_SHARE_OF_JOINS = 0.2
 _RANGES = 4096  # more than there are powers of two
 
 
@@ -159,6 +161,11 @@ class Auto(_ToTolerance):
             return replace(halfspace_law(contact), max_depth=0.0, reason=reason)
         if max_depth > largest_halfspace_depth(contact.indenter):
             return exact_law(contact, max_depth, self.rtol)
+        simpler, joined = contact.simplified(max_depth, _SHARE_OF_JOINS * self.rtol)
+        if joined:
+            law = replace(self, rtol=(1.0 - _SHARE_OF_JOINS) * self.rtol).build(simpler, max_depth)
+            error = law.error_estimate + _SHARE_OF_JOINS * self.rtol
+            return replace(law, error_estimate=error, reason=f"{law.reason}; taken together: {joined}")
         contrast, varpi = contact.kernel.contrast, float(contact.varpi(np.array([max_depth]))[0])
         effect = contrast * _CONTRAST_MARGIN
         shallow = contrast * _SHALLOW_MARGIN * varpi / contact.kernel.decay

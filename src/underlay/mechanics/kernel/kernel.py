@@ -8,16 +8,26 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from math import factorial
+from typing import NamedTuple
 
 import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError
 from underlay.mechanics.kernel.scales import Scales
+from underlay.mechanics.materials import Layer, Substrate
 
-__all__ = ["Kernel"]
+__all__ = ["Kernel", "Layers"]
 
 _MOST_COEFFICIENTS = 12
+
+
+class Layers(NamedTuple):
+    """Layers from the top down, their base, and which were joined, in words."""
+
+    layers: tuple[Layer, ...]
+    base: Substrate
+    said: tuple[str, ...] = ()
 
 
 class Kernel(ABC):
@@ -54,6 +64,19 @@ class Kernel(ABC):
     @abstractmethod
     def uniform(self) -> bool:
         """Whether nothing under the surface differs from it: the kernel is zero."""
+
+    def simpler(self, eps: float, allowed: float) -> Layers | None:
+        """Return a body of fewer layers that contacts cannot tell from this one; None where there is none.
+
+        Parameters
+        ----------
+        eps : float
+            Largest contact radius over the thickness on top.
+        allowed : float
+            Relative change of force, contact radius and stiffness, all that is joined together.
+        """
+        del eps, allowed
+        return None
 
     @property
     def description(self) -> str:

@@ -9,7 +9,8 @@ from math import inf
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.bonds import Bond, Spring
-from underlay.mechanics.kernel.kernel import Kernel
+from underlay.mechanics.kernel.kernel import Kernel, Layers
+from underlay.mechanics.kernel.merging import joined, relative_effect
 from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.mechanics.kernel.recursion import Sheet, stack_one_minus_L
 from underlay.mechanics.kernel.scales import SOFTEST, Scales
@@ -121,6 +122,19 @@ class StackKernel(Kernel):
         first = self.layers[0].material
         alike = all(layer.material == first and layer.bond == "bonded" for layer in self.layers)
         return alike and self.base == first
+
+    def simpler(self, eps: float, allowed: float) -> Layers | None:
+        """Return the body with every layer joined to a neighbour that contacts cannot tell from it."""
+        found = Layers(self.layers, self.base)
+        changed = len(found.layers) > 1
+        while changed:
+            changed = False
+            for trial in joined(found, eps * self.layers[0].thickness / found.layers[0].thickness):
+                stretch = trial.layers[0].thickness / self.layers[0].thickness
+                if relative_effect(self, StackKernel(*trial[:2]), stretch, eps) <= allowed:
+                    found, changed = trial, len(trial.layers) > 1
+                    break
+        return found if found.said else None
 
     @property
     def description(self) -> str:
