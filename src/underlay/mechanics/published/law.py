@@ -138,7 +138,7 @@ def published_law(name: str | PublishedCorrection, contact: Contact, max_depth: 
 
 def _layer_contact(correction: PublishedCorrection, contact: Contact) -> LayerContact:
     name = correction.name
-    if not contact.layered:
+    if not np.isfinite(contact.thickness):
         raise InputError(
             f"{name} needs a layer of finite thickness on a substrate; the law without one is the solver "
             '"halfspace"'
