@@ -35,6 +35,7 @@ __all__ = [
     "field_quantities",
     "inlined",
     "kind_of",
+    "no_number",
     "numbers_of",
     "path_of",
     "quantity",
@@ -106,6 +107,11 @@ def quantity(
 def inlined() -> Mapping[str, Any]:
     """Metadata of a field whose numbers stand under the path of its owner: ``layer.E``, the material's."""
     return {"inlined": True}
+
+
+def no_number() -> Mapping[str, Any]:
+    """Metadata of a field of a part that is no number itself: a word, or further parts."""
+    return {"no number": True}
 
 
 class Part:

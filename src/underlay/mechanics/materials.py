@@ -22,7 +22,7 @@ import numpy as np
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError, MaterialError
 from underlay.mechanics.bonds import Bond, as_bond
-from underlay.quantities import Part, inlined, quantity
+from underlay.quantities import Part, inlined, no_number, quantity
 
 __all__ = [
     "RIGID",
@@ -344,7 +344,7 @@ class Layer(Part):
         default=np.inf,
         metadata=quantity("length", "{part} thickness", symbol="h", bounds=(0.0, np.inf), scales="length"),
     )
-    bond: Bond = "bonded"
+    bond: Bond = field(default="bonded", metadata=no_number())
 
     def __post_init__(self) -> None:
         if not isinstance(self.material, Isotropic | TransverselyIsotropic):

@@ -10,7 +10,7 @@ import numpy as np
 
 from underlay.errors import InputError
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
-from underlay.quantities import Part, inlined
+from underlay.quantities import Part, inlined, no_number
 
 __all__ = ["MOST_LAYERS", "Body", "Stack"]
 
@@ -45,7 +45,7 @@ class Stack(Part):
 
     parts: ClassVar[tuple[str, ...]] = ("substrate",)
 
-    layers: Sequence[Layer]
+    layers: Sequence[Layer] = field(metadata=no_number())
     base: Substrate = field(default=RIGID, metadata=inlined())
 
     def __post_init__(self) -> None:
