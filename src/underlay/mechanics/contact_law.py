@@ -11,7 +11,9 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -115,6 +117,13 @@ class ContactLaw(Response, ABC):
     def domain(self) -> tuple[float, float]:
         """Smallest and largest depth (m) of the law; up to the smallest there is no contact."""
         return 0.0, self.max_depth
+
+    def warned(self, doubt: object) -> Self:
+        """Return the same law with one more entry among its `warnings`."""
+        law = copy(self)
+        # Not `replace`: a law of one's own may be made in another way than from its fields.
+        object.__setattr__(law, "warnings", (*self.warnings, doubt))
+        return law
 
     def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray | None:
         """dP/d ln k (N) at depths (m) where the force (N) is `force`, k the ratio of the base's modulus.

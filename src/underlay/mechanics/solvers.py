@@ -336,8 +336,8 @@ def as_solver(given: AnySolver) -> Solver:
         return given
     if isinstance(given, type) or not callable(getattr(given, "build", None)):
         raise InputError(
-            "a solver is a name, one of Auto, Exact, Asymptotic, HalfSpace and Published, or an object with "
-            f"build(contact, max_depth); got {given!r:.80}"
+            "a solver is a name, one of Auto, Exact, Asymptotic, HalfSpace and Published, or an object "
+            f"with a method build; got {given!r:.80}"
         )
     return _Own(given)
 
