@@ -10,8 +10,9 @@ from typer.testing import CliRunner
 from support.call_counter import count_calls
 from underlay.cli.app import app
 from underlay.errors import InputError
-from underlay.mechanics import kernel, materials
+from underlay.mechanics import materials
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, Sphere
+from underlay.mechanics.kernel import one_layer
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 from underlay.mechanics.response import Remembered
 from underlay.mechanics.solvers import Auto
@@ -52,7 +53,7 @@ def code_of_each_effect(monkeypatch):
     """Counters at the one place each effect's code must pass through."""
     sphere = ("surface", "abel", "abel_slope", "abel_moments", "halfspace_radius")
     return {
-        "finite thickness": count_calls(monkeypatch, kernel, "_interface"),
+        "finite thickness": count_calls(monkeypatch, one_layer, "_interface"),
         "anisotropy": count_calls(monkeypatch, materials, "transversely_isotropic_constants"),
         "true sphere": count_calls(monkeypatch, Sphere, *sphere),
         "instrument compliance": count_calls(monkeypatch, Frame, "tip_depth", "share"),

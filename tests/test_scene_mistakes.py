@@ -14,7 +14,7 @@ from underlay.cli.app import main
 from underlay.cli.new_scene import new_scene
 from underlay.errors import InputError, ParameterError, RangeError, UnderlayWarning, UnitError
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.kernel_quadrature import u_rule
+from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.scene.scene_file import read_scene_file
 from underlay.scene.scene_keys import scene_keys
 

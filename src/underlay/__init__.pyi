@@ -62,6 +62,7 @@ from .inference.sampling.run import sample as sample
 from .mechanics.adhesion.dmt import DMT as DMT
 from .mechanics.adhesion.jkr import JKR as JKR
 from .mechanics.adhesion.maugis import Maugis as Maugis
+from .mechanics.bonds import Spring as Spring
 from .mechanics.contact import (
     Adhesion as Adhesion,
     Contact as Contact,
@@ -75,7 +76,11 @@ from .mechanics.indenters import (
     PowerLaw as PowerLaw,
     Sphere as Sphere,
 )
-from .mechanics.kernel import SubstrateKernel as SubstrateKernel
+from .mechanics.kernel import (
+    Kernel as Kernel,
+    StackKernel as StackKernel,
+    SubstrateKernel as SubstrateKernel,
+)
 from .mechanics.materials import (
     RIGID as RIGID,
     Isotropic as Isotropic,
@@ -108,6 +113,7 @@ from .mechanics.solvers import (
     Published as Published,
     contact_law as contact_law,
 )
+from .mechanics.stack import Stack as Stack
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
 from .quantities import quantity as quantity
 from .report import plots as plots

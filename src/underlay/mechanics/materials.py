@@ -21,8 +21,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError, MaterialError
+from underlay.mechanics.bonds import Bond, as_bond
 from underlay.mechanics.relaxation import Relaxation
-from underlay.quantities import Part, inlined, quantity
+from underlay.quantities import Part, inlined, no_number, quantity
 
 __all__ = [
     "RIGID",
@@ -332,6 +333,9 @@ class Layer(Part):
         What it is made of.
     thickness : float, default inf
         Thickness h (m), positive; infinite means a half-space.
+    bond : "bonded", "slip" or Spring, default "bonded"
+        How its lower face holds to what is under it: without gap and slip, without gap and friction, or by
+        springs.
     relaxation : Relaxation, optional
         How its modulus falls with time, e.g. `Prony`; without one it is elastic and no time is asked for.
 
@@ -348,6 +352,7 @@ class Layer(Part):
         default=np.inf,
         metadata=quantity("length", "{part} thickness", symbol="h", bounds=(0.0, np.inf), scales="length"),
     )
+    bond: Bond = field(default="bonded", metadata=no_number())
     relaxation: Relaxation | None = None
 
     def __post_init__(self) -> None:
@@ -357,6 +362,7 @@ class Layer(Part):
             )
         if self.thickness != np.inf:
             object.__setattr__(self, "thickness", positive(self.thickness, "layer thickness", "m"))
+        as_bond(self.bond)
         if self.relaxation is not None:
             _check_relaxation(self.relaxation, self.material)
 

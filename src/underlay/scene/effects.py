@@ -31,6 +31,7 @@ from underlay.mechanics.materials import (
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
+from underlay.mechanics.stack import Body, Stack
 from underlay.scene.instrument import Instrument
 
 __all__ = ["Effect", "EffectRule", "Simulated", "effect_sizes", "effects_table"]
@@ -59,8 +60,8 @@ class Simulated(Protocol):
         """What it is pressed into."""
 
     @property
-    def substrate(self) -> Substrate | None:
-        """What the layer is bonded to."""
+    def substrate(self) -> Body | None:
+        """What the layer stands on."""
 
     @property
     def instrument(self) -> Instrument:
@@ -229,6 +230,8 @@ def _layer_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
     return [
         _thickness_effect(scene, layered=layered),
         _substrate_effect(scene, layered=layered),
+        *_stack_effects(scene, layered=layered),
+        *_bond_effects(scene, layered=layered),
         _anisotropy_effect(scene, layered=layered),
     ]
 
@@ -243,10 +246,43 @@ def _thickness_effect(scene: Simulated, *, layered: bool) -> Effect:
 
 def _substrate_effect(scene: Simulated, *, layered: bool) -> Effect:
     name = "substrate compliance"
-    if not _has_base(scene) or isinstance(scene.substrate, Rigid):
+    stack = scene.substrate if isinstance(scene.substrate, Stack) else None
+    base = scene.substrate if stack is None else stack.base
+    if not _has_base(scene) or isinstance(base, Rigid):
         return Effect(name, None, None, simulated=False, note="no elastic substrate is declared")
-    rigid = replace(scene, substrate=RIGID)
+    rigid = replace(scene, substrate=RIGID if stack is None else replace(stack, base=RIGID))
     return Effect(name, scene, rigid, simulated=layered, note="against a rigid base")
+
+
+def _stack_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
+    """Every further layer of a stack, against the body without it."""
+    if not (_has_base(scene) and isinstance(scene.substrate, Stack)):
+        return []
+    stack = scene.substrate
+    return [
+        Effect(
+            f"layer {number + 2}",
+            scene,
+            replace(scene, substrate=stack.without(number)),
+            simulated=layered,
+            note="against the stack without this layer",
+        )
+        for number in range(len(stack.layers))
+    ]
+
+
+def _bond_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
+    """What slip and springs do, all together, against bonded faces."""
+    bonded = replace(scene, layer=replace(scene.layer, bond="bonded"), substrate=_bonded(scene.substrate))
+    if not _has_base(scene) or bonded == scene:
+        return []
+    return [Effect("interfaces", scene, bonded, simulated=layered, note="against bonded faces")]
+
+
+def _bonded(body: Body | None) -> Body | None:
+    if not isinstance(body, Stack):
+        return body
+    return replace(body, layers=tuple(replace(layer, bond="bonded") for layer in body.layers))
 
 
 def _anisotropy_effect(scene: Simulated, *, layered: bool) -> Effect:
@@ -398,9 +434,16 @@ def _isotropic(scene: Simulated) -> Simulated:
     """Return the scene with each anisotropic material replaced by its in-plane E and nu."""
     layer = replace(scene.layer, material=_in_plane(scene.layer.material))
     substrate = scene.substrate
-    if isinstance(substrate, TransverselyIsotropic):
-        substrate = _in_plane(substrate)
+    if isinstance(substrate, Stack):
+        layers = tuple(replace(deeper, material=_in_plane(deeper.material)) for deeper in substrate.layers)
+        substrate = Stack(layers, _base_in_plane(substrate.base))
+    elif substrate is not None:
+        substrate = _base_in_plane(substrate)
     return replace(scene, layer=layer, substrate=substrate)
+
+
+def _base_in_plane(base: Substrate) -> Substrate:
+    return base if isinstance(base, Rigid) else _in_plane(base)
 
 
 def _in_plane(material: Material) -> Isotropic:

@@ -17,9 +17,10 @@ from underlay.errors import InputError
 from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, Layer, Rigid, TransverselyIsotropic
 from underlay.mechanics.response import History, Remembered, Response
 from underlay.mechanics.solvers import AnySolver, as_solver
+from underlay.mechanics.stack import Body, Stack
 from underlay.mechanics.viscoelastic.history import Viscoelastic, require_still_base
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
@@ -40,9 +41,10 @@ class Scene:
         What is pressed in.
     layer : Layer
         What it is pressed into.
-    substrate : Isotropic, TransverselyIsotropic or RIGID, optional
-        What the layer is bonded to. A layer of finite thickness needs one, and one on it needs a finite
-        thickness; without a substrate the layer is a half-space and no substrate code runs.
+    substrate : Isotropic, TransverselyIsotropic, RIGID or Stack, optional
+        What the layer stands on: a half-space, or further layers on one. A layer of finite thickness needs
+        one, and one on it needs a finite thickness; without a substrate the layer is a half-space and no
+        substrate code runs.
     instrument : Instrument, optional
         What reads depth and force; ideal by default.
     history : History, optional
@@ -65,7 +67,7 @@ class Scene:
 
     indenter: Indenter
     layer: Layer
-    substrate: Substrate | None = None
+    substrate: Body | None = None
     instrument: Instrument = Instrument()
     history: History | None = None
     adhesion: Adhesion | None = None
@@ -75,8 +77,8 @@ class Scene:
             raise InputError(f"indenter must be an Indenter such as Sphere(radius); got {self.indenter!r}")
         if not isinstance(self.layer, Layer):
             raise InputError(f"layer must be Layer(material, thickness); got {self.layer!r}")
-        if not isinstance(self.substrate, Isotropic | TransverselyIsotropic | Rigid | None):
-            raise InputError(f"substrate must be a material, RIGID or None; got {self.substrate!r}")
+        if not isinstance(self.substrate, Isotropic | TransverselyIsotropic | Rigid | Stack | None):
+            raise InputError(f"substrate must be a material, RIGID, a Stack or None; got {self.substrate!r}")
         if not isinstance(self.instrument, Instrument):
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
         if not isinstance(self.adhesion, Adhesion | None):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -52,12 +52,14 @@ def _keys(part: Any) -> Iterator[tuple[str, Any]]:
     for entry in fields(part):
         value = getattr(part, entry.name)
         if entry.metadata.get("inlined"):
-            yield from _keys(value)
-        elif "words" in entry.metadata and value != entry.default:
-            yield entry.name, value
-        elif isinstance(value, Relaxation):
-            # "relaxes" is the one word among its numbers.
-            yield entry.name, _name(value) | dict(_keys(value)) | {"relaxes": value.relaxes}
+            yield from (_name(value) | dict(_keys(value))).items()
+        elif isinstance(value, str):
+            if value != entry.default:
+                yield entry.name, value
+        elif is_dataclass(value):
+            yield entry.name, _name(value) | dict(_keys(value))
+        elif isinstance(value, tuple) and value and all(is_dataclass(item) for item in value):
+            yield entry.name, [dict(_keys(item)) for item in value]
         elif entry.name in known and (np.ndim(value) or value != entry.default):
             yield entry.name, _value(value, KINDS[known[entry.name].kind].si)
 

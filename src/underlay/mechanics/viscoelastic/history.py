@@ -13,6 +13,7 @@ from underlay.errors import InputError, ParameterError
 from underlay.mechanics.materials import Layer, Substrate
 from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import Elastic, History
+from underlay.mechanics.stack import Body, Stack
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.loading import Loading
 from underlay.mechanics.viscoelastic.memory import Memory
@@ -133,7 +134,7 @@ def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Callable[[Elast
 _AS_GOOD_AS_RIGID = 1e3
 
 
-def require_still_base(layer: Layer, substrate: Substrate | None) -> None:
+def require_still_base(layer: Layer, substrate: Body | None) -> None:
     """Refuse a relaxing layer on a base that its kernel ages with.
 
     Raises
@@ -145,10 +146,13 @@ def require_still_base(layer: Layer, substrate: Substrate | None) -> None:
     """
     if layer.relaxation is None or layer.thickness == np.inf or substrate is None:
         return
-    plane = substrate.plane_constants
-    if plane is None:
-        return
-    ratio = float(plane.theta) / layer.material.theta
+    below: list[Substrate]
+    if isinstance(substrate, Stack):
+        below = [*(deeper.material for deeper in substrate.layers), substrate.base]
+    else:
+        below = [substrate]
+    elastic = [part.plane_constants for part in below if part.plane_constants is not None]
+    ratio = min((float(plane.theta) / layer.material.theta for plane in elastic), default=np.inf)
     if ratio >= _AS_GOOD_AS_RIGID:
         return
     half = layer.relaxation.equilibrium >= 0.5
