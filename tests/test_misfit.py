@@ -4,14 +4,10 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from underlay.inference.misfit.competition import (
-    Competition,
-    Linearised,
-    Mixture,
-    Sizes,
-    drift_columns,
-    jump_columns,
-)
+from underlay.inference.misfit.competition import Competition
+from underlay.inference.misfit.linearised import Linearised, Part, drift_columns, jump_columns
+from underlay.inference.misfit.mixture import Mixture
+from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.whitener import Whitener
 
 RNG = np.random.default_rng(7)
@@ -48,12 +44,21 @@ def made(n=80, k=2, truth=None):
     jacobian = np.column_stack((force, np.ones(n), np.sqrt(np.maximum(depth, 0.0))))[:, :k]
     residuals = RNG.standard_normal(n) if truth is None else truth
     none = np.zeros(k)
-    return Linearised(residuals, jacobian, drift_columns(force, depth), jump_columns(depth), time, none, none)
+    part = Part(residuals, jacobian, drift_columns(force, depth), jump_columns(depth), time)
+    return Linearised([part], none, none)
+
+
+def only(found, g, c):
+    """Mark one combination."""
+    kept = np.zeros(found.weights.shape, dtype=bool)
+    kept[g, c] = True
+    return kept
 
 
 def test_the_evidence_is_that_of_dense_matrices():
-    model, sizes = made(), Sizes()
-    found = Competition.of(model, sizes)
+    linearised, sizes = made(), Sizes()
+    found = Competition.of(linearised, sizes)
+    model = linearised.parts[0]
     n, k = model.jacobian.shape
     prior = sizes.log_prior(len(found.noises))
     for g, c in [(0, 0), (7, 0), (0, 8), (13, 29), (25, 17)]:
@@ -76,7 +81,7 @@ def test_the_evidence_is_that_of_dense_matrices():
         assert found.log_evidence[g, c] - prior[g, c] == pytest.approx(expected, abs=1e-10 + n * lost)
         assert found.shift[g, c, :k] == pytest.approx(shift, abs=(1e-12 + lost) * np.abs(shift).max())
         covariance = s2 * np.linalg.inv(normal)
-        assert found.covariance[g, c] == pytest.approx(
+        assert found.covariance(only(found, g, c))[0] == pytest.approx(
             covariance, abs=(1e-12 + lost) * np.abs(covariance).max()
         )
 
@@ -93,19 +98,28 @@ def test_prior_probabilities_sum_to_one():
 def test_a_measurement_weighs_as_a_further_reading_of_known_noise():
     """White noise of size one, known: a prior of sd 1 on a parameter is one more point that reads it."""
     n = 4000
-    model = made(n)
+    model = made(n).parts[0]
     prior = np.array([25.0, 0.0])
-    pulled = Linearised(
-        model.residuals, model.jacobian, model.drift, model.jump, model.time, prior, prior * 0.1
-    )
-    found = Competition.of(pulled, Sizes())
+    found = Competition.of(Linearised([model], prior, prior * 0.1), Sizes())
     normal = model.jacobian.T @ model.jacobian / found.white_variance[0, 0] + np.diag(prior)
     shift = -np.linalg.solve(
         normal, model.jacobian.T @ model.residuals / found.white_variance[0, 0] + prior * 0.1
     )
     # s^2 itself is found by repetition; its last change is of the order of 1/n^2.
     assert found.shift[0, 0, :2] == pytest.approx(shift, rel=1e-5, abs=1e-9)
-    assert found.covariance[0, 0] == pytest.approx(np.linalg.inv(normal), rel=1e-5)
+    assert found.covariance(only(found, 0, 0))[0] == pytest.approx(np.linalg.inv(normal), rel=1e-5)
+
+
+def test_two_curves_are_one_curve_read_twice():
+    """Two curves of the same readings: the same shift, half the variance, and twice the evidence for a drift."""
+    model = made(300, truth=RNG.standard_normal(300))
+    both = Linearised([model.parts[0], model.parts[0]], model.precision, model.pull)
+    one, two = Competition.of(model, Sizes()), Competition.of(both, Sizes())
+    for g, c in [(0, 0), (9, 4), (20, 20)]:
+        assert two.shift[g, c, :2] == pytest.approx(one.shift[g, c, :2], rel=1e-8)
+        ratio = two.covariance(only(two, g, c))[0] / one.covariance(only(one, g, c))[0]
+        # S doubles, n - k goes from 298 to 598.
+        assert ratio == pytest.approx(np.full((2, 2), 298.0 / 598.0), rel=1e-6)
 
 
 def test_quantiles_are_those_of_the_mixture():
@@ -131,7 +145,7 @@ def coverage(world, rng, replicas=80):
         model = made(120, truth=world(120, rng))
         found = Competition.of(model, Sizes())
         low, high = (found.mixture.quantile(0, p) for p in (0.025, 0.975))
-        sd = np.sqrt(found.covariance[0, 0, 0, 0])
+        sd = np.sqrt(found.covariance(only(found, 0, 0))[0, 0, 0])
         white = found.shift[0, 0, 0]
         half = stats.t.ppf(0.975, found.degrees) * sd
         hits += (low <= 0.0 <= high, white - half <= 0.0 <= white + half)
