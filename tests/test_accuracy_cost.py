@@ -12,6 +12,7 @@ from underlay.cli.app import app
 from underlay.errors import FileAccessError, FileFormatError, InputError, RangeError
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.solvers import Asymptotic
 from underlay.report import bench, plots
 from underlay.report.accuracy_table import accuracy_summary
 from underlay.scene.accuracy_cost import accuracy_cost, explicit_formula
@@ -49,13 +50,13 @@ def test_every_method_order_and_form_is_there(table):
 
 def test_errors_are_those_against_the_exact_law(table):
     depth = np.linspace(0.0, DEEPEST, 1001)[1:]
-    exact = GEL.contact_law(DEEPEST, method="exact")
+    exact = GEL.contact_law(DEEPEST, solver="exact")
     for method in ("halfspace", "garcia2018"):
-        law = GEL.contact_law(DEEPEST, method=method)
+        law = GEL.contact_law(DEEPEST, solver=method)
         error = np.abs(law.force(depth) / exact.force(depth) - 1.0).max()
         assert row(table, method=method).error == pytest.approx(error, rel=1e-4)
     radius = np.abs(
-        GEL.contact_law(DEEPEST, method="halfspace").contact_radius(depth) / exact.contact_radius(depth)
+        GEL.contact_law(DEEPEST, solver="halfspace").contact_radius(depth) / exact.contact_radius(depth)
     )
     assert row(table, method="halfspace").error_radius == pytest.approx(np.abs(radius - 1.0).max(), rel=1e-4)
 
@@ -100,7 +101,7 @@ def test_a_correction_outside_its_range_is_kept_with_a_note():
 
 def test_the_unit_is_the_explicit_law():
     depth = np.linspace(1e-8, 1e-7, 5)
-    law = GEL.contact_law(1e-7, method="asymptotic", form="explicit")
+    law = GEL.contact_law(1e-7, solver=Asymptotic(form="explicit"))
     assert explicit_formula(GEL)(depth) == pytest.approx(law.force(depth), rel=1e-12)
 
 

@@ -5,11 +5,10 @@ import sys
 import numpy as np
 import pytest
 
+from support.laws import asymptotic_law, exact_law
 from support.pairs import FORMS, PAIRS, PARABOLOID, SHAPES
 from support.reference_contact import solve
 from underlay.errors import RangeError
-from underlay.mechanics.asymptotic.law import asymptotic_law
-from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import FlatPunch
 
 # Relative error of the force at a/h = 0.2, 0.6, 1; None where the form has no root.

@@ -9,14 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from support.laws import asymptotic_law, exact_law
 from support.pairs import FORMS, PAIRS, PARABOLOID, SHAPES
 from support.reference_contact import solve
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.asymptotic import law as asymptotic
 from underlay.mechanics.asymptotic.blunt_relations import BluntLayer, explicit_force, parametric_stiffness
-from underlay.mechanics.asymptotic.law import asymptotic_law, kernel_moments
-from underlay.mechanics.exact.law import exact_law
+from underlay.mechanics.asymptotic.law import kernel_moments
+from underlay.mechanics.contact import Contact
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
@@ -31,7 +32,7 @@ def test_the_turning_point_is_found_and_is_the_end(shape, pair):
     layer, substrate = PAIRS[pair]
     indenter = SHAPES[shape]
     last = asymptotic_law(indenter, layer, substrate, 1e-3, form="parametric").max_depth
-    with pytest.raises(RangeError, match=r'use method="exact"') as caught:
+    with pytest.raises(RangeError, match='use the solver "exact"') as caught:
         asymptotic_law(indenter, layer, substrate, 1.001 * last, form="parametric")
     assert caught.value.max_depth == last
     law = asymptotic_law(indenter, layer, substrate, 0.9 * last, form="parametric")
@@ -125,7 +126,7 @@ def test_no_layer_effect_costs_no_kernel_and_is_the_halfspace(monkeypatch, shape
     monkeypatch.setattr(asymptotic, "SubstrateKernel", forbidden)
     material = Isotropic(2.0, 0.3)
     reference = HalfspaceLaw(
-        method="halfspace",
+        solver="halfspace",
         reason="",
         max_depth=1.0,
         error_estimate=0.0,
@@ -174,7 +175,7 @@ def test_a_small_contact_of_a_sphere_is_a_paraboloid(form, pair):
 
 
 def test_a_high_power_is_a_flat_punch():
-    a_0, a_1, _ = kernel_moments(*PAIRS["rigid nu=.3"])
+    a_0, a_1, _ = kernel_moments(Contact.of(PARABOLOID, *PAIRS["rigid nu=.3"]))
     punch = blunt.kappa_infinity(0.4, a_0, a_1, form="parametric")
     exponents = np.array([25.0, 50.0, 100.0, 200.0])
     difference = [
@@ -357,7 +358,9 @@ def test_a_thicker_layer_on_a_rigid_base_is_softer(nu, fraction):
 def test_the_explicit_law_costs_about_the_bare_formula():
     layer, substrate = PAIRS["rigid nu=.5"]
     law = asymptotic_law(PARABOLOID, layer, substrate, 0.1)
-    case = BluntLayer(2.0, 1.0, layer.material.theta, 1.0, *kernel_moments(layer, substrate)[:2])
+    case = BluntLayer(
+        2.0, 1.0, layer.material.theta, 1.0, *kernel_moments(Contact.of(PARABOLOID, layer, substrate))[:2]
+    )
     depth = np.linspace(1e-4, 0.1, 1000)
     assert np.allclose(law.force(depth), explicit_force(depth, case), rtol=1e-13)
 

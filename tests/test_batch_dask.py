@@ -12,7 +12,8 @@ import pandas as pd
 import pytest
 
 import underlay as ul
-from support.maps import ACCURACY, FREE, SCENE, SCENE_TOML, made_curve, made_manifest, write_folder
+from support import maps
+from support.maps import SCENE_TOML, made_curve, made_manifest, numbers, rows_in, write_folder
 from underlay.errors import SchedulerError
 
 pytest.importorskip("distributed")
@@ -22,8 +23,8 @@ WORKER = """
 import sys, time
 sys.path[:0] = {path!r}
 from underlay.inference.batch import work as batch_work
-row = batch_work.Workshop._row
-batch_work.Workshop._row = lambda self, place: time.sleep({pause}) or row(self, place)
+row = batch_work.CurveFitter._row
+batch_work.CurveFitter._row = lambda self, place: time.sleep({pause}) or row(self, place)
 from distributed.cli.dask_worker import main
 main([{address!r}, "--nthreads", "1", "--no-dashboard", "--death-timeout", "30", "--no-nanny"])
 """
@@ -31,10 +32,6 @@ main([{address!r}, "--nthreads", "1", "--no-dashboard", "--death-timeout", "30",
 
 SCHEDULER = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
 SCHEDULER += ["--no-dashboard"]
-
-
-def numbers(table):
-    return table.drop(columns="seconds")
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +70,7 @@ def serial():
 
 def fit(**options):
     curves = [made_curve(index) for index in range(COUNT)]
-    return ul.fit_many(curves, SCENE, FREE, made_manifest(COUNT), accuracy=ACCURACY, **options)
+    return maps.fit(curves, made_manifest(COUNT), **options)
 
 
 def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(cluster, serial, tmp_path):
@@ -82,9 +79,9 @@ def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(cluster, serial
     killed = []
 
     def kill_when_it_runs():
-        while not journal.exists() or len(journal.read_bytes().splitlines()) < 6:
+        while not journal.exists() or rows_in(journal) < 5:
             time.sleep(0.01)
-        killed.append(len(journal.read_bytes().splitlines()) - 1)
+        killed.append(rows_in(journal))
         workers[0].send_signal(signal.SIGKILL)
 
     killer = threading.Thread(target=kill_when_it_runs, daemon=True)
@@ -102,7 +99,8 @@ def test_files_that_the_workers_do_not_see_are_refused(cluster, tmp_path, monkey
     folder = write_folder(tmp_path / "curves", 3)
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE_TOML, encoding="utf-8")
-    options = {"manifest": folder / "manifest.csv", "scheduler": address, "timeout": 60.0}
+    options = {"manifest": folder / "manifest.csv", "scheduler": address}
+    options["options"] = ul.MapOptions(timeout=60.0)
     seen = ul.fit_many(folder, scene, **options)
     assert (seen["status"] == "fitted").all()
     monkeypatch.setattr("underlay.inference.batch.dask._sees", lambda _: False)

@@ -11,12 +11,13 @@ import underlay as ul
 from support.inverse import layer_on, measured, problem
 from underlay.data.noise import Noise
 from underlay.errors import InputError
-from underlay.inference.fitting.objective import Objective, weights_at
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.priors import HalfNormal, LogNormal, Normal
 from underlay.inference.problem import Problem
-from underlay.inference.profiles import p_value_at, profile, rise_at
-from underlay.inference.profiling.calibration import Draws, draw_rises
+from underlay.inference.profiles import delta_chi_square_at, p_value_at, profile
+from underlay.inference.profiling.calibration import Draws, draw_delta_chi_squares
 from underlay.inference.profiling.redraw import redrawn
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
@@ -49,7 +50,7 @@ def test_rises_of_a_linear_parameter_have_the_law_of_the_textbook(noise):
     scene = layer_on(ul.RIGID)
     found = fit(problem(scene, [BASELINE], measured(scene, points=40), noise=noise))
     value = found.values[BASELINE] + 2.0 * found.stderr[BASELINE]
-    rises = draw_rises(found, BASELINE, value, 150, 0).rises
+    rises = draw_delta_chi_squares(found, BASELINE, value, 150, 0).delta_chi_squares
     law = stats.f(1, 39) if noise is None else stats.chi2(1)
     assert stats.kstest(rises, law.cdf).pvalue > 1e-3
 
@@ -96,9 +97,9 @@ def test_redrawn_curves_have_the_model_the_noise_and_the_priors_of_the_fit():
     made = [
         redrawn(found.problem, found.vector, found.noises, np.random.default_rng([3, b])) for b in range(300)
     ]
-    objective = Objective(found.problem, weights_at(found.problem, found.vector, found.noises))
+    objective = Objective(found.problem, freeze(found.problem, found.vector, found.noises))
     model = objective.models(found.vector)[0]
-    member, sigma = found.problem.members[0], objective.weights.sigmas[0]
+    member, sigma = found.problem.members[0], objective.noise.sigmas[0]
     white = np.array(
         [noise.whiten((p.curves[0].force - model) / sigma, member.curve.time) for p in made]
     ).ravel()
@@ -140,7 +141,7 @@ def test_a_fit_with_two_optima_is_told_to_calibrate(two_optima):
 def test_a_value_behind_a_fold_is_found(replica):
     # From the thin optimum a step in the contact depth leads up a wall of t = 73 and 76.
     found = HARD.fit_of(replica)
-    here = rise_at(found, C, 1e-5)
+    here = delta_chi_square_at(found, C, 1e-5)
     assert here < 2.5
     # As low as a fit that is begun at the truth, above the lower of two optima: the fit of curve 111 is not it.
     scene, curve, noise = HARD.scene, found.curves[0], found.noises[0]

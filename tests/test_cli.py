@@ -198,7 +198,7 @@ def test_files_that_are_not_there(run, tmp_path):
         ('radius = "1 mm"', 'radius = "0 mm"', "must be positive"),
         ('"2 mm"', '"-2 mm"', "thickness must be positive"),
         ('radius = "1 mm"', 'radius = "20 um"', "larger radius"),
-        ("[solver]", '[solver]\nmethod = "asymptotic"', "exact"),
+        ("[solver]\nrtol = 1e-5", '[solver]\nname = "asymptotic"', "exact"),
         ("layer.thickness = {", "substrate.E = {", "no parameter 'substrate.E'"),
     ],
 )
@@ -207,8 +207,8 @@ def test_bad_scenes_end_with_one_line(run, tmp_path, old, new, message):
     assert old in text
     text = text.replace(old, new)
     if "asymptotic" in new:
-        # A layer this thin is beyond the root of the series.
-        text = text.replace('thickness = "2 mm"', 'thickness = "0.1 mm"').replace(
+        # A layer this thin is beyond the root of the series, if not thinner than the depth pressed.
+        text = text.replace('thickness = "2 mm"', 'thickness = "0.3 mm"').replace(
             'layer.thickness = { min = "0.3 mm", max = "10 mm" }', ""
         )
     scene = tmp_path / "scene.toml"

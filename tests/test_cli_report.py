@@ -128,7 +128,7 @@ def test_notebook_of_a_curve_that_comes_back_draws_its_segments(run, tmp_path):
     [
         (("curve.csv",), "add --scene SCENE.toml for curve.csv"),
         (("none.csv", "--scene", "scene.toml"), "cannot open 'none.csv'"),
-        (("curve.csv", "--scene", "none.toml"), "scene file none.toml does not exist"),
+        (("curve.csv", "--scene", "none.toml"), "cannot open 'none.toml': No such file"),
         (("curve.csv", "curve.csv", "--scene", "scene.toml"), "one page is of one curve"),
         (("curve.csv", "--scene", "scene.toml", "--output", "page.pdf"), "a report is an HTML file"),
         (

@@ -69,8 +69,8 @@ def test_a_law_that_cannot_be_fitted_does_not_disturb_the_others():
     assert list(found.fits) == ["exact"]
     assert "rigid substrate" in found.refused["garcia2018"]
     assert "order 0 to 4" in found.refused["asymptotic:7"]
-    assert "unknown method" in found.refused["nonsense"]
-    assert found.to_frame().loc["nonsense", "notes"].startswith("unknown method")
+    assert "no solver is called" in found.refused["nonsense"]
+    assert found.to_frame().loc["nonsense", "notes"].startswith("no solver is called")
 
 
 def test_a_half_space_has_nothing_to_fit_to_a_thickness():
@@ -94,7 +94,7 @@ def test_a_published_law_is_flagged_by_the_depth_of_the_data_alone():
     for share, flagged in ((0.37, False), (0.40, True)):
         depth = np.linspace(0.0, (share * thickness) ** 2 / radius, 80)
         curve = ul.synthesize(scene, depth, ul.Noise(force=1e-7), 0)
-        found = ul.fit(ul.Problem(scene, curve, ["layer.E"], method="dimitriadis2002"))
+        found = ul.fit(ul.Problem(scene, curve, ["layer.E"], solver="dimitriadis2002"))
         assert any(warning.code == "law-range" for warning in found.warnings) == flagged
 
 
@@ -105,7 +105,7 @@ def test_every_curve_of_a_joint_fit_answers_for_its_own_range():
         scene = ul.Scene(ul.Paraboloid(radius), layer, ul.RIGID)
         # X = sqrt(R w)/h: 0.13 for the small tip and 0.41 for the large one, with 0.385 allowed.
         tests.append((scene, ul.synthesize(scene, np.linspace(0.0, 8.5e-5, 60), ul.Noise(force=1e-6), 0)))
-    found = ul.fit(ul.Problem.joint(tests, [E], [E], method="dimitriadis2002"))
+    found = ul.fit(ul.Problem.joint(tests, [E], [E], solver="dimitriadis2002"))
     told = [str(warning) for warning in found.warnings if warning.code == "law-range"]
     assert len(told) == 1
     assert "outside its range on curve 2" in told[0]

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from support.laws import exact_law
 from underlay.errors import RangeError
+from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.curve_family import Cell, curve_family, range_number
 from underlay.mechanics.exact.family_law import tabulated_law
-from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
 
@@ -16,17 +17,13 @@ THICKNESS = 3e-4
 
 def pair(tip, ratio, varpi, rtol, *, layer_nu=0.45, base_nu=0.3, reference_rtol=1e-10):
     """The law from a table and the exact law of the same scene, solved for itself."""
-    law = tabulated_law(
-        tip,
-        layer=(1e6, layer_nu),
-        base=None if ratio is None else (ratio * 1e6, base_nu),
-        thickness=THICKNESS,
-        varpi=varpi,
-        rtol=rtol,
+    layer, base = (
+        Layer(Isotropic(1e6, layer_nu), THICKNESS),
+        RIGID if ratio is None else Isotropic(ratio * 1e6, base_nu),
     )
-    depth = np.linspace(0.01, 1.0, 50) * float(tip.abel(np.array([varpi * THICKNESS]))[0])
-    base = RIGID if ratio is None else Isotropic(ratio * 1e6, base_nu)
-    layer = Layer(Isotropic(1e6, layer_nu), THICKNESS)
+    deepest = float(tip.abel(np.array([varpi * THICKNESS]))[0])
+    law = tabulated_law(Contact.of(tip, layer, base), ratio or np.inf, deepest, rtol)
+    depth = np.linspace(0.01, 1.0, 50) * deepest
     return law, exact_law(tip, layer, base, max_depth=depth[-1], rtol=reference_rtol), depth
 
 
@@ -92,13 +89,19 @@ def test_another_cell_s_ratio_is_refused():
 
 def test_where_the_contact_is_too_wide_there_is_no_table():
     assert curve_family(Cell.holding(2.0, 0.5, 0.3, 1e3, varpi=18.0, rtol=1e-4)) is None
-    too_wide = {"base": None, "thickness": 1e-3, "varpi": 18.0, "rtol": 1e-4}
-    assert tabulated_law(TIPS["paraboloid"], layer=(1e6, 0.5), **too_wide) is None
+    contact = Contact.of(TIPS["paraboloid"], Layer(Isotropic(1e6, 0.5), 1e-3), RIGID)
+    too_deep = float(contact.indenter.abel(np.array(18e-3)))
+    assert tabulated_law(contact, np.inf, too_deep, 1e-4) is None
 
 
 def test_a_rigid_base_has_one_curve_for_every_modulus_thickness_and_radius():
     laws = [
-        tabulated_law(Paraboloid(radius), layer=(E, 0.5), base=None, thickness=h, varpi=8.0, rtol=1e-6)
+        tabulated_law(
+            Contact.of(Paraboloid(radius), Layer(Isotropic(E, 0.5), h), RIGID),
+            np.inf,
+            float(Paraboloid(radius).abel(np.array(8.0 * h))),
+            1e-6,
+        )
         for radius, E, h in ((1e-3, 1e6, 1e-3), (1e-5, 5e2, 3e-6))
     ]
     assert laws[0].curve is laws[1].curve

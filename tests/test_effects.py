@@ -11,11 +11,12 @@ from support.call_counter import count_calls
 from underlay.cli.app import app
 from underlay.errors import InputError
 from underlay.mechanics import kernel, materials
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.response import Remembered
+from underlay.mechanics.solvers import Auto
 from underlay.report import plots
-from underlay.scene import instrument as instrument_module
+from underlay.scene.chain import Baseline, Frame
 from underlay.scene.effects import effect_sizes
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
@@ -29,6 +30,7 @@ EFFECTS = (
     "true sphere",
     "instrument compliance",
     "baseline",
+    "history",
 )
 PLAIN = Scene(Paraboloid(1e-3), Layer(GEL))
 FIBROUS = TransverselyIsotropic(E=2e4, E_axial=1e4, nu=0.3, nu_axial=0.2, G_axial=4e3)
@@ -50,9 +52,9 @@ def code_of_each_effect(monkeypatch):
         "finite thickness": count_calls(monkeypatch, kernel, "_interface"),
         "anisotropy": count_calls(monkeypatch, materials, "transversely_isotropic_constants"),
         "true sphere": count_calls(monkeypatch, Sphere, *sphere),
-        "instrument compliance": count_calls(
-            monkeypatch, instrument_module, "_share_between_sample_and_frame"
-        ),
+        "instrument compliance": count_calls(monkeypatch, Frame, "tip_depth", "share"),
+        "baseline": count_calls(monkeypatch, Baseline, "reading"),
+        "history": count_calls(monkeypatch, Remembered, "force"),
     }
 
 
@@ -78,8 +80,8 @@ def test_a_layer_below_the_tolerance_is_not_simulated():
     assert row(base, "anisotropy", deep).simulated
 
 
-def row(scene, name, depth=DEPTH, accuracy=None):
-    table = scene.effects(depth, accuracy)
+def row(scene, name, depth=DEPTH):
+    table = scene.effects(depth)
     return table.set_index("effect").loc[name]
 
 
@@ -129,7 +131,7 @@ def test_the_paraboloid_says_what_the_sphere_would_change_without_simulating_it(
 
 def test_an_effect_below_the_tolerance_says_so_and_the_law_is_named():
     scene = replace(ALONE["finite thickness"], substrate=Isotropic(1e9, 0.3))
-    table = scene.effects(DEPTH, Accuracy(1e-2))
+    table = scene.effects(DEPTH, solver=Auto(1e-2))
     note = table.set_index("effect").loc["substrate compliance", "note"]
     assert "below rtol = 0.01" in note
     assert table.attrs["law"].startswith(("exact: ", "asymptotic: "))

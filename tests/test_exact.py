@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from support.laws import exact_law
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
@@ -120,7 +120,7 @@ def test_identical_materials_and_an_infinite_layer_are_a_half_space(name):
     deepest = depth_at(shape, 2.0)
     w = deepest * np.array([1e-6, 0.1, 1.0])
     half = HalfspaceLaw(
-        method="halfspace",
+        solver="halfspace",
         reason="",
         max_depth=deepest,
         error_estimate=0.0,

@@ -5,9 +5,9 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from support.laws import exact_law
 from underlay.errors import RangeError
 from underlay.mechanics.exact.batch import ExactBatch, thickness_derivative
-from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Cone, Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, isotropic_constants
 

@@ -7,8 +7,8 @@ import pytest
 
 from support import reference_contact
 from support.hard_case_table import HardCaseTable, Row
+from support.laws import exact_law
 from underlay.errors import RangeError
-from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from support import reference_contact
+from support.laws import exact_law
 from support.reference_solver import DIGITS, EXPONENTS, MATERIALS, STORED, solve, weighted_kernel
-from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 

@@ -124,3 +124,10 @@ def test_json_that_is_not_ours_after_all(content, tmp_path):
     path.write_text(content)
     with pytest.raises(UnderlayError):
         read_all(path)
+
+
+@pytest.mark.parametrize("ending", [".csv", ".json", ".h5"])
+def test_further_columns_come_back(ending, tmp_path):
+    made = Curve([0.0, 1e-6, 2e-6], [0.0, 1e-3, 3e-3], columns={"force_scatter": [1e-4, np.nan, 2e-4]})
+    again = read(write_curves(made, tmp_path / f"curve{ending}"))
+    np.testing.assert_array_equal(again.columns["force_scatter"], [1e-4, np.nan, 2e-4])

@@ -1,24 +1,30 @@
-"""The house takes additions: an indenter, a published correction, a reader and an effect from outside it.
+"""The house takes additions: an indenter, a correction, a law of one's own, a reader, an effect from outside it.
 
 Each class or record below is all that its file would hold; the README says where the file goes.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import underlay as ul
+from underlay.data.noise import NoiseModel
 from underlay.data.readers import Format
 from underlay.data.readers._format import make_curve
 from underlay.data.readers._text import lines_of
-from underlay.errors import FitError, InputError
+from underlay.errors import CurveError, FitError, InputError, ParameterError
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.published.correction import MEASURED_RANGE, RIGID_BONDED, PublishedCorrection
 from underlay.mechanics.published.factor import PolynomialFactor
 from underlay.mechanics.published.measured_error import MeasuredError
 from underlay.mechanics.published.quantities import LAYER_NU
+from underlay.mechanics.response import History
+from underlay.quantities import quantity
+from underlay.report import tables as fit_tables
+from underlay.report.labels import label
 from underlay.scene.effects import Effect, effects_table
 
 # --- an indenter -----------------------------------------------------------------------------------------
@@ -112,9 +118,9 @@ def test_indenter_works_everywhere(tmp_path):
     for name, true in (("layer.E", 1e4), ("indenter.tip_radius", 5e-6)):
         assert abs(fit.values[name] - true) < 4.0 * fit.stderr[name]
     # dP/dw = 4 theta a kappa_inf(a/h) for every shape, kappa_inf the flat punch's: it tests the new shape.
-    law = scene.contact_law(3e-6, method="exact")
+    law = scene.contact_law(3e-6, solver="exact")
     radius = float(law.contact_radius(2e-6))
-    punch = ul.contact_law(ul.FlatPunch(radius), scene.layer, ul.RIGID, max_depth=1e-6, method="exact")
+    punch = ul.contact_law(ul.FlatPunch(radius), scene.layer, ul.RIGID, max_depth=1e-6, solver="exact")
     assert float(law.stiffness(2e-6)) == pytest.approx(float(punch.stiffness(1e-6)), rel=1e-4)
     ul.plots.save(ul.plots.scene(scene, depth=3e-6), tmp_path / "scene.png")
 
@@ -133,7 +139,7 @@ def test_indenter_without_an_end_is_refused_where_the_exact_law_needs_one():
     endless = Endless(WORN.half_angle, WORN.tip_radius)
     layer = ul.Layer(ul.Isotropic(1e4, 0.5), 1e-5)
     with pytest.raises(InputError, match=r"Endless\.max_radius is inf.*finite max_radius \(m\)"):
-        ul.contact_law(endless, layer, ul.RIGID, max_depth=3e-6, method="exact")
+        ul.contact_law(endless, layer, ul.RIGID, max_depth=3e-6, solver="exact")
     scene = ul.Scene(WORN, layer, ul.RIGID)
     curve = ul.synthesize(scene, np.linspace(-1e-6, 3e-6, 50), noise=ul.Noise(force=1e-11), rng=0)
     with pytest.raises(FitError, match="no contact law at the start of the fit: Endless"):
@@ -164,16 +170,175 @@ FIRST_ORDER = PublishedCorrection(
 
 def test_correction_works_everywhere():
     layer = ul.Layer(ul.Isotropic(1e4, 0.5), 1e-5)
-    given = {"max_depth": 1e-8, "method": FIRST_ORDER}
+    given = {"max_depth": 1e-8, "solver": FIRST_ORDER}
     law = ul.contact_law(ul.Paraboloid(5e-6), layer, ul.RIGID, **given)
-    exact = ul.contact_law(ul.Paraboloid(5e-6), layer, ul.RIGID, max_depth=1e-8, method="exact")
+    exact = ul.contact_law(ul.Paraboloid(5e-6), layer, ul.RIGID, max_depth=1e-8, solver="exact")
     assert law.method == "first-order"
     measured = abs(float(law.force(1e-8) / exact.force(1e-8)) - 1.0)
     assert measured <= law.error_estimate
     scene = ul.Scene(ul.Paraboloid(5e-6), layer, ul.RIGID)
-    assert scene.force(1e-8, method=FIRST_ORDER) == law.force(1e-8)
+    assert scene.force(1e-8, solver=FIRST_ORDER) == law.force(1e-8)
     with pytest.raises(InputError, match="first-order needs a sphere"):
         ul.contact_law(ul.Cone.berkovich(), layer, ul.RIGID, **given)
+
+
+def test_correction_is_fitted():
+    scene = ul.Scene(ul.Paraboloid(5e-6), ul.Layer(ul.Isotropic(1e4, 0.5), 1e-5), ul.RIGID)
+    curve = ul.synthesize(scene, np.linspace(-1e-8, 5e-8, 60), ul.Noise(force=1e-13), rng=0)
+    fit = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e2, 1e6)}, solver=FIRST_ORDER))
+    assert abs(fit.values["layer.E"] / 1e4 - 1.0) < 0.02
+    assert fit.statistics.law_method == "first-order"
+
+
+# --- a contact law of one's own ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class WinklerLaw(ul.ContactLaw):
+    """A paraboloid on a bed of springs of the layer's confined stiffness: P = pi R k w^2."""
+
+    bed: float
+    radius: float
+
+    @property
+    def _beyond(self):
+        return "build it with a larger max_depth"
+
+    def _force(self, depth):
+        return np.pi * self.radius * self.bed * depth**2
+
+    def _contact_radius(self, depth):
+        return np.sqrt(2.0 * self.radius * depth)
+
+    def _stiffness(self, depth):
+        return 2.0 * np.pi * self.radius * self.bed * depth
+
+
+@dataclass(frozen=True)
+class Winkler(ul.Solver):
+    """Layers so thin that each column stands alone."""
+
+    def build(self, contact, max_depth):
+        E, nu = contact.isotropic.layer.E, contact.isotropic.layer.nu
+        confined = E * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
+        return WinklerLaw(
+            method="winkler",
+            reason="asked for",
+            max_depth=max_depth,
+            error_estimate=0.1,
+            bed=confined / contact.thickness,
+            radius=contact.indenter.radius,
+        )
+
+
+THIN = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e5, 0.3), 1e-5), ul.RIGID)
+THIN_CURVE = ul.synthesize(THIN, np.linspace(-2e-7, 1e-6, 80), ul.Noise(force=1e-7), rng=1, solver=Winkler())
+FREE = {"layer.E": (1e3, 1e7), "instrument.contact_depth": (-1e-7, 1e-7)}
+
+
+class Builder:
+    """The same from an object that is no `Solver`."""
+
+    def build(self, contact, max_depth):
+        return Winkler().build(contact, max_depth)
+
+
+@pytest.mark.parametrize("solver", [Winkler(), Builder()], ids=["Solver", "any object"])
+def test_law_is_fitted(solver):
+    fit = ul.fit(ul.Problem(THIN, THIN_CURVE, FREE, ul.Noise(force=1e-7), solver=solver))
+    assert fit.statistics.law_method == "winkler"
+    for name, true in (("layer.E", 1e5), ("instrument.contact_depth", 0.0)):
+        assert abs(fit.values[name] - true) < 4.0 * fit.stderr[name]
+    # P = pi R M w^2 / h is linear in E: the standard error is that of a straight line through the origin.
+    columns = np.column_stack(
+        [
+            THIN.force(THIN_CURVE.depth, solver=solver) / 1e5,
+            -THIN.contact_law(1e-6, solver=solver).stiffness(THIN_CURVE.depth),
+        ]
+    )
+    covariance = np.linalg.inv(columns.T @ columns) * 1e-14
+    assert fit.stderr["layer.E"] == pytest.approx(np.sqrt(covariance[0, 0]), rel=0.02)
+
+
+def test_law_is_sampled_mapped_and_compared():
+    problem = ul.Problem(THIN, THIN_CURVE, FREE, ul.Noise(force=1e-7), solver=Winkler())
+    fit = ul.fit(problem)
+    posterior = ul.sample(problem, walkers=16, max_steps=2000, rng=0)
+    mean = posterior.summary().loc["layer.E"]
+    assert abs(float(mean["median"]) - fit.values["layer.E"]) < fit.stderr["layer.E"]
+    table = ul.fit_many([THIN_CURVE], THIN, FREE, noise=ul.Noise(force=1e-7), solver=Winkler(), workers=0)
+    assert table.loc[0, "layer.E"] == pytest.approx(fit.values["layer.E"], rel=1e-6)
+    assert table.loc[0, "law"] == "winkler"
+    found = ul.compare(problem, [Winkler(), "exact"])
+    assert found.best == "Winkler"
+
+
+# --- solvers and laws that misbehave -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class BrokenLaw(WinklerLaw):
+    """Fails in one of three ways beyond a depth."""
+
+    how: str
+    from_depth: float
+
+    def _force(self, depth):
+        force = super()._force(depth)
+        if self.how == "nan":
+            return np.where(depth > self.from_depth, np.nan, force)
+        if self.how == "shape" and (depth > self.from_depth).any():
+            return force[:-1]
+        if self.how == "raise" and (depth > self.from_depth).any():
+            raise ZeroDivisionError("no such column")
+        return force
+
+
+@dataclass(frozen=True)
+class Broken(ul.Solver):
+    """Builds such a law, or none."""
+
+    how: str
+
+    def build(self, contact, max_depth):
+        if self.how == "unbuilt":
+            return contact.theta[0]
+        if self.how == "no law":
+            return contact.theta
+        bare = Winkler().build(contact, max_depth)
+        own = {field.name: getattr(bare, field.name) for field in fields(bare)}
+        return BrokenLaw(**own, how=self.how, from_depth=6e-7)
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ("nan", r"winkler \(BrokenLaw.force\) at depth 7.5e-07 m: answered with NaN"),
+        ("shape", r"winkler \(BrokenLaw.force\) at depth 7.5e-07 m: answered with shape \(3,\)"),
+        ("raise", r"winkler \(BrokenLaw.force\) at depth 7.5e-07 m: ZeroDivisionError: no such column"),
+        ("unbuilt", r"the solver Broken failed for depths up to 1e-06 m: TypeError"),
+        ("no law", r"the solver Broken must build a ContactLaw; for depths up to 1e-06 m it gave"),
+    ],
+)
+def test_what_misbehaves_is_named_with_the_depth(how, message):
+    depth = np.array([2.5e-7, 5e-7, 7.5e-7, 1e-6])
+    with pytest.raises(ul.LawError, match=message):
+        THIN.force(depth, solver=Broken(how))
+    # In a fit too: it is an error of the law, not a place without one.
+    with pytest.raises(ul.LawError, match="Broken"):
+        ul.fit(ul.Problem(THIN, THIN_CURVE, FREE, ul.Noise(force=1e-7), solver=Broken(how)))
+
+
+def test_a_solver_that_cannot_be_kept_by_is_refused():
+    @dataclass
+    class Loose(ul.Solver):
+        number: float = 1.0
+
+        def build(self, contact, max_depth):
+            return Winkler().build(contact, max_depth)
+
+    with pytest.raises(InputError, match="Loose must be hashable"):
+        ul.Problem(THIN, THIN_CURVE, FREE, solver=Loose())
 
 
 # --- a reader --------------------------------------------------------------------------------------------
@@ -202,6 +367,118 @@ def test_reader_works(tmp_path):
     assert curve.force[-1] == pytest.approx(1.9e-3)
     assert curve.metadata["format"] == "pipes"
     assert len(curve.metadata["sha256"]) == 64
+
+
+# --- a response with memory ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Maxwell(History):
+    """A spring and a dashpot in series: P(t) = int exp(-(t - s)/time) dP_el(w(s))."""
+
+    model: ClassVar[str] = "maxwell"
+
+    time: float = field(
+        metadata=quantity("time", "relaxation time of the sample", symbol=r"\tau", bounds=(0.0, np.inf))
+    )
+
+    def force(self, elastic, depth, time):
+        load, x = elastic(depth), np.diff(time) / self.time
+        force = np.array(load)
+        for n, step in enumerate(np.diff(load) * -np.expm1(-x) / x):
+            force[n + 1] = force[n] * np.exp(-x[n]) + step
+        return force
+
+
+RELAXING = ul.Scene(
+    ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e5, 0.45), 1e-3), ul.RIGID, history=Maxwell(time=0.5)
+)
+CLOCK = np.linspace(0.0, 3.0, 241)
+RAMP_AND_HOLD = np.minimum(6e-5 * CLOCK, 5e-5) - 1e-5
+
+
+def test_memory_keeps_to_its_laws():
+    elastic = replace(RELAXING, history=None).force(RAMP_AND_HOLD)
+    slow = replace(RELAXING, history=Maxwell(time=1e9)).force(RAMP_AND_HOLD, CLOCK)
+    assert slow == pytest.approx(elastic, rel=1e-8, abs=1e-12)
+    # Over the hold the force decays by itself.
+    held = RAMP_AND_HOLD.max() == RAMP_AND_HOLD
+    force = RELAXING.force(RAMP_AND_HOLD, CLOCK)[held]
+    assert force == pytest.approx(force[0] * np.exp(-(CLOCK[held] - CLOCK[held][0]) / 0.5), rel=1e-12)
+    with pytest.raises(InputError, match=r"pass time \(s\)"):
+        RELAXING.force(RAMP_AND_HOLD)
+
+
+def test_memory_is_fitted_to_a_curve_with_time():
+    curve = ul.synthesize(RELAXING, RAMP_AND_HOLD, ul.Noise(force=2e-6), rng=4, time=CLOCK)
+    assert curve.truth["history.time"] == 0.5
+    start = RELAXING.with_values({"history.time": 2.0, "layer.E": 3e4})
+    free = {"layer.E": (1e3, 1e7), "history.time": (1e-2, 1e2), "instrument.contact_depth": (-2e-5, 2e-5)}
+    problem = ul.Problem(start, curve, free)
+    # Derivatives go through the history; the test takes them from the force itself.
+    vector = problem.vector({"history.time": 0.4, "layer.E": 9e4, "instrument.contact_depth": 1e-6})
+    _, columns = problem.members[0].jacobian(problem.physical(vector))
+    for entry, slope in enumerate(problem.slopes(vector)):
+        step = 1e-5 * np.eye(3)[entry]
+        up, down = (problem.members[0].model(problem.physical(vector + s * step)) for s in (1, -1))
+        assert columns[:, entry] * slope == pytest.approx((up - down) / 2e-5, rel=1e-4, abs=1e-8)
+    fit = ul.fit(problem)
+    for name, true in (("layer.E", 1e5), ("history.time", 0.5), ("instrument.contact_depth", 0.0)):
+        assert abs(fit.values[name] - true) < 4.0 * fit.stderr[name] < 0.2 * max(true, 1e-4)
+    assert "history.time" in fit.report()
+    assert label("history.time") == "relaxation time of the sample"
+    # Many vectors at once, as a sampler asks, one by one here.
+    both = problem.log_likelihood(np.stack([fit.vector, vector]))
+    assert both[0] > both[1]
+    with pytest.raises(CurveError, match="times of its points"):
+        ul.Problem(start, ul.Curve(curve.depth, curve.force), free)
+
+
+def test_memory_stands_in_a_scene_file_and_in_the_ledger(tmp_path):
+    RELAXING.save(tmp_path / "scene.toml")
+    assert ul.load_scene(tmp_path / "scene.toml") == RELAXING
+    assert RELAXING.effects(5e-5).set_index("effect").loc["history", "simulated"]
+
+
+# --- a noise model ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Pump(NoiseModel):
+    """Noise that is louder from the moment a pump starts."""
+
+    start: ClassVar[float] = 1.0  # s
+
+    quiet: float = field(metadata=quantity("force", "noise before the pump starts", bounds=(0.0, np.inf)))
+    loud: float = field(metadata=quantity("force", "noise of the pump", bounds=(0.0, np.inf)))
+
+    def sigma(self, force, stiffness=None, time=None):
+        del stiffness
+        return np.where(time < self.start, self.quiet, self.loud) * np.ones_like(force)
+
+
+def test_noise_model_is_drawn_and_fitted():
+    scene = replace(RELAXING, history=None)
+    curve = ul.synthesize(scene, RAMP_AND_HOLD, Pump(2e-5, 4e-4), rng=2, time=CLOCK)
+    assert curve.truth["noise.loud"] == 4e-4
+    free = {"layer.E": (1e3, 1e7), "noise.loud": None}
+    problem = ul.Problem(scene, curve, free, noise=Pump(2e-5, 1e-4))
+    fit = ul.fit(problem)
+    # The standard deviation of a standard deviation from 160 points is 6 %.
+    assert fit.values["noise.loud"] == pytest.approx(4e-4, rel=0.25)
+    assert 0.03 < fit.stderr["noise.loud"] / fit.values["noise.loud"] < 0.12
+    assert abs(fit.values["layer.E"] - 1e5) < 4.0 * fit.stderr["layer.E"]
+    assert label("noise.loud") in fit_tables.diagnostics_table(fit).to_string()
+    # The same density for many vectors at once as for each alone, and as the normal distribution has it.
+    vectors = np.stack([fit.vector, fit.vector + 0.1, fit.vector - 0.2])
+    many = problem.log_likelihood(vectors)
+    for vector, density in zip(vectors, many, strict=True):
+        values = problem.values(vector)
+        model = scene.with_values({"layer.E": values["layer.E"]}).force(RAMP_AND_HOLD)
+        sigma = np.where(CLOCK < 1.0, 2e-5, values["noise.loud"])
+        assert density == pytest.approx(stats.norm.logpdf(curve.force, model, sigma).sum(), rel=1e-5)
+    with pytest.raises(ParameterError, match=r"did you mean 'noise\.loud'"):
+        ul.Problem(scene, curve, {"layer.E": None, "noise.laud": None}, noise=Pump(2e-5, 1e-4))
 
 
 # --- an effect -------------------------------------------------------------------------------------------

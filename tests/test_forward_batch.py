@@ -9,9 +9,9 @@ from underlay.errors import InputError
 from underlay.inference.model import forward_batch
 from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.solvers import Auto
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
 
@@ -85,15 +85,15 @@ def draws(problem, count, seed=0):
 @pytest.mark.parametrize("name", CASES)
 def test_a_batch_is_its_members(name, rtol, monkeypatch):
     scene, free, together = CASES[name]
-    problem = Problem(scene, CURVE, free, Noise(force=1e-3), accuracy=Accuracy(rtol))
+    problem = Problem(scene, CURVE, free, Noise(force=1e-3), solver=Auto(rtol))
     member = problem.members[0]
     physical = draws(problem, 40)
     alone = []
     one_by_one = forward_batch._one_by_one
 
-    def counted(asked, rows, readings):
+    def counted(forward, values, rows, readings):
         alone.extend(rows)
-        one_by_one(asked, rows, readings)
+        return one_by_one(forward, values, rows, readings)
 
     monkeypatch.setattr(forward_batch, "_one_by_one", counted)
     batch = member.readings(physical)
@@ -117,10 +117,10 @@ def test_a_batch_is_its_members(name, rtol, monkeypatch):
 
 def test_a_set_does_not_depend_on_its_company():
     scene, free, _ = CASES["elastic"]
-    problem = Problem(scene, CURVE, free, Noise(force=1e-3), accuracy=Accuracy(1e-4))
+    problem = Problem(scene, CURVE, free, Noise(force=1e-3), solver=Auto(1e-4))
     member, physical = problem.members[0], draws(problem, 24)
     together = member.readings(physical)
-    fresh = Problem(scene, CURVE, free, Noise(force=1e-3), accuracy=Accuracy(1e-4)).members[0]
+    fresh = Problem(scene, CURVE, free, Noise(force=1e-3), solver=Auto(1e-4)).members[0]
     for row in (23, 5, 11):
         alone = fresh.readings(physical[row : row + 1])
         # The nodes are the same; the order of sums inside matrix products is not, and the condition of the

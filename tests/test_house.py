@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "underlay"
 
 #: Floors from the ground up; a module may import from its own floor and from below.
 FLOORS = ("base", "mechanics", "scene", "data", "inference", "report", "cli")
-GROUND = {"errors", "units", "_arrays", "_files"}
+GROUND = {"errors", "units", "quantities", "_arrays", "_documents", "_door", "_files", "_text", "_zip"}
 
 #: Third parties and the only modules (relative to the package, by prefix) that may import them.
 HOMES = {
@@ -19,7 +19,7 @@ HOMES = {
     "emcee": ("inference/sampling/run", "inference/sampling/moves"),
     "dask": ("inference/batch/dask",),
     "distributed": ("inference/batch/dask",),
-    "matplotlib": ("report/plots",),
+    "matplotlib": ("report/plots", "report/kernel"),
     "pint": ("units",),
     "pydantic": ("scene/scene_schema",),
     "tomlkit": ("scene/scene_writer",),
@@ -92,11 +92,8 @@ def test_no_import_circles():
     graph = {}
     for path in modules():
         name = "underlay." + name_of(path).replace("/", ".").removesuffix(".__init__")
-        graph[name] = {
-            module
-            for module, typing_only in imported(path)
-            if module.startswith("underlay.") and not typing_only
-        }
+        # Annotations count: what two modules say of each other they cannot say apart.
+        graph[name] = {module for module, _ in imported(path) if module.startswith("underlay.")}
     done, trail = set(), []
 
     def visit(name):
@@ -126,8 +123,70 @@ def test_mechanics_needs_numpy_and_scipy_only():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+#: Where code of the caller's own runs, whatever it raises becomes a `LawError` that names it.
+SEAMS = {"contact_law.py", "solver.py"}
+
+
 def test_no_hidden_failures_in_mechanics():
     for path in (PACKAGE / "mechanics").rglob("*.py"):
         text = path.read_text(encoding="utf-8")
         for word in ("errstate", "nan_to_num", "np.clip(", "except Exception", "except:"):
-            assert word not in text, f"{path.name} holds {word}"
+            seam = word == "except Exception" and path.name in SEAMS
+            assert seam or word not in text, f"{path.name} holds {word}"
+
+
+#: What opens a file, or parses what came from one without bounds: the last part of the call's name.
+OPENS = {
+    "open", "fdopen", "FileIO", "read_text", "read_bytes", "read_csv", "read_parquet", "ParquetFile", "read_excel",
+    "load_workbook", "open_workbook", "ZipFile", "connect", "genfromtxt", "loadtxt", "fromfile", "memmap",
+}  # fmt: skip
+OPENS_DOTTED = {
+    "np.load",
+    "json.load",
+    "json.loads",
+    "tomllib.load",
+    "tomllib.loads",
+    "h5py.File",
+    "library.File",
+}
+#: The only modules that call them, and why; `_door` checks a file, the others get bytes of it or write.
+DOORS = {
+    "_door": {"os.open", "io.FileIO"},
+    "_documents": {"json.loads", "tomllib.loads"},
+    "_zip": {"zipfile.ZipFile", "archive.open"},
+    "_files": {"os.open", "os.fdopen"},  # writes
+    "data/export": {"h5py.File"},  # writes into memory
+    "data/readers/_hdf5": {"h5py.File"},  # bytes in memory
+    "data/readers/_sheets": {"openpyxl.load_workbook", "xlrd.open_workbook"},  # bytes in memory
+    "data/readers/_jpk_map": {"zipfile.ZipFile"},  # after opened
+    "inference/batch/manifest": {"pd.read_csv"},  # text in memory
+    "inference/batch/results_table": {"temporary.open", "parquet.ParquetFile"},  # writes; bytes in memory
+    "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
+    "inference/sampling/chain_file": {"library.File"},  # after require_regular
+    "report/maps": {"pd.read_csv"},  # bytes in memory
+    "report/execution": {"open"},  # writes a log
+    "report/page": {"read_text"},  # of the package itself
+    "report/notebook": {"read_text"},  # of the package itself
+}
+
+
+def opening_calls(path):
+    """Dotted name, as far as it is one, of every call in a file that opens or parses a file."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
+            name = ast.unparse(node.func)
+            last = name.rpartition(".")[2]
+            # A bare name but `open` is a function of the door.
+            if name in OPENS_DOTTED or name == "open" or (last in OPENS and name != last):
+                yield name if name.replace(".", "").replace("_", "").isalnum() else last
+
+
+@pytest.mark.parametrize("path", modules(), ids=name_of)
+def test_files_come_in_through_one_door(path):
+    assert set(opening_calls(path)) <= DOORS.get(name_of(path), set())
+
+
+def test_the_search_for_open_files_finds_them(tmp_path):
+    made = tmp_path / "module.py"
+    made.write_text("open(p)\nPath(p).read_bytes()\nnp.load(p)\npd.read_csv(p)\nf.opened(p)\njson.dumps(p)\n")
+    assert set(opening_calls(made)) == {"open", "read_bytes", "np.load", "pd.read_csv"}

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
+from support.laws import asymptotic_law
 from support.reference_contact import Contact, moments, solve
 from underlay.mechanics.asymptotic import integral_relations as relations
 from underlay.mechanics.asymptotic.integral_relations import PressedLayer
-from underlay.mechanics.asymptotic.law import asymptotic_law
 from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.materials import RIGID, Isotropic, Layer

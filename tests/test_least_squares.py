@@ -14,8 +14,8 @@ from underlay.data.curve import Curve
 from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.errors import FileAccessError, InputError
-from underlay.inference.fitting.diagnostics import diagnose
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.diagnostics import diagnose
 from underlay.inference.priors import LogNormal, Normal
 from underlay.inference.problem import Problem
 
@@ -293,7 +293,7 @@ def test_curves_of_different_noise_are_weighed_by_it():
 
 def test_a_law_that_is_too_coarse_is_noticed_and_refined():
     scene = layer_on(ul.RIGID, thickness=1e-3)
-    p = problem(scene, [E, C], measured(scene, level=1e-4), method="asymptotic")
+    p = problem(scene, [E, C], measured(scene, level=1e-4), solver="asymptotic")
     coarse = fit(p)
     assert any(w.code == "law-error" for w in coarse.warnings)
     fine = fit(p, refine=True)
@@ -307,7 +307,7 @@ def test_a_second_optimum_is_told():
     (other,) = found.alternatives
     moduli = sorted([found.values[E], other.values[E]])
     assert moduli[0] < 0.6 * moduli[1]
-    assert 0.0 <= other.rise < 11.6
+    assert 0.0 <= other.delta_chi_square < 11.6
     assert any(w.code == "second-optimum" for w in found.warnings)
 
 

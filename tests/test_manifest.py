@@ -66,7 +66,7 @@ def test_rows_go_with_their_curves_in_any_order(tmp_path):
         ("file,layer.thicknes (mm)\na,1\n", "did you mean 'layer.thickness'"),
         ("file,thickness (mm),layer.thickness (mm)\na,1,1\n", "two columns"),
         ("file,thickness (mm)\n,1\n", "no file"),
-        ("file,thickness (mm)\na,1,2,3\nb,2\n", "not a table|line"),
+        ("file,thickness (mm)\na,1,2,3\nb,2\n", "more cells than there are names"),
     ],
 )
 def test_bad_manifests_say_where(tmp_path, text, message):

@@ -54,7 +54,7 @@ def test_it_writes_a_table_and_a_picture_and_names_what_failed(run, site, tmp_pa
 
 def test_ctrl_c_keeps_everything_and_resume_goes_on(run, site, tmp_path, monkeypatch):
     words, _ = site
-    original = batch_work.Workshop._row
+    original = batch_work.CurveFitter._row
     fitted = []
 
     def row(self, place):
@@ -64,7 +64,7 @@ def test_ctrl_c_keeps_everything_and_resume_goes_on(run, site, tmp_path, monkeyp
         return original(self, place)
 
     with monkeypatch.context() as patch:
-        patch.setattr(batch_work.Workshop, "_row", row)
+        patch.setattr(batch_work.CurveFitter, "_row", row)
         code, _, err = run(*words, "--output", tmp_path / "out")
     assert code == 130
     assert "what was finished is kept" in err

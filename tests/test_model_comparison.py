@@ -40,7 +40,7 @@ def test_the_right_model_wins_and_its_error_is_stated():
     free = {"layer.E": LogUniform(1e4, 1e8)}
     models = {}
     for name, method in (("no layer effect", "halfspace"), ("exact", "exact")):
-        problem = Problem(LAYERED, curve, free, NOISE, method=method)
+        problem = Problem(LAYERED, curve, free, NOISE, solver=method)
         models[name] = (problem, sample(problem, walkers=16))
     table = compare_models(models)
     assert list(table.index) == ["exact", "no layer effect"]

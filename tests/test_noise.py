@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from underlay.data.noise import Noise, log_normalisation, standard_deviation, whiten
+from underlay.data.noise import Noise, ar1_whiten
 from underlay.errors import InputError
 
 TIME = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.3, 40))
@@ -65,27 +65,34 @@ def test_batch_axes_give_each_set_its_own_numbers():
     tau = np.array([0.05, 0.2, 1.0])
     force = np.stack([FORCE, 2 * FORCE, 3 * FORCE])
     stiffness = np.stack([STIFFNESS, 2 * STIFFNESS, STIFFNESS])
-    sigma = standard_deviation(force, stiffness, force_sd=white, relative=relative, depth_sd=depth)
+    numbers = {"force": white, "relative": relative, "depth": depth, "correlation_time": tau}
+    all_sets = Noise(force=1.0).at({name: values[:, None] for name, values in numbers.items()})
+    sigma = all_sets.sigma(force, stiffness)
     residual = np.random.default_rng(0).normal(size=sigma.shape)
-    whitened, normalisation = whiten(residual, TIME, tau), log_normalisation(sigma, TIME, tau)
+    whitened, normalisation = all_sets.whiten(residual, TIME), all_sets.log_normalisation(sigma, TIME)
     for i in range(3):
         one = Noise(white[i], relative[i], tau[i], depth[i])
         np.testing.assert_allclose(sigma[i], one.sigma(force[i], stiffness[i]), rtol=1e-14)
         np.testing.assert_allclose(whitened[i], one.whiten(residual[i], TIME), rtol=1e-13)
         np.testing.assert_allclose(normalisation[i], one.log_normalisation(sigma[i], TIME), rtol=1e-13)
+        # Point by point, given those before, it is the same determinant.
+        each = one.log_deviations(sigma[i], TIME)
+        assert each.sum() == pytest.approx(float(one.log_determinant(sigma[i], TIME)), rel=1e-13)
 
 
 def test_white_noise_alone_takes_one_logarithm_per_set():
-    view = standard_deviation(np.ones((4, 30)), force_sd=np.full(4, 0.3))
+    noise = Noise(force=1.0).at({"force": np.full((4, 1), 0.3)})
+    view = noise.sigma(np.ones((4, 30)))
     assert view.shape == (4, 30)
+    assert view.strides[-1] == 0
     np.testing.assert_allclose(
-        log_normalisation(view, None, 0.0), log_normalisation(np.array(view), None, 0.0), rtol=1e-14
+        noise.log_normalisation(view), noise.log_normalisation(np.array(view)), rtol=1e-14
     )
 
 
 def test_close_points_keep_their_digits():
     time = np.array([0.0, 1e-12])
-    e = whiten(np.array([1.0, 1.0 + 3e-6]), time, 1.0)
+    e = ar1_whiten(np.array([1.0, 1.0 + 3e-6]), time, 1.0)
     # sqrt(1 - rho^2) = sqrt(2e-12); the rounding of 1 + 3e-6 limits the numerator to 1e-10 relative.
     assert e[1] == pytest.approx((3e-6 + 1e-12) / np.sqrt(2e-12), rel=1e-9)
 
@@ -117,8 +124,9 @@ def test_depth_noise_needs_the_stiffness():
 
 
 def test_zero_sigma_is_no_likelihood():
+    noise = Noise(force=0.0, relative=0.1)
     with pytest.raises(InputError, match=r"give noise\.force too"):
-        log_normalisation(Noise(force=0.0, relative=0.1).sigma(FORCE), None, 0.0)
+        noise.log_normalisation(noise.sigma(FORCE))
 
 
 @pytest.mark.parametrize(
@@ -127,9 +135,9 @@ def test_zero_sigma_is_no_likelihood():
 )
 def test_correlation_needs_increasing_times(time, message):
     with pytest.raises(InputError, match=message):
-        whiten(np.zeros(3), time, 0.5)
+        ar1_whiten(np.zeros(3), time, 0.5)
 
 
 def test_batched_correlation_times_must_all_be_positive():
     with pytest.raises(InputError, match="positive"):
-        whiten(np.zeros((2, 3)), np.arange(3.0), np.array([0.1, 0.0]))
+        ar1_whiten(np.zeros((2, 3)), np.arange(3.0), np.array([[0.1], [0.0]]))

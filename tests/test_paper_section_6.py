@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from mpmath import mpf
 
+from support.laws import asymptotic_law
 from support.series import fifty_digits, order_of
 from underlay.mechanics.asymptotic import hemisphere
-from underlay.mechanics.asymptotic.law import asymptotic_law
 from underlay.mechanics.indenters import Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
 

@@ -198,7 +198,7 @@ def moved(walk, factor, rise):
     vectors = walk.vectors.copy()
     vectors[:, index] += np.log(factor)
     values = walk.fit.problem.coordinates[index].physical(vectors[:, index])
-    return replace(walk, values=values, vectors=vectors, rise=walk.rise + rise)
+    return replace(walk, values=values, vectors=vectors, delta_chi_square=walk.delta_chi_square + rise)
 
 
 @pytest.mark.parametrize(("factor", "parts"), [(3.0, 2), (1.02, 1)], ids=["apart", "overlapping"])

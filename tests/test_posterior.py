@@ -303,7 +303,7 @@ def test_other_files_are_no_posteriors(tmp_path):
     for path in (text, arrays):
         with pytest.raises(FileFormatError, match="is not a saved posterior"):
             Posterior.load(path)
-    with pytest.raises(FileAccessError, match="cannot read"):
+    with pytest.raises(FileAccessError, match="cannot open"):
         Posterior.load(tmp_path / "missing.npz")
 
 

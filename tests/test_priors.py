@@ -18,6 +18,7 @@ from underlay.inference.priors import (
     Uniform,
     prior_from_numbers,
 )
+from underlay.quantities import declared
 
 PRIORS = [
     Uniform(-2.0, 3.0),
@@ -91,7 +92,7 @@ def test_penalty_is_the_residual_of_the_density(prior):
 )
 def test_the_prior_in_scaled_coordinates_is_a_density_there(path, start, prior):
     # ln|dx/dq| is included: the integral over q is the mass of the prior inside the physical bounds.
-    coordinate = make_coordinate(path, path, start, prior, Spans(1e-4, 1e-3))
+    coordinate = make_coordinate(path, path, declared(path), start, prior, Spans(1e-4, 1e-3))
     ends = [coordinate.scaled(float(x)) for x in prior.quantile(np.array([1e-4, 1.0 - 1e-4]))]
     high = min(ends[1], coordinate.bounds[1])
     mass = integrate.quad(

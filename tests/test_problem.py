@@ -83,7 +83,7 @@ def test_the_analytic_jacobian_is_the_slope_of_the_model(name):
     # of the column, up to the curvature of the model (below 100 here). Points at the kink of first contact
     # have no derivative.
     scene, free = SCENES[name]
-    p = Problem(scene, exact_curve(scene), free, accuracy=ul.Accuracy(1e-9), noise=Noise(force=1e-6))
+    p = Problem(scene, exact_curve(scene), free, solver=ul.Auto(1e-9), noise=Noise(force=1e-6))
     vector = np.array([-0.02 if path == "layer.nu" else 0.01 for path in free])
     columns = p.members[0].jacobian(p.physical(vector))[1] * p.slopes(vector)
     step = 1e-3
@@ -244,7 +244,13 @@ CURVE = measured(layer_on(ul.RIGID))
             ParameterError,
             "half",
         ),
-        (layer_on(ul.RIGID), ["layer.thickness"], {"method": "halfspace"}, ParameterError, "half-space law"),
+        (
+            layer_on(ul.RIGID),
+            ["layer.thickness"],
+            {"solver": "halfspace"},
+            ParameterError,
+            "halfspace depend on",
+        ),
         (layer_on(ul.Isotropic(1e6, 0.45)), ["layer.thickness"], {}, ParameterError, "same material"),
         (layer_on(ul.RIGID), [], {}, ParameterError, "nothing is free"),
         (layer_on(ul.RIGID), {"layer.E": (2e6, 3e6)}, {}, InputError, "outside its bounds"),

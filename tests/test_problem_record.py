@@ -86,7 +86,7 @@ def same(first, second):
     assert second.names == first.names
     assert second.priors == first.priors
     assert second.noise == first.noise
-    assert second.options == first.options
+    assert second.solver == first.solver
     assert second.base_scenes == first.base_scenes
     for a, b in zip(first.curves, second.curves, strict=True):
         np.testing.assert_array_equal(a.depth, b.depth)
@@ -119,7 +119,7 @@ def test_priors_noise_and_law_come_back():
         "noise.force": ul.HalfNormal(1e-3),
     }
     noise = ul.Noise(force=1e-4, relative=0.01, correlation_time=0.02, depth=1e-8)
-    options = {"accuracy": ul.Accuracy(1e-5), "method": "asymptotic", "order": 3, "form": "parametric"}
+    options = {"solver": ul.Asymptotic(3, "parametric")}
     curve = replace(curve_of(SCENE), segment=np.full(30, "loading"))
     first = ul.Problem(SCENE, curve, free, noise, **options)
     same(first, again(first))
@@ -157,9 +157,9 @@ class Own(ul.Uniform):
             "Nameless, has no name in scene files",
         ),
         (
-            replace(SCENE, indenter=Worded(1e-3)),
+            replace(SCENE, indenter=Worded(1e-3, "you")),
             {"layer.E": (1e2, 1e8)},
-            "its scene, of a Worded, cannot be written as a scene file",
+            "its scene, of a Worded, does not come back",
         ),
         (
             replace(SCENE, indenter=Forgetful(1e-3)),
@@ -179,7 +179,7 @@ def test_damaged_records_are_refused():
     moved = {**arrays, "0/force": arrays["0/force"] + 1e-9}
     with pytest.raises(FileFormatError, match="points of curve 1 are not those that were saved"):
         problem_from_record(document, moved)
-    for part in ("tests", "free", "noise", "method"):
+    for part in ("tests", "free", "noise", "solver"):
         with pytest.raises(FileFormatError, match=part):
             problem_from_record({key: value for key, value in document.items() if key != part}, arrays)
     unknown = document["tests"][0]["scene"].replace("paraboloid", "tetrahedron")

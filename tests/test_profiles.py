@@ -14,7 +14,7 @@ from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.least_squares import fit
 from underlay.inference.priors import Normal
-from underlay.inference.profiles import Interval, profile, rise_at
+from underlay.inference.profiles import Interval, delta_chi_square_at, profile
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import coverage
@@ -49,8 +49,8 @@ def test_the_ends_are_where_the_rise_is_the_threshold(name):
     result = profile(found, name)
     interval = result.interval(0.95)
     for end in (interval.low, interval.high):
-        assert rise_at(found, name, end) == pytest.approx(result.threshold(0.95), rel=1e-2)
-    assert result.rise.min() == 0.0
+        assert delta_chi_square_at(found, name, end) == pytest.approx(result.threshold(0.95), rel=1e-2)
+    assert result.delta_chi_square.min() == 0.0
     assert (np.diff(result.values) > 0.0).all()
 
 
@@ -70,8 +70,8 @@ def test_a_valley_that_is_open_at_the_optimum_and_closed_further_on(name):
     for end, reason in ends:
         if reason == "data":
             # Where the base becomes rigid the profile has a corner; cubics across it miss z by some hundredths.
-            assert rise_at(found, name, end) == pytest.approx(result.threshold(0.95), rel=5e-2)
-    steps = np.diff(np.sqrt(result.rise))
+            assert delta_chi_square_at(found, name, end) == pytest.approx(result.threshold(0.95), rel=5e-2)
+    steps = np.diff(np.sqrt(result.delta_chi_square))
     assert np.abs(steps).max() < 1.5
 
 
@@ -94,7 +94,7 @@ def test_an_end_beyond_a_hump_is_read_from_its_last_rise():
     q = np.arange(7.0)
     made = replace(
         walk,
-        rise=np.array([0.0, 1.0, 9.0, 1.0, 1.0, 4.0, 16.0]),
+        delta_chi_square=np.array([0.0, 1.0, 9.0, 1.0, 1.0, 4.0, 16.0]),
         vectors=np.column_stack([q, np.zeros(7)]),
         ends=("bound", "data"),
     )
@@ -172,9 +172,9 @@ def test_parameters_that_cannot_be_profiled():
     with pytest.raises(InputError, match="the noise is frozen"):
         profile(p, "noise.force", calibrate=19)
     with pytest.raises(InputError, match="the noise is frozen"):
-        rise_at(fit(p), "noise.force", 1e-3)
+        delta_chi_square_at(fit(p), "noise.force", 1e-3)
     with pytest.raises(InputError, match="outside its bounds"):
-        rise_at(fit(p), E, 1e8)
+        delta_chi_square_at(fit(p), E, 1e8)
 
 
 def test_words_of_an_interval():

@@ -1,6 +1,7 @@
 """Every reader on small files of our own: numbers in SI, signs, segments, provenance, and each quirk."""
 
 import hashlib
+import unicodedata
 
 import numpy as np
 import pytest
@@ -209,6 +210,32 @@ def test_cells_without_a_value_are_left_out_aloud(put):
         read(put("depth (um),force (mN),time (s)\n1,,0\n2,,1\n"))
 
 
+def test_rows_left_out_are_named(put):
+    path = put("depth (um),force (mN)\n1,2\n,3\n4,\n5,6\n")
+    with pytest.warns(UnderlayWarning, match=r"2 of 4 points left out: .*\(rows 2, 3 of the table\)"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Eindringtiefe [µm];Kraft [mN];Zeit [s]",
+        "Weg (µm);Prüfkraft (mN);Prüfzeit (s)",
+        "Enfoncement (µm);Force normale (mN);Temps (s)",
+        "Déplacement (µm);Charge (mN);Temps d’essai (s)",
+        "Profundidad (µm);Fuerza (mN);Tiempo (s)",
+        "PROFONDITÀ (µm);Forza (mN);Tempo (s)",
+    ],
+)
+@pytest.mark.parametrize("decomposed", [False, True])
+def test_names_in_other_languages(header, decomposed, put):
+    header = unicodedata.normalize("NFD" if decomposed else "NFC", header).replace("μ", "µ")
+    curve = read(put(f"{header}\n1,5;2,5;0\n3;4;1\n"))
+    np.testing.assert_allclose(curve.depth, [1.5e-6, 3e-6])
+    np.testing.assert_allclose(curve.force, [2.5e-3, 4e-3])
+    np.testing.assert_allclose(curve.time, [0.0, 1.0])
+
+
 def test_a_segment_column_of_our_names_is_used_and_others_are_not(put):
     curve = read(put("depth (um),force (mN),segment\n1,2,loading\n3,4,hold\n"))
     assert list(curve.segment) == ["loading", "hold"]
@@ -368,6 +395,33 @@ def test_testxpert_in_every_language(language, turned, put):
     assert curve.metadata["initial_gap"] == pytest.approx(12.25e-3)
 
 
+def test_nanosuite_averages_hold_the_curve_its_scatter_and_the_stiffness(put):
+    curve = read(put(files.nanosuite_average()))
+    check(curve, 1e-6, 1e-2, 1e-12)
+    assert list(curve.segment) == list(LABELS)
+    assert "average of tests" in curve.metadata["name"]
+    assert "scatter about it by 0.2 mN in force" in curve.metadata["notes"][0]
+    depth, force = files.sample_curve(1e-6, 1e-2)[1:]
+    np.testing.assert_allclose(curve.columns["depth_scatter"], 2e-3 * np.abs(depth), rtol=1e-12)
+    np.testing.assert_allclose(curve.columns["force_scatter"], np.full_like(force, 2e-4), rtol=1e-12)
+    stiffness = curve.columns["contact_stiffness"]
+    assert np.isnan(stiffness[0])  # the sentinel of a value that is not there leaves no point out
+    np.testing.assert_allclose(stiffness[1:], np.full(len(force) - 1, 4e4))
+    np.testing.assert_allclose(curve.columns["contact_stiffness_scatter"][1:], np.full(len(force) - 1, 400.0))
+    # A column keeps to its points, and is in the table.
+    loading = curve.loading()
+    np.testing.assert_array_equal(
+        loading.columns["depth_scatter"], curve.columns["depth_scatter"][: len(loading)]
+    )
+    assert list(loading.to_frame()["force_scatter"]) == list(loading.columns["force_scatter"])
+
+
+@pytest.mark.parametrize("language", ["fr", "de", "en"])
+def test_testxpert_tables_of_results_are_no_tests(language, put):
+    curves = read_all(put(files.zwick(language, specimens=2)), format="testxpert")
+    assert [curve.metadata["sheet"] for curve in curves] == ["Ep. 1", "Ep. 2"]
+
+
 def test_testxpert_specimens(put):
     assert len(read_all(put(files.zwick(specimens=3)))) == 3
 
@@ -386,30 +440,40 @@ def test_excel_tables(put):
 # --- AFM
 
 
+@pytest.mark.parametrize("member", [False, True], ids=["file", "in a zip"])
 @pytest.mark.parametrize(
     "keywords",
     [
         {},
         {"shared": True},
         {"styles": ("extend", "pause", "retract")},
-        {"styles": ("extend", "pause", "retract"), "pause": "constant-height-pause"},  # refused by afmformats
-        {"styles": ("extend", "pause", "pause", "pause", "retract"), "shared": True},  # as well
+        {"styles": ("extend", "pause", "retract"), "pause": "constant-height-pause"},
+        {"styles": ("extend", "pause", "pause", "pause", "retract"), "shared": True},
+        {"styles": ("pause", "extend", "pause", "retract")},
+        {"styles": ("pause", "extend", "retract"), "floats": True},
+        {"styles": ("extend",)},
     ],
 )
-def test_jpk_depth_is_that_of_the_tip(keywords, put):
-    curve = read(put(afm_files.jpk(**keywords)))
+def test_jpk_depth_is_that_of_the_tip_and_segments_say_what_they_are(keywords, member, put):
+    content = afm_files.jpk(**keywords)
+    curve = read(put(files.zipped({"spot.jpk-force": content}) if member else content))
     height, force = afm_files.approach()
     loading = curve.loading()
-    # The integers hold 1e-6 V of deflection and 1e-14 m of height.
-    np.testing.assert_allclose(loading.force, force, atol=afm_files.STIFFNESS * afm_files.SENSITIVITY * 1e-6)
-    np.testing.assert_allclose(loading.depth, -(height + force / afm_files.STIFFNESS), atol=1e-13)
-    assert len(curve.hold()) == afm_files.POINTS * keywords.get("styles", ()).count("pause")
-    assert len(curve.unloading()) == afm_files.POINTS
+    # The integers hold 1e-6 V of deflection and 1e-14 m of height; single floats six digits of either.
+    fine = afm_files.STIFFNESS * afm_files.SENSITIVITY * 1e-6
+    single = 1e-7 if keywords.get("floats") else 0.0
+    np.testing.assert_allclose(loading.force, force, atol=fine + single * force.max())
+    tip = -(height + force / afm_files.STIFFNESS)
+    np.testing.assert_allclose(loading.depth, tip, atol=1e-13 + single * np.abs(tip).max())
+    styles = keywords.get("styles", ("extend", "retract"))
+    assert len(curve.hold()) == afm_files.POINTS * styles.count("pause")
+    assert len(curve.unloading()) == afm_files.POINTS * styles.count("retract")
+    words = {"extend": "loading", "pause": "hold", "retract": "unloading"}
+    assert list(curve.segment) == list(np.repeat([words[style] for style in styles], afm_files.POINTS))
     assert curve.metadata["spring_constant"] == pytest.approx(afm_files.STIFFNESS)
     assert (np.diff(curve.time) > 0).all()
     assert curve.metadata["position"] == (1e-5, -2e-5)
-    refused = keywords.get("pause") == "constant-height-pause" or len(keywords.get("styles", ())) > 4
-    assert ("own reader" in str(curve.metadata["notes"])) == refused
+    assert curve.metadata["notes"] == ()
 
 
 def test_jpk_without_a_calibration_asks_for_it(put):
@@ -421,20 +485,18 @@ def test_jpk_without_a_calibration_asks_for_it(put):
 
 
 def test_jpk_circles_and_claims_are_refused_before_they_cost_anything(put):
-    with pytest.raises(FileFormatError, match="claims '2000000000' points"):
+    with pytest.raises(FileFormatError, match="claims 2000000000 points and 200 bytes are there"):
         read(put(afm_files.jpk(claimed=2_000_000_000)))
-    circle = files.zipped(
-        {
-            "header.properties": "a=b\n",
-            "segments/": "",
-            "segments/0/": "",
-            "segments/0/segment-header.properties": "channel.height.conversion-set.conversions.base=volts\n"
-            "channel.height.conversion-set.conversion.a.base-calibration-slot=b\n"
-            "channel.height.conversion-set.conversion.b.base-calibration-slot=a\n",
-        }
-    )
+    with pytest.raises(FileFormatError, match="claims '1e9' points"):
+        read(put(afm_files.jpk(claimed="1e9")))
+    circle = {
+        "segments/0/segment-header.properties": (
+            b"nominal.base-calibration-slot=volts",
+            b"nominal.base-calibration-slot=nominal",
+        )
+    }
     with pytest.raises(FileFormatError, match="lead in a circle"):
-        read(put(circle))
+        read(put(files.changed_archive(afm_files.jpk(), circle)))
 
 
 def test_hdf5_of_afmformats(put):
@@ -442,6 +504,29 @@ def test_hdf5_of_afmformats(put):
     assert len(curves) == 3
     height, force = afm_files.approach()
     np.testing.assert_allclose(curves[1].loading().depth, -(height + force / afm_files.STIFFNESS), rtol=1e-12)
+
+
+def test_tab_of_afmformats(put):
+    curve = read(put(afm_files.tab()))
+    height, force = afm_files.approach()
+    np.testing.assert_array_equal(curve.loading().depth, -(height + force / afm_files.STIFFNESS))
+    np.testing.assert_array_equal(curve.unloading().force, force[::-1])
+    assert curve.metadata["spring_constant"] == afm_files.STIFFNESS
+    paused = read(put(afm_files.tab(("pause", "extend", "pause", "retract"))))
+    assert list(paused.segment) == list(np.repeat(("hold", "loading", "hold", "unloading"), afm_files.POINTS))
+    with pytest.raises(FileFormatError, match="no column 'force' or no height; it has 'strain'"):
+        read(put(afm_files.tab().replace(b"# force\theight (measured)\tsegment", b"# strain\tb\tc")))
+
+
+def test_a_foreign_hdf5_is_not_called_damaged(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["experiment/stress"] = [1.0, 2.0]
+    with pytest.raises(
+        FileFormatError, match=r"layout not known here \(it holds 'experiment'\).*Export"
+    ) as told:
+        read(tmp_path / "other.h5")
+    assert "damaged" not in str(told.value)
 
 
 def test_igor_waves(put):

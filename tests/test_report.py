@@ -20,7 +20,7 @@ from underlay.report import labels, maps, open_ends, tables, words
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.execution import execute
 from underlay.report.intervals import estimates
-from underlay.report.notebook import make_notebook
+from underlay.report.notebook import filled, make_notebook
 from underlay.report.page import html_page
 from underlay.report.problem_source import problem_source, write_inputs
 from underlay.scene.effects import effects_table
@@ -104,7 +104,7 @@ def test_a_second_optimum_stands_beside_the_headline():
     # As many digits as are shown: four of the parameters, two of the rise.
     assert float(numbers[1]) == pytest.approx(other.values["layer.E"] / 1e6, rel=5e-4)
     assert float(numbers[2]) == pytest.approx(other.values["layer.thickness"] / 1e-3, rel=5e-4)
-    assert float(numbers[3]) == pytest.approx(other.rise, rel=0.05)
+    assert float(numbers[3]) == pytest.approx(other.delta_chi_square, rel=0.05)
     profiles = {name: ul.profile(fit, name) for name in ("layer.E", "layer.thickness")}
     headline, beside = words.summary(fit, profiles).split("\n\n")[:2]
     assert headline.startswith("**Layer modulus")
@@ -123,7 +123,7 @@ def test_a_second_optimum_stands_beside_the_headline():
 def test_an_optimum_the_data_nearly_reject_is_said_to_be_that():
     fit = ul.fit(ambiguous())
     # 3.9 is the 95 % threshold of F(1, 197).
-    far, near = (replace(fit.alternatives[0], rise=rise) for rise in (5.0, 3.8))
+    far, near = (replace(fit.alternatives[0], delta_chi_square=rise) for rise in (5.0, 3.8))
     first, second = open_ends.rivals(
         replace(fit, alternatives=(near, far)), {"layer.E": ul.profile(fit, "layer.E")}
     )
@@ -139,7 +139,7 @@ def test_summary_of_a_joint_fit_covers_every_curve():
     ratios, depths = [], []
     for scene, curve in zip(fit.scenes, fit.curves, strict=True):
         deepest = curve.depth.max() - scene.instrument.contact_depth
-        bare = scene.contact_law(deepest, method="halfspace")
+        bare = scene.contact_law(deepest, solver="halfspace")
         ratios.append(float(scene.contact_law(deepest).force(deepest) / bare.force(deepest)))
         depths.append(deepest)
     text = words.summary(fit)
@@ -180,14 +180,12 @@ def test_source_states_the_same_problem(tmp_path):
         "instrument.contact_depth": (-1e-5, 1e-5),
         "instrument.baseline": None,
     }
-    first = ul.Problem(
-        scene, curve, free, ul.Noise(force=1e-4, depth=1e-8), accuracy=ul.Accuracy(1e-4), method="exact"
-    )
+    first = ul.Problem(scene, curve, free, ul.Noise(force=1e-4, depth=1e-8), solver=ul.Exact(1e-4))
     second = rebuilt(first, tmp_path)
     assert second.names == first.names
     assert second.priors == first.priors
     assert second.noise == first.noise
-    assert second.options == first.options
+    assert second.solver == first.solver
     assert second.base_scenes == first.base_scenes
     assert (second.curves[0].force == first.curves[0].force).all()
     at = first.start + 0.01
@@ -393,7 +391,7 @@ def test_without_the_extra_it_says_what_to_install(tmp_path, monkeypatch):
 
 
 def test_a_failing_cell_is_one_clear_line(tmp_path):
-    notebook = make_notebook("posterior_scene", {"title": "x"})
+    notebook = make_notebook(filled("posterior_scene", {}), "x")
     with pytest.raises(FitError, match=r"the notebook of the report stopped: NameError"):
         execute(notebook, tmp_path)
 

@@ -7,6 +7,7 @@ import pytest
 
 import underlay as ul
 from underlay.errors import InputError, ParameterError
+from underlay.scene.chain import Baseline, ContactPoint, Frame
 from underlay.scene.parameters import kind_of
 
 CARTILAGE = ul.Scene(
@@ -78,8 +79,8 @@ def test_a_scene_cannot_be_changed():
         (lambda: ul.Isotropic(1e6, -1.0), r"in \(-1, 0.5\]"),
         (lambda: ul.Instrument(compliance=-1.0), "zero or positive"),
         (lambda: ul.Instrument(baseline=np.inf), "finite"),
-        (lambda: ul.Accuracy(rtol=0.0), "rtol must be between"),
-        (lambda: CARTILAGE.force(DEPTH, method="magic"), "unknown method"),
+        (lambda: ul.Auto(rtol=0.0), "rtol must be between"),
+        (lambda: CARTILAGE.force(DEPTH, solver="magic"), "no solver is called"),
     ],
 )
 def test_bad_scenes(make, message):
@@ -98,7 +99,7 @@ def test_compliance_shares_the_travel():
     # Whatever the law, tip depth + compliance * force = travel since contact, to the last digits.
     instrument = CARTILAGE.instrument
     law = CARTILAGE.contact_law(1e-4)
-    w = instrument.tip_depth(law, DEPTH)
+    w = instrument.chain.tip_depth(law, DEPTH)
     travel = w + instrument.compliance * law.force(w)
     assert travel == pytest.approx(DEPTH - instrument.contact_depth, rel=1e-13, abs=1e-20)
 
@@ -106,20 +107,19 @@ def test_compliance_shares_the_travel():
 def test_far_too_soft_a_frame_still_converges():
     soft = ul.Instrument(compliance=1e3)
     law = CARTILAGE.contact_law(1e-4)
-    w = soft.tip_depth(law, np.array([1e-4, 1e-6]))
+    w = soft.chain.tip_depth(law, np.array([1e-4, 1e-6]))
     assert w + 1e3 * law.force(w) == pytest.approx([1e-4, 1e-6], rel=1e-12)
 
 
 def test_an_ideal_instrument_runs_no_instrument_code(monkeypatch):
     calls = []
-    monkeypatch.setattr(
-        "underlay.scene.instrument._share_between_sample_and_frame", lambda *_: calls.append("shared")
-    )
+    for link, step in ((Frame, "tip_depth"), (ContactPoint, "travel"), (Baseline, "reading")):
+        monkeypatch.setattr(link, step, lambda *_: calls.append("a link"))
     ideal = dataclasses.replace(CARTILAGE, instrument=ul.Instrument())
     law = ideal.contact_law(1e-4)
-    assert ideal.instrument.tip_depth(law, DEPTH) is DEPTH
+    assert ideal.instrument.chain.tip_depth(law, DEPTH) is DEPTH
     force = law.force(DEPTH)
-    assert ideal.instrument.reading(DEPTH, force) is force
+    assert ideal.instrument.chain.reading(force, DEPTH) is force
     assert not calls
 
 

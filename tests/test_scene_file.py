@@ -60,7 +60,7 @@ def test_reads_units_and_what_is_fitted(tmp_path):
     assert (modulus.path, modulus.low, modulus.high, modulus.prior) == ("layer.E", 1e3, 1e8, None)
     assert (thickness.prior, dict(thickness.numbers)) == ("normal", {"mean": 1.5e-3, "sd": 1e-4})
     assert (baseline.path, baseline.low, baseline.high) == ("instrument.baseline", -np.inf, np.inf)
-    assert file.solver == {"accuracy": ul.Accuracy(1e-4)}
+    assert file.solver == ul.Auto(1e-4)
     assert file.noise == {"force": 1e-6}
     assert file.simulate.depth == pytest.approx(np.linspace(0, 5e-5, 11))
 
@@ -76,11 +76,16 @@ def test_reads_units_and_what_is_fitted(tmp_path):
         ("nu = 0.45", "", InputError, r"\[layer\] needs 'nu'"),
         ("nu = 0.45", "nu = 0.45\ncolour = 'red'", InputError, r"\[layer\] has no 'colour'; allowed: E, nu"),
         ('"1.5 mm"', '"-1.5 mm"', InputError, "thickness must be positive"),
-        ('shape = "sphere"', 'shape = "cube"', InputError, "'cube' is not known; allowed: cone"),
+        ('shape = "sphere"', 'shape = "cube"', InputError, "'cube' is not known; allowed: berkovich, cone"),
         ("rigid = true", "rigid = 'very'", InputError, "true or false"),
         ("rigid = true", "rigid = true\nE = '1 Pa'", InputError, "needs nothing else"),
         ("[substrate]\nrigid = true", "", InputError, "needs a substrate"),
-        ("[layer]", "[lair]", InputError, r"unknown section \[lair\]; allowed: indenter"),
+        (
+            "[layer]",
+            "[lair]",
+            InputError,
+            r"unknown section \[lair\]; did you mean layer\? allowed: indenter",
+        ),
         ("layer.E = {", "layer.D = {", ParameterError, "no parameter 'layer.D'"),
         ("layer.E = {", "substrate.E = {", ParameterError, "no parameter 'substrate.E'"),
         ('min = "1 kPa"', 'min = "1 GPa"', InputError, "min must be below max"),
@@ -94,7 +99,7 @@ def test_reads_units_and_what_is_fitted(tmp_path):
         ("points = 11", "points = 1", InputError, r"\[simulate\] points"),
         ('max_depth = "50 um"', 'max_depth = "-50 um"', InputError, "start must be below"),
         ("rtol = 1e-4", "rtol = 4.0", InputError, "rtol must be between"),
-        ("[solver]", "[solver", FileFormatError, "not a TOML file"),
+        ("[solver]", "[solver", FileFormatError, "is not a scene file"),
     ],
 )
 def test_each_mistake_has_its_message(tmp_path, old, new, error, message):
@@ -104,19 +109,24 @@ def test_each_mistake_has_its_message(tmp_path, old, new, error, message):
 
 
 def test_files_that_are_not_scenes(tmp_path):
-    with pytest.raises(FileAccessError, match="does not exist"):
+    with pytest.raises(FileAccessError, match="No such file"):
         load_scene(tmp_path / "none.toml")
-    with pytest.raises(FileAccessError, match="not a file"):
+    with pytest.raises(FileAccessError, match="is a directory"):
         load_scene(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(FileFormatError, match="not a TOML file"):
+    with pytest.raises(FileFormatError, match="is not a scene file"):
         load_scene(tmp_path / "binary.toml")
     (tmp_path / "huge.toml").write_bytes(b"#" * 1_000_001)
-    with pytest.raises(FileFormatError, match="larger"):
+    with pytest.raises(FileFormatError, match="holds more than the 1 MB"):
         load_scene(tmp_path / "huge.toml")
     (tmp_path / "nested.toml").write_text("a = " + "[" * 5000, encoding="utf-8")
-    with pytest.raises(FileFormatError, match="not a TOML file"):
+    with pytest.raises(FileFormatError, match="is not a scene file"):
         load_scene(tmp_path / "nested.toml")
+
+
+def offsets(largest):
+    """Numbers on either side of zero that a file may hold: nothing is smaller than 1e-60 and not zero."""
+    return st.one_of(st.just(0.0), st.floats(1e-60, largest), st.floats(-largest, -1e-60))
 
 
 materials = st.builds(ul.Isotropic, st.floats(1e-3, 1e12), st.floats(-0.9, 0.5))
@@ -134,7 +144,7 @@ scenes = st.builds(
         materials,
         st.just(ul.TransverselyIsotropic(E=1e6, E_axial=2e6, nu=0.3, nu_axial=0.2, G_axial=3e5)),
     ),
-    st.builds(ul.Instrument, st.floats(-1e-3, 1e-3), st.floats(-1.0, 1.0), st.just(0.0), st.floats(0.0, 1.0)),
+    st.builds(ul.Instrument, offsets(1e-3), offsets(1.0), st.just(0.0), offsets(1.0).map(abs)),
 )
 
 
@@ -149,3 +159,39 @@ def test_saving_where_nothing_can_be_written(tmp_path):
     with pytest.raises(FileAccessError, match="cannot write"):
         scene.save(tmp_path / "absent" / "scene.toml")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("solver", "expected"),
+    [
+        ('name = "exact"\nrtol = 1e-8', ul.Exact(1e-8)),
+        ('name = "asymptotic"\norder = 2\nform = "compliance"', ul.Asymptotic(2, "compliance")),
+        ('name = "garcia2018"', ul.Published("garcia2018")),
+        ("", ul.Auto()),
+    ],
+)
+def test_solvers_by_name(tmp_path, solver, expected):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        f'[indenter]\nshape = "cone"\nhalf_angle = "70 deg"\n[layer]\nE = "1 kPa"\nnu = 0.5\n[solver]\n{solver}\n'
+    )
+    assert read_scene_file(path).solver == expected
+
+
+@pytest.mark.parametrize(
+    ("solver", "message"),
+    [
+        ('method = "exact"', r'\[solver\] method is now name: write name = "exact"'),
+        ("accuracy = 1e-4", r"\[solver\] accuracy is now rtol: write rtol = 0.0001"),
+        ('name = "exat"', r"\[solver\] no solver is called 'exat'. Did you mean 'exact'"),
+        ("order = 2", r"\[solver\] the solver 'auto' has no order; it has rtol"),
+        ('name = "halfspace"\nrtol = 1e-3', r"\[solver\] the solver 'halfspace' has no rtol"),
+    ],
+)
+def test_old_and_wrong_solver_keys_say_what_to_write(tmp_path, solver, message):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        f'[indenter]\nshape = "cone"\nhalf_angle = "70 deg"\n[layer]\nE = "1 kPa"\nnu = 0.5\n[solver]\n{solver}\n'
+    )
+    with pytest.raises(InputError, match=message):
+        read_scene_file(path)

@@ -9,7 +9,7 @@ from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
-from underlay.inference.batch.work import Workshop
+from underlay.inference.batch.work import CurveFitter
 
 LAYER = ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3)
 SCENES = {
@@ -25,7 +25,7 @@ FREE = {
     "baseline": {**CONTACT, "instrument.baseline": None},
     "slope": {"instrument.baseline_slope": None, "instrument.baseline": None, **CONTACT},
 }
-EXACT = {"accuracy": ul.Accuracy(1e-10), "method": "exact"}
+EXACT = {"solver": ul.Exact(1e-10)}
 
 
 def made(scene, seed, noise=2e-4, points=400):
@@ -134,12 +134,12 @@ def test_what_is_not_separable_is_left_to_the_general_fit():
 
 def test_both_routes_give_the_same_row(monkeypatch):
     """A worker that takes the general route for every curve writes the same numbers to six digits."""
-    model = BatchModel(SCENES["paraboloid"], CONTACT, None, EXACT)
+    model = BatchModel(SCENES["paraboloid"], CONTACT, None, EXACT["solver"])
     layout = Layout.of(list(CONTACT), (), sampled=False)
     places = [CurvePlace(i, f"c{i}", curve=made(SCENES["paraboloid"], i)[1]) for i in range(4)]
-    quick = [layout.cells(text) for _, text in Workshop(model, layout).rows(places)]
+    quick = [layout.cells(text) for _, text in CurveFitter(model, layout).rows(places)]
     monkeypatch.setattr(SeparableModel, "fit", lambda *_: None)
-    general = [layout.cells(text) for _, text in Workshop(model, layout).rows(places)]
+    general = [layout.cells(text) for _, text in CurveFitter(model, layout).rows(places)]
     for one, other in zip(quick, general, strict=True):
         for name in layout.kinds:
             if name in ("layer.E", "layer.E.stderr", "rms", "reduced_chi_square"):

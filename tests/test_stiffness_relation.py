@@ -6,15 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.asymptotic.law import kernel_moments, punch_factor
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.asymptotic.law import punch_factor
+from underlay.mechanics.kernel import SubstrateKernel
+from underlay.mechanics.materials import RIGID, Isotropic
 from underlay.mechanics.stiffness_relation import modulus_from_stiffness
 
 
 def stiffness_of(E, nu, radius, thickness, substrate):
     """dP/dw of (9.5) with the fourth-order kappa_inf."""
     layer = Isotropic(E, nu)
-    a_0, a_1, _ = kernel_moments(Layer(layer, thickness), substrate)
+    a_0, a_1 = SubstrateKernel(layer, substrate).coefficients(2)
     return 4.0 * layer.theta * radius * punch_factor(radius / thickness, a_0, a_1)
 
 

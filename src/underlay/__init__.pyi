@@ -1,9 +1,13 @@
 # The public names and where each lives: `__init__.py` reads this file and loads a module when it is asked for.
 from .data.contact_point import find_contact as find_contact
 from .data.curve import Curve as Curve
-from .data.noise import Noise as Noise
+from .data.noise import (
+    Noise as Noise,
+    NoiseModel as NoiseModel,
+)
 from .data.quality import check_quality as check_quality
 from .data.readers import (
+    Format as Format,
     read as read,
     read_all as read_all,
 )
@@ -12,11 +16,24 @@ from .data.synthetic import (
     synthesize as synthesize,
 )
 from .errors import (
+    CurveError as CurveError,
+    FileAccessError as FileAccessError,
+    FileFormatError as FileFormatError,
+    FitError as FitError,
+    InputError as InputError,
+    LawError as LawError,
+    MaterialError as MaterialError,
+    MissingExtraError as MissingExtraError,
+    ParameterError as ParameterError,
+    RangeError as RangeError,
+    SchedulerError as SchedulerError,
     UnderlayError as UnderlayError,
     UnderlayWarning as UnderlayWarning,
+    UnitError as UnitError,
 )
 from .inference.batch.fit_many import fit_many as fit_many
-from .inference.batch.model import Sampling as Sampling
+from .inference.batch.options import MapOptions as MapOptions
+from .inference.batch.options import Sampling as Sampling
 from .inference.compare import compare as compare
 from .inference.from_files import load_problem as load_problem
 from .inference.identifiability import identifiability as identifiability
@@ -30,6 +47,7 @@ from .inference.priors import (
     LogNormal as LogNormal,
     LogUniform as LogUniform,
     Normal as Normal,
+    Prior as Prior,
     Uniform as Uniform,
 )
 from .inference.problem import Problem as Problem
@@ -41,13 +59,12 @@ from .inference.sampling.model_comparison import (
 )
 from .inference.sampling.posterior import Posterior as Posterior
 from .inference.sampling.run import sample as sample
-from .mechanics.accuracy import (
-    Accuracy as Accuracy,
-    contact_law as contact_law,
-)
+from .mechanics.contact import Contact as Contact
+from .mechanics.contact_law import ContactLaw as ContactLaw
 from .mechanics.indenters import (
     Cone as Cone,
     FlatPunch as FlatPunch,
+    Indenter as Indenter,
     Paraboloid as Paraboloid,
     PowerLaw as PowerLaw,
     Sphere as Sphere,
@@ -60,8 +77,28 @@ from .mechanics.materials import (
     TransverselyIsotropic as TransverselyIsotropic,
 )
 from .mechanics.profile import Profile as Profile
-from .mechanics.published import published_corrections as published_corrections
+from .mechanics.published import (
+    PublishedCorrection as PublishedCorrection,
+    published_corrections as published_corrections,
+)
+from .mechanics.response import (
+    History as History,
+    Response as Response,
+)
+from .mechanics.solver import (
+    Scaling as Scaling,
+    Solver as Solver,
+)
+from .mechanics.solvers import (
+    Asymptotic as Asymptotic,
+    Auto as Auto,
+    Exact as Exact,
+    HalfSpace as HalfSpace,
+    Published as Published,
+    contact_law as contact_law,
+)
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
+from .quantities import quantity as quantity
 from .report import plots as plots
 from .report.render import report as report
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost

@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 
 from underlay.errors import InputError
 
+#: A thousandth of a proton (m): no indenter, layer or indentation is smaller, and quotients of much smaller ones
+#: leave the range of a double.
+SMALLEST_LENGTH = 1e-18
+
 FloatArray: TypeAlias = NDArray[np.float64]
 #: A number, a sequence of numbers, a numpy array or a pandas Series.
 ArrayLike: TypeAlias = float | Sequence[float] | NDArray[Any] | Any
@@ -36,6 +40,8 @@ def positive(value: float, name: str, unit: str) -> float:
     number = _number(value, name)
     if not (0.0 < number < np.inf):
         raise InputError(f"{name} must be positive and finite ({unit}); got {value!r}")
+    if unit == "m" and number < SMALLEST_LENGTH:
+        raise InputError(f"{name} of {value!r} m is not physical: at least {SMALLEST_LENGTH:g} m is needed")
     return number
 
 

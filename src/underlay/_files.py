@@ -3,38 +3,112 @@
 from __future__ import annotations
 
 import os
+import secrets
+import stat
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from underlay.errors import FileAccessError
 
-__all__ = ["require_writable_folder", "write_atomic"]
+__all__ = ["replacing", "require_own_folder", "require_writable_folder", "write_atomic"]
 
 
 def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> Path:
-    """Write `content` to `path` through a temporary file beside it, so that no reader sees a part of it.
+    r"""Write `content` to `path` whole or not at all; see `replacing`.
+
+    Text is written as UTF-8. A byte of a file name that is no UTF-8, which Python keeps as a lone surrogate,
+    becomes an escape such as ``\udce9``: in JSON that is the character itself.
 
     Raises
     ------
     FileAccessError
-        If the folder does not exist or cannot be written; nothing is left behind.
+        If the file cannot be written; nothing is left behind.
+    """
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    with replacing(path) as file:
+        file.write(data)
+    return Path(path)
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """Open a file that takes the place of `path` once it is complete, so that no reader sees a part of it.
+
+    A file that is there keeps its permissions; a new one gets what the user's umask leaves. A symbolic link
+    is replaced, never written through: nothing outside the folder of `path` changes.
+
+    Raises
+    ------
+    FileAccessError
+        If the folder does not exist or cannot be written, or `path` is a folder, a device or a pipe. The
+        file is then as it was, and nothing is left beside it.
     """
     target = Path(path)
-    data = content.encode("utf-8") if isinstance(content, str) else content
-    temporary: str | None = None
+    # A short name of its own: that of the target may have all the letters a name can have.
+    beside = target.parent / f".underlay-{secrets.token_hex(8)}"
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(target)
+        mode = _mode_of(target)
+        with _new_file(beside, mode) as file:
+            try:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            except BaseException:
+                beside.unlink(missing_ok=True)
+                raise
+        _move(beside, target)
     except OSError as error:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
         raise FileAccessError(f"cannot write {target}: {error.strerror or error}") from error
-    return target
+
+
+def _mode_of(target: Path) -> int | None:
+    """Return the permissions of a file that will be replaced; None where there is none, or a link."""
+    try:
+        there = target.stat()
+    except FileNotFoundError:
+        return None
+    if not stat.S_ISREG(there.st_mode):
+        raise OSError("it is there, and is no regular file")
+    return None if target.is_symlink() else stat.S_IMODE(there.st_mode) & 0o777
+
+
+def _new_file(path: Path, mode: int | None) -> BinaryIO:
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    # The system takes the umask from 0666; asking for the umask would change it for every thread.
+    number = os.open(path, flags, 0o666 if mode is None else mode)
+    try:
+        if mode is not None:
+            path.chmod(mode)
+    except OSError:
+        os.close(number)
+        path.unlink(missing_ok=True)
+        raise
+    return os.fdopen(number, "wb")
+
+
+def _move(beside: Path, target: Path) -> None:
+    try:
+        beside.replace(target)
+    except OSError:
+        with suppress(OSError):
+            beside.unlink()
+        raise
+
+
+def require_own_folder(path: Path) -> Path:
+    """Make a folder of ours inside an output; like `require_writable_folder`, but never through a link.
+
+    Raises
+    ------
+    FileAccessError
+        If it is a link, which would lead out of the output, or cannot be written.
+    """
+    if path.is_symlink():
+        raise FileAccessError(f"cannot write into {path}: it is a link to another place; remove it")
+    return require_writable_folder(path)
 
 
 def require_writable_folder(path: str | os.PathLike[str]) -> Path:

@@ -14,6 +14,7 @@ RangeError          InputError     a law is asked outside the range in which it 
 CurveError          InputError     a curve cannot be used: too few points, NaN, no contact, ...
 FileFormatError     InputError     a file was read but its content is not understood
 FileAccessError     OSError        a file cannot be opened, read or written
+LawError            RuntimeError   a solver or law of one's own does not keep to what it is
 FitError            RuntimeError   an inference could not be carried out on valid input
 SchedulerError      OSError        a Dask scheduler does not answer, or goes away
 MissingExtraError   ImportError    an optional dependency is needed; says which extra brings it
@@ -28,6 +29,7 @@ __all__ = [
     "FileFormatError",
     "FitError",
     "InputError",
+    "LawError",
     "MaterialError",
     "MissingExtraError",
     "ParameterError",
@@ -83,6 +85,10 @@ class FileFormatError(InputError):
 
 class FileAccessError(UnderlayError, OSError):
     """A file that cannot be opened, read or written."""
+
+
+class LawError(UnderlayError, RuntimeError):
+    """A solver or law that fails, or answers with NaN or in the wrong shape."""
 
 
 class FitError(UnderlayError, RuntimeError):

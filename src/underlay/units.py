@@ -85,10 +85,16 @@ _QUOTIENTS = {
 _SIMPLE = re.compile(r"([pnumkMG]?)(m|Pa|N|s|Hz|V|A)")
 _NAMED = {"": ("dimensionless", 1.0), "deg": ("angle", math.pi / 180.0), "rad": ("angle", 1.0)}
 
+# Sizes of a quantity, in SI, whose fifth powers (forces of profiles, products of moduli and lengths) still are
+# ordinary doubles. Nothing measured comes near either; a slip of an exponent does.
+_SMALLEST, _LARGEST = 1e-60, 1e60
+
 # What a unit may be written with. Everything else is refused before pint sees it: pint evaluates
 # expressions, and a file is not trusted with an expression.
 _UNIT = re.compile(r"[A-Za-z%°\u00b5\u03bc\u00b7*/^() .\-0-9²³]{0,40}")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*", re.DOTALL)
+# A number of a country that writes 1,5 for 1.5.
+_DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+(?:[eE][+-]?\d{1,3})?(?:\s*[^\d\s,.][^,]*)?)\s*")
 # Exponents of a unit: one digit is more than any quantity here needs, and bounds pint's work.
 _POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d+(?:\.\d+)?\)?")
 _SHORT_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d(?:\.\d{1,6})?\)?")
@@ -202,7 +208,9 @@ def unit_factor(unit: str, kind: str) -> float:
     wanted = _kind(kind)
     known = _parse_unit(unit)
     if known is None:
-        raise UnitError(f"unknown unit {unit!r} for {_article(kind)}; allowed: {_offer(wanted)}")
+        same = [name for name in wanted.units if name.casefold() == unit.strip().casefold()]
+        meant = f"; did you mean {same[0]}?" if same else ";"
+        raise UnitError(f"unknown unit {unit!r} for {_article(kind)}{meant} allowed: {_offer(wanted)}")
     found, factor = known
     if found != kind:
         raise UnitError(f"{unit!r} is a unit of {found}, but {_article(kind)} is needed: {_offer(wanted)}")
@@ -254,6 +262,9 @@ def parse_quantity(value: str | float, kind: str) -> float:
         raise UnitError(f"{_article(kind)} must be given as {wanted.example!r}; got {value!r:.80}")
     matched = _NUMBER.fullmatch(value) if isinstance(value, str) else None
     if isinstance(value, str):
+        comma = _DECIMAL_COMMA.fullmatch(value)
+        if comma is not None:
+            raise UnitError(f"write the number with a point: {'.'.join(comma.groups())!r}; got {value!r:.80}")
         if matched is None:
             raise UnitError(f"{_article(kind)} must be given as {wanted.example!r}; got {value!r:.80}")
         number, unit = float(matched.group(1)), matched.group(2)
@@ -262,8 +273,14 @@ def parse_quantity(value: str | float, kind: str) -> float:
     if not math.isfinite(number):
         raise UnitError(f"{_article(kind)} must be finite; got {value!r:.80}")
     if not unit and kind != "dimensionless":
-        raise UnitError(f"{value!r} has no unit; {_article(kind)} takes one of {_offer(wanted)}")
-    return _scaled(number, unit, kind)
+        raise UnitError(f"{value!r:.80} has no unit; {_article(kind)} takes one of {_offer(wanted)}")
+    scaled = _scaled(number, unit, kind)
+    if kind != "dimensionless" and scaled and not _SMALLEST <= abs(scaled) <= _LARGEST:
+        raise UnitError(
+            f"{_article(kind)} of {value!r:.80} is not physical: its size must be from {_SMALLEST:g} to "
+            f"{_LARGEST:g} in SI, or zero; is the exponent right?"
+        )
+    return scaled
 
 
 def _scaled(number: float, unit: str, kind: str) -> float:

@@ -7,8 +7,8 @@ one run. Nothing here asserts seconds.
 import numpy as np
 import pytest
 
+from support.laws import exact_law
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, isotropic_constants
 

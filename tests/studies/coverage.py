@@ -50,7 +50,7 @@ from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.inference.least_squares import fit
 from underlay.inference.problem import Problem
-from underlay.inference.profiles import interval_threshold, p_value_at, profile, rise_at
+from underlay.inference.profiles import delta_chi_square_at, interval_threshold, p_value_at, profile
 
 LEVEL = 0.95
 DRAWS = 99
@@ -152,7 +152,7 @@ def run(case, replicas, seed=0, *, hull=False):
         found = case.fit_of(replica, seed)
         threshold = interval_threshold(found, LEVEL)
         for name in case.names:
-            held = rise_at(found, name, truth[name]) <= threshold
+            held = delta_chi_square_at(found, name, truth[name]) <= threshold
             inside[name] += held
             # The hull holds what is not rejected: only for the others the profile has to be walked.
             if hull:

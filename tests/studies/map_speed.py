@@ -33,13 +33,14 @@ from underlay.mechanics.contact_law import ContactLaw
 RADIUS, NU = 5e-4, 0.45
 SCENE = ul.Scene(ul.Paraboloid(RADIUS), ul.Layer(ul.Isotropic(1e6, NU), 1.5e-3), ul.RIGID)
 FREE = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-5e-5, 5e-5)}
-EXACT = {"accuracy": ul.Accuracy(1e-4), "method": "exact"}
+EXACT = {"solver": ul.Exact(1e-4)}
+OPTIONS = ul.MapOptions(**EXACT)
 
 SCENE_TOML = """
 indenter = { shape = "paraboloid", radius = "0.5 mm" }
 layer = { E = "1 MPa", nu = 0.45, thickness = "1.5 mm" }
 substrate = { rigid = true }
-solver = { method = "exact", rtol = 1e-4 }
+solver = { name = "exact", rtol = 1e-4 }
 
 [fit]
 layer.E = { min = "10 kPa", max = "100 MPa" }
@@ -137,7 +138,7 @@ def fit_slice(
     """Seconds and processor seconds of this process for some curves; every one must be fitted."""
     manifest = sites.manifest(start, stop)
     began, began_cpu = time.perf_counter(), time.process_time()
-    table = ul.fit_many(curves[start:stop], SCENE, FREE, manifest, workers=workers, **EXACT)
+    table = ul.fit_many(curves[start:stop], SCENE, FREE, manifest, workers=workers, options=OPTIONS)
     took = time.perf_counter() - began, time.process_time() - began_cpu
     assert (table["status"] == "fitted").all()
     # The truth is found: nobody times a fit that fails.

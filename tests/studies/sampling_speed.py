@@ -31,27 +31,27 @@ from underlay.inference.priors import LogUniform, Uniform  # noqa: E402
 from underlay.inference.problem import Problem  # noqa: E402
 from underlay.inference.sampling.convergence import autocorrelation_time  # noqa: E402
 from underlay.inference.sampling.run import sample  # noqa: E402
-from underlay.mechanics.accuracy import Accuracy  # noqa: E402
 from underlay.mechanics.indenters import Paraboloid  # noqa: E402
 from underlay.mechanics.materials import Isotropic, Layer  # noqa: E402
+from underlay.mechanics.solvers import Auto  # noqa: E402
 from underlay.scene.scene import Scene  # noqa: E402
 
 WALKERS, STEPS, POINTS, ROUNDS = 64, 2000, 500, 3
-ACCURACY = Accuracy(1e-4)
+SOLVER = Auto(1e-4)
 
 
 def layered():
     scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5), 5e-4), Isotropic(1e7, 0.4))
     depth = np.linspace(-1e-5, 1e-4, POINTS)
-    noise = Noise(force=0.01 * float(scene.force(1e-4, accuracy=ACCURACY)))
-    curve = synthesize(scene, depth, noise, 1, accuracy=ACCURACY)
+    noise = Noise(force=0.01 * float(scene.force(1e-4, solver=SOLVER)))
+    curve = synthesize(scene, depth, noise, 1, solver=SOLVER)
     free = {
         "layer.E": LogUniform(1e4, 1e8),
         "layer.thickness": LogUniform(1e-4, 5e-3),
         "substrate.E": LogUniform(1e5, 1e9),
         "instrument.contact_depth": Uniform(-1e-5, 1e-5),
     }
-    return Problem(scene, curve, free, noise, accuracy=ACCURACY)
+    return Problem(scene, curve, free, noise, solver=SOLVER)
 
 
 def ours(steps=STEPS):

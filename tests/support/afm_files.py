@@ -19,9 +19,18 @@ def approach(points=POINTS):
 
 
 def jpk(
-    styles=("extend", "retract"), *, pause="constant-force-pause", calibrated=True, claimed=None, shared=False
+    styles=("extend", "retract"),
+    *,
+    pause="constant-force-pause",
+    calibrated=True,
+    claimed=None,
+    shared=False,
+    floats=False,
 ):
-    """JPK archive: properties and big-endian integers; `shared` moves the scalings, as newer files do."""
+    """JPK archive: properties and big-endian integers; `shared` moves the scalings, as newer files do.
+
+    A pause in front of the first extend rests high above the sample. `floats` writes channels as float-data.
+    """
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(
@@ -35,22 +44,83 @@ def jpk(
             archive.writestr("shared-data/header.properties", _vdeflection("lcd-info.0", calibrated))
         for number, style in enumerate(styles):
             _segment(
-                archive, number, style, pause=pause, calibrated=calibrated, claimed=claimed, shared=shared
+                archive,
+                number,
+                style,
+                first="extend" not in styles[:number],
+                pause=pause,
+                calibrated=calibrated,
+                claimed=claimed,
+                shared=shared,
+                floats=floats,
             )
     return stream.getvalue()
 
 
-def _segment(archive, number, style, *, pause, calibrated, claimed, shared):
+def jpk_map(count):
+    """JPK map: a folder a curve, each a little stiffer than the one before, with a picture nobody reads."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("header.properties", "#Thu Mar 31 17:51:15 CEST 2016\ntype=force-scan-map\n")
+        archive.writestr("shared-data/header.properties", _vdeflection("lcd-info.0", calibrated=True))
+        archive.writestr("data-image.jpk-qi-image", np.random.default_rng(1).bytes(50_000))
+        archive.writestr("index/", b"")
+        for index in range(count):
+            folder = f"index/{index}/"
+            archive.writestr(folder, b"")
+            archive.writestr(
+                f"{folder}header.properties",
+                f"force-scan-series.header.position.x={index}.0E-6\n"
+                "force-scan-series.header.position.y=0.0\n"
+                f"force-scan-series.header.position-index={index}\n",
+            )
+            for number, style in enumerate(("extend", "retract")):
+                _segment(
+                    archive,
+                    number,
+                    style,
+                    first=False,
+                    pause="",
+                    calibrated=True,
+                    claimed=None,
+                    shared=True,
+                    floats=False,
+                    inside=folder,
+                    stiffer=1.0 + 0.1 * index,
+                )
+    return stream.getvalue()
+
+
+def _segment(
+    archive,
+    number,
+    style,
+    *,
+    first,
+    pause,
+    calibrated,
+    claimed,
+    shared,
+    floats,
+    inside="",
+    stiffer=1.0,
+):
     height, force = approach()
+    force = stiffer * force
     if style == "retract":
         height, force = height[::-1], 0.8 * force[::-1]
     elif style == "pause":
-        height, force = np.full(POINTS, height[-1]), np.full(POINTS, force[-1])
-    folder = f"segments/{number}/"
+        at = 0 if first else -1
+        height, force = np.full(POINTS, height[at]), np.full(POINTS, force[at])
+    folder = f"{inside}segments/{number}/"
     settings = pause if style == "pause" else "z-extend-force"
     deflection = (
         "channel.vDeflection.lcd-info.*=0\n" if shared else _vdeflection("channel.vDeflection", calibrated)
     )
+    encoder = _floats if floats else _encoder
+    if floats:
+        deflection = "".join(line for line in deflection.splitlines(keepends=True) if "encoder" not in line)
+        deflection += _floats("channel.vDeflection")
     archive.writestr(folder, b"")
     archive.writestr(
         folder + "segment-header.properties",
@@ -64,18 +134,22 @@ def _segment(archive, number, style, *, pause, calibrated, claimed, shared):
         "force-segment-header.settings.segment-settings.z-start=2.0E-6\n"
         "force-segment-header.settings.segment-settings.z-end=0.0\n"
         + deflection
-        + _encoder("channel.measuredHeight", "signedinteger", 1e-14)
+        + encoder("channel.measuredHeight", "signedinteger", 1e-14)
         + "channel.measuredHeight.conversion-set.conversions.base=volts\n"
         + "channel.height.conversion-set.conversions.base=volts\n"
         + _conversion("channel.measuredHeight", "nominal", "volts", 1.0, "m")
-        + _encoder("channel.height", "signedinteger", 1e-14)
+        + encoder("channel.height", "signedinteger", 1e-14)
         + _conversion("channel.height", "nominal", "volts", 1.0, "m")
         + _conversion("channel.height", "calibrated", "nominal", 1.0, "m"),
     )
     volts = force / STIFFNESS / SENSITIVITY
-    archive.writestr(folder + "channels/vDeflection.dat", np.round(volts / 1e-6).astype(">i4").tobytes())
-    for name in ("measuredHeight", "height"):
-        archive.writestr(folder + f"channels/{name}.dat", np.round(height / 1e-14).astype(">i4").tobytes())
+    for name, values, step in (
+        ("vDeflection", volts, 1e-6),
+        ("measuredHeight", height, 1e-14),
+        ("height", height, 1e-14),
+    ):
+        content = values.astype(">f4") if floats else np.round(values / step).astype(">i4")
+        archive.writestr(folder + f"channels/{name}.dat", content.tobytes())
 
 
 def _vdeflection(prefix, calibrated):
@@ -84,6 +158,10 @@ def _vdeflection(prefix, calibrated):
         text += _conversion(prefix, "distance", "volts", SENSITIVITY, "m")
         text += _conversion(prefix, "force", "distance", STIFFNESS, "N")
     return text
+
+
+def _floats(prefix, *_):
+    return f"{prefix}.data.type=float-data\n{prefix}.data.file.format=raw\n"
 
 
 def _encoder(prefix, kind, multiplier, unit="m"):
@@ -120,6 +198,20 @@ def hdf5(curves=2):
             group["height (measured)"] = np.concatenate((height, height[::-1]))
             group["segment"] = np.repeat(np.array((0, 1), dtype=np.uint8), POINTS)
     return stream.getvalue()
+
+
+def tab(styles=("extend", "retract")):
+    """Table of afmformats: metadata as JSON behind "#", names behind "#", SI numbers, segments numbered."""
+    height, force = approach()
+    extended = 0
+    text = '# afmformats 0.18.7\n#\n# BEGIN METADATA\n# {\n#   "enum": 0,\n'
+    text += f'#   "imaging mode": "force-distance",\n#   "spring constant": {STIFFNESS}\n' + "# }\n"
+    text += "# END METADATA\n#\n# force\theight (measured)\tsegment\n"
+    for number, style in enumerate(styles):
+        points = {"extend": range(POINTS), "retract": range(POINTS)[::-1]}.get(style, [-extended] * POINTS)
+        extended += style == "extend"
+        text += "".join(f"{float(force[i])!r}\t{float(height[i])!r}\t{number}\n" for i in points)
+    return text.encode()
 
 
 def igor():
@@ -181,6 +273,8 @@ def _checksum(header):
 ALL = {
     "afm jpk": jpk,
     "afm jpk creep": lambda: jpk(("extend", "pause", "retract"), shared=True),
+    "afm jpk floats": lambda: jpk(("pause", "extend", "pause", "retract"), floats=True),
     "afm hdf5": hdf5,
+    "afm tab": tab,
     "afm igor": igor,
 }

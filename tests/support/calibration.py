@@ -19,15 +19,15 @@ from underlay.inference.information import information, prior_information
 from underlay.inference.priors import LogNormal, Normal
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.solvers import Auto
 from underlay.scene.scene import Scene
 
 #: Draws a true value is ranked among: ranks are 0 .. DRAWS, in BINS bins of equal width.
 DRAWS = 99
 BINS = 20
-ACCURACY = Accuracy(1e-4)
+SOLVER = Auto(1e-4)
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Case:
     sampling_rate: float = 100.0
 
     def problem(self, curve, noise=None):
-        return Problem(self.scene, curve, self.free, noise or self.noise, accuracy=ACCURACY)
+        return Problem(self.scene, curve, self.free, noise or self.noise, solver=SOLVER)
 
     def generator(self, seed):
         """Chance of one replica: scenes do not share theirs."""
@@ -57,7 +57,7 @@ class Case:
             **{path.partition(".")[2]: value for path, value in truth.items() if path.startswith("noise.")},
         )
         scene = self.scene.with_values(numbers)
-        return synthesize(scene, self.depth, noise, rng, sampling_rate=self.sampling_rate, accuracy=ACCURACY)
+        return synthesize(scene, self.depth, noise, rng, sampling_rate=self.sampling_rate, solver=SOLVER)
 
 
 def cases():

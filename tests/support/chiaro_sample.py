@@ -24,7 +24,8 @@ HEADER = """\
 # indenter: sphere
 # indenter radius: 27.5 um
 # spring constant: 0.019 N/m
-# instrument's own result: E[eff] = E/(1-nu^2) = 156.009 Pa (Hertz)
+# instrument reduced modulus: 156.009 Pa
+#   which is the instrument's own result, E[eff] = E/(1-nu^2) by Hertz's formula
 # signs: depth grows into the sample, force is positive in compression
 # zero of depth: the instrument's, not contact; contact is near 73080 nm
 time (s),depth (nm),force (nN),segment

@@ -150,15 +150,22 @@ def relaxation(ramps=1, deepest=1e-4, peak=5e-3):
 
 
 def bioindenter(*, profile=False):
-    """Protocol "+ Advanced" or a user's profile; Windows text with three-digit exponents."""
+    """Protocol "+ Advanced" or a user's profile; Windows text with three-digit exponents.
+
+    The automatic protocol writes its setting "Linear loading" as a line of its own and numbers load, pause,
+    unload from 1. A user's profile numbers the approach 0 and its listed steps from 1.
+    """
     time, depth, force = sample_curve(20e-6, 1e-3)
-    ids = np.repeat((0, 1, 2) if profile else (1, 2, 3), (RAMP, REST, BACK))
+    if profile:  # the approach, before contact, is the first tenth of the ramp
+        ids = np.repeat((0, 1, 2, 3), (RAMP // 10, RAMP - RAMP // 10, REST, BACK))
+    else:
+        ids = np.repeat((1, 2, 3), (RAMP, REST, BACK))
     protocol = (
         "\t+ User defined profile\r\n\tLinear load 20.00  µN ; 100.00 µN/min\r\n\tPause in load 2 s\r\n"
         "\tLinear depth 20.00  µm ; 500.00 µm/min\r\n"
         if profile
-        else "\t+ Advanced\r\nMax load :\t1000.00 \tµN\r\n"
-        "Loading rate :\t2000.00 \tµN/min\r\nPause : 2.0 s\r\n"
+        else "\t+ Advanced\r\nAcquisition rate :\t10.0 \tHz\r\nLinear loading\r\nMax load :\t1000.00 \tµN\r\n"
+        "Loading rate :\t2000.00 \tµN/min\r\nUnloading rate :\t2000.00 \tµN/min\r\nPause :\t2.0 s\r\n"
     )
     text = (
         "Indentation\r\n" + protocol + "\t+ TTX - UNHT Bio S/N: 01 settings\r\nFn contact :\t25.00 \tµN\r\n"
@@ -283,6 +290,33 @@ def nanosuite():
     )
 
 
+def nanosuite_average():
+    """The average of several tests: every column with its STANDARD DEVIATION, stiffness S = 4e4 N/m."""
+    time, depth, force = sample_curve(1e-6, 1e-2)
+    none = 1.7976931348623157e308
+    stiffness = np.where(np.arange(len(time)) == 0, none, 4e4)
+    columns = {
+        "Displacement Into Surface": ("nm", depth * 1e9, np.abs(depth) * 2e-3 * 1e9),
+        "Load On Sample": ("mN", force * 1e3, np.full_like(force, 0.2)),
+        "Harmonic Contact Stiffness": ("N/m", stiffness, np.where(stiffness == none, none, 400.0)),
+        "Time On Sample": ("s", time, np.full_like(time, 0.1)),
+        "Hardness": ("GPa", np.full_like(time, 3.0), np.full_like(time, 0.1)),
+    }
+    table = [[""], [""]]
+    for name, (unit, _, _) in columns.items():
+        table[0] += [name, f"STANDARD DEVIATION ({name})"]
+        table[1] += [unit, unit]
+    markers = {
+        0: "Load Segment Type",
+        RAMP: "Hold Segment Type",
+        RAMP + REST: "Unload From Peak Segment Type",
+    }
+    for i in range(len(time)):
+        cells = [float(values[i]) for _, *pair in columns.values() for values in pair]
+        table.append([markers.get(i), *cells])
+    return xls({"Sample": table, "Analyst Project": [["DO NOT DELETE THIS WORKSHEET"]]})
+
+
 ZWICK = {
     "fr": (
         "Paramètres",
@@ -307,13 +341,20 @@ ZWICK = {
 
 
 def zwick(language="fr", *, turned=False, specimens=1):
-    """Sheets of parameters and results, one per specimen; compression positive, gap plus travel constant."""
+    """Sheets of parameters and results, one per specimen; compression positive, gap plus travel constant.
+
+    The tables of results carry units of force and length too; their first column names the specimens.
+    """
     time, depth, force = sample_curve(1e-3, 10.0)
     book = openpyxl.Workbook()
     parameters, results, statistics, names = ZWICK[language]
     book.active.title = parameters
     for title in (results, statistics):
-        book.create_sheet(title).append([title, 1.0])
+        sheet = book.create_sheet(title)
+        sheet.append([None, "Specimen", "Fmax", "dL(Fmax)"])
+        sheet.append([None, None, "N", "mm"])
+        for number in range(1, specimens + 1):
+            sheet.append([f"Ep. {number}", f"Ep. {number}", 10.0, 1.0])
     for number in range(1, specimens + 1):
         sheet = book.create_sheet(f"Ep. {number}")
         sheet.append([f"Specimen {number}"] * 4)
@@ -383,6 +424,18 @@ def zipped(files):
     return stream.getvalue()
 
 
+def changed_archive(content, changes):
+    """Archive with {member: (old, new)} replaced."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    return zipped(
+        {
+            name: data.replace(*changes.get(name, (b"", b""))) if name in changes else data
+            for name, data in members.items()
+        }
+    )
+
+
 #: One file of every kind, by name; what the fuzzing starts from.
 ALL = {
     "optics11 old": lambda: optics11("old"),
@@ -398,6 +451,7 @@ ALL = {
     "hysitron nanodma": nanodma,
     "fischer": fischer,
     "nanosuite": nanosuite,
+    "nanosuite average": nanosuite_average,
     "testxpert": zwick,
     "excel": excel,
     "afm workshop": workshop,

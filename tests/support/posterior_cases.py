@@ -6,9 +6,9 @@ from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.solvers import Auto
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
 
@@ -53,4 +53,4 @@ def barely_touched_problem():
     noise = Noise(force=0.01 * float(scene.force(depth)[-1]))
     curve = synthesize(scene, depth, noise, 3)
     free = {"layer.E": LogUniform(1e4, 1e8), "layer.thickness": Normal(thickness, 0.05 * thickness)}
-    return Problem(scene, curve, free, noise, accuracy=Accuracy(1e-4))
+    return Problem(scene, curve, free, noise, solver=Auto(1e-4))

@@ -45,8 +45,8 @@ def contact_of(kind, *, nu=0.5, nu_base=0.5, ratio=np.inf, size=None, thickness=
         "cone": lambda: Cone(np.arctan(size or 1.0)),
         "flat punch": lambda: FlatPunch(size or 1.0),
     }[kind]()
-    base = RIGID if ratio == np.inf else Isotropic(ratio, nu_base)
-    return LayerContact(indenter=tip, thickness=thickness, layer=Isotropic(1.0, nu), substrate=base)
+    base = None if ratio == np.inf else Isotropic(ratio, nu_base)
+    return LayerContact(indenter=tip, thickness=thickness, layer=Isotropic(1.0, nu), base=base)
 
 
 def contact_for(correction, values, size=1.0):
@@ -69,7 +69,7 @@ def _punch_factor(correction, contact, size):
         indenter=FlatPunch(size * contact.thickness),
         thickness=contact.thickness,
         layer=contact.layer,
-        substrate=contact.substrate,
+        base=contact.base,
     )
     anywhere = np.array([1.0])  # a depth: it does not matter for a flat punch
     return float(correction.factor(punch).value(punch.variable(anywhere))[0])
@@ -89,7 +89,7 @@ def remeasure(correction):
     for index in product(*(range(nodes.size) for nodes in table.nodes)):
         values = [float(nodes[i]) for nodes, i in zip(table.nodes, index, strict=True)]
         contact = contact_for(correction, values)
-        exact = exact_factor(bonded_kernel(contact.layer, contact.substrate), correction.indenter)
+        exact = exact_factor(bonded_kernel(contact.layer, contact.base or RIGID), correction.indenter)
         edges = np.append(0.0, table.variable)
         so_far = 0.0
         for column, (start, end) in enumerate(pairwise(edges)):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table
-from underlay.cli.deepest_point import deepest_point
-from underlay.cli.options import MaxDepth, OutputFolder, ScenePath
+from underlay.cli.expected import deepest_point, measured_curve
+from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, ScenePath
 from underlay.report import plots
 from underlay.report.accuracy_table import accuracy_summary
+from underlay.report.csv_text import csv_text
 from underlay.scene.accuracy_cost import accuracy_cost
 from underlay.scene.scene_file import read_scene_file
 from underlay.units import format_quantity
@@ -15,13 +16,15 @@ from underlay.units import format_quantity
 __all__ = ["accuracy"]
 
 
-def accuracy(scene: ScenePath, max_depth: MaxDepth = None, output: OutputFolder = None) -> None:
+def accuracy(
+    scene: ScenePath, max_depth: MaxDepth = None, curve: CurveOption = None, output: OutputFolder = None
+) -> None:
     """Compute a scene by every method: how far off each one is, and how long it takes.
 
     Example: `underlay accuracy scene.toml --max-depth "100 um" --output results`
     """
     file = read_scene_file(scene)
-    deepest = deepest_point(file, max_depth)
+    deepest = deepest_point(file, max_depth, measured_curve(file, curve))
     if output is not None:
         require_writable_folder(output)
     table = accuracy_cost(file.scene, deepest)
@@ -33,7 +36,7 @@ def accuracy(scene: ScenePath, max_depth: MaxDepth = None, output: OutputFolder 
     )
     if output is not None:
         stem = output / scene.stem
-        say(f"wrote {write_atomic(stem.with_suffix('.accuracy.csv'), table.to_csv(index=False))}")
+        say(f"wrote {write_atomic(stem.with_suffix('.accuracy.csv'), csv_text(table))}")
         for times in ("cold", "held"):
             picture = plots.accuracy_cost(table, times=times)
             say(f"wrote {plots.save(picture, stem.with_suffix(f'.accuracy.{times}.png'))}")

@@ -8,12 +8,13 @@ import typer
 
 from underlay.cli.accuracy import accuracy
 from underlay.cli.bench import bench
-from underlay.cli.console import say_error
+from underlay.cli.console import noted, say_error
 from underlay.cli.demo import demo
 from underlay.cli.effects import effects
 from underlay.cli.fit import fit
 from underlay.cli.formats import formats
 from underlay.cli.identify import identify
+from underlay.cli.keys import keys
 from underlay.cli.map import map_curves
 from underlay.cli.plan import plan
 from underlay.cli.report import report
@@ -33,7 +34,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-for command in (demo, fit, sample, simulate, effects, accuracy, identify, plan, report, formats, bench):
+for command in (demo, fit, sample, simulate, effects, accuracy, identify, plan, report, formats, keys, bench):
     app.command()(command)
 app.command("map")(map_curves)
 
@@ -41,7 +42,8 @@ app.command("map")(map_curves)
 def main() -> None:
     """Run the command line; bad input ends with one line and exit code 2, never a traceback."""
     try:
-        app()
+        with noted():
+            app()
     except UnderlayError as error:
         say_error(str(error))
         sys.exit(_BAD_INPUT)

@@ -7,13 +7,17 @@ from typing import Annotated
 
 import typer
 
+from underlay._door import FileKind, read_text
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.options import OutputFolder
-from underlay.errors import FileAccessError, FileFormatError
+from underlay.errors import FileFormatError
 from underlay.report.bench import bench_markdown, bench_table, depth_table, fit_table
+from underlay.report.csv_text import csv_text
 
 __all__ = ["bench"]
+
+_README = FileKind("a Markdown file", 10_000_000, "name the one with the table")
 
 _START, _END = "<!-- bench:start -->", "<!-- bench:end -->"
 
@@ -39,9 +43,9 @@ def bench(
     say_table(curve, "Against the number of depths")
     say_table(fits, "Times in units of lmfit's fit of Hertz's formula, 1000 points")
     if output is not None:
-        say(f"wrote {write_atomic(output / 'bench.csv', table.to_csv(index=False))}")
-        say(f"wrote {write_atomic(output / 'bench.depths.csv', curve.to_csv(index=False))}")
-        say(f"wrote {write_atomic(output / 'bench.fits.csv', fits.to_csv(index=False))}")
+        say(f"wrote {write_atomic(output / 'bench.csv', csv_text(table))}")
+        say(f"wrote {write_atomic(output / 'bench.depths.csv', csv_text(curve))}")
+        say(f"wrote {write_atomic(output / 'bench.fits.csv', csv_text(fits))}")
     if readme is not None and page is not None:
         before, after = page
         text = f"{before}{_START}\n{bench_markdown(table, curve, fits)}\n{_END}{after}"
@@ -50,10 +54,7 @@ def bench(
 
 def _read(readme: Path) -> tuple[str, str]:
     """Return what stands before and after the table."""
-    try:
-        text = readme.read_text(encoding="utf-8")
-    except OSError as error:
-        raise FileAccessError(f"cannot read {readme}: {error.strerror}") from error
+    text = read_text(readme, _README)
     before, start, rest = text.partition(_START)
     _, end, after = rest.partition(_END)
     if not (start and end):

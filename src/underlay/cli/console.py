@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import pandas as pd
 from rich import box
@@ -13,9 +14,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from underlay._text import one_line
+from underlay.cli.wording import spoken
 from underlay.errors import UnderlayWarning
 
-__all__ = ["gathered_warnings", "say", "say_error", "say_table", "say_warnings"]
+__all__ = ["gathered_warnings", "noted", "say", "say_error", "say_table", "say_warnings"]
 
 
 _FILE_WIDTH = 160
@@ -23,12 +26,12 @@ _FILE_WIDTH = 160
 
 def say(text: str) -> None:
     """Print a line of text for people; words in it are never taken for markup."""
-    Console(highlight=False).print(text, markup=False, soft_wrap=True)
+    Console(highlight=False).print("\n".join(map(one_line, text.split("\n"))), markup=False, soft_wrap=True)
 
 
 def say_error(text: str) -> None:
     """Print one line to standard error."""
-    line = " ".join(text.split())
+    line = one_line(" ".join(spoken(text).split()))
     Console(stderr=True, highlight=False).print(f"underlay: {line}", markup=False, soft_wrap=True)
 
 
@@ -36,7 +39,9 @@ def say_table(frame: pd.DataFrame, title: str) -> None:
     """Print a table; numbers to the right, words to the left, an index of names as the first column."""
     if not pd.api.types.is_integer_dtype(frame.index):
         frame = frame.rename_axis("" if frame.index.name is None else str(frame.index.name)).reset_index()
-    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
+    table = Table(
+        title=escape(one_line(title)), box=box.SIMPLE_HEAD, title_justify="left", title_style="bold"
+    )
     for name, column in frame.items():
         numeric = pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
         table.add_column(str(name), justify="right" if numeric else "left", no_wrap=name != frame.columns[-1])
@@ -53,7 +58,25 @@ def _cell(value: object) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.4g}"
-    return escape(str(value))
+    return escape(one_line(value))
+
+
+@contextmanager
+def noted() -> Iterator[None]:
+    """Print our own warnings as notes, each once, where a command does not gather them for later."""
+    said: set[str] = set()
+
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        if not issubclass(category, UnderlayWarning):
+            python_shows(message, category, *where, **more)
+        elif str(message) not in said:
+            said.add(str(message))
+            say_warnings([str(message)])
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UnderlayWarning)
+        python_shows, warnings.showwarning = warnings.showwarning, show
+        yield
 
 
 @contextmanager
@@ -73,4 +96,4 @@ def gathered_warnings() -> Iterator[list[str]]:
 def say_warnings(texts: list[str]) -> None:
     """Print each warning once."""
     for text in dict.fromkeys(texts):
-        say(f"note: {text}")
+        say(f"note: {spoken(text)}")

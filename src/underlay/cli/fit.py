@@ -7,22 +7,32 @@ from pathlib import Path
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
-from underlay.cli.options import CurveFile, OutputFolder, SceneOption
+from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, SolverName
+from underlay.cli.wanted_solver import wanted_solver
+from underlay.cli.wording import spoken
 from underlay.data.quality import check_quality
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
+from underlay.report.csv_text import csv_text
 from underlay.report.measured import beyond_loading
 from underlay.report.open_ends import advice, rivals
 from underlay.report.tables import correlated_pairs, fit_table
 from underlay.report.words import headline
+from underlay.units import format_quantity
 
 __all__ = ["fit", "quality_doubts", "reservations", "show_fit", "write_fit"]
 
 
-def fit(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> None:
+def fit(
+    curve: CurveFile,
+    scene: SceneOption,
+    solver: SolverName = None,
+    rtol: Rtol = None,
+    output: OutputFolder = None,
+) -> None:
     """Fit a curve with the substrate in the model.
 
     Example: `underlay fit curve.csv --scene scene.toml --output results`
@@ -31,6 +41,7 @@ def fit(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -> No
         require_writable_folder(output)
     with gathered_warnings() as notes:
         problem = load_problem(curve, scene)
+        problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
         doubts = quality_doubts(problem)
         result = least_squares_fit(problem)
     show_fit(result, curve.name)
@@ -70,12 +81,18 @@ def show_fit(result: Fit, name: str) -> None:
     """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
     say("")
     for sentence in (headline(result), *advice(result), *rivals(result)):
-        say(sentence)
+        say(spoken(sentence))
     say_table(fit_table(result), f"Fit of {name}")
+    for path, told in result.instrument_moduli.items():
+        say(
+            f"{path}: the instrument's own reduced modulus {format_quantity(told.reduced, 'pressure')} is "
+            f"{format_quantity(told.youngs, 'pressure')} at nu = {told.nu:g}; ours differs by "
+            f"{100.0 * told.difference:+.3g} %"
+        )
     pairs = correlated_pairs(result)
     if len(pairs):
         say_table(pairs, "Correlations above 0.9")
-    say(f"law: {result.law_reason}")
+    say(f"law: {spoken(result.law_reason)}")
 
 
 def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
@@ -84,7 +101,7 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
     A curve that was measured beyond loading gets a picture of its segments.
     """
     written = [
-        write_atomic(folder / f"{stem}.fit.csv", fit_table(result).to_csv(index=False)),
+        write_atomic(folder / f"{stem}.fit.csv", csv_text(fit_table(result))),
         result.to_json(folder / f"{stem}.fit.json"),
         plots.save(plots.fit(result), folder / f"{stem}.fit.png"),
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -10,15 +11,16 @@ import pandas as pd
 import typer
 
 from underlay._arrays import FloatArray
-from underlay._files import require_writable_folder
+from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table, say_warnings
+from underlay.cli.new_scene import new_scene as starter
 from underlay.cli.options import OutputFolder
 from underlay.data.curve import Curve
 from underlay.data.readers import FORMATS, read_all
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import InputError
 from underlay.report import plots
-from underlay.scene.scene_file import read_scene_file
+from underlay.scene.scene_file import PLACE, read_scene_file
 from underlay.units import format_quantity
 
 __all__ = ["formats"]
@@ -37,6 +39,10 @@ def formats(
     ] = None,
     test: Annotated[int | None, typer.Option(help="Which test of a file that holds several.")] = None,
     output: OutputFolder = None,
+    new_scene: Annotated[
+        Path | None,
+        typer.Option("--new-scene", help="Write a starter scene file for FILE; what it knows is filled in."),
+    ] = None,
 ) -> None:
     """List the instrument formats that can be read, or say how FILE is read and where its segments are.
 
@@ -45,9 +51,11 @@ def formats(
     Example: `underlay formats`
 
     Example: `underlay formats curve.csv --output results`
+
+    Example: `underlay formats curve.csv --new-scene new_scene.toml`
     """
     if file is None:
-        if not (scene is None and test is None and output is None):
+        if not (scene is None and test is None and output is None and new_scene is None):
             raise InputError("name the file to read, e.g. underlay formats curve.csv")
         _list_formats()
         return
@@ -58,10 +66,22 @@ def formats(
     chosen = _chosen(curves, test if test is not None else stated.get("test"), file)
     say_table(pd.DataFrame([_row(number, curve) for number, curve in chosen]), _title(file, chosen[0][1]))
     say_warnings([str(note) for _, curve in chosen for note in curve.metadata.get("notes", ())])
+    if new_scene is not None:
+        say(f"wrote {_write_new(new_scene, file, chosen)}")
+        say(f"Next: replace every {PLACE} in {new_scene}; underlay keys lists what may stand there")
     if output is not None:
         for number, curve in chosen:
             stem = f"{file.stem}-{number}" if len(curves) > 1 else file.stem
             say(f"wrote {plots.save(plots.segments(curve), output / f'{stem}.segments.png')}")
+
+
+def _write_new(target: Path, file: Path, chosen: list[tuple[int, Curve]]) -> Path:
+    if target.exists():
+        raise InputError(f"{target} exists and may hold your work; name another file")
+    if len(chosen) > 1:
+        raise InputError(f"{file.name} holds {len(chosen)} tests: say which with --test")
+    name = os.path.relpath(file.resolve(), target.resolve().parent)
+    return write_atomic(target, starter(chosen[0][1], Path(name).as_posix()))
 
 
 def _list_formats() -> None:

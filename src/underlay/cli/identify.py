@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
+from dataclasses import replace
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say
-from underlay.cli.options import OutputFolder, ScenePath
-from underlay.data.noise import Noise
-from underlay.errors import InputError
-from underlay.inference.from_files import free_of, problem_from, read_for
+from underlay.cli.expected import deepest_point, expected_depths, expected_noise, measured_curve
+from underlay.cli.options import CurveOption, OutputFolder, Rtol, ScenePath, SolverName
+from underlay.cli.wanted_solver import wanted_solver
+from underlay.cli.wording import spoken
+from underlay.inference.from_files import free_of, problem_from
 from underlay.inference.identifiability import Identifiability, identifiability
 from underlay.report import plots
+from underlay.report.csv_text import csv_text
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
 __all__ = ["identify"]
@@ -22,9 +21,9 @@ __all__ = ["identify"]
 
 def identify(
     scene: ScenePath,
-    curve: Annotated[
-        Path | None, typer.Option("--curve", help="A measured curve: judge that instead of the plan.")
-    ] = None,
+    curve: CurveOption = None,
+    solver: SolverName = None,
+    rtol: Rtol = None,
     output: OutputFolder = None,
 ) -> None:
     """Say which combinations of the free parameters a test fixes, and how well.
@@ -34,23 +33,25 @@ def identify(
     Example: `underlay identify scene.toml --curve curve.csv`
     """
     file = read_scene_file(scene)
+    file = replace(file, solver=wanted_solver(file.solver, solver, rtol))
     if output is not None:
         require_writable_folder(output)
-    told = identifiability(problem_from(file, read_for(file, curve))) if curve else _before(file)
-    say(told.report())
+    measured = measured_curve(file, curve)
+    told = _before(file) if measured is None else identifiability(problem_from(file, measured))
+    say(spoken(told.report()))
     if output is not None:
-        table = told.to_frame().to_csv()
+        table = csv_text(told.to_frame())
         say(f"wrote {write_atomic(output / f'{scene.stem}.identifiability.csv', table)}")
         picture = plots.identifiability(told)
         say(f"wrote {plots.save(picture, output / f'{scene.stem}.identifiability.png')}")
 
 
 def _before(file: SceneFile) -> Identifiability:
-    if file.simulate is None or not file.noise:
-        raise InputError(
-            f"{file.path.name}: before a test, [simulate] must say its depths and [noise] how well it reads; "
-            "or judge a measured curve with --curve"
-        )
+    deepest = deepest_point(file, None)
     return identifiability(
-        file.scene, depth=file.simulate.depth, free=free_of(file), noise=Noise(**file.noise)
+        file.scene,
+        depth=expected_depths(file, deepest).depth,
+        free=free_of(file),
+        noise=expected_noise(file, deepest),
+        solver=file.solver,
     )

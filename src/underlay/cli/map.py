@@ -11,12 +11,14 @@ import typer
 
 from underlay._files import require_writable_folder
 from underlay.cli.console import say, say_error, say_table
-from underlay.cli.options import SceneOption, Seed
+from underlay.cli.options import Rtol, SceneOption, Seed, SolverName
+from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
 from underlay.inference.batch.fit_many import fit_many
-from underlay.inference.batch.model import Sampling
+from underlay.inference.batch.options import MapOptions, Sampling
 from underlay.report import plots
 from underlay.scene.parameters import kind_of
+from underlay.scene.scene_file import read_scene_file
 from underlay.units import format_quantity
 
 __all__ = ["map_curves"]
@@ -47,6 +49,8 @@ def map_curves(
     sample: Annotated[bool, typer.Option("--sample", help="Sample the posterior of every curve.")] = False,
     max_steps: Annotated[int, typer.Option(help="Most steps of each sampling.")] = 20_000,
     seed: Seed = 0,
+    solver: SolverName = None,
+    rtol: Rtol = None,
 ) -> None:
     """Fit every curve of a folder into one table; a curve that fails is a row with its reason.
 
@@ -56,6 +60,7 @@ def map_curves(
     """
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
+    wanted = wanted_solver(read_scene_file(scene).solver, solver, rtol)
     folder = require_writable_folder(output)
     path = folder / f"map.{table_format}"
     try:
@@ -63,12 +68,15 @@ def map_curves(
             curves,
             scene,
             manifest=manifest,
-            quality=check,
-            sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
             workers=workers,
             scheduler=scheduler,
             output=path,
-            resume=resume,
+            options=MapOptions(
+                solver=wanted,
+                quality=check,
+                sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
+                resume=resume,
+            ),
         )
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")

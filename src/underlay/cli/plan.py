@@ -9,14 +9,15 @@ import typer
 
 from underlay._arrays import FloatArray
 from underlay._files import require_writable_folder, write_atomic
-from underlay.cli.console import say
-from underlay.cli.deepest_point import deepest_point
-from underlay.cli.options import MaxDepth, OutputFolder, ScenePath
-from underlay.data.noise import Noise
+from underlay.cli.console import say, say_warnings
+from underlay.cli.expected import deepest_point, expected_noise, measured_curve
+from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, Rtol, ScenePath, SolverName
+from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
 from underlay.inference.from_files import free_of
 from underlay.inference.planning import plan as plan_tests
 from underlay.report import plots
+from underlay.report.csv_text import csv_text
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import parse_quantity
 
@@ -38,34 +39,40 @@ def plan(
     radii: RadiiOption = None,
     depths: DepthsOption = None,
     max_depth: MaxDepth = None,
+    curve: CurveOption = None,
+    solver: SolverName = None,
+    rtol: Rtol = None,
     output: OutputFolder = None,
 ) -> None:
     """Recommend a tip radius and a depth, by the expected standard error of a parameter.
 
-    The scene file says the specimen as expected, [fit] what will be unknown, [noise] how well is read.
+    The scene file says the specimen as expected, [fit] what will be unknown, [noise] or a curve how well is
+    read.
 
     Example: `underlay plan scene.toml --parameter layer.E --max-depth "200 um"`
     """
     file = read_scene_file(scene)
-    if not file.noise:
-        raise InputError(f'{scene.name} needs a [noise] section, e.g. force = "1 uN": how well will be read?')
     if output is not None:
         require_writable_folder(output)
+    measured = measured_curve(file, curve)
+    deepest = deepest_point(file, max_depth, measured)
+    free = free_of(file, measured)
+    if parameter in file.scene.parameters and parameter not in free:
+        free[parameter] = None
+        say_warnings([f"{parameter} is planned as unknown too: [fit] does not free it"])
     planned = plan_tests(
         file.scene,
-        free=free_of(file),
-        noise=Noise(**file.noise),
+        free=free,
+        noise=expected_noise(file, deepest, measured),
         radii=_grid(radii) if radii else _radii_around(file),
-        depths=_grid(depths)
-        if depths
-        else np.geomspace(_SHALLOWEST, 1.0, _COUNT) * deepest_point(file, max_depth),
+        depths=_grid(depths) if depths else np.geomspace(_SHALLOWEST, 1.0, _COUNT) * deepest,
         parameter=parameter,
-        accuracy=file.solver.get("accuracy"),
+        solver=wanted_solver(file.solver, solver, rtol),
     )
     say(planned.recommendation)
     if output is not None:
         stem = f"{scene.stem}.plan"
-        say(f"wrote {write_atomic(output / f'{stem}.csv', planned.to_frame().to_csv())}")
+        say(f"wrote {write_atomic(output / f'{stem}.csv', csv_text(planned.to_frame()))}")
         say(f"wrote {plots.save(plots.plan(planned), output / f'{stem}.png')}")
 
 

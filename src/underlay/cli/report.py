@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
 
+from underlay._documents import parse_json
+from underlay._door import FileKind, read_text, understood
 from underlay._files import write_atomic
 from underlay.cli.console import say
-from underlay.errors import FileAccessError, FileFormatError, InputError
-from underlay.inference.fitting.provenance import curve_hash
+from underlay.errors import InputError
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.problem import Problem
 from underlay.report.maps import is_map, read_map
 from underlay.report.render import (
@@ -28,6 +29,7 @@ from underlay.report.render import (
 
 __all__ = ["report"]
 
+_RECORD = FileKind("a result of underlay fit", 64_000_000, "fit the curve again")
 # Two fits of the same points agree to the minimiser's tolerance, with room for another machine's rounding.
 _SAME = 1e-6
 
@@ -128,18 +130,18 @@ def _sorted_out(results: list[Path], scene: Path | None) -> _Asked:
 
 
 def _read_record(path: Path) -> _Record:
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        curves, values = document["provenance"]["curves"], dict(document["values"])
+    with understood(path, _RECORD):
+        document = parse_json(read_text(path, _RECORD))
+        curves, values = document["provenance"]["curves"], document["values"]
         only = curves[0]
-        name, scene, digest = only["path"], only.get("scene_path"), only["data_sha256"]
-    except OSError as error:
-        raise FileAccessError(f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
-        raise FileFormatError(f"{path} is not a result of underlay fit") from error
+        texts = (only["data_sha256"], only["path"] or "", only.get("scene_path") or "")
+        if not all(isinstance(text, str) for text in texts):
+            raise ValueError("its paths and hashes must be texts")
+        numbers = {name: float(value) for name, value in values.items()}
+    digest, name, scene = texts
     if len(curves) != 1 or not name:
         raise InputError(f"{path} is not of one curve file; call underlay.report(fit) where it was made")
-    return _Record(path, Path(name), Path(scene) if scene else None, digest, values)
+    return _Record(path, Path(name), Path(scene) if scene else None, digest, numbers)
 
 
 def _check_record(record: _Record, problem: Problem) -> None:

@@ -10,13 +10,16 @@ import typer
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
-from underlay.cli.options import CurveFile, OutputFolder, SceneOption, Seed
+from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, Seed, SolverName
+from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
-from underlay.inference.from_files import load_problem
+from underlay.inference.from_files import problem_from, read_for, weak_bounds
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.run import sample as sample_posterior
 from underlay.report import plots
+from underlay.report.csv_text import csv_text
 from underlay.report.posterior_tables import posterior_table, prior_table
+from underlay.scene.scene_file import read_scene_file
 
 __all__ = ["sample"]
 
@@ -28,24 +31,33 @@ def sample(
     walkers: Annotated[int, typer.Option(help="Walkers of the ensemble.")] = 64,
     max_steps: Annotated[int, typer.Option(help="Most steps; it stops earlier once converged.")] = 20_000,
     seed: Seed = 0,
+    solver: SolverName = None,
+    rtol: Rtol = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the chain in the output folder where it stopped.")
     ] = False,
 ) -> None:
     """Sample the posterior of the free parameters; each needs a prior or bounds in the scene file.
 
+    A baseline and its slope without any are given weak ones, which is said.
+
     With --output the chain is kept step by step, so that an interrupted run continues with --resume.
 
     Example: `underlay sample curve.csv --scene scene.toml --output results --max-steps 400`
     """
+    file = read_scene_file(scene)
+    part = read_for(file, curve).with_metadata(scene_path=str(file.path))
+    weak = weak_bounds(file, part)
+    problem = problem_from(file, part, weak)
     chain = _chain_file(output, curve.stem, resume=resume)
     with gathered_warnings() as notes:
-        posterior = sample_posterior(
-            load_problem(curve, scene), walkers, max_steps, seed, backend=chain, resume=resume
-        )
+        problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
+        posterior = sample_posterior(problem, walkers, max_steps, seed, backend=chain, resume=resume)
     say_table(posterior_table(posterior), f"Posterior of {curve.name}")
     say_table(prior_table(posterior), "What the data told")
     say(posterior.diagnostics.reason)
+    if weak:
+        notes.append(f"{', '.join(weak)}: sampled within ten spans of the curve, for want of bounds in [fit]")
     say_warnings(notes)
     if output is not None:
         for path in _write(posterior, output, curve.stem):
@@ -69,7 +81,9 @@ def _write(posterior: Posterior, folder: Path, stem: str) -> list[Path]:
     draws = folder / f"{stem}.posterior.npz"
     posterior.save(draws)
     return [
-        write_atomic(folder / f"{stem}.posterior.csv", posterior.summary().to_csv(index_label="parameter")),
+        write_atomic(
+            folder / f"{stem}.posterior.csv", csv_text(posterior.summary().rename_axis("parameter"))
+        ),
         draws,
         plots.save(plots.corner(posterior), folder / f"{stem}.corner.png"),
         plots.save(plots.predictive(posterior), folder / f"{stem}.predictive.png"),

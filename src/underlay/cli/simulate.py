@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +14,7 @@ import typer
 from underlay._arrays import positive
 from underlay._files import write_atomic
 from underlay.cli.console import say
+from underlay.cli.expected import deepest_point, expected_depths
 from underlay.cli.named_quantities import named_quantities
 from underlay.cli.options import ScenePath, Seed
 from underlay.data.curve import Curve
@@ -21,13 +23,15 @@ from underlay.data.noise import Noise
 from underlay.data.synthetic import simulate as noiseless
 from underlay.data.synthetic import synthesize
 from underlay.errors import InputError
+from underlay.quantities import field_quantities
+from underlay.scene.instrument import Instrument
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import parse_quantity
 
 __all__ = ["simulate"]
 
 #: What --noise takes: first the numbers of a `Noise`, as in [noise], then what else `synthesize` disturbs.
-_NOISE = {"force": "force", "relative": "dimensionless", "depth": "length", "correlation_time": "time"}
+_NOISE = {name: known.kind for name, known in field_quantities(Noise).items()}
 _DISTURBANCES = {
     "drift": "loading rate",
     "quantisation": "force",
@@ -35,7 +39,7 @@ _DISTURBANCES = {
     "outlier_sd": "force",
 }
 #: What --offset takes: fields of the scene's instrument.
-_OFFSETS = {"contact_depth": "length", "baseline": "force", "baseline_slope": "stiffness"}
+_OFFSETS = {name: known.kind for name, known in field_quantities(Instrument).items() if name != "compliance"}
 
 NoiseOption = Annotated[
     list[str] | None,
@@ -73,7 +77,8 @@ def simulate(
 ) -> None:
     """Make a curve from a scene, with the noise that --noise and its [noise] section name, and no other.
 
-    The depths are those of the scene's [simulate] section. Beside the CSV stands a JSON file with the truth.
+    The depths are those of the scene's [simulate] section, else a default that is said. Beside the CSV stands a
+    JSON file with the truth.
 
     Example: `underlay simulate scene.toml --output curve.csv --seed 1`
 
@@ -81,9 +86,7 @@ def simulate(
     """
     file = read_scene_file(scene)
     if file.simulate is None:
-        raise InputError(
-            f"{scene.name} has no [simulate] section; add one, e.g. max_depth = '100 um' and points = 200"
-        )
+        file = replace(file, simulate=expected_depths(file, deepest_point(file, None)))
     curve = _made(file, seed, noise or [], offset or [], sampling_rate)
     command = _command(scene, output, seed, noise or [], offset or [], sampling_rate)
     truth = {"command": command, "seed": seed, "truth": dict(curve.truth or {})}
@@ -109,8 +112,8 @@ def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate:
     if rate is not None:
         clock = {"sampling_rate": positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")}
     if model is None and not disturbances and rate is None:
-        return noiseless(scene, file.simulate.depth, **clock, **file.solver)
-    return synthesize(scene, file.simulate.depth, model, seed, **clock, **disturbances, **file.solver)
+        return noiseless(scene, file.simulate.depth, **clock, solver=file.solver)
+    return synthesize(scene, file.simulate.depth, model, seed, **clock, **disturbances, solver=file.solver)
 
 
 def _noise_model(numbers: Mapping[str, float]) -> Noise | None:

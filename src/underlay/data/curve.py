@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from underlay._arrays import ArrayLike, FloatArray
+from underlay._arrays import SMALLEST_LENGTH, ArrayLike, FloatArray
 from underlay.data.equilibrium import equilibrium_points
 from underlay.data.metadata import Metadata
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
@@ -44,6 +44,10 @@ class Curve:
         What is known of the curve: name, file, hash, reader, rules of sign, units found, ...
     truth : mapping, optional
         For a synthetic curve, the numbers it was made from.
+    columns : mapping of str to array_like (n,), optional
+        What else a file says point by point, SI; NaN where it says nothing. Of an averaged curve:
+        ``depth_scatter``, ``force_scatter`` (standard deviations over the tests, the noise), and
+        ``contact_stiffness`` (N/m) with ``contact_stiffness_scatter``, as far as they were measured.
 
     Raises
     ------
@@ -64,6 +68,7 @@ class Curve:
     segment: NDArray[np.str_] | None = None
     metadata: Mapping[str, Any] = field(default_factory=Metadata)
     truth: Mapping[str, Any] | None = None
+    columns: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         depth = _column(self.depth, "depth")
@@ -76,6 +81,9 @@ class Curve:
         _set(self, "metadata", Metadata(self.metadata))
         if self.truth is not None:
             _set(self, "truth", Metadata(self.truth))
+        columns = {name: _column(values, name, len(depth)) for name, values in self.columns.items()}
+        # A plain dict travels to worker processes, a mapping proxy does not.
+        _set(self, "columns", columns)
 
     def __len__(self) -> int:
         return len(self.depth)
@@ -107,12 +115,13 @@ class Curve:
         )
 
     def to_frame(self) -> pd.DataFrame:
-        """Return a table with the columns depth (m), force (N), time (s) and segment, as far as known."""
+        """Return a table with the columns depth (m), force (N), time (s), segment and others, as far as known."""
         columns: dict[str, Any] = {"depth": self.depth.copy(), "force": self.force.copy()}
         if self.time is not None:
             columns["time"] = self.time.copy()
         if self.segment is not None:
             columns["segment"] = self.segment.copy()
+        columns |= {name: values.copy() for name, values in self.columns.items()}
         frame = pd.DataFrame(columns)
         frame.attrs["metadata"] = dict(self.metadata)
         return frame
@@ -132,23 +141,22 @@ class Curve:
             depth = self.depth[index]
         except IndexError as error:
             raise CurveError(f"cannot select from a curve of {len(self)} points: {error}") from error
-        return Curve(
-            depth,
-            self.force[index],
+        return replace(
+            self,
+            depth=depth,
+            force=self.force[index],
             time=None if self.time is None else self.time[index],
             segment=None if self.segment is None else self.segment[index],
-            metadata=self.metadata,
-            truth=self.truth,
+            columns={name: values[index] for name, values in self.columns.items()},
         )
 
     def with_metadata(self, /, **values: Any) -> Curve:
         """Return the curve with some metadata added or replaced."""
-        metadata = Metadata(self.metadata).updated(**values)
-        return Curve(self.depth, self.force, self.time, self.segment, metadata, self.truth)
+        return replace(self, metadata=Metadata(self.metadata).updated(**values))
 
     def with_truth(self, truth: Mapping[str, Any]) -> Curve:
         """Return the curve with the numbers it was made from."""
-        return Curve(self.depth, self.force, self.time, self.segment, self.metadata, truth)
+        return replace(self, truth=truth)
 
     def segments(self) -> NDArray[np.str_]:
         """Label of every point, (n,): the file's own, else from the motion of the depth."""
@@ -167,6 +175,17 @@ class Curve:
     def unloading(self) -> Curve:
         """Return the points where the indenter comes back."""
         return self._part(UNLOADING)
+
+    def way_in(self) -> Curve:
+        """Return the points where the indenter goes in; of a curve that only comes back, those from its end.
+
+        An elastic sample presses back as hard on the way out as on the way in, so what looks for the contact
+        or judges a loading curve can read an unloading one backwards.
+        """
+        labels = self.segments()
+        if len(self) and (labels == UNLOADING).all():
+            return self.unloading().select(slice(None, None, -1))
+        return self.loading()
 
     def equilibrium(self, share: float = 0.1) -> Curve:
         """Return the equilibrium points of a stepwise relaxation test as a curve of their own.
@@ -201,13 +220,8 @@ class Curve:
 
     def _part(self, label: str) -> Curve:
         labels = self.segments()
-        kept = labels == label
-        whole = (
-            self
-            if self.segment is not None
-            else Curve(self.depth, self.force, self.time, labels, self.metadata, self.truth)
-        )
-        return whole.select(kept)
+        whole = self if self.segment is not None else replace(self, segment=labels)
+        return whole.select(labels == label)
 
 
 def check_fittable(curve: Curve, contact_depth: float | None = None) -> None:
@@ -223,8 +237,8 @@ def check_fittable(curve: Curve, contact_depth: float | None = None) -> None:
     Raises
     ------
     CurveError
-        Fewer than 8 points, NaN or infinity, a depth that never increases, a force that is zero
-        everywhere, or no point beyond contact.
+        Fewer than 8 points, NaN or infinity, a depth that never increases (nor is that of an unloading), a
+        force that is the same everywhere, or no point beyond contact.
     """
     if len(curve) < MIN_POINTS:
         raise CurveError(
@@ -237,13 +251,22 @@ def check_fittable(curve: Curve, contact_depth: float | None = None) -> None:
                 f"{_named(curve)}: {name} holds {column[bad[0]]} at point {bad[0]} ({bad.size} such points); "
                 "remove them first, for example with curve.select(mask)"
             )
-    if not (np.diff(curve.depth) > 0.0).any():
+    steps = np.diff(curve.depth)
+    comes_back = curve.segment is not None and bool((curve.segment == UNLOADING).all())
+    if not ((steps < 0.0) if comes_back else (steps > 0.0)).any():
         raise CurveError(
             f"{_named(curve)}: the depth never increases; check which column is the depth, and its sign"
         )
-    if not curve.force.any():
+    deepest = float(np.abs(curve.depth).max())
+    if deepest < SMALLEST_LENGTH:
         raise CurveError(
-            f"{_named(curve)}: the force is zero at every point; check which column is the force"
+            f"{_named(curve)}: the largest depth is {deepest:.3g} m, which is not a physical length (at least "
+            f"{SMALLEST_LENGTH:g} m); check the unit of the depth"
+        )
+    if not np.ptp(curve.force) > 0.0:
+        value = "zero" if not curve.force.any() else f"the same ({curve.force[0]:.6g} N)"
+        raise CurveError(
+            f"{_named(curve)}: no contact, the force is {value} at every point; check which column is the force"
         )
     if contact_depth is not None and not (curve.depth > contact_depth).any():
         raise CurveError(

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from underlay._text import comment_line
 from underlay.data.curve import Curve
 from underlay.units import human_unit
 
@@ -37,7 +38,7 @@ def curve_csv(curve: Curve, comments: Iterable[str] = ()) -> str:
             columns.append((f"{name} ({unit})", [_FORMAT.format(value) for value in values / factor]))
     if curve.segment is not None:
         columns.append(("segment", [str(label) for label in curve.segment]))
-    lines = [f"# {comment}" for comment in comments]
+    lines = [comment_line(comment) for comment in comments]
     lines.append(",".join(name for name, _ in columns))
     lines += [",".join(row) for row in zip(*(cells for _, cells in columns), strict=True)]
     return "\n".join(lines) + "\n"

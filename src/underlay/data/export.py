@@ -10,6 +10,7 @@ import io
 import json
 import math
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -30,6 +31,7 @@ METADATA_MARK = "underlay-metadata:"
 HDF5_MARK = "underlay-curves"
 #: Columns of an exported curve and their units.
 UNITS = {"depth": "m", "force": "N", "time": "s"}
+_JSON_TEXT = re.compile(r'"(?:[^"\\]|\\.)*"')
 
 
 def write_curves(curves: Curve | Sequence[Curve], path: str | os.PathLike[str]) -> Path:
@@ -79,12 +81,25 @@ def write_json(content: Mapping[str, Any], path: str | os.PathLike[str]) -> Path
     FileAccessError
         If the file cannot be written; an old one of that name is then untouched.
     """
-    return write_atomic(path, _json_bytes(Metadata(content).to_dict(), indent=2))
+    return write_atomic(path, _json_text(Metadata(content).to_dict(), indent=2) + "\n")
 
 
-def _json_bytes(content: Any, indent: int | None = None) -> bytes:
-    text = json.dumps(_without_nan(content), allow_nan=False, indent=indent, ensure_ascii=False)
-    return (text + "\n").encode()
+def _json_text(content: Any, indent: int | None = None, *, ascii_only: bool = False) -> str:
+    return json.dumps(_without_nan(content), allow_nan=False, indent=indent, ensure_ascii=ascii_only)
+
+
+def _json_bytes(content: Any) -> bytes:
+    # A bare byte in a file name, a lone surrogate here, becomes the escape that JSON has for it.
+    return _json_text(content).encode("utf-8", "backslashreplace")
+
+
+def _json_comment(content: Any) -> str:
+    """Return JSON for a comment line of a table: one line of ASCII, no text of which holds a separator.
+
+    A spreadsheet splits a comment as it splits any line; no piece of a text may begin a cell.
+    """
+    text = _json_text(content, ascii_only=True)
+    return _JSON_TEXT.sub(lambda word: word[0].replace(",", "\\u002c").replace(";", "\\u003b"), text)
 
 
 def _without_nan(content: Any) -> Any:
@@ -101,6 +116,11 @@ def _about(curve: Curve) -> dict[str, Any]:
     return {
         "metadata": Metadata(curve.metadata).to_dict(),
         "truth": None if curve.truth is None else Metadata(curve.truth).to_dict(),
+        **(
+            {"columns": {name: values.tolist() for name, values in curve.columns.items()}}
+            if curve.columns
+            else {}
+        ),
     }
 
 
@@ -122,7 +142,7 @@ def _csv(curves: Sequence[Curve]) -> bytes:
         labels.append("segment")
         texts.append([str(value) for value in curve.segment])
     lines = [
-        f"# {METADATA_MARK} {_json_bytes(_about(curve)).decode().strip()}",
+        f"# {METADATA_MARK} {_json_comment(_about(curve))}",
         ",".join(labels),
         *(",".join(row) for row in zip(*texts, strict=True)),
     ]
@@ -139,7 +159,7 @@ def _json(curves: Sequence[Curve]) -> bytes:
         }
         for curve in curves
     ]
-    return _json_bytes({"format": HDF5_MARK, "version": 1, "curves": entries})
+    return _json_bytes({"format": HDF5_MARK, "version": 1, "curves": entries}) + b"\n"
 
 
 def _hdf5(curves: Sequence[Curve]) -> bytes:
@@ -158,7 +178,7 @@ def _hdf5(curves: Sequence[Curve]) -> bytes:
             if curve.segment is not None:
                 group.create_dataset("segment", data=np.char.encode(curve.segment, "ascii"))
             # A dataset and not an attribute: attributes end at 64 kB.
-            group.create_dataset("about", data=np.bytes_(_json_bytes(_about(curve)).strip()))
+            group.create_dataset("about", data=np.bytes_(_json_bytes(_about(curve))))
     return stream.getvalue()
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve, check_fittable
-from underlay.data.segments import HOLD, LOADING
+from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import CurveError
 from underlay.units import format_quantity
 
@@ -88,6 +88,8 @@ class Foot:
 def approach_of(curve: Curve) -> Approach:
     """Points of a curve up to its peak force while the indenter goes in, after any rest at the start.
 
+    A curve that holds an unloading and nothing else is read backwards; see `Curve.way_in`.
+
     Raises
     ------
     CurveError
@@ -95,6 +97,8 @@ def approach_of(curve: Curve) -> Approach:
     """
     check_fittable(curve)
     labels = curve.segments()
+    if (labels == UNLOADING).all():
+        curve, labels = curve.way_in(), np.full(len(curve), LOADING)
     going = labels == LOADING
     if not going.any():
         raise CurveError("the indenter never goes in: no loading in the curve")

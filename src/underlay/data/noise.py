@@ -1,51 +1,174 @@
 """Noise of a force reading: one model, shared by the generator of curves and by the likelihood.
 
-The reading at point k is F_k + sigma_k z_k. The standard deviation adds in squares what is named:
+The reading at point k is F_k + sigma_k z_k, the z_k of unit variance with correlations of their own: the
+covariance is V = D R D, D the standard deviations. A `NoiseModel` says sigma, how z is whitened, half the
+logarithm of det V, and how it is drawn; the log-likelihood of residuals r is
 
-    sigma^2 = force^2 + (relative * P)^2 + (stiffness * depth)^2,
+    ``log_normalisation - sum(whiten(r / sigma)^2) / 2``.
 
-with P the contact force and dP/dw the stiffness; the last term is the effective variance of an uncertain
-depth, first order in the depth error (Orear 1982, doi:10.1119/1.12972). The z_k have unit variance and are
-independent, or, with a correlation time tau, a stationary Gaussian process with correlation
-exp(-|t - t'| / tau): AR(1) with rho_k = exp(-(t_k - t_{k-1}) / tau), on regular and irregular times alike.
-Its whitening
+To add a noise model: a frozen dataclass that derives from `NoiseModel`, its numbers declared in its fields. Only
+`sigma` must be written where the points are independent. The numbers may be floats, or arrays (sets, 1) beside
+points (sets, n): formulas in numpy's broadcasting serve both.
+
+The model of the house, `Noise`, is made of four parts, each off unless named. The standard deviations of white
+noise, of noise in proportion to the force and of an uncertain depth add in squares,
+
+    sigma^2 = force^2 + (relative * P)^2 + (depth * dP/dw)^2,
+
+with P the contact force; the last term is the effective variance of an uncertain depth, first order in the depth
+error (Orear 1982, doi:10.1119/1.12972). The z_k are independent, or, with a correlation time tau, a stationary
+Gaussian process with correlation exp(-|t - t'| / tau): AR(1) with rho_k = exp(-(t_k - t_{k-1}) / tau), on regular
+and irregular times alike. Its whitening
 
     e_0 = z_0,   e_k = (z_k - rho_k z_{k-1}) / sqrt(1 - rho_k^2)
 
-is O(n), and the log-likelihood of residuals r is ``log_normalisation - sum(whiten(r / sigma)^2) / 2``.
-
-`Noise` holds one set of numbers. The functions below it take the same numbers with leading batch axes,
-for callers that estimate them; the last axis is always that of the points.
+is O(n).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import TypeAlias
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, Self, TypeAlias
 
 import numpy as np
 from scipy import linalg
 
 from underlay._arrays import FloatArray, finite
 from underlay.errors import InputError
+from underlay.quantities import Part, field_quantities, quantity
+from underlay.units import KINDS
 
-__all__ = [
-    "Noise",
-    "ar1_coefficients",
-    "ar1_sample",
-    "log_normalisation",
-    "standard_deviation",
-    "whiten",
-]
+__all__ = ["Noise", "NoiseModel", "ar1_coefficients", "ar1_sample", "ar1_whiten"]
 
-#: One number for all sets, or one per set: shape () or (...,), the batch axes.
+#: One number for all sets, or one per set: shape () or (sets, 1).
 PerSet: TypeAlias = float | FloatArray
 
-_UNITS = {"force": "N", "relative": "dimensionless", "correlation_time": "s", "depth": "m"}
+
+class NoiseModel(Part, ABC):
+    """What disturbs a force reading; its numbers stand under ``noise.``, and any of them may be free."""
+
+    parts: ClassVar[tuple[str, ...]] = ("noise",)
+
+    @abstractmethod
+    def sigma(
+        self, force: FloatArray, stiffness: FloatArray | None = None, time: FloatArray | None = None
+    ) -> FloatArray:
+        """Standard deviation (N) of the reading.
+
+        Parameters
+        ----------
+        force : FloatArray
+            Contact force (N), (..., n).
+        stiffness : FloatArray, optional
+            dP/dw (N/m), (..., n); given where `needs_stiffness`.
+        time : FloatArray, optional
+            Times (s), (n,), where the curve has them.
+
+        Returns
+        -------
+        FloatArray
+            (..., n), positive. It may be a read-only view.
+        """
+
+    def whiten(self, standardised: FloatArray, time: FloatArray | None = None) -> FloatArray:
+        """Independent unit-variance residuals (..., n) from residuals over their `sigma`; linear in them."""
+        del time
+        return standardised
+
+    def log_deviations(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
+        """Logarithm of the standard deviation (N) of each point given those before it, (..., n)."""
+        del time
+        return np.asarray(np.log(sigma))
+
+    def log_determinant(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
+        """Half the logarithm of the determinant of the covariance, (...): the sum of `log_deviations`."""
+        points = sigma.shape[-1]
+        if points > 1 and sigma.strides[-1] == 0 and not self.correlation:
+            # The broadcast view of white noise alone: all points of a set have one sigma, one logarithm serves.
+            return np.asarray(points * np.log(sigma[..., 0]))
+        return np.asarray(self.log_deviations(sigma, time).sum(axis=-1))
+
+    def sample(
+        self, rng: np.random.Generator, sigma: FloatArray, time: FloatArray | None = None
+    ) -> FloatArray:
+        """Draw noise (N) of standard deviation `sigma` (N), same shape (..., n), at `time` (s), (n,)."""
+        del time
+        return sigma * rng.standard_normal(np.shape(sigma))
+
+    def log_normalisation(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
+        """Logarithm of the Gaussian's normalisation (...): - log_determinant - n log(2 pi) / 2.
+
+        Raises
+        ------
+        InputError
+            If a standard deviation is zero.
+        """
+        if not (sigma > 0.0).all():
+            raise InputError(
+                "the noise of some points is zero, so their likelihood is infinite: before contact neither "
+                "relative nor depth noise acts; give noise.force too (N)"
+            )
+        return np.asarray(-self.log_determinant(sigma, time) - 0.5 * sigma.shape[-1] * np.log(2.0 * np.pi))
+
+    # --- what those who use it may ask ------------------------------------------------------------------
+
+    @property
+    def follows_force(self) -> bool:
+        """Whether `sigma` depends on the model's force, so that a fit renews it."""
+        return True
+
+    @property
+    def needs_stiffness(self) -> bool:
+        """Whether `sigma` depends on the stiffness."""
+        return False
+
+    @property
+    def correlation(self) -> tuple[PerSet, ...]:
+        """Numbers that `whiten` depends on; empty where the points are independent."""
+        return ()
+
+    @property
+    def size_is_unknown(self) -> bool:
+        """Whether its size is neither given nor a parameter: it is then estimated, or integrated out."""
+        return False
+
+    def of_size(self, size: float) -> Self:
+        """Return the model with its unknown size (N) given; itself where it is known."""
+        del size
+        return self
+
+    def of_force(self) -> NoiseModel | None:
+        """What a generator draws on the force reading; None where nothing acts there."""
+        return self
+
+    @property
+    def depth_deviation(self) -> float:
+        """Standard deviation (m) that a generator adds to the depth reading."""
+        return 0.0
+
+    def check(self, free: Collection[str], points: int, time: FloatArray | None) -> None:
+        """Refuse, by InputError, what no curve of so many points at `time` can have; `free` are its numbers."""
+        del free
+        self.whiten(np.zeros(points), time)
+
+    def at(self, numbers: Mapping[str, PerSet]) -> Self:
+        """Return the model with some numbers replaced, each a float or an array (sets, 1).
+
+        Numbers of many sets are not checked: where a set has impossible ones its likelihood says so.
+        """
+        if not numbers:
+            return self
+        changed = copy(self)
+        for name, value in numbers.items():
+            object.__setattr__(changed, name, value)
+        return changed
 
 
 @dataclass(frozen=True)
-class Noise:
+class Noise(NoiseModel):
     """What disturbs a force reading; every part is off unless named.
 
     Parameters
@@ -71,63 +194,74 @@ class Noise:
     array([3.e-06, 5.e-06])
     """
 
-    force: float | None = None
-    relative: float = 0.0
-    correlation_time: float = 0.0
-    depth: float = 0.0
+    force: float | None = field(
+        default=None, metadata=quantity("force", "noise of the force", bounds=(0.0, np.inf))
+    )
+    relative: float = field(
+        default=0.0,
+        metadata=quantity("dimensionless", "relative noise", bounds=(0.0, np.inf), natural_scale=0.01),
+    )
+    correlation_time: float = field(
+        default=0.0, metadata=quantity("time", "correlation time of the noise", bounds=(0.0, np.inf))
+    )
+    depth: float = field(default=0.0, metadata=quantity("length", "noise of the depth", bounds=(0.0, np.inf)))
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            given = getattr(self, field.name)
-            if given is None and field.name == "force":
+        for name, known in field_quantities(self).items():
+            given, unit = getattr(self, name), KINDS[known.kind].si or "dimensionless"
+            if given is None and name == "force":
                 continue
-            value = finite(given, f"noise.{field.name}", _UNITS[field.name])
+            value = finite(given, f"noise.{name}", unit)
             if value < 0.0:
-                raise InputError(
-                    f"noise.{field.name} must be zero or positive ({_UNITS[field.name]}); got {given!r}"
-                )
-            object.__setattr__(self, field.name, value)
+                raise InputError(f"noise.{name} must be zero or positive ({unit}); got {given!r}")
+            object.__setattr__(self, name, value)
         if self.force == 0.0 and self.relative == 0.0 and self.depth == 0.0:
             raise InputError(
                 "zero noise: noise.force, noise.relative and noise.depth are all 0, and no measurement is "
                 "exact; give one of them, or leave force out (None) to have it estimated"
             )
 
-    def sigma(self, force: FloatArray, stiffness: FloatArray | None = None) -> FloatArray:
-        """Standard deviation (N) of the reading.
+    def sigma(
+        self, force: FloatArray, stiffness: FloatArray | None = None, time: FloatArray | None = None
+    ) -> FloatArray:
+        """Standard deviation (N) of the reading, (..., n); see `NoiseModel.sigma`.
 
-        Parameters
-        ----------
-        force : FloatArray
-            Contact force (N), (..., n).
-        stiffness : FloatArray, optional
-            dP/dw (N/m), (..., n); needed when `depth` is not zero.
-
-        Returns
-        -------
-        FloatArray
-            (..., n). It may be a read-only view.
+        Where white noise is alone it is a read-only broadcast view, which `log_determinant` knows.
 
         Raises
         ------
         InputError
             If the white noise is unknown, or the stiffness is needed and missing.
         """
+        del time
         if self.force is None:
             raise InputError(
                 "noise.force is unknown (None): give it a value (N), or a prior so that it is estimated"
             )
-        return standard_deviation(
-            force, stiffness, force_sd=self.force, relative=self.relative, depth_sd=self.depth
-        )
+        white = np.asarray(self.force, dtype=np.float64)
+        if not self.follows_force:
+            return np.broadcast_to(white, np.broadcast_shapes(white.shape, np.shape(force)))
+        variance = white * white
+        if not _is_off(self.relative):
+            variance = variance + np.square(self.relative * force)
+        if self.needs_stiffness:
+            if stiffness is None:
+                raise InputError("depth noise acts through the stiffness dP/dw (N/m): pass it")
+            variance = variance + np.square(self.depth * stiffness)
+        return np.asarray(np.sqrt(variance))
 
     def whiten(self, standardised: FloatArray, time: FloatArray | None = None) -> FloatArray:
-        """Independent unit-variance residuals (..., n) from `standardised` ones; see `whiten`."""
-        return whiten(standardised, time, self.correlation_time)
+        """Independent unit-variance residuals (..., n) from `standardised` ones; see `ar1_whiten`."""
+        return standardised if not self.correlation else ar1_whiten(standardised, time, self.correlation_time)
 
-    def log_normalisation(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
-        """Logarithm of the Gaussian's normalisation (...); see `log_normalisation`."""
-        return log_normalisation(sigma, time, self.correlation_time)
+    def log_deviations(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
+        """log sigma_k, and log(1 - rho_k^2) / 2 more for every point but the first, (..., n)."""
+        own = np.log(sigma)
+        if self.correlation:
+            _, spread = ar1_coefficients(time, self.correlation_time)
+            own = np.array(np.broadcast_to(own, np.broadcast_shapes(own.shape, (*spread.shape[:-1], 1))))
+            own[..., 1:] += np.log(spread)
+        return np.asarray(own)
 
     def sample(
         self, rng: np.random.Generator, sigma: FloatArray, time: FloatArray | None = None
@@ -141,45 +275,73 @@ class Noise:
         """
         return sigma * ar1_sample(rng, np.shape(sigma), time, self.correlation_time)
 
+    @property
+    def follows_force(self) -> bool:
+        """Whether there is proportional or depth noise."""
+        return not (_is_off(self.relative) and _is_off(self.depth))
+
+    @property
+    def needs_stiffness(self) -> bool:
+        """Whether there is depth noise."""
+        return not _is_off(self.depth)
+
+    @property
+    def correlation(self) -> tuple[PerSet, ...]:
+        """The correlation time, where there is one."""
+        return () if _is_off(self.correlation_time) else (self.correlation_time,)
+
+    @property
+    def size_is_unknown(self) -> bool:
+        """Whether the white noise is unknown."""
+        return self.force is None
+
+    def of_size(self, size: float) -> Self:
+        """Return the model with this white noise (N); itself where it is known."""
+        return replace(self, force=size) if self.force is None else self
+
+    def of_force(self) -> Noise | None:
+        """White and proportional parts: the depth noise acts on the depth itself."""
+        if self.force is None and not self.follows_force:
+            raise InputError(
+                "noise.force is unknown (None), which a generator cannot draw: give it a value (N), or pass no "
+                "noise for a clean curve"
+            )
+        if not (self.force or self.relative):
+            return None
+        return replace(self, force=self.force or 0.0, depth=0.0)
+
+    @property
+    def depth_deviation(self) -> float:
+        """The depth noise (m)."""
+        return self.depth
+
+    def check(self, free: Collection[str], points: int, time: FloatArray | None) -> None:
+        """Refuse white noise that is unknown beside other parts, or zero; and times that do not increase."""
+        del points
+        if (
+            self.force is None
+            and "force" not in free
+            and (self.follows_force or {"relative", "depth"} & set(free))
+        ):
+            raise InputError(
+                "noise.force is unknown beside relative or depth noise: give its value (N), or free it "
+                "(free={'noise.force': None, ...})"
+            )
+        if self.force == 0.0 and "force" not in free:
+            raise InputError(
+                "noise.force is zero: points before contact, where relative and depth noise vanish, would count "
+                "as exact; give the white noise of the force reading (N)"
+            )
+        if self.correlation or "correlation_time" in free:
+            ar1_coefficients(time, self.correlation_time or 1.0)
+
 
 def _is_off(part: PerSet) -> bool:
     """Whether a part of the noise is zero in every set; a fit asks this of single numbers at every step."""
     return part == 0.0 if isinstance(part, float) else not np.any(part)
 
 
-def standard_deviation(
-    force: FloatArray,
-    stiffness: FloatArray | None = None,
-    *,
-    force_sd: PerSet,
-    relative: PerSet = 0.0,
-    depth_sd: PerSet = 0.0,
-) -> FloatArray:
-    """Total standard deviation (N), (..., n), for contact forces (N) and stiffnesses (N/m), (..., n).
-
-    `force_sd` (N), `relative` and `depth_sd` (m) are numbers or arrays (...,) over the batch axes. Where
-    white noise is alone the result is a read-only broadcast view, which `log_normalisation` knows.
-
-    Raises
-    ------
-    InputError
-        If depth noise is asked for without a stiffness.
-    """
-    white = np.asarray(force_sd, dtype=np.float64)[..., None]
-    with_relative, with_depth = not _is_off(relative), not _is_off(depth_sd)
-    if not (with_relative or with_depth):
-        return np.broadcast_to(white, np.broadcast_shapes(white.shape, np.shape(force)))
-    variance = white * white
-    if with_relative:
-        variance = variance + np.square(np.asarray(relative)[..., None] * force)
-    if with_depth:
-        if stiffness is None:
-            raise InputError("depth noise acts through the stiffness dP/dw (N/m): pass it")
-        variance = variance + np.square(np.asarray(depth_sd)[..., None] * stiffness)
-    return np.sqrt(variance)
-
-
-def whiten(standardised: FloatArray, time: FloatArray | None, correlation_time: PerSet) -> FloatArray:
+def ar1_whiten(standardised: FloatArray, time: FloatArray | None, correlation_time: PerSet) -> FloatArray:
     """Turn residuals over their standard deviation into independent ones of unit variance, in O(n).
 
     Parameters
@@ -187,67 +349,25 @@ def whiten(standardised: FloatArray, time: FloatArray | None, correlation_time: 
     standardised : FloatArray
         Residual / sigma (dimensionless), (..., n).
     time : FloatArray or None
-        Times (s), (n,), increasing; not needed when the correlation time is zero.
+        Times (s), (n,), increasing.
     correlation_time : float or FloatArray
-        tau (s): a number, or (...,) over the batch axes.
+        tau (s), positive: a number, or one per set, (sets, 1).
 
     Returns
     -------
     FloatArray
-        (..., n); `standardised` itself when the correlation time is zero.
+        (..., n).
 
     Raises
     ------
     InputError
         If a correlation time is set and `time` is missing or does not increase.
     """
-    if _is_off(correlation_time):
-        return standardised
     rho, spread = ar1_coefficients(time, correlation_time)
     white = np.empty(np.broadcast_shapes(standardised.shape, (*rho.shape[:-1], 1)))
     white[..., 0] = standardised[..., 0]
     white[..., 1:] = (standardised[..., 1:] - rho * standardised[..., :-1]) / spread
     return white
-
-
-def log_normalisation(sigma: FloatArray, time: FloatArray | None, correlation_time: PerSet) -> FloatArray:
-    """Logarithm of the Gaussian's normalisation, the AR(1) determinant included.
-
-    - sum log sigma - sum_{k>=1} log(1 - rho_k^2) / 2 - n log(2 pi) / 2.
-
-    Parameters
-    ----------
-    sigma : FloatArray
-        Standard deviations (N), (..., n), positive.
-    time, correlation_time
-        As in `whiten`.
-
-    Returns
-    -------
-    FloatArray
-        (...,).
-
-    Raises
-    ------
-    InputError
-        If a standard deviation is zero, or as `whiten` does.
-    """
-    if not (sigma > 0.0).all():
-        raise InputError(
-            "the noise of some points is zero, so their likelihood is infinite: before contact neither "
-            "relative nor depth noise acts; give noise.force too (N)"
-        )
-    points = sigma.shape[-1]
-    if points > 1 and sigma.strides[-1] == 0:
-        # The broadcast view of white noise alone: all points of a set have one sigma, one logarithm serves.
-        log_sigma = points * np.log(sigma[..., 0])
-    else:
-        log_sigma = np.log(sigma).sum(axis=-1)
-    value = -log_sigma - 0.5 * points * np.log(2.0 * np.pi)
-    if not _is_off(correlation_time):
-        _, spread = ar1_coefficients(time, correlation_time)
-        value = value - np.log(spread).sum(axis=-1)
-    return np.asarray(value)
 
 
 def ar1_sample(
@@ -258,7 +378,7 @@ def ar1_sample(
     Raises
     ------
     InputError
-        As `whiten` does.
+        As `ar1_whiten` does.
     """
     white = rng.standard_normal(shape)
     if not correlation_time:
@@ -274,7 +394,7 @@ def ar1_sample(
 
 
 def ar1_coefficients(time: FloatArray | None, correlation_time: PerSet) -> tuple[FloatArray, FloatArray]:
-    """rho_k and sqrt(1 - rho_k^2) of neighbouring points, each (..., n - 1); raises as `whiten` does."""
+    """rho_k and sqrt(1 - rho_k^2) of neighbouring points, each (..., n - 1); raises as `ar1_whiten` does."""
     if time is None:
         raise InputError(
             "a correlation time needs the times of the points (s): give the curve a time column or a "
@@ -286,7 +406,7 @@ def ar1_coefficients(time: FloatArray | None, correlation_time: PerSet) -> tuple
             "a correlation time needs increasing times; they do not increase after index "
             f"{int(np.flatnonzero(~(step > 0.0))[0])}"
         )
-    tau = np.asarray(correlation_time, dtype=np.float64)[..., None]
+    tau = np.asarray(correlation_time, dtype=np.float64)
     if not (tau > 0.0).all():
         raise InputError(f"a correlation time must be positive (s) in every set; got {float(tau.min())!r}")
     lag = step / tau

@@ -15,9 +15,9 @@ from underlay._arrays import FloatArray
 from underlay.data.contact_point import Contact, find_contact
 from underlay.data.curve import Curve
 from underlay.errors import CurveError, RangeError
-from underlay.mechanics.accuracy import contact_law
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import Isotropic, Layer
+from underlay.mechanics.solvers import contact_law
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
@@ -143,7 +143,7 @@ class _Beyond:
 
     @classmethod
     def of(cls, curve: Curve, contact: Contact, shift: float = 0.0) -> _Beyond:
-        loading = curve.loading()
+        loading = curve.way_in()
         pressed = loading.depth - (contact.depth + shift)
         force = loading.force - (contact.baseline + contact.baseline_slope * loading.depth)
         inside = pressed > 0.0
@@ -285,7 +285,7 @@ def _ball_against_paraboloid(radius: float, depth: float) -> float:
     """Relative difference of their forces on a half-space, which no modulus enters."""
     layer = Layer(Isotropic(1.0, 0.5))
     force = [
-        float(contact_law(indenter, layer, None, max_depth=depth, method="halfspace").force(depth))
+        float(contact_law(indenter, layer, None, max_depth=depth, solver="halfspace").force(depth))
         for indenter in (Sphere(radius), Paraboloid(radius))
     ]
     return abs(force[1] / force[0] - 1.0)

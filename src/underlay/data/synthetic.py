@@ -15,9 +15,10 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, finite, positive
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import InputError
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solvers import AnySolver
+from underlay.quantities import field_quantities
 from underlay.scene.scene import Scene
 
 __all__ = ["simulate", "synthesize"]
@@ -26,12 +27,9 @@ __all__ = ["simulate", "synthesize"]
 def simulate(
     scene: Scene,
     depth: ArrayLike,
-    *,
     time: ArrayLike | None = None,
-    accuracy: Accuracy | None = None,
-    method: str = "auto",
-    order: int = 4,
-    form: str = "auto",
+    *,
+    solver: AnySolver = "auto",
 ) -> Curve:
     """Make the curve a perfect reading of a scene would give.
 
@@ -43,7 +41,7 @@ def simulate(
         Depth readings (m), (n,).
     time : ArrayLike, optional
         Times of the readings (s), (n,).
-    accuracy, method, order, form
+    solver : Solver or str, default "auto"
         Which contact law; see `contact_law`.
 
     Returns
@@ -59,10 +57,11 @@ def simulate(
         If the law cannot reach the deepest point.
     """
     readings = _column(depth, "depth")
+    clock = None if time is None else _times(time, readings.size)
     return Curve(
         depth=readings,
-        force=scene.force(readings, accuracy=accuracy, method=method, order=order, form=form),
-        time=None if time is None else _times(time, readings.size),
+        force=scene.force(readings, clock, solver=solver),
+        time=clock,
         truth=scene.parameters,
     )
 
@@ -70,7 +69,7 @@ def simulate(
 def synthesize(
     scene: Scene,
     depth: ArrayLike,
-    noise: Noise | None = None,
+    noise: NoiseModel | None = None,
     rng: int | np.random.Generator = 0,
     *,
     time: ArrayLike | None = None,
@@ -79,10 +78,7 @@ def synthesize(
     quantisation: float = 0.0,
     outliers: float = 0.0,
     outlier_sd: float | None = None,
-    accuracy: Accuracy | None = None,
-    method: str = "auto",
-    order: int = 4,
-    form: str = "auto",
+    solver: AnySolver = "auto",
 ) -> Curve:
     """Make a measured-looking curve of a scene, with its truth.
 
@@ -92,7 +88,7 @@ def synthesize(
         The test; contact offset, tilted baseline and compliance are its instrument's.
     depth : ArrayLike
         True depth axis (m), (n,). Depth noise is added to what the curve reports, not to where the tip is.
-    noise : Noise, optional
+    noise : Noise or another NoiseModel, optional
         White, proportional, correlated and depth noise. A white noise of None is left out. With a
         correlation time, force and depth noise are both correlated.
     rng : int or numpy Generator, default 0
@@ -109,7 +105,7 @@ def synthesize(
         Probability of a point to be an outlier, in [0, 1].
     outlier_sd : float, optional
         Standard deviation (N) of what an outlier adds; needed when `outliers` is not zero.
-    accuracy, method, order, form
+    solver : Solver or str, default "auto"
         Which contact law; see `contact_law`.
 
     Returns
@@ -141,13 +137,14 @@ def synthesize(
 
     # One evaluation of the law: the proportional noise needs the contact force without the baseline.
     bare = replace(scene, instrument=replace(scene.instrument, baseline=0.0, baseline_slope=0.0))
-    contact = bare.force(readings, accuracy=accuracy, method=method, order=order, form=form)
-    force = scene.instrument.reading(readings, contact)
+    contact = bare.force(readings, clock, solver=solver)
+    force = scene.instrument.chain.reading(contact, readings)
     shown = readings
     if noise is not None:
         force = force + _force_noise(noise, for_noise, contact, clock)
-        if noise.depth:
-            shown = readings + noise.sample(for_depth, np.full(readings.size, noise.depth), clock)
+        if noise.depth_deviation:
+            spread = np.full(readings.size, noise.depth_deviation)
+            shown = readings + noise.sample(for_depth, spread, clock)
     if drift:
         force = force + _drift(drift, clock)
     if outliers:
@@ -165,18 +162,13 @@ def synthesize(
 
 
 def _force_noise(
-    noise: Noise, rng: np.random.Generator, contact: FloatArray, clock: FloatArray | None
+    noise: NoiseModel, rng: np.random.Generator, contact: FloatArray, clock: FloatArray | None
 ) -> FloatArray:
-    """Force noise (N), (n,): white and proportional parts; the depth noise acts on the depth itself."""
-    if noise.force is None and not (noise.relative or noise.depth):
-        raise InputError(
-            "noise.force is unknown (None), which a generator cannot draw: give it a value (N), or pass no "
-            "noise for a clean curve"
-        )
-    if not (noise.force or noise.relative):
+    """Noise of the force reading (N), (n,); what disturbs the depth acts on the depth itself."""
+    drawn = noise.of_force()
+    if drawn is None:
         return np.zeros_like(contact)
-    drawn = replace(noise, force=noise.force or 0.0, depth=0.0)
-    return drawn.sample(rng, drawn.sigma(contact), clock)
+    return drawn.sample(rng, drawn.sigma(contact, None, clock), clock)
 
 
 def _drift(rate: float, clock: FloatArray | None) -> FloatArray:
@@ -186,15 +178,10 @@ def _drift(rate: float, clock: FloatArray | None) -> FloatArray:
     return rate * elapsed
 
 
-def _noise_settings(noise: Noise | None) -> dict[str, float]:
+def _noise_settings(noise: NoiseModel | None) -> dict[str, float]:
     if noise is None:
-        return {f"noise.{name}": 0.0 for name in ("force", "relative", "correlation_time", "depth")}
-    return {
-        "noise.force": noise.force or 0.0,
-        "noise.relative": noise.relative,
-        "noise.correlation_time": noise.correlation_time,
-        "noise.depth": noise.depth,
-    }
+        return {f"noise.{name}": 0.0 for name in field_quantities(Noise)}
+    return {f"noise.{name}": float(getattr(noise, name) or 0.0) for name in field_quantities(noise)}
 
 
 def _checked_settings(

@@ -9,15 +9,17 @@ import numpy as np
 import pandas as pd
 
 from underlay.errors import FitError, InputError, ParameterError
-from underlay.inference.fitting.fit_result import Fit
-from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.problem import Problem
 from underlay.mechanics.published import published_names
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import AnySolver, Asymptotic, Exact, HalfSpace, Published, as_solver
 
 __all__ = ["Comparison", "compare"]
 
-_DEFAULT = ("halfspace", *(f"asymptotic:{order}" for order in range(1, 5)), "exact")
-# What a half-space law cannot see.
+_DEFAULT = (HalfSpace(), *(Asymptotic(order) for order in range(1, 5)), Exact())
+# What a law that does not see the base does not know.
 _UNSEEN = ("layer.thickness", "substrate.")
 
 
@@ -29,11 +31,11 @@ class Comparison:
     ----------
     names : tuple of str
         Free parameters of the problem.
-    fits : mapping of method to Fit
-        In the order asked.
-    refused : mapping of method to str
+    fits : mapping of label to Fit
+        In the order asked, by what the solver is called.
+    refused : mapping of label to str
         Why a law could not be fitted.
-    dropped : mapping of method to tuple of str
+    dropped : mapping of label to tuple of str
         Free parameters a law does not know, kept at their values in the scene.
     """
 
@@ -44,7 +46,7 @@ class Comparison:
 
     @property
     def best(self) -> str:
-        """Method with the smallest AIC.
+        """Label of the solver with the smallest AIC.
 
         Raises
         ------
@@ -53,26 +55,26 @@ class Comparison:
         """
         if not self.fits:
             raise FitError(f"no law could be fitted: {dict(self.refused)}")
-        return min(self.fits, key=lambda method: self.fits[method].statistics.aic)
+        return min(self.fits, key=lambda label: self.fits[label].statistics.aic)
 
     def to_frame(self) -> pd.DataFrame:
-        """One row per method.
+        """One row per solver.
 
         Returns
         -------
         pandas.DataFrame
-            Index ``method``; every parameter and its standard error (SI, NaN where the law does not know it),
+            Index ``solver``; every parameter and its standard error (SI, NaN where the law does not know it),
             ``chi-square`` with the noise of the best fit, ``rms residual`` (N), ``AIC`` and ``BIC`` above the
             smallest, ``law error`` (relative) and ``notes``.
         """
-        rows = {method: self._row(method) for method in self.fits}
-        rows |= {method: {"notes": reason} for method, reason in self.refused.items()}
+        rows = {label: self._row(label) for label in self.fits}
+        rows |= {label: {"notes": reason} for label, reason in self.refused.items()}
         frame = pd.DataFrame.from_dict(rows, orient="index")
-        frame.index.name = "method"
+        frame.index.name = "solver"
         return frame
 
-    def _row(self, method: str) -> dict[str, float | str]:
-        found, best = self.fits[method], self.fits[self.best]
+    def _row(self, label: str) -> dict[str, float | str]:
+        found, best = self.fits[label], self.fits[self.best]
         row: dict[str, float | str] = {}
         for name in self.names:
             row[name] = found.values.get(name, np.nan)
@@ -85,29 +87,29 @@ class Comparison:
         row["AIC"] = found.statistics.aic - best.statistics.aic
         row["BIC"] = found.statistics.bic - min(f.statistics.bic for f in self.fits.values())
         row["law error"] = found.statistics.law_error
-        row["notes"] = "; ".join(self._notes(method))
+        row["notes"] = "; ".join(self._notes(label))
         return row
 
-    def _notes(self, method: str) -> list[str]:
-        found = self.fits[method]
+    def _notes(self, label: str) -> list[str]:
+        found = self.fits[label]
         notes = [
             warning.message
             for warning in found.warnings
             if warning.code in {"law-range", "law-error", "bound", "not-fixed", "not-converged"}
         ]
-        if self.dropped.get(method):
-            notes.append(f"does not know {', '.join(self.dropped[method])}")
+        if self.dropped.get(label):
+            notes.append(f"does not know {', '.join(self.dropped[label])}")
         return notes
 
 
-def compare(problem: Problem, methods: Sequence[str] | None = None) -> Comparison:
+def compare(problem: Problem, solvers: Sequence[AnySolver] | None = None) -> Comparison:
     """Fit the same data under several contact laws.
 
     Parameters
     ----------
     problem : Problem
-        Data, free parameters and noise; its own method is not used.
-    methods : sequence of str, optional
+        Data, free parameters and noise; its own solver is not used.
+    solvers : sequence of Solver or str, optional
         As for `contact_law`, ``"asymptotic:2"`` for an order. By default the half-space, orders 1 to 4, the
         exact law, and every published correction that takes this indenter, layer and substrate.
 
@@ -119,34 +121,46 @@ def compare(problem: Problem, methods: Sequence[str] | None = None) -> Compariso
     Raises
     ------
     InputError
-        If no method is named.
+        If no solver is named.
     """
-    wanted = (*_DEFAULT, *published_names()) if methods is None else tuple(methods)
-    if not wanted:
-        raise InputError("name at least one method to compare")
+    candidates = [Published(name) for name in published_names()] if solvers is None else []
+    asked = [*_DEFAULT, *candidates] if solvers is None else list(solvers)
+    if not asked:
+        raise InputError("name at least one solver to compare")
     fits: dict[str, Fit] = {}
     refused: dict[str, str] = {}
     dropped: dict[str, tuple[str, ...]] = {}
-    for method in wanted:
+    wanted = []
+    for given in asked:
         try:
-            posed, dropped[method] = _posed(problem, method)
-            fits[method] = fit(posed)
+            wanted.append(as_solver(given))
+        except InputError as error:
+            refused[str(given)] = str(error)
+    for label, solver in _labelled(wanted).items():
+        try:
+            posed, dropped[label] = _posed(problem, solver)
+            fits[label] = quick_fit(posed)
         except (InputError, FitError) as error:
-            if methods is None and method in published_names():
+            if solver in candidates:
                 continue  # a correction for another indenter or base is no candidate here
-            refused[method] = str(error)
+            refused[label] = str(error)
     return Comparison(problem.names, fits, refused, dropped)
 
 
-def _posed(problem: Problem, method: str) -> tuple[Problem, tuple[str, ...]]:
+def _labelled(solvers: Sequence[Solver]) -> dict[str, Solver]:
+    """Solvers by what they are called, in full where two are called the same."""
+    labels = [solver.label for solver in solvers]
+    full = [
+        repr(solver) if labels.count(label) > 1 else label
+        for solver, label in zip(solvers, labels, strict=True)
+    ]
+    return dict(zip(full, solvers, strict=True))
+
+
+def _posed(problem: Problem, solver: Solver) -> tuple[Problem, tuple[str, ...]]:
     """The problem under one law, and what that law does not know."""
-    name, _, order = method.partition(":")
-    if order and (name != "asymptotic" or order not in {"0", "1", "2", "3", "4"}):
-        raise InputError(
-            f"unknown method {method!r}: an order 0 to 4 goes with 'asymptotic', as in 'asymptotic:2'"
-        )
-    unseen = tuple(path for path in problem.free if path.startswith(_UNSEEN)) if name == "halfspace" else ()
+    unseen = () if solver.sees_base else tuple(path for path in problem.free if path.startswith(_UNSEEN))
     free = {path: given for path, given in problem.free.items() if path not in unseen}
     if not free:
-        raise ParameterError(f"{method} knows none of the free parameters {', '.join(problem.free)}")
-    return problem.revised(free=free, method=name, order=int(order) if order else None), unseen
+        raise ParameterError(f"{solver.label} knows none of the free parameters {', '.join(problem.free)}")
+    return problem.revised(free=free, solver=solver), unseen

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,14 +12,35 @@ import numpy as np
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
 from underlay.data.noise import Noise
-from underlay.data.readers import read
+from underlay.data.readers import JpkMapCurve, read, read_from_map
+from underlay.data.segments import LOADING, UNLOADING
+from underlay.data.signs import flipped, require_signs
 from underlay.errors import CurveError, InputError, UnderlayError
-from underlay.inference.priors import Normal, prior_from_numbers
+from underlay.inference.file_facts import settle
+from underlay.inference.plausibility import require_plausible
+from underlay.inference.priors import Normal, Uniform, prior_from_numbers
 from underlay.inference.problem import Given, Problem
 from underlay.scene.fit_section import FreeParameter
+from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
-__all__ = ["chosen_part", "free_of", "load_problem", "problem_from", "read_for", "read_whole", "whole_curve"]
+__all__ = [
+    "chosen_part",
+    "free_of",
+    "load_problem",
+    "problem_from",
+    "read_for",
+    "read_whole",
+    "turned",
+    "weak_bounds",
+    "whole_curve",
+]
+
+# An elastic sample gives back the work of the way in; over a tenth less is no rounding of the segments' ends.
+_LOST = 0.1
+_CONTACT = "instrument.contact_depth"
+# Times the span of a curve that a baseline may be away from zero, where nothing is said of it.
+_WEAK = 10.0
 
 
 def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -> Problem:
@@ -40,15 +62,33 @@ def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -
     return problem_from(file, read_for(file, curve).with_metadata(scene_path=str(file.path)))
 
 
-def read_for(file: SceneFile, path: str | os.PathLike[str]) -> Curve:
+def read_for(file: SceneFile, path: str | os.PathLike[str] | JpkMapCurve) -> Curve:
     """Read the part of a curve file that the scene file asks for."""
     return chosen_part(read_whole(file, path), file.curve)
 
 
-def read_whole(file: SceneFile, path: str | os.PathLike[str]) -> Curve:
-    """Read a curve file as the scene file says it must be read, with every segment."""
-    reader = ("format", "columns", "test", "calibration")
-    return read(path, **{key: file.curve[key] for key in reader if key in file.curve})
+def read_whole(file: SceneFile, path: str | os.PathLike[str] | JpkMapCurve) -> Curve:
+    """Read a curve file, or a curve of a map, as the scene file says it must be read, with every segment.
+
+    Raises
+    ------
+    CurveError
+        If a sign is reversed and the scene file does not say what to do about it.
+    """
+    options = {key: file.curve[key] for key in ("format", "columns", "calibration") if key in file.curve}
+    if isinstance(path, JpkMapCurve):
+        whole = read_from_map(path, **options)
+    else:
+        whole = read(path, test=file.curve.get("test"), **options)
+    return turned(whole, file.curve)
+
+
+def turned(curve: Curve, choice: Mapping[str, Any]) -> Curve:
+    """Return the curve with the signs that the ``[curve]`` section turns; refuse one that it should turn."""
+    if "flip" in choice:
+        return flipped(curve, choice["flip"] or ())
+    require_signs(curve)
+    return curve
 
 
 def whole_curve(part: Curve) -> Curve | None:
@@ -80,14 +120,21 @@ def whole_curve(part: Curve) -> Curve | None:
 
 def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
     """Return the segment and depth range of `curve` that the ``[curve]`` section names."""
-    segment = choice.get("segment", "loading")
+    segment = choice.get("segment", LOADING)
     part = {
         "all": lambda: curve,
-        "loading": curve.loading,
-        "unloading": curve.unloading,
-        "hold": curve.hold,
+        LOADING: curve.loading,
+        UNLOADING: curve.unloading,
         "equilibrium": curve.equilibrium,
     }[segment]()
+    if not len(part):
+        there = ", ".join(sorted(set(curve.segments().tolist()))) or "none"
+        raise CurveError(
+            f"{curve.metadata.get('name', 'the curve')} has no {segment} part, only {there}: choose another "
+            'segment in [curve], or check the sign of the depth (flip = ["depth"] turns it)'
+        )
+    if segment == UNLOADING:
+        part = part.with_metadata(notes=(*part.metadata.get("notes", ()), *_inelastic(curve)))
     low, high = choice.get("min_depth", -np.inf), choice.get("max_depth", np.inf)
     inside = (part.depth >= low) & (part.depth <= high)
     if not inside.any():
@@ -99,13 +146,33 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
     return part if inside.all() else part.select(inside)
 
 
-def problem_from(file: SceneFile, curve: Curve) -> Problem:
-    """Build the problem that a scene file states for `curve`.
+def _inelastic(curve: Curve) -> list[str]:
+    """What speaks against fitting the way back with an elastic law: the work that it does not give back."""
+    spent, back = (abs(_work(part)) for part in (curve.loading(), curve.unloading()))
+    lost = 1.0 - back / spent if spent > 0.0 else 0.0
+    if lost < _LOST:
+        return []
+    note = (
+        f"the way back gives {100.0 * lost:.0f} % less work than the way in took: the sample is not elastic, and "
+        "the modulus of its unloading is not that of its loading"
+    )
+    return [note]
+
+
+def _work(part: Curve) -> float:
+    """Integral of the force over the depth (J)."""
+    return float(0.5 * (part.force[1:] + part.force[:-1]) @ np.diff(part.depth))
+
+
+def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | None = None) -> Problem:
+    """Build the problem that a scene file states for `curve`; `priors`, by path, go before the file's.
 
     Raises
     ------
     InputError
-        If the scene file frees nothing.
+        If the scene file frees nothing, or differs from what the file of the curve says.
+    CurveError
+        If depth or force cannot be what the scene says.
     """
     if not file.free:
         raise InputError(
@@ -113,7 +180,48 @@ def problem_from(file: SceneFile, curve: Curve) -> Problem:
             'bounds like { min = "1 kPa", max = "10 MPa" }'
         )
     noise = Noise(**file.noise) if file.noise else None
-    return Problem(file.scene, curve, free_of(file, curve), noise, **file.solver)
+    settled = settle(
+        file.draft,
+        curve,
+        left_out=file.left_out,
+        overrule=file.curve.get("overrule", ()),
+        free=[entry.path for entry in file.free],
+    )
+    file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
+    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
+    free = {**free_of(file, curve), **(priors or {})}
+    problem = Problem(_started(file, curve), curve, free, noise, solver=file.solver)
+    require_plausible(problem)
+    return problem
+
+
+def _started(file: SceneFile, curve: Curve) -> Scene:
+    """Return the scene, with a contact depth from the data where the file gives bounds for it and no start."""
+    entry = next((entry for entry in file.free if entry.path == _CONTACT), None)
+    start = file.scene.instrument.contact_depth
+    if entry is None or _CONTACT in file.stated or entry.low < start < entry.high:
+        return file.scene
+    found = find_contact(curve, scene=file.scene).depth
+    inside = [depth for depth in (found, 0.5 * (entry.low + entry.high)) if entry.low < depth < entry.high]
+    return file.scene.with_values({_CONTACT: inside[0]}) if inside else file.scene
+
+
+def weak_bounds(file: SceneFile, curve: Curve) -> dict[str, Given]:
+    """Bounds for a free baseline and its slope where the scene file gives none, by path.
+
+    A sampler needs proper priors. The force is linear in both, and ten times the span of the curve holds
+    whatever they can be.
+    """
+    force = _WEAK * float(np.ptp(curve.force))
+    widths = {
+        "instrument.baseline": force,
+        "instrument.baseline_slope": force / float(np.ptp(curve.depth)),
+    }
+    return {
+        entry.path: Uniform(-widths[entry.path], widths[entry.path])
+        for entry in file.free
+        if entry.path in widths and entry.prior is None and np.isinf([entry.low, entry.high]).all()
+    }
 
 
 def free_of(file: SceneFile, curve: Curve | None = None) -> dict[str, Given]:

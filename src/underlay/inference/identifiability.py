@@ -15,12 +15,13 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, read_only
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
-from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.information import expected_problem, information, marginal, prior_information
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Given, Problem
+from underlay.mechanics.solvers import AnySolver
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
@@ -128,7 +129,7 @@ class Identifiability:
         """What is fixed and what is not, in words."""
         lines = [str(combination) for combination in self.combinations]
         for name in self.names:
-            kind = kind_of(name.partition("[")[0])
+            kind = kind_of(name)
             error, bare = self.stderr[name], self.stderr_data_only[name]
             if not np.isfinite(error):
                 lines.append(f"{name}: not fixed by these data")
@@ -145,7 +146,8 @@ def identifiability(
     *,
     depth: ArrayLike | None = None,
     free: Mapping[str, Given] | Iterable[str] | None = None,
-    noise: Noise | None = None,
+    noise: NoiseModel | None = None,
+    solver: AnySolver = "auto",
 ) -> Identifiability:
     """Say what a test can tell.
 
@@ -156,7 +158,7 @@ def identifiability(
         needs `depth`, `free` and `noise`.
     depth : array_like (n,), optional
         Depth readings the test will have (m).
-    free, noise
+    free, noise, solver
         As in `Problem`, for a scene.
 
     Raises
@@ -166,7 +168,7 @@ def identifiability(
 
     Examples
     --------
-    >>> from underlay import Isotropic, Layer, Paraboloid, RIGID, Scene
+    >>> from underlay import Isotropic, Layer, Noise, Paraboloid, RIGID, Scene
     >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5), 1e-3), RIGID)
     >>> told = identifiability(scene, depth=np.linspace(0.0, 1e-4, 100), free=["layer.E"],
     ...                        noise=Noise(force=1e-3))
@@ -178,13 +180,13 @@ def identifiability(
             raise InputError(
                 "before a test, depth, free and noise are needed: what it will be, and read how well"
             )
-        problem = expected_problem(test, depth, free, noise)
+        problem = expected_problem(test, depth, free, noise, solver=solver)
         return judge(problem, problem.start, problem.noises(problem.start))
     fitted = test if isinstance(test, Fit) else fit(test)
     return judge(fitted.problem, fitted.vector, fitted.noises)
 
 
-def judge(problem: Problem, vector: FloatArray, noises: tuple[Noise, ...]) -> Identifiability:
+def judge(problem: Problem, vector: FloatArray, noises: tuple[NoiseModel, ...]) -> Identifiability:
     """Identifiability of a problem at a scaled vector (k,) with the noise of every curve."""
     kept = [i for i, c in enumerate(problem.coordinates) if not c.path.startswith("noise.")]
     coordinates = [problem.coordinates[i] for i in kept]

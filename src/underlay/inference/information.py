@@ -13,12 +13,13 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.data.synthetic import simulate
 from underlay.errors import InputError
-from underlay.inference.fitting.objective import Objective, weights_at
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.problem import Given, Problem
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solvers import AnySolver
 from underlay.scene.scene import Scene
 
 __all__ = ["expected_problem", "information", "marginal", "prior_information"]
@@ -32,11 +33,10 @@ def expected_problem(
     scene: Scene,
     depth: ArrayLike,
     free: Mapping[str, Given] | Iterable[str],
-    noise: Noise,
+    noise: NoiseModel,
     *,
     duration: float = 1.0,
-    accuracy: Accuracy | None = None,
-    method: str = "auto",
+    solver: AnySolver = "auto",
 ) -> Problem:
     """Return the problem a test would be, before it is done.
 
@@ -46,7 +46,7 @@ def expected_problem(
         The test, with the values it is expected to find.
     depth : array_like (n,)
         Depth readings (m).
-    free, accuracy, method
+    free, solver
         As in `Problem`.
     noise : Noise
         The noise it will have; its size must be given.
@@ -58,17 +58,17 @@ def expected_problem(
     InputError
         If the size of the noise is unknown, or as `Problem`.
     """
-    if noise.force is None:
+    if noise.size_is_unknown:
         raise InputError("before a test the noise must be given: Noise(force=...) in newtons")
     readings = as_finite(depth, "depth")
     time = np.linspace(0.0, duration, len(readings))
-    curve: Curve = simulate(scene, readings, time=time, accuracy=accuracy, method=method)
-    return Problem(scene, curve, free, noise, accuracy=accuracy, method=method)
+    curve: Curve = simulate(scene, readings, time=time, solver=solver)
+    return Problem(scene, curve, free, noise, solver=solver)
 
 
-def information(problem: Problem, vector: FloatArray, noises: Sequence[Noise]) -> FloatArray:
+def information(problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel]) -> FloatArray:
     """Fisher information (k, k) of the points alone at a scaled vector (k,); zero rows for the noise's."""
-    objective = Objective(problem, weights_at(problem, vector, noises))
+    objective = Objective(problem, freeze(problem, vector, noises))
     rows = objective.jacobian(vector)[: problem.n_points]
     return rows.T @ rows
 

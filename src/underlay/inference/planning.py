@@ -15,11 +15,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError, ParameterError
 from underlay.inference.information import expected_problem, information, marginal, prior_information
 from underlay.inference.problem import Given, Problem
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solvers import AnySolver
 from underlay.scene.parameters import kind_of, unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
@@ -157,13 +157,12 @@ def plan(
     scene: Scene,
     *,
     free: Mapping[str, Given] | Iterable[str],
-    noise: Noise,
+    noise: NoiseModel,
     radii: ArrayLike,
     depths: ArrayLike,
     parameter: str = "layer.E",
     points: int = _POINTS,
-    accuracy: Accuracy | None = None,
-    method: str = "auto",
+    solver: AnySolver = "auto",
 ) -> Plan:
     """Expected standard error of a parameter over tip radius and depth of the test.
 
@@ -181,7 +180,7 @@ def plan(
         What is to be known, one of the free parameters of layer or substrate.
     points : int
         Readings per test, a quarter of them before contact.
-    accuracy, method
+    solver : Solver or str, default "auto"
         Which contact law; see `contact_law`.
 
     Raises
@@ -215,7 +214,7 @@ def plan(
                 scene.instrument.contact_depth
             )
             try:
-                problem = expected_problem(tipped, readings, wanted, noise, accuracy=accuracy, method=method)
+                problem = expected_problem(tipped, readings, wanted, noise, solver=solver)
                 gathered[i, j], prior = _about_specimen(problem, specimen)
                 peak_force[i, j] = float(problem.curves[0].force.max())
                 slope = float(problem.slopes(problem.start)[problem.names.index(parameter)])

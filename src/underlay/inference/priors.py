@@ -18,6 +18,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from scipy import special
@@ -27,6 +28,7 @@ from underlay.errors import InputError
 
 __all__ = [
     "Flat",
+    "Given",
     "HalfNormal",
     "LogNormal",
     "LogUniform",
@@ -80,6 +82,10 @@ class Prior(ABC):
         """Return this prior restricted to [low, high]; itself if that cuts nothing."""
         below, above = self.support
         return self if low <= below and above <= high else Truncated(self, low, high)
+
+
+#: What may be said of a free parameter: a prior, bounds, or nothing.
+Given: TypeAlias = Prior | tuple[float, float] | None
 
 
 def _inside(value: FloatArray, support: tuple[float, float], log_density: FloatArray) -> FloatArray:
@@ -412,9 +418,7 @@ class Flat(Prior):
         raise InputError(f"{self!r} is improper: it cannot be drawn from; give the parameter a proper prior")
 
 
-def prior_from_numbers(
-    name: str | None, low: float, high: float, numbers: Mapping[str, float]
-) -> Prior | tuple[float, float] | None:
+def prior_from_numbers(name: str | None, low: float, high: float, numbers: Mapping[str, float]) -> Given:
     """Make what `Problem` takes for one free parameter from the words of a scene file.
 
     Parameters

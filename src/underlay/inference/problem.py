@@ -8,25 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Self, TypeAlias
+from typing import Self
 
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
-from underlay.inference.model.laws import LawOptions, LawStore
-from underlay.inference.priors import Prior
-from underlay.mechanics.accuracy import Accuracy
+from underlay.inference.model.laws import LawStore
+from underlay.inference.priors import Given, Prior
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.scene import Scene
 
 __all__ = ["Given", "Problem"]
-
-#: What may be said of a free parameter: a prior, bounds, or nothing.
-Given: TypeAlias = Prior | tuple[float, float] | None
 
 
 class Problem:
@@ -42,11 +40,11 @@ class Problem:
         Paths of the scene (``"layer.E"``, ``"instrument.contact_depth"``, ...) or of the noise
         (``"noise.force"``, ...), each with a `Prior`, bounds ``(low, high)`` (SI) or None. Finite bounds mean
         LogUniform for a quantity that is positive by nature and Uniform for another.
-    noise : Noise, optional
+    noise : Noise or another NoiseModel, optional
         What disturbs the force. Without it, or with ``Noise(force=None)``, the noise is white (or AR(1)) of
         unknown size: a fit estimates it, and the likelihood has it integrated out under 1/sigma.
-    accuracy, method, order, form
-        Which contact law; see `contact_law`.
+    solver : Solver or str, default "auto"
+        What builds the contact law; see `contact_law`.
 
     Attributes
     ----------
@@ -68,14 +66,11 @@ class Problem:
         scene: Scene,
         curve: Curve,
         free: Mapping[str, Given] | Iterable[str],
-        noise: Noise | None = None,
+        noise: NoiseModel | None = None,
         *,
-        accuracy: Accuracy | None = None,
-        method: str = "auto",
-        order: int = 4,
-        form: str = "auto",
+        solver: AnySolver = "auto",
     ) -> None:
-        self._compile([(scene, curve)], free, (), noise, LawOptions(accuracy, method, order, form))
+        self._compile([(scene, curve)], free, (), noise, as_solver(solver))
 
     @classmethod
     def joint(
@@ -83,12 +78,9 @@ class Problem:
         tests: Sequence[tuple[Scene, Curve]],
         free: Mapping[str, Given] | Iterable[str],
         shared: Iterable[str] = (),
-        noise: Noise | Sequence[Noise | None] | None = None,
+        noise: NoiseModel | Sequence[NoiseModel | None] | None = None,
         *,
-        accuracy: Accuracy | None = None,
-        method: str = "auto",
-        order: int = 4,
-        form: str = "auto",
+        solver: AnySolver = "auto",
     ) -> Self:
         """Several curves with shared and own parameters.
 
@@ -104,7 +96,7 @@ class Problem:
             Paths that all curves have in common.
         noise : Noise, or one per curve
             As for one curve.
-        accuracy, method, order, form
+        solver : Solver or str, default "auto"
             As for one curve.
 
         Raises
@@ -114,7 +106,7 @@ class Problem:
         """
         problem = cls.__new__(cls)
         # One class, two ways in: a second public constructor with the same checks.
-        problem._compile(list(tests), free, tuple(shared), noise, LawOptions(accuracy, method, order, form))  # noqa: SLF001  own class
+        problem._compile(list(tests), free, tuple(shared), noise, as_solver(solver))  # noqa: SLF001  own class
         return problem
 
     def _compile(
@@ -122,15 +114,16 @@ class Problem:
         tests: Sequence[tuple[Scene, Curve]],
         free: Mapping[str, Given] | Iterable[str],
         shared: tuple[str, ...],
-        noise: Noise | Sequence[Noise | None] | None,
-        options: LawOptions,
+        noise: NoiseModel | Sequence[NoiseModel | None] | None,
+        solver: Solver,
     ) -> None:
         self.free: dict[str, Given] = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
         self.shared = shared
         self.noise = noise
-        self.options = options
+        #: What builds the contact laws.
+        self.solver = solver
         self.store = LawStore()
-        self.members, self.coordinates = compile_members(tests, self.free, shared, noise, options, self.store)
+        self.members, self.coordinates = compile_members(tests, self.free, shared, noise, solver, self.store)
         self.space = ScaledSpace.of(self.coordinates)
         #: Entries of a vector that are numbers of the noise.
         self.noise_entries = frozenset(i for member in self.members for i in member.noise_entries.values())
@@ -139,25 +132,18 @@ class Problem:
         self,
         *,
         free: Mapping[str, Given] | None = None,
-        noise: Noise | Sequence[Noise | None] | None = None,
-        accuracy: Accuracy | None = None,
-        method: str | None = None,
-        order: int | None = None,
-        form: str | None = None,
+        noise: NoiseModel | Sequence[NoiseModel | None] | None = None,
+        solver: AnySolver | None = None,
         scenes: Sequence[Scene] | None = None,
     ) -> Problem:
         """Return the same problem with some things changed; what is None stays."""
-        options = self.options
         wanted = self.free if free is None else free
         return Problem.joint(
             list(zip(scenes or self.base_scenes, self.curves, strict=True)),
             wanted,
             [path for path in self.shared if path in wanted],
             self.noise if noise is None else noise,
-            accuracy=options.accuracy if accuracy is None else accuracy,
-            method=options.method if method is None else method,
-            order=options.order if order is None else order,
-            form=options.form if form is None else form,
+            solver=self.solver if solver is None else solver,
         )
 
     # --- what it is made of ---------------------------------------------------------------------------
@@ -231,7 +217,7 @@ class Problem:
         physical = self.physical(self._one(vector))
         return tuple(member.scene_at(physical) for member in self.members)
 
-    def noises(self, vector: FloatArray) -> tuple[Noise, ...]:
+    def noises(self, vector: FloatArray) -> tuple[NoiseModel, ...]:
         """One noise model per curve with the numbers of a vector (k,)."""
         physical = self.physical(self._one(vector))
         return tuple(member.noise_at(physical) for member in self.members)

@@ -15,9 +15,9 @@ import numpy as np
 
 from underlay.data.curve import Curve
 from underlay.data.metadata import Metadata
-from underlay.data.noise import Noise
+from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import FileFormatError, InputError
-from underlay.inference.fitting.provenance import curve_hash
+from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.priors import (
     Flat,
     HalfNormal,
@@ -29,7 +29,7 @@ from underlay.inference.priors import (
     Uniform,
 )
 from underlay.inference.problem import Given, Problem
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solvers import solver_named, solver_record
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import scene_from_text
 from underlay.scene.scene_writer import scene_text
@@ -40,6 +40,8 @@ _PRIORS: Mapping[str, type[Prior]] = {
     kind.__name__: kind for kind in (Flat, HalfNormal, LogNormal, LogUniform, Normal, Truncated, Uniform)
 }
 _COLUMNS = ("depth", "force", "time", "segment")
+# What the names of further columns of a curve begin with.
+_FURTHER = "columns/"
 
 
 def problem_record(problem: Problem) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
@@ -52,7 +54,6 @@ def problem_record(problem: Problem) -> tuple[dict[str, Any], dict[str, np.ndarr
     InputError
         If a part of it has no name under which it could be found again.
     """
-    options = problem.options
     tests: list[dict[str, Any]] = []
     arrays: dict[str, np.ndarray[Any, Any]] = {}
     for number, (scene, curve) in enumerate(zip(problem.base_scenes, problem.curves, strict=True)):
@@ -65,16 +66,14 @@ def problem_record(problem: Problem) -> tuple[dict[str, Any], dict[str, np.ndarr
             }
         )
         columns = {name: getattr(curve, name) for name in _COLUMNS}
+        columns |= {f"{_FURTHER}{name}": values for name, values in curve.columns.items()}
         arrays |= {f"{number}/{name}": array for name, array in columns.items() if array is not None}
     document = {
         "tests": tests,
         "free": {path: _given(path, given) for path, given in problem.free.items()},
         "shared": list(problem.shared),
         "noise": _noise(problem.noise),
-        "rtol": None if options.accuracy is None else options.accuracy.rtol,
-        "method": options.method,
-        "order": options.order,
-        "form": options.form,
+        "solver": solver_record(problem.solver),
     }
     return document, arrays
 
@@ -95,13 +94,11 @@ def problem_from_record(document: Mapping[str, Any], arrays: Mapping[str, np.nda
             for number, test in enumerate(document["tests"])
         ]
         free = {path: _from_given(given) for path, given in document["free"].items()}
-        noise, rtol = document["noise"], document["rtol"]
-        shared, law = document["shared"], {key: document[key] for key in ("method", "order", "form")}
+        noise, shared, solver = document["noise"], document["shared"], solver_named(**document["solver"])
         models = [_from_noise(entry) for entry in noise] if isinstance(noise, list) else _from_noise(noise)
     except (KeyError, TypeError, AttributeError) as error:
         raise FileFormatError(f"the record of its problem lacks {error}") from error
-    accuracy = None if rtol is None else Accuracy(rtol)
-    return Problem.joint(tests, free, shared, models, accuracy=accuracy, **law)
+    return Problem.joint(tests, free, shared, models, solver=solver)
 
 
 def _text_of(scene: Scene) -> str:
@@ -120,8 +117,20 @@ def _text_of(scene: Scene) -> str:
 
 
 def _curve(number: int, test: Mapping[str, Any], arrays: Mapping[str, np.ndarray[Any, Any]]) -> Curve:
-    columns = {name: arrays[f"{number}/{name}"] for name in _COLUMNS if f"{number}/{name}" in arrays}
-    curve = Curve(**columns, metadata=test["metadata"], truth=test["truth"])
+    columns = {name: arrays.get(f"{number}/{name}") for name in _COLUMNS}
+    if columns["depth"] is None or columns["force"] is None:
+        raise KeyError("depth")
+    start = f"{number}/{_FURTHER}"
+    further = {key.removeprefix(start): array for key, array in arrays.items() if key.startswith(start)}
+    curve = Curve(
+        columns["depth"],
+        columns["force"],
+        columns["time"],
+        columns["segment"],
+        metadata=test["metadata"],
+        truth=test["truth"],
+        columns=further,
+    )
     if curve_hash(curve) != test["sha256"]:
         raise FileFormatError(f"the points of curve {number + 1} are not those that were saved")
     return curve
@@ -155,6 +164,8 @@ def _from_given(entry: Mapping[str, Any] | None) -> Given:
 
 def _noise(noise: Any) -> Any:
     """A noise model, or one per curve, as plain values."""
+    if isinstance(noise, NoiseModel) and not isinstance(noise, Noise):
+        raise InputError(f"its noise model, {type(noise).__name__}, is not part of underlay")
     if noise is None or isinstance(noise, Noise):
         return None if noise is None else asdict(noise)
     return [_noise(entry) for entry in noise]

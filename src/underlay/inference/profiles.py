@@ -19,26 +19,26 @@ from __future__ import annotations
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.inference.profiling.calibrated_profile import calibrated
 from underlay.inference.profiling.calibration import Calibration, Draws, p_value_at, require_draws
-from underlay.inference.profiling.constrained import index_of, rise_at
+from underlay.inference.profiling.constrained import delta_chi_square_at, index_of
 from underlay.inference.profiling.interval import Interval
 from underlay.inference.profiling.noise_profile import noise_profile
-from underlay.inference.profiling.profile_result import Profile, interval_threshold
+from underlay.inference.profiling.profile_result import LikelihoodProfile, interval_threshold
 from underlay.inference.profiling.walk import HIGHEST, Walk
 
 __all__ = [
     "Calibration",
     "Draws",
     "Interval",
-    "Profile",
+    "LikelihoodProfile",
+    "delta_chi_square_at",
     "interval_threshold",
     "p_value_at",
     "profile",
-    "rise_at",
 ]
 
 # A fit found to be this much worse (in t) than a point of its own profile was not the optimum.
@@ -49,7 +49,7 @@ _HIGHEST_CALIBRATED = 6.0
 
 def profile(
     problem: Problem | Fit, name: str, *, calibrate: int = 0, level: float = 0.95, seed: int = 0
-) -> Profile:
+) -> LikelihoodProfile:
     """Profile likelihood of one parameter.
 
     Parameters
@@ -69,7 +69,7 @@ def profile(
 
     Returns
     -------
-    Profile
+    LikelihoodProfile
         Its `basis` says which threshold was used and why.
 
     Raises
@@ -90,7 +90,7 @@ def profile(
     return calibrated(walked, level, calibrate, seed) if calibrate else walked
 
 
-def _walked(fit: Fit, name: str, index: int, highest: float) -> Profile:
+def _walked(fit: Fit, name: str, index: int, highest: float) -> LikelihoodProfile:
     below, above = _both_sides(fit, index, fit.vector, highest)
     better = min((below.deepest, above.deepest), key=lambda basin: basin[0])
     if better[0] < -_BETTER:
@@ -110,15 +110,17 @@ def _both_sides(fit: Fit, index: int, vector: FloatArray, highest: float) -> lis
     return [Walk.start(fit, index, vector).go(side, highest).with_bottoms() for side in (-1.0, 1.0)]
 
 
-def _joined(fit: Fit, name: str, below: Walk, above: Walk, branches: tuple[Profile, ...] = ()) -> Profile:
+def _joined(
+    fit: Fit, name: str, below: Walk, above: Walk, branches: tuple[LikelihoodProfile, ...] = ()
+) -> LikelihoodProfile:
     index = fit.names.index(name)
     vectors = np.array([*below.vectors[:0:-1], *above.vectors])
-    rise = np.maximum(np.array([*below.rises[:0:-1], *above.rises]), 0.0)
-    return Profile(
+    rise = np.maximum(np.array([*below.delta_chi_squares[:0:-1], *above.delta_chi_squares]), 0.0)
+    return LikelihoodProfile(
         name=name,
         fit=fit,
         values=read_only(fit.problem.coordinates[index].physical(vectors[:, index])),
-        rise=read_only(rise),
+        delta_chi_square=read_only(rise),
         vectors=read_only(vectors),
         ends=(below.reason, above.reason),
         branches=branches,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.errors import InputError, ParameterError
 from underlay.inference.information import information, marginal, prior_information
 from underlay.inference.planning import plan
@@ -17,7 +17,7 @@ from underlay.inference.problem import Problem
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
+    from underlay.inference.least_squares.fit_result import Fit
 
 __all__ = ["Remedy", "remedy"]
 
@@ -150,8 +150,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
         depths=[depth],
         parameter=parameter,
         points=len(fit.curves[0].depth),
-        accuracy=problem.options.accuracy,
-        method=problem.options.method,
+        solver=problem.solver,
     )
     # Both problems have the same free parameters and priors, hence the same coordinates but for their origin.
     there = problem.vector({**fit.values, parameter: supposed})
@@ -181,7 +180,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
 
 
 def _about_specimen(
-    problem: Problem, vector: FloatArray, noises: Sequence[Noise], specimen: list[str]
+    problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel], specimen: list[str]
 ) -> FloatArray:
     """Information of the first test and of the priors about the specimen at a scaled vector, (s, s)."""
     kept = [problem.names.index(name) for name in specimen]

@@ -1,21 +1,23 @@
 """The seam: what every solver hands back.
 
-A `ContactLaw` turns indentation depth into force, contact radius and stiffness for one indenter on one
-layer and substrate. Callers never ask which solver stands behind it. To add a solver: derive a frozen
-dataclass, implement the three primitives for positive depths, and leave the border (scalars, Series,
-points before contact, depths beyond the range) to this base class.
+A `ContactLaw` turns indentation depth into force, contact radius and stiffness for one indenter on one body.
+Callers never ask which solver stands behind it. To add a law: derive a frozen dataclass, implement the three
+primitives for depths inside the law's `domain`, and leave the border (scalars, Series, points before contact,
+depths beyond the range) to this base class.
 """
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
-from underlay.errors import InputError, RangeError
+from underlay.errors import InputError, LawError, RangeError, UnderlayError
+from underlay.mechanics.response import Response
 
 __all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw"]
 
@@ -28,11 +30,12 @@ _LARGEST = float(np.finfo(float).max)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactLaw(ABC):
-    """Force against depth for one indenter, layer and substrate.
+class ContactLaw(Response, ABC):
+    """Force against depth for one indenter and body: the response that ignores time.
 
-    Depth is the indentation depth w (m) from first contact, positive into the sample; force is positive
-    in compression (N). Zero or negative depth means no contact: force, radius and stiffness are zero.
+    Depth is the indentation depth w (m) from first contact, positive into the sample; force is positive in
+    compression (N). Up to the smallest depth of its `domain`, zero unless a law says otherwise, there is no
+    contact: force, radius and stiffness are zero.
 
     Parameters
     ----------
@@ -45,15 +48,18 @@ class ContactLaw(ABC):
     error_estimate : float
         Estimated relative error of the force against the exact contact problem, for depths up to
         `max_depth`.
+    warnings : tuple, default ()
+        What of this contact lies outside the law's range; each entry says it in words.
     """
 
     method: str
     reason: str
     max_depth: float
     error_estimate: float
+    warnings: tuple[object, ...] = ()
 
-    def force(self, depth: ArrayLike) -> FloatArray:
-        """Force P (N), shape of `depth` (m).
+    def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
+        """Force P (N), shape of `depth` (m); an elastic sample does not ask for `time`.
 
         Raises
         ------
@@ -61,15 +67,19 @@ class ContactLaw(ABC):
             If a depth is beyond `max_depth`.
         InputError
             If a depth is not finite.
+        LawError
+            If the law itself fails, or answers with NaN or in another shape.
         """
+        del time
         return self._in_contact(depth, self._force)
 
     def contact_radius(self, depth: ArrayLike) -> FloatArray:
         """Contact radius a (m), shape of `depth` (m); raises as `force` does."""
         return self._in_contact(depth, self._contact_radius)
 
-    def stiffness(self, depth: ArrayLike) -> FloatArray:
+    def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Incremental stiffness dP/dw (N/m) (9.1), shape of `depth` (m); raises as `force` does."""
+        del time
         return self._in_contact(depth, self._stiffness)
 
     def force_and_stiffness(self, depth: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -81,40 +91,67 @@ class ContactLaw(ABC):
         return both[0], both[1]
 
     def depth(self, force: ArrayLike) -> FloatArray:
-        """Indentation depth (m) at `force` (N, not negative): the inverse of `force`.
+        """Indentation depth (m) at `force` (N): the inverse of `force` for a law that increases.
 
         Raises
         ------
         InputError
-            If a force is negative or not finite.
+            If a force is below that at the beginning of the law's domain (zero for most), or not finite.
         RangeError
             If a force is beyond that at `max_depth`.
         """
         load = as_finite(force, "force")
-        if (load < 0.0).any():
-            raise InputError(f"depth(force) needs forces of zero or more; got {load.min():.6g} N")
+        start, least = self.domain[0], self._least_force
+        if (load < least).any():
+            raise InputError(f"depth(force) needs forces of {least:.6g} N or more; got {load.min():.6g} N")
         flat = np.atleast_1d(load).ravel()
-        depth = np.zeros_like(flat)
-        loaded = flat > 0.0
+        depth = np.full_like(flat, start)
+        loaded = flat > least
         if loaded.any():
-            depth[loaded] = self._solve_depth(flat[loaded])
+            depth[loaded] = start + self._solve_depth(flat[loaded] - least)
         return depth.reshape(load.shape)[()]
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """Smallest and largest depth (m) of the law; up to the smallest there is no contact."""
+        return 0.0, self.max_depth
+
+    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray | None:
+        """dP/d ln k (N) at depths (m) where the force (N) is `force`, k the ratio of the base's modulus.
+
+        None where the law does not know it; a caller then takes differences.
+        """
+        del depth, force
+        return None
 
     @abstractmethod
     def _force(self, depth: FloatArray) -> FloatArray:
-        """Force (N) at positive depths (m), 1-D."""
+        """Force (N) at depths (m) inside the domain, 1-D."""
 
     @abstractmethod
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
-        """Contact radius (m) at positive depths (m), 1-D."""
+        """Contact radius (m) at depths (m) inside the domain, 1-D."""
 
     @abstractmethod
     def _stiffness(self, depth: FloatArray) -> FloatArray:
-        """dP/dw (N/m) at positive depths (m), 1-D."""
+        """dP/dw (N/m) at depths (m) inside the domain, 1-D."""
 
     def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
-        """Force (N) and dP/dw (N/m) at positive depths (m), (n,), as rows (2, n)."""
+        """Force (N) and dP/dw (N/m) at depths (m) inside the domain, (n,), as rows (2, n)."""
         return np.stack((self._force(depth), self._stiffness(depth)))
+
+    def side_by_side(self, laws: Sequence[ContactLaw], what: str, depth: FloatArray) -> FloatArray | None:
+        """``"force"`` or ``"stiffness"`` of several laws, (laws, n), each at its row of `depth` (m), in one call.
+
+        None where these laws are not of a kind that can be asked so; a caller then asks one by one.
+        """
+        del laws, what, depth
+        return None
+
+    @property
+    def nodes(self) -> int | None:
+        """Radial nodes of the solution behind the law, where there is one."""
+        return None
 
     @property
     @abstractmethod
@@ -135,17 +172,66 @@ class ContactLaw(ABC):
                 f"{self.max_depth:.6g} m: {self._beyond}",
                 max_depth=self.max_depth,
             )
-        touching = flat > 0.0
+        touching = flat > self.domain[0]
         if touching.all():
-            return primitive(flat).reshape((*rows, *w.shape))[()]
+            return self._answer(primitive, flat, rows).reshape((*rows, *w.shape))[()]
         as_finite(w, "depth")
         values = np.zeros((*rows, flat.size))
         if touching.any():
-            values[..., touching] = primitive(flat[touching])
+            values[..., touching] = self._answer(primitive, flat[touching], rows)
         return values.reshape((*rows, *w.shape))[()]
 
+    def _answer(
+        self, primitive: Callable[[FloatArray], FloatArray], depth: FloatArray, rows: tuple[int, ...]
+    ) -> FloatArray:
+        """What `primitive` says at depths (n,), (*rows, n); a law that breaks its contract is named."""
+        try:
+            values = primitive(depth)
+        except UnderlayError:
+            raise
+        except Exception as error:
+            raise self._broken(primitive, f"{type(error).__name__}: {error}", depth) from error
+        if np.shape(values) != (*rows, depth.size):
+            shapes = f"shape {np.shape(values)} to depths of shape {depth.shape}"
+            raise self._broken(primitive, f"answered with {shapes}", depth)
+        # The smallest of numbers among which there is NaN is NaN, and takes the least time to find.
+        if values.size and math.isnan(values.min()):
+            first = depth[np.isnan(values).reshape(-1, depth.size).any(axis=0)][:1]
+            raise self._broken(primitive, "answered with NaN", first)
+        return values
+
+    def _broken(
+        self, primitive: Callable[[FloatArray], FloatArray], what: str, depth: FloatArray
+    ) -> LawError:
+        """The error that names this law, what it did, and the first depth at which it does so alone."""
+        name = getattr(primitive, "__name__", "").removeprefix("_") or "answer"
+        at = depth
+        for one in depth[:, None] if len(depth) > 1 else ():
+            try:
+                found = np.asarray(primitive(one))
+            except Exception:  # noqa: BLE001  any failure of a law that is not ours is what is looked for
+                at = one
+                break
+            if found.shape[-1:] != (1,):
+                at = one
+                break
+        where = (
+            f"{at[0]:.6g} m" if len(at) == 1 else f"{len(at)} depths from {at.min():.6g} to {at.max():.6g} m"
+        )
+        return LawError(f"the law {self.method} ({type(self).__name__}.{name}) at depth {where}: {what}")
+
+    @property
+    def _least_force(self) -> float:
+        """Force (N) at the beginning of the domain."""
+        start = self.domain[0]
+        return float(self._force(np.array([start]))[0]) if start else 0.0
+
     def _solve_depth(self, load: FloatArray) -> FloatArray:
-        """Invert an increasing law by Newton's method on ln P(ln w), kept inside a shrinking bracket."""
+        """Invert an increasing law by Newton's method in logarithms, kept inside a shrinking bracket.
+
+        Depths (m) and `load` (N) count from the beginning of the domain, where most laws have zero force.
+        """
+        start, least = self.domain[0], self._least_force
         target = np.log(load)
         high = np.full_like(load, np.log(self._depth_ceiling(load)))
         # Power laws have 1 <= dlnP/dlnw <= 2 or so; the bracket only has to exist, not to be tight.
@@ -153,11 +239,11 @@ class ContactLaw(ABC):
         x = high.copy()
         for _ in range(_MAX_NEWTON_STEPS):
             w = np.exp(x)
-            force = self._force(w)
+            force = self._force(start + w) - least
             error = np.log(force) - target
             high = np.where(error > 0.0, np.minimum(high, x), high)
             low = np.where(error < 0.0, np.maximum(low, x), low)
-            miss, slope = error * force, self._stiffness(w) * w
+            miss, slope = error * force, self._stiffness(start + w) * w
             # An asymptotic law ends where its stiffness is zero (no step: halve the bracket) ...
             step = np.divide(miss, slope, out=np.where(miss == 0.0, 0.0, np.inf), where=slope > 0.0)
             proposal = x - step
@@ -171,19 +257,19 @@ class ContactLaw(ABC):
         return np.exp(x)
 
     def _depth_ceiling(self, load: FloatArray) -> float:
-        """A depth (m) whose force is at least the largest `load`, within the law's range."""
+        """A depth (m) whose force is at least the largest `load`; both count as in `_solve_depth`."""
+        (start, end), least = self.domain, self._least_force
         top = float(load.max())
-        if np.isfinite(self.max_depth):
-            ceiling = self.max_depth
-            largest = float(self._force(np.array([ceiling]))[0])
-            if top > largest * (1.0 + 1e-12):
+        if np.isfinite(end):
+            largest = float(self._force(np.array([end]))[0])
+            if top > (largest - least) * (1.0 + 1e-12):
                 raise RangeError(
-                    f"force {top:.6g} N is beyond {largest:.6g} N, the force at the largest depth that "
-                    f"works here, {ceiling:.6g} m: {self._beyond}",
-                    max_depth=ceiling,
+                    f"force {top + least:.6g} N is beyond {largest:.6g} N, the force at the largest depth that "
+                    f"works here, {end:.6g} m: {self._beyond}",
+                    max_depth=end,
                 )
-            return ceiling
+            return end - start
         ceiling = 1.0
-        while float(self._force(np.array([ceiling]))[0]) < top:
+        while float(self._force(np.array([start + ceiling]))[0]) - least < top:
             ceiling *= 16.0
         return ceiling

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
 
-__all__ = ["HalfspaceLaw", "largest_halfspace_depth"]
+__all__ = ["HalfspaceLaw", "halfspace_law", "largest_halfspace_depth"]
 
 
 def largest_halfspace_depth(indenter: Indenter) -> float:
@@ -58,3 +59,15 @@ class HalfspaceLaw(ContactLaw):
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
         return 4.0 * self.theta * self.indenter.halfspace_radius(depth)
+
+
+def halfspace_law(contact: Contact) -> HalfspaceLaw:
+    """Build the law of a half-space of what the indenter touches, whatever is under it."""
+    return HalfspaceLaw(
+        method="halfspace",
+        reason="the layer is taken as a half-space" if contact.layered else "no layer effect: a half-space",
+        max_depth=largest_halfspace_depth(contact.indenter),
+        error_estimate=0.0,
+        indenter=contact.indenter,
+        theta=contact.theta,
+    )

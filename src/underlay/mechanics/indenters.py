@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -27,16 +27,18 @@ from scipy import special
 
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError
+from underlay.quantities import Part, quantity
 
 __all__ = ["Cone", "FlatPunch", "Indenter", "Paraboloid", "PowerLaw", "Sphere"]
 
 
-class Indenter(ABC):
+class Indenter(Part, ABC):
     """A rigid, convex, axisymmetric indenter; all lengths in metres.
 
     A concrete class names itself in `shape`; scene files know it by that name.
     """
 
+    parts: ClassVar[tuple[str, ...]] = ("indenter",)
     shape: ClassVar[str] = ""
 
     @classmethod
@@ -79,7 +81,9 @@ class FlatPunch(Indenter):
 
     shape: ClassVar[str] = "flat_punch"
 
-    radius: float
+    radius: float = field(
+        metadata=quantity("length", "{part} radius", symbol="R", bounds=(0.0, np.inf), scales="length")
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", positive(self.radius, "punch radius", "m"))
@@ -165,7 +169,9 @@ class Paraboloid(PowerLawShape):
 
     shape: ClassVar[str] = "paraboloid"
 
-    radius: float
+    radius: float = field(
+        metadata=quantity("length", "{part} radius", symbol="R", bounds=(0.0, np.inf), scales="length")
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", positive(self.radius, "paraboloid radius", "m"))
@@ -190,7 +196,9 @@ class Cone(PowerLawShape):
 
     shape: ClassVar[str] = "cone"
 
-    half_angle: float
+    half_angle: float = field(
+        metadata=quantity("angle", "half-angle of the {part}", bounds=(0.0, 0.5 * np.pi))
+    )
 
     def __post_init__(self) -> None:
         angle = finite(self.half_angle, "cone half-angle", "radians from the axis")
@@ -236,8 +244,12 @@ class PowerLaw(PowerLawShape):
 
     shape: ClassVar[str] = "power_law"
 
-    exponent: float
-    coefficient: float
+    exponent: float = field(
+        metadata=quantity("dimensionless", "exponent of the {part}'s shape", bounds=(1.0, np.inf))
+    )
+    coefficient: float = field(
+        metadata=quantity("dimensionless", "coefficient of the {part}'s shape", bounds=(0.0, np.inf))
+    )
 
     def __post_init__(self) -> None:
         exponent = finite(self.exponent, "shape exponent", "dimensionless")
@@ -264,7 +276,9 @@ class Sphere(Indenter):
 
     shape: ClassVar[str] = "sphere"
 
-    radius: float
+    radius: float = field(
+        metadata=quantity("length", "{part} radius", symbol="R", bounds=(0.0, np.inf), scales="length")
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", positive(self.radius, "sphere radius", "m"))

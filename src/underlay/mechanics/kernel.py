@@ -18,7 +18,7 @@ give R = 0 and therefore L = 1 to the last bit. Erratum of the appendix: a_21 ca
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import factorial
+from math import factorial, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
 from underlay.errors import InputError
 from underlay.mechanics.kernel_quadrature import u_rule
-from underlay.mechanics.materials import Material, PlaneConstants, Real, Rigid, Substrate, magnitude
+from underlay.mechanics.materials import Material, PlaneConstants, Real, Substrate, magnitude
 
 __all__ = ["SubstrateKernel", "coefficients", "one_minus_L", "u_rule"]
 
@@ -284,7 +284,7 @@ class SubstrateKernel:
         if (nodes < 0.0).any():
             raise InputError(f"the kernel needs u of zero or more; got {nodes.min():.6g}")
         flat = np.atleast_1d(nodes).ravel()
-        return one_minus_L(flat, *self._constants()).reshape(nodes.shape)[()]
+        return one_minus_L(flat, *self.constants).reshape(nodes.shape)[()]
 
     def coefficients(self, count: int) -> FloatArray:
         """a_0, a_1, ... of (1.7) by (1.8), `count` of them, to near machine precision; array (count,).
@@ -296,8 +296,46 @@ class SubstrateKernel:
         """
         if not 1 <= count <= _MOST_COEFFICIENTS:
             raise InputError(f"count of coefficients must be in 1..{_MOST_COEFFICIENTS}; got {count!r}")
-        return coefficients(*self._constants(), count)
+        return coefficients(*self.constants, count)
 
-    def _constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        base = None if isinstance(self.substrate, Rigid) else self.substrate.plane_constants
-        return self.layer.plane_constants, base
+    @property
+    def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
+        """What is seen of the layer and of the substrate; None where it is rigid."""
+        return self.layer.plane_constants, self.substrate.plane_constants
+
+    @property
+    def uniform(self) -> bool:
+        """Whether the substrate continues the layer: the kernel is zero."""
+        return self.substrate == self.layer
+
+    @property
+    def decay(self) -> float:
+        """Slowest rate at which displacements decay through the layer, per wavenumber; 1 when isotropic."""
+        inner = self.constants[0]
+        half, p = 0.5 * float(inner.sigma), float(inner.p)
+        return min(half, p / (half + sqrt(max(half * half - p, 0.0))))
+
+    @property
+    def contrast(self) -> float:
+        """How much the two materials differ: delta with (1 - delta) C_1 <= C_2 <= (1 + delta) C_1.
+
+        Energy is monotone in the stiffness of a part, so the layered body is between two half-spaces of moduli
+        E_1/(1 +- delta), and the force at a given depth within a relative delta/(1 - delta) of the
+        half-space's, at any contact size. 1 for a rigid substrate.
+        """
+        inner, outer = self.constants
+        if outer is None:
+            return 1.0
+        (a, b, d), (A, B, D) = _compliance(inner), _compliance(outer)
+        # Eigenvalues of C_1^-1 (C_2 - C_1) from trace and determinant of the 2 x 2 product.
+        x, y, z = A - a, B - b, D - d
+        determinant = a * d - b * b
+        half_trace = 0.5 * (d * x - 2.0 * b * y + a * z) / determinant
+        product = (x * z - y * y) / determinant
+        return abs(half_trace) + sqrt(max(half_trace * half_trace - product, 0.0))
+
+
+def _compliance(constants: PlaneConstants) -> tuple[float, float, float]:
+    """C_11, C_12 and C_22 of a half-space (1/Pa)."""
+    p, sigma, g = float(constants.p), float(constants.sigma), float(constants.g)
+    return sigma / g, -float(constants.p_minus_q) / g, p * sigma / g

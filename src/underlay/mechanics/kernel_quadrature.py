@@ -16,11 +16,14 @@ from typing import NamedTuple
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
+from underlay.errors import RangeError
 from underlay.mechanics.materials import PlaneConstants, Real
 
-__all__ = ["u_rule"]
+__all__ = ["MOST_NODES", "u_rule"]
 
 _LARGEST_ORDER = 40
+#: Most nodes of a rule: a hundred times those of any pair of real materials at a/h = 20.
+MOST_NODES = 100_000
 _ORDERS = np.arange(1.0, _LARGEST_ORDER + 1.0)
 _GAUSS = tuple(
     tuple(read_only(array) for array in np.polynomial.legendre.leggauss(n))
@@ -58,6 +61,11 @@ def u_rule(
     -------
     nodes, weights : array (n,)
         Nodes in increasing order.
+
+    Raises
+    ------
+    RangeError
+        If there would be more than `MOST_NODES`, which is said before any is made.
     """
     digits = 1.0 - log(rtol)
     slow, fast, turn = _rates(layer)
@@ -76,6 +84,12 @@ def u_rule(
         if not plan.tail_panels:
             break
         plan = min(plan, _plan(first, reach, widths, least, order), key=_nodes)
+    if not _nodes(plan) <= MOST_NODES:
+        raise RangeError(
+            f"the kernel of this layer takes {_nodes(plan):.3g} nodes, and the most is {MOST_NODES}: its "
+            f"displacements decay as exp(-{slow:.2g} z) while they oscillate as cos({turn:.2g} z), for a/h up "
+            f"to {eps_max:.3g}; check the moduli of the layer (E, E_axial, G_axial) and their units"
+        )
     graded = _panels(np.array(plan.edges), plan.order)
     if not plan.tail_panels:
         return graded

@@ -14,20 +14,34 @@ From them p = sqrt(q^2 + c g), sigma = sqrt(S g - 2q + 2p), and theta = g/(p sig
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
-from typing import NamedTuple, Self, TypeAlias
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError, MaterialError
+from underlay.quantities import Part, inlined, quantity
 
-__all__ = ["RIGID", "Isotropic", "Layer", "Material", "Rigid", "Substrate", "TransverselyIsotropic"]
+__all__ = [
+    "RIGID",
+    "Isotropic",
+    "IsotropicLayer",
+    "Layer",
+    "Material",
+    "Rigid",
+    "Substrate",
+    "TransverselyIsotropic",
+    "isotropic_layer",
+]
 
 Real: TypeAlias = "float | FloatArray"
 
 # A material declared incompressible may miss zero by the rounding of its own constants.
 _ROUNDING = 8.0 * sys.float_info.epsilon
+
+#: Parts of a scene that are made of materials.
+_OF_MATERIAL = ("layer", "substrate")
 
 
 def magnitude(value: Real) -> Real:
@@ -99,7 +113,7 @@ def _require_positive_definite(inequalities: dict[str, bool], given: str) -> Non
 
 
 @dataclass(frozen=True)
-class Isotropic:
+class Isotropic(Part):
     """An isotropic elastic material.
 
     Parameters
@@ -120,8 +134,14 @@ class Isotropic:
     2000000.0
     """
 
-    E: float
-    nu: float
+    parts: ClassVar[tuple[str, ...]] = _OF_MATERIAL
+
+    E: float = field(
+        metadata=quantity("pressure", "{part} modulus", symbol="E", bounds=(0.0, np.inf), scales="force")
+    )
+    nu: float = field(
+        metadata=quantity("dimensionless", "Poisson's ratio of the {part}", symbol=r"\nu", bounds=(-1.0, 0.5))
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "E", positive(self.E, "Young's modulus E", "Pa"))
@@ -142,7 +162,7 @@ class Isotropic:
 
 
 @dataclass(frozen=True)
-class TransverselyIsotropic:
+class TransverselyIsotropic(Part):
     """A transversely isotropic material whose axis is the direction of indentation.
 
     Parameters
@@ -163,11 +183,27 @@ class TransverselyIsotropic:
         incompressible limit 1 - nu - 2 (E/E') nu'^2 = 0 is allowed.
     """
 
-    E: float
-    E_axial: float
-    nu: float
-    nu_axial: float
-    G_axial: float
+    parts: ClassVar[tuple[str, ...]] = _OF_MATERIAL
+
+    E: float = field(
+        metadata=quantity("pressure", "{part} modulus", symbol="E", bounds=(0.0, np.inf), scales="force")
+    )
+    E_axial: float = field(
+        metadata=quantity(
+            "pressure", "axial modulus of the {part}", symbol="E'", bounds=(0.0, np.inf), scales="force"
+        )
+    )
+    nu: float = field(
+        metadata=quantity("dimensionless", "Poisson's ratio of the {part}", symbol=r"\nu", bounds=(-1.0, 1.0))
+    )
+    nu_axial: float = field(
+        metadata=quantity("dimensionless", "axial Poisson's ratio of the {part}", symbol=r"\nu'")
+    )
+    G_axial: float = field(
+        metadata=quantity(
+            "pressure", "axial shear modulus of the {part}", symbol="G'", bounds=(0.0, np.inf), scales="force"
+        )
+    )
 
     def __post_init__(self) -> None:
         for name, text in (
@@ -269,6 +305,11 @@ class TransverselyIsotropic:
 class Rigid:
     """A base that does not deform; the layer is bonded to it."""
 
+    @property
+    def plane_constants(self) -> None:
+        """None: nothing of it is seen but that it stands still."""
+        return
+
     def __repr__(self) -> str:
         return "RIGID"
 
@@ -281,7 +322,7 @@ Substrate: TypeAlias = Isotropic | TransverselyIsotropic | Rigid
 
 
 @dataclass(frozen=True)
-class Layer:
+class Layer(Part):
     """A layer of uniform thickness.
 
     Parameters
@@ -292,8 +333,13 @@ class Layer:
         Thickness h (m), positive; infinite means a half-space.
     """
 
-    material: Material
-    thickness: float = np.inf
+    parts: ClassVar[tuple[str, ...]] = _OF_MATERIAL
+
+    material: Material = field(metadata=inlined())
+    thickness: float = field(
+        default=np.inf,
+        metadata=quantity("length", "{part} thickness", symbol="h", bounds=(0.0, np.inf), scales="length"),
+    )
 
     def __post_init__(self) -> None:
         if not isinstance(self.material, Isotropic | TransverselyIsotropic):
@@ -302,3 +348,26 @@ class Layer:
             )
         if self.thickness != np.inf:
             object.__setattr__(self, "thickness", positive(self.thickness, "layer thickness", "m"))
+
+
+@dataclass(frozen=True)
+class IsotropicLayer:
+    """A layer and its base in engineering constants, as formulas of the literature need them.
+
+    Parameters
+    ----------
+    layer : Isotropic
+        What the layer is made of.
+    base : Isotropic or None
+        What it is bonded to; None is rigid.
+    """
+
+    layer: Isotropic
+    base: Isotropic | None
+
+
+def isotropic_layer(layer: Material, base: Substrate) -> IsotropicLayer | None:
+    """Describe a layer on its base; None where either is anisotropic."""
+    if not (isinstance(layer, Isotropic) and isinstance(base, Isotropic | Rigid)):
+        return None
+    return IsotropicLayer(layer, base if isinstance(base, Isotropic) else None)

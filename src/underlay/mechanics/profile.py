@@ -19,7 +19,7 @@ leaves no room for a continuous slope in a convex curve: there, and only there, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar, NamedTuple
 
@@ -30,6 +30,7 @@ from underlay._arrays import FloatArray, as_finite, read_only
 from underlay.errors import InputError
 from underlay.mechanics._roots import invert_increasing
 from underlay.mechanics.indenters import Indenter
+from underlay.quantities import quantity
 
 __all__ = ["Profile"]
 
@@ -69,8 +70,8 @@ class Profile(Indenter):
 
     shape: ClassVar[str] = "profile"
 
-    r: FloatArray
-    height: FloatArray
+    r: FloatArray = field(metadata=quantity("length", "radii of the {part}"))
+    height: FloatArray = field(metadata=quantity("length", "heights of the {part}"))
 
     def __post_init__(self) -> None:
         r, height = as_finite(self.r, "profile radii r"), as_finite(self.height, "profile heights")

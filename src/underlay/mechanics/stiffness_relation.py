@@ -17,8 +17,9 @@ from scipy import optimize
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, positive
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.asymptotic.law import kernel_moments, punch_factor
-from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate
+from underlay.mechanics.asymptotic.law import punch_factor
+from underlay.mechanics.kernel import SubstrateKernel
+from underlay.mechanics.materials import RIGID, Isotropic, Substrate
 
 __all__ = ["PunchFactor", "modulus_from_stiffness"]
 
@@ -95,7 +96,7 @@ def modulus_from_stiffness(
         return np.asarray(halfspace)[()]
     h = positive(thickness, "thickness", "m")
     factor = kappa_inf or _asymptotic_factor(order, form)
-    if isinstance(substrate, Rigid):
+    if substrate == RIGID:
         # On a rigid base kappa_inf depends on nu alone.
         kappa = [factor(float(a) / h, unit, substrate) for a in radius.ravel()]
         return np.asarray(halfspace / np.reshape(kappa, radius.shape))[()]
@@ -108,8 +109,8 @@ def modulus_from_stiffness(
 
 def _asymptotic_factor(order: int, form: str) -> PunchFactor:
     def factor(eps: float, layer: Isotropic, substrate: Substrate) -> float:
-        a_0, a_1, _ = kernel_moments(Layer(layer, 1.0), substrate)
-        return punch_factor(eps, a_0, a_1, order=order, form=form)
+        a_0, a_1 = SubstrateKernel(layer, substrate).coefficients(2)
+        return punch_factor(eps, float(a_0), float(a_1), order=order, form=form)
 
     return factor
 

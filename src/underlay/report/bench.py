@@ -19,10 +19,11 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, isotropic_constants
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import Asymptotic, Auto, Exact, HalfSpace
 from underlay.report.bench_fits import exact_fit, hertz_fit
 from underlay.scene.accuracy_cost import explicit_formula
 from underlay.scene.scene import Scene
@@ -80,33 +81,25 @@ class BenchCase:
         return self.unit is not _formula
 
 
-def _cold(
-    scene: Scene, rtol: float, method: str = "exact", share: float = 1.0
-) -> Callable[[FloatArray], Call]:
+def _cold(scene: Scene, solver: Solver, share: float = 1.0) -> Callable[[FloatArray], Call]:
     """From the materials to the forces, at `share` of the depths."""
-    accuracy = Accuracy(rtol)
 
     def prepare(depth: FloatArray) -> Call:
         asked, deepest = share * depth, share * float(depth[-1])
-        return lambda: scene.contact_law(deepest, method=method, accuracy=accuracy).force(asked)
+        return lambda: scene.contact_law(deepest, solver=solver).force(asked)
 
     return prepare
 
 
-def _held(scene: Scene, *, share: float = 1.0, **law: object) -> Callable[[FloatArray], Call]:
+def _held(scene: Scene, solver: Solver, share: float = 1.0) -> Callable[[FloatArray], Call]:
     """Forces from a law that is there already."""
 
     def prepare(depth: FloatArray) -> Call:
-        built = scene.contact_law(share * float(depth[-1]), **law)  # type: ignore[arg-type]  # its keywords
+        built = scene.contact_law(share * float(depth[-1]), solver=solver)
         shallow = share * depth
         return lambda: built.force(shallow)
 
     return prepare
-
-
-def _asymptotic_cold(depth: FloatArray) -> Call:
-    asked, deepest = _SHALLOW * depth, _SHALLOW * float(depth[-1])
-    return lambda: _RIGID_BASE.contact_law(deepest, method="asymptotic", form="explicit").force(asked)
 
 
 def _batched(depth: FloatArray) -> Call:
@@ -130,30 +123,32 @@ def _batched(depth: FloatArray) -> Call:
 
 #: The rows of the table.
 CASES = (
-    BenchCase("half-space, law held", _held(_RIGID_BASE, method="halfspace")),
-    BenchCase("asymptotic, explicit form, from cold", _asymptotic_cold),
+    BenchCase("half-space, law held", _held(_RIGID_BASE, HalfSpace())),
+    BenchCase(
+        "asymptotic, explicit form, from cold", _cold(_RIGID_BASE, Asymptotic(form="explicit"), _SHALLOW)
+    ),
     BenchCase(
         "asymptotic, explicit form, law held",
-        _held(_RIGID_BASE, share=_SHALLOW, method="asymptotic", form="explicit"),
+        _held(_RIGID_BASE, Asymptotic(form="explicit"), _SHALLOW),
     ),
     BenchCase(
         "asymptotic, parametric form, law held",
-        _held(_RIGID_BASE, share=_SHALLOW, method="asymptotic", form="parametric"),
+        _held(_RIGID_BASE, Asymptotic(form="parametric"), _SHALLOW),
     ),
     BenchCase(
         "asymptotic, compliance form, law held",
-        _held(_RIGID_BASE, share=_SHALLOW, method="asymptotic", form="compliance"),
+        _held(_RIGID_BASE, Asymptotic(form="compliance"), _SHALLOW),
     ),
-    BenchCase("exact to 1e-6, rigid base, from cold", _cold(_RIGID_BASE, 1e-6)),
-    BenchCase("exact to 1e-6, base ten times stiffer, from cold", _cold(_STIFF_BASE, 1e-6)),
-    BenchCase("exact to 1e-6, base ten times softer, from cold", _cold(_SOFT_BASE, 1e-6)),
-    BenchCase("exact to 1e-6, true sphere, a/R up to 0.4, from cold", _cold(_BALL, 1e-6, share=_BALL_SHARE)),
-    BenchCase("exact to 1e-10, rigid base, from cold", _cold(_RIGID_BASE, 1e-10)),
-    BenchCase("auto to 1e-6, a/h up to 0.2, from cold", _cold(_RIGID_BASE, 1e-6, "auto", _SHALLOW)),
-    BenchCase("exact to 1e-6, law held", _held(_RIGID_BASE, method="exact", accuracy=Accuracy(1e-6))),
+    BenchCase("exact to 1e-6, rigid base, from cold", _cold(_RIGID_BASE, Exact(1e-6))),
+    BenchCase("exact to 1e-6, base ten times stiffer, from cold", _cold(_STIFF_BASE, Exact(1e-6))),
+    BenchCase("exact to 1e-6, base ten times softer, from cold", _cold(_SOFT_BASE, Exact(1e-6))),
+    BenchCase("exact to 1e-6, true sphere, a/R up to 0.4, from cold", _cold(_BALL, Exact(1e-6), _BALL_SHARE)),
+    BenchCase("exact to 1e-10, rigid base, from cold", _cold(_RIGID_BASE, Exact(1e-10))),
+    BenchCase("auto to 1e-6, a/h up to 0.2, from cold", _cold(_RIGID_BASE, Auto(1e-6), _SHALLOW)),
+    BenchCase("exact to 1e-6, law held", _held(_RIGID_BASE, Exact(1e-6))),
     BenchCase(
         "exact to 1e-6, true sphere, a/R up to 0.4, law held",
-        _held(_BALL, share=_BALL_SHARE, method="exact", accuracy=Accuracy(1e-6)),
+        _held(_BALL, Exact(1e-6), _BALL_SHARE),
     ),
     BenchCase(f"exact to 1e-6, {_SETS} sets of materials at once, per set", _batched, _SETS),
     BenchCase(
@@ -223,10 +218,10 @@ def depth_table(counts: tuple[int, ...] = _COUNTS, rounds: int = _ROUNDS) -> pd.
     rows = []
     for count in counts:
         depth = _depths(count)
-        held = _held(_RIGID_BASE, method="exact", accuracy=Accuracy(1e-6))(depth)
+        held = _held(_RIGID_BASE, Exact(1e-6))(depth)
         few = max(5, min(rounds, 2_000_000 // count))
         row = {"depths": float(count)}
-        for name, call in (("cold", _cold(_RIGID_BASE, 1e-6)(depth)), ("held", held)):
+        for name, call in (("cold", _cold(_RIGID_BASE, Exact(1e-6))(depth)), ("held", held)):
             unit, taken = _in_turns(_formula(depth), call, few)
             row |= {
                 "formula us": 1e6 * float(np.median(unit)),

@@ -35,7 +35,7 @@ def exact_fit(base: Substrate, free: Sequence[str]) -> Callable[[FloatArray], Ca
     def prepare(depth: FloatArray) -> Callable[[], object]:
         scene, curve = _measured(base, depth)
         start = scene.with_values({path: scene.parameters[path] * _WRONG[path] for path in free})
-        return lambda: fit(Problem(start, curve, free, method="exact"))
+        return lambda: fit(Problem(start, curve, free, solver="exact"))
 
     return prepare
 

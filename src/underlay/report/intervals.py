@@ -11,8 +11,8 @@ import numpy as np
 from scipy import stats
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
-    from underlay.inference.profiles import Profile
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.profiles import LikelihoodProfile
 
 __all__ = ["Estimate", "estimates"]
 
@@ -43,7 +43,7 @@ class Estimate:
 
 
 def estimates(
-    result: Fit, profiles: Mapping[str, Profile] | None = None, level: float = 0.95
+    result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None, level: float = 0.95
 ) -> list[Estimate]:
     """Return every parameter with its interval at `level`.
 
@@ -51,7 +51,7 @@ def estimates(
     ----------
     result : Fit
         The fit.
-    profiles : mapping of name to Profile, optional
+    profiles : mapping of name to LikelihoodProfile, optional
         Profile likelihoods, whose intervals are taken where there is one: they can be open at one side.
     level : float
         Confidence.
@@ -92,7 +92,7 @@ def estimates(
     return rows
 
 
-def _from_profile(walk: Profile, path: str, value: float, level: float) -> Estimate:
+def _from_profile(walk: LikelihoodProfile, path: str, value: float, level: float) -> Estimate:
     found = walk.interval(level)
     low = found.low if found.low_reason == "data" else -math.inf
     high = found.high if found.high_reason == "data" else math.inf

@@ -1,32 +1,18 @@
-"""What parameters are called in a sentence."""
+"""What parameters are called in a sentence and in a formula."""
 
 from __future__ import annotations
 
-__all__ = ["is_of_the_sample", "label", "start"]
+import re
 
-#: What the parameters are called in a sentence.
-_LABELS = {
-    "layer.E": "layer modulus",
-    "layer.E_axial": "axial modulus of the layer",
-    "layer.G_axial": "axial shear modulus of the layer",
-    "layer.nu": "Poisson's ratio of the layer",
-    "layer.thickness": "layer thickness",
-    "layer.reduced_modulus": "reduced modulus of the layer",
-    "layer.oedometric_modulus": "oedometric modulus of the layer",
-    "substrate.E": "substrate modulus",
-    "substrate.nu": "Poisson's ratio of the substrate",
-    "indenter.radius": "indenter radius",
-    "indenter.half_angle": "half-angle of the indenter",
-    "instrument.contact_depth": "contact point",
-    "instrument.baseline": "baseline",
-    "instrument.baseline_slope": "baseline slope",
-    "instrument.compliance": "instrument compliance",
-    "noise.force": "noise of the force",
-    "noise.relative": "relative noise",
-    "noise.correlation_time": "correlation time of the noise",
-    "noise.depth": "noise of the depth",
-    "stiffness": "contact stiffness at the deepest point",
-}
+from underlay.inference.sampling.derived import DERIVED
+from underlay.quantities import curve_of, declared, path_of
+
+__all__ = ["is_of_the_sample", "label", "start", "symbol"]
+
+# Parameters are paths: words, dots, and numbers in brackets. What else a file may hold in place of one could mean
+# something to Markdown, or to the formulas of a picture.
+_FOREIGN = re.compile(r"[^\w.\[\]]", re.ASCII)
+_INDEX = re.compile(r"\[(\d{1,6})\]$")
 
 
 def label(name: str) -> str:
@@ -36,9 +22,40 @@ def label(name: str) -> str:
     """
     if name.endswith(".stderr"):
         return f"standard error of the {label(name.removesuffix('.stderr'))}"
-    path, _, number = name.partition("[")
-    words = _LABELS.get(path, path)
-    return f"{words} (curve {int(number.rstrip(']')) + 1})" if number else words
+    path, curve = path_of(name), curve_of(name)
+    words = _words(path)
+    return words if curve is None else f"{words} (curve {curve + 1})"
+
+
+def _words(path: str) -> str:
+    place, _, last = path.rpartition(".")
+    known = DERIVED.get(last) or declared(path)
+    if not known.label:
+        return _FOREIGN.sub("?", path)
+    number = _INDEX.search(last)
+    words = known.label.format(part=_part(_FOREIGN.sub("?", place)))
+    return f"{words}, number {int(number[1]) + 1}" if number else words
+
+
+def _part(place: str) -> str:
+    """What a part is called: ``"layer"``; ``"substrate.layers[0]"`` is substrate layer 1."""
+    whole, _, inner = place.partition(".")
+    number = _INDEX.search(inner)
+    return f"{whole} layer {int(number[1]) + 1}" if number else whole
+
+
+def symbol(name: str) -> str:
+    """Return the letter of a parameter in a formula (TeX); its path where it has none.
+
+    The substrate's letters carry a 2, as the paper's do, and those of a single curve its number.
+    """
+    path, curve = path_of(name), curve_of(name)
+    letter = declared(path).symbol
+    if not letter:
+        letter = r"\mathrm{" + _FOREIGN.sub("?", path).replace("_", r"\_") + "}"
+    elif path.startswith("substrate."):
+        letter = f"{letter}_2"
+    return letter if curve is None else f"{letter}^{{({curve + 1})}}"
 
 
 def is_of_the_sample(name: str) -> bool:

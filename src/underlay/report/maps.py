@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import os
+import io
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from underlay.errors import FileAccessError, FileFormatError
-from underlay.inference.batch.results_table import FITTED
+from underlay._door import FileKind, PathLike, read_bytes, read_start, understood
+from underlay.inference.batch.results_table import FITTED, read_parquet
+from underlay.report.csv_text import unguarded
 from underlay.report.labels import label, start
 from underlay.report.tables import facts_table, labelled_table, source_rows
 from underlay.report.words import quantity_with_interval
 from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity
 
 __all__ = [
     "columns_to_draw",
@@ -30,26 +32,25 @@ __all__ = [
 ]
 
 _ERROR = ".stderr"
-_NEEDED = ("name", "status", "verdict", "reason")
+_TEXTS = ("name", "status", "verdict", "reason")
+_NUMBERS = ("x", "y", "seconds")
+# A million curves with thirty numbers each.
+_KIND = FileKind("the table of a map", 1_000_000_000, "make it again with underlay map --resume")
+_MOST_COLUMNS, _MOST_CELLS = 1000, 50_000_000
 _HEADER = "name,path,x,y,status,verdict,reason"
 # More rows than this are looked up in the table itself.
 _LISTED = 50
 _MIDDLE = (0.5, 0.16, 0.84)
 
 
-def is_map(path: str | os.PathLike[str]) -> bool:
+def is_map(path: PathLike) -> bool:
     """Whether a file is the table of a map: Parquet, or a CSV with its header."""
-    source = Path(path)
-    if source.suffix.lower() == ".parquet":
+    if Path(path).suffix.lower() == ".parquet":
         return True
-    try:
-        with source.open("rb") as file:
-            return file.read(len(_HEADER)) == _HEADER.encode()
-    except OSError as error:
-        raise FileAccessError(f"cannot open {str(source)!r}: {error.strerror or error}") from error
+    return read_start(path, len(_HEADER)) == _HEADER.encode()
 
 
-def read_map(path: str | os.PathLike[str]) -> pd.DataFrame:
+def read_map(path: PathLike) -> pd.DataFrame:
     """Read the table of a map, CSV or Parquet.
 
     Raises
@@ -58,20 +59,27 @@ def read_map(path: str | os.PathLike[str]) -> pd.DataFrame:
         If it cannot be read.
     FileFormatError
         If it is not such a table.
+    MissingExtraError
+        If it is Parquet and pyarrow is not installed.
     """
-    try:
+    content = io.BytesIO(read_bytes(path, _KIND))
+    with understood(path, _KIND):
         if Path(path).suffix.lower() == ".parquet":
-            table = pd.read_parquet(path)
+            table = read_parquet(content, _MOST_CELLS)
         else:
-            table = pd.read_csv(path, dtype={"reason": "str"})
-    except OSError as error:
-        raise FileAccessError(f"cannot read {os.fspath(path)}: {error.strerror or error}") from error
-    except (ValueError, UnicodeDecodeError) as error:
-        raise FileFormatError(f"{os.fspath(path)} is not the table of a map: {error}") from error
-    missing = [name for name in _NEEDED if name not in table.columns]
-    if missing:
-        raise FileFormatError(f"{os.fspath(path)} is not the table of a map: it has no column {missing[0]!r}")
-    return table
+            if content.readline().count(b",") >= _MOST_COLUMNS:
+                raise ValueError(f"more than {_MOST_COLUMNS} columns")
+            content.seek(0)
+            table = unguarded(pd.read_csv(content, dtype=dict.fromkeys(_TEXTS, "str")))
+        missing = [name for name in _TEXTS if name not in table.columns]
+        if missing:
+            raise ValueError(f"it has no column {missing[0]!r}")
+        if not table["verdict"].notna().any():
+            raise ValueError("it has no row with a verdict")
+        errors = [name for name in map(str, table.columns) if name.endswith(_ERROR)]
+        fitted = [name.removesuffix(_ERROR) for name in errors]
+        known = [name for name in _NUMBERS if name in table.columns]
+        return table.astype(dict.fromkeys((*errors, *fitted, *known), "float64"))
 
 
 def sample_parameters(table: pd.DataFrame) -> list[str]:
@@ -125,9 +133,22 @@ def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
                 "parameter": label(name),
                 "median (two thirds of the sites)": quantity_with_interval(middle, low, high, kind_of(name)),
                 "median standard error": f"{100.0 * share:.2g} %",
+                **_instrument_cells(table, name),
             }
         )
     return labelled_table(rows or [{"parameter": "none", "median (two thirds of the sites)": ""}])
+
+
+def _instrument_cells(table: pd.DataFrame, name: str) -> dict[str, str]:
+    """Cells on what the instrument itself found of a parameter, for the same Poisson's ratio; none without it."""
+    columns = [f"{name}.instrument", f"{name}.difference_percent"]
+    if not set(columns) <= set(table.columns) or not table[columns].notna().all(axis=1).any():
+        return {}
+    own, difference = (float(np.nanmedian(table[column].to_numpy(dtype=float))) for column in columns)
+    return {
+        "instrument's own (median)": format_quantity(own, kind_of(name)),
+        "ours against it (median)": f"{difference:+.2g} %",
+    }
 
 
 def verdict_table(table: pd.DataFrame) -> pd.DataFrame:

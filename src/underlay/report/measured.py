@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from string import Template
 from typing import TYPE_CHECKING
 
 from underlay.data.segments import LOADING
 from underlay.inference.from_files import whole_curve
-from underlay.report.notebook import template_text
+from underlay.report.notebook import Cell, Source, filled
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from underlay.data.curve import Curve
 
-__all__ = ["beyond_loading", "segments_part"]
+__all__ = ["beyond_loading", "segments_of_file", "segments_part"]
 
 
 def beyond_loading(part: Curve) -> Curve | None:
@@ -23,23 +22,24 @@ def beyond_loading(part: Curve) -> Curve | None:
     return whole if whole is not None and (whole.segments() != LOADING).any() else None
 
 
-def segments_part(files: Mapping[int, str] | None) -> str:
+def segments_part(files: Mapping[int, str]) -> tuple[Cell, ...]:
     """Return the part of a notebook that draws the segments of whole curves.
 
     Parameters
     ----------
-    files : mapping of int to str, or None
-        Files of whole curves by number of the curve, from 1; nothing is drawn of none. None: the one curve of
-        the notebook's problem is read again as its scene file says.
+    files : mapping of int to str
+        Files of whole curves by number of the curve, from 1; nothing is drawn of none.
     """
-    if files is None:
-        source = (
-            "from underlay.inference.from_files import whole_curve\n\n"
-            "measured = {1: whole_curve(problem.curves[0])}"
-        )
-    elif files:
-        pairs = ", ".join(f"{number}: ul.read({file!r})" for number, file in files.items())
-        source = f"measured = {{{pairs}}}"
-    else:
-        return ""
-    return Template(template_text("segments")).substitute(measured=source)
+    if not files:
+        return ()
+    pairs = ", ".join(f"{number}: ul.read({file!r})" for number, file in files.items())
+    return filled("segments", {"measured": Source(f"measured = {{{pairs}}}")})
+
+
+def segments_of_file() -> tuple[Cell, ...]:
+    """Return that part for the one curve of the notebook's problem, read again as its scene file says."""
+    source = (
+        "from underlay.inference.from_files import whole_curve\n\n"
+        "measured = {1: whole_curve(problem.curves[0])}"
+    )
+    return filled("segments", {"measured": Source(source)})

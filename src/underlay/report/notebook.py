@@ -1,27 +1,57 @@
-"""Notebook templates: Markdown with fenced Python, one fence a cell, and the notebook made of one.
+"""Notebooks from templates: Markdown with fenced Python, split into cells first and filled cell by cell.
 
 A template is a page of Markdown. Each fenced block that starts with three backticks and ``python`` becomes a
 code cell; what stands between two of them becomes a Markdown cell. Words after ``python`` say how the cell
-looks in a report: ``alt="..."`` describes the picture it makes, and the first line of a fence may be a
-placeholder such as ``${load}``, filled with the caller's source.
+looks in a report: ``alt="..."`` describes the picture it makes.
+
+A placeholder such as ``${title}`` stands for data. Because the cells are there before the data come, no data
+can begin or end one. In code a placeholder becomes the literal of its value, in Markdown one line of words
+without markup. Two kinds of value are not data: `Source`, which is Python written by this package, and cells
+of another template, which take the place of a placeholder that stands alone on a line of Markdown.
 """
 
 from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from string import Template
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeAlias
 
+from underlay._text import one_line
 from underlay.errors import MissingExtraError
+from underlay.report.markdown import markdown_text
 
-__all__ = ["make_notebook", "report_library", "template_text"]
+__all__ = ["Cell", "Source", "Value", "filled", "make_notebook", "report_library"]
 
 _FENCE = re.compile(r"^```python(?P<info>[^\n]*)\n(?P<code>.*?)^```\s*$", re.DOTALL | re.MULTILINE)
 _ALT = re.compile(r'alt="([^"]*)"')
+_PART = re.compile(r"^\$\{(\w+)\}$", re.MULTILINE)
+# Letters: the longest file name has 255.
+_LONGEST = 300
+
+
+@dataclass(frozen=True)
+class Source:
+    """Python written by this package, in which every word of data is a literal."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell: its source, whether that is code, and what the picture it makes shows."""
+
+    source: str
+    code: bool = False
+    alt: str = ""
+
+
+#: What a placeholder may stand for.
+Value: TypeAlias = "str | Sequence[str] | Mapping[str, str] | Mapping[int, str] | Source | tuple[Cell, ...]"
 
 
 def report_library(name: str) -> ModuleType:
@@ -38,46 +68,73 @@ def report_library(name: str) -> ModuleType:
         raise MissingExtraError(f"a report needs {name}: pip install 'underlay[report]'") from error
 
 
-def make_notebook(template: str, values: Mapping[str, str]) -> Any:
-    """Fill a template and return it as a notebook, not executed.
+def filled(template: str, values: Mapping[str, Value]) -> tuple[Cell, ...]:
+    """Return the cells of a template, filled.
 
     Parameters
     ----------
     template : str
         Name of a file in ``templates``, without its ending.
-    values : mapping of str to str
-        Text for its placeholders.
+    values : mapping
+        What its placeholders stand for.
+    """
+    text = (resources.files("underlay.report") / "templates" / f"{template}.md").read_text(encoding="utf-8")
+    cells: list[Cell] = []
+    for cell in _cells(text):
+        if cell.code:
+            source = Template(cell.source).substitute(
+                {name: _literal(value) for name, value in values.items()}
+            )
+            cells.append(Cell(source.strip("\n"), code=True, alt=cell.alt))
+        else:
+            cells += _filled_words(cell.source, values)
+    return tuple(cell for cell in cells if cell.source)
+
+
+def make_notebook(cells: Sequence[Cell], title: str) -> Any:
+    """Return cells as a notebook, not executed, of which `title` is a part of its metadata.
 
     Raises
     ------
     MissingExtraError
         If the extra ``report`` is not installed.
     """
-    text = template_text(template)
     v4 = report_library("nbformat").v4
-    cells = []
-    for number, (code, info, source) in enumerate(_blocks(Template(text).substitute(values))):
-        cell = v4.new_code_cell(source) if code else v4.new_markdown_cell(source)
+    made = []
+    for number, cell in enumerate(cells):
+        entry = v4.new_code_cell(cell.source) if cell.code else v4.new_markdown_cell(cell.source)
         # Without this every notebook gets random names for its cells, and no two reports are alike.
-        cell["id"] = f"cell-{number}"
-        if alt := _ALT.search(info):
-            cell["metadata"]["alt"] = alt.group(1)
-        cells.append(cell)
+        entry["id"] = f"cell-{number}"
+        if cell.alt:
+            entry["metadata"]["alt"] = cell.alt
+        made.append(entry)
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
-    return v4.new_notebook(cells=cells, metadata={**kernel, "title": values["title"]})
+    return v4.new_notebook(cells=made, metadata={**kernel, "title": one_line(title, _LONGEST)})
 
 
-def template_text(name: str) -> str:
-    """Return the text of a template."""
-    return (resources.files("underlay.report") / "templates" / f"{name}.md").read_text(encoding="utf-8")
-
-
-def _blocks(text: str) -> list[tuple[bool, str, str]]:
-    """(is it code, info words, source) of every block that is not empty."""
-    blocks, end = [], 0
+def _cells(text: str) -> Iterator[Cell]:
+    """Split a template; what is between two fences may be empty."""
+    end = 0
     for fence in _FENCE.finditer(text):
-        blocks.append((False, "", text[end : fence.start()].strip()))
-        blocks.append((True, fence["info"], fence["code"].strip("\n")))
+        yield Cell(text[end : fence.start()].strip())
+        alt = _ALT.search(fence["info"])
+        yield Cell(fence["code"].strip("\n"), code=True, alt=alt.group(1) if alt else "")
         end = fence.end()
-    blocks.append((False, "", text[end:].strip()))
-    return [block for block in blocks if block[2]]
+    yield Cell(text[end:].strip())
+
+
+def _filled_words(text: str, values: Mapping[str, Value]) -> Iterator[Cell]:
+    """Fill Markdown; where a placeholder alone on a line stands for cells, they come in its place."""
+    words = {name: markdown_text(value, _LONGEST) for name, value in values.items()}
+    begin = 0
+    for part in _PART.finditer(text):
+        inner = values[part[1]]
+        if isinstance(inner, tuple):
+            yield Cell(Template(text[begin : part.start()].strip()).substitute(words))
+            yield from inner
+            begin = part.end()
+    yield Cell(Template(text[begin:].strip()).substitute(words))
+
+
+def _literal(value: Value) -> str:
+    return value.text if isinstance(value, Source) else repr(value)

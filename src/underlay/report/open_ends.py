@@ -15,8 +15,8 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Alternative, Fit
-    from underlay.inference.profiles import Profile
+    from underlay.inference.least_squares.fit_result import Alternative, Fit
+    from underlay.inference.profiles import LikelihoodProfile
 
 __all__ = ["advice", "rival_name", "rivals"]
 
@@ -24,7 +24,7 @@ _LEVEL = 0.95
 _ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
 
 
-def rivals(result: Fit, profiles: Mapping[str, Profile] | None = None) -> list[str]:
+def rivals(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None) -> list[str]:
     """Return one sentence per other optimum that explains the data, or nearly does; most often none.
 
     `profiles`, by name of the parameter, are those the intervals of the headline come from, if any.
@@ -41,7 +41,7 @@ def rivals(result: Fit, profiles: Mapping[str, Profile] | None = None) -> list[s
     ]
 
 
-def advice(result: Fit, profiles: Mapping[str, Profile] | None = None) -> list[str]:
+def advice(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None) -> list[str]:
     """Return one sentence per parameter of the sample that stays open: which second tip would fix it.
 
     Examples
@@ -73,13 +73,14 @@ def rival_name(place: int) -> str:
     return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 2}th"
 
 
-def _rival_sentence(result: Fit, other: Alternative, name: str, profiles: Mapping[str, Profile]) -> str:
+def _rival_sentence(
+    result: Fit, other: Alternative, name: str, profiles: Mapping[str, LikelihoodProfile]
+) -> str:
     shown = [path for path in other.values if is_of_the_sample(path)] or list(other.values)
     numbers = ", ".join(
-        f"{label(path)} {format_quantity(other.values[path], kind_of(path.partition('[')[0]))}"
-        for path in shown
+        f"{label(path)} {format_quantity(other.values[path], kind_of(path))}" for path in shown
     )
-    nearly = "" if other.rise <= interval_threshold(result, _LEVEL) else "nearly "
+    nearly = "" if other.delta_chi_square <= interval_threshold(result, _LEVEL) else "nearly "
     reach, mended = "are those of the best alone", False
     if profiles:
         intervals = {path: profiles[path].interval(_LEVEL) for path in shown if path in profiles}
@@ -90,5 +91,5 @@ def _rival_sentence(result: Fit, other: Alternative, name: str, profiles: Mappin
     help_for_it = "" if mended else "; ul.profile(fit, name, calibrate=99) gives honest ones"
     return (
         f"A {name} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
-        f"{other.rise:.2g}. The intervals above {reach}{help_for_it}."
+        f"{other.delta_chi_square:.2g}. The intervals above {reach}{help_for_it}."
     )

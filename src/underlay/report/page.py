@@ -12,9 +12,9 @@ __all__ = ["html_page"]
 
 _TEMPLATES = Path(__file__).parent / "templates"
 # What words and tables are made of. Anything else in them is shown as text, not acted on.
-_WORDS = ("h1", "h2", "h3", "h4", "p", "br", "hr", "strong", "em", "code", "pre", "sub", "sup", "a")
+_WORDS = ("h1", "h2", "h3", "h4", "p", "br", "hr", "strong", "em", "code", "pre", "sub", "sup")
 _BLOCKS = ("ul", "ol", "li", "blockquote", "div", "span", "table", "thead", "tbody", "tr", "th", "td")
-_ATTRIBUTES = {"a": ["href"], "*": ["id"], "th": ["scope"]}
+_ATTRIBUTES = {"*": ["id"], "th": ["scope"]}
 # pandas writes one before each table; the page has its own.
 _TABLE_STYLE = re.compile(r"<style scoped>.*?</style>", re.DOTALL)
 
@@ -41,6 +41,6 @@ def html_page(notebook: Any) -> str:
 def _safe_html(text: str) -> str:
     """Return markup with what a report does not need shown as text: names of files and notes are in it."""
     cleaned = report_library("bleach").clean(
-        _TABLE_STYLE.sub("", text), tags={*_WORDS, *_BLOCKS}, attributes=_ATTRIBUTES, protocols=["https"]
+        _TABLE_STYLE.sub("", text), tags={*_WORDS, *_BLOCKS}, attributes=_ATTRIBUTES
     )
     return str(cleaned)

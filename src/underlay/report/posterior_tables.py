@@ -47,7 +47,7 @@ def prior_table(posterior: Posterior) -> pd.DataFrame:
     """Return each parameter before and after the test, and what the data told, as text."""
     rows = []
     for name, row in posterior.prior_comparison().iterrows():
-        kind = kind_of(str(name).partition("[")[0])
+        kind = kind_of(str(name))
         spans = {
             when: _span(row[f"{key}_low"], row[f"{key}_high"], kind)
             for when, key in (("before (95 %)", "prior"), ("after (95 %)", "posterior"))

@@ -7,10 +7,15 @@ from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import require_own_folder, write_atomic
+from underlay._text import comment_line
 from underlay.data.curve import Curve
+from underlay.data.noise import Noise
+from underlay.data.readers.delimited import COMMENTED_NUMBERS
 from underlay.inference.priors import Prior
 from underlay.inference.problem import Problem
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import Auto, solver_record
 from underlay.report.measured import beyond_loading
 
 __all__ = ["problem_source", "write_inputs", "write_measured"]
@@ -24,7 +29,7 @@ def write_inputs(problem: Problem, folder: Path) -> list[Path]:
     FileAccessError
         If the folder cannot be written.
     """
-    require_writable_folder(folder)
+    require_own_folder(folder)
     written = []
     for number, (curve, scene) in enumerate(zip(problem.curves, problem.base_scenes, strict=True), start=1):
         written.append(write_atomic(folder / f"curve-{number}.csv", _exact_csv(curve)))
@@ -43,7 +48,7 @@ def write_measured(problem: Problem, folder: Path) -> dict[int, Path]:
     wholes = {number: beyond_loading(curve) for number, curve in enumerate(problem.curves, start=1)}
     found = {number: whole for number, whole in wholes.items() if whole is not None}
     if found:
-        require_writable_folder(folder)
+        require_own_folder(folder)
     return {
         number: write_atomic(folder / f"measured-{number}.csv", _exact_csv(whole))
         for number, whole in found.items()
@@ -51,8 +56,14 @@ def write_measured(problem: Problem, folder: Path) -> dict[int, Path]:
 
 
 def problem_source(problem: Problem, files: list[str]) -> str:
-    """Return Python source that builds `problem` as a variable of that name from files of `write_inputs`."""
-    options = problem.options
+    """Return Python source that builds `problem` as a variable of that name from files of `write_inputs`.
+
+    Raises
+    ------
+    InputError
+        If its solver is not part of underlay.
+    """
+    solver_record(problem.solver)
     stated = [prior for prior in problem.free.values() if isinstance(prior, Prior)]
     classes = sorted({name for prior in stated for name in _class_names(prior)})
     lines = [f"from underlay.inference.priors import {', '.join(classes)}"] if classes else []
@@ -60,12 +71,9 @@ def problem_source(problem: Problem, files: list[str]) -> str:
     free = "\n".join(f"        {path!r}: {source_of(prior)}," for path, prior in problem.free.items())
     keywords = {
         "noise": problem.noise,
-        "accuracy": options.accuracy,
-        "method": options.method,
-        "order": options.order,
-        "form": options.form,
+        "solver": problem.solver,
     }
-    defaults = {"noise": None, "accuracy": None, "method": "auto", "order": 4, "form": "auto"}
+    defaults = {"noise": None, "solver": Auto()}
     given = "".join(
         f"    {name}={source_of(value)},\n" for name, value in keywords.items() if value != defaults[name]
     )
@@ -82,10 +90,10 @@ def problem_source(problem: Problem, files: list[str]) -> str:
 
 
 def source_of(value: Any) -> str:
-    """Return Python source of a plain value, a prior, a noise model or an accuracy."""
+    """Return Python source of a plain value, a prior, a noise model or a solver."""
     if is_dataclass(value):
         name = type(value).__name__
-        prefix = "ul." if name in {"Noise", "Accuracy"} else ""
+        prefix = "ul." if isinstance(value, Noise | Solver) else ""
         arguments = ", ".join(
             f"{field.name}={source_of(getattr(value, field.name))}"
             for field in fields(value)
@@ -118,9 +126,15 @@ def _exact_csv(curve: Curve) -> str:
     if curve.segment is not None:
         held["segment"] = [str(label) for label in curve.segment]
     origin = [
-        f"# {word}: {curve.metadata[key]}"
+        comment_line(f"{word}: {curve.metadata[key]}")
         for word, key in (("taken from", "path"), ("its sha256", "sha256"))
         if curve.metadata.get(key)
+    ]
+    # What the file says of the test goes with the copy: see the numbers that the reader of tables knows.
+    origin += [
+        f"# {key.replace('_', ' ')}: {float(curve.metadata[key])!r} {unit}"
+        for key, unit in COMMENTED_NUMBERS.items()
+        if isinstance(curve.metadata.get(key), float)
     ]
     rows = (",".join(row) for row in zip(*held.values(), strict=True))
     return "\n".join([*origin, ",".join(held), *rows]) + "\n"

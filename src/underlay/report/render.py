@@ -6,20 +6,20 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import pandas as pd
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import require_own_folder, require_writable_folder, write_atomic
 from underlay.errors import InputError
-from underlay.inference.fitting.fit_result import Fit
 from underlay.inference.from_files import load_problem
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.posterior import Posterior
+from underlay.report.csv_text import csv_text
 from underlay.report.execution import execute
-from underlay.report.measured import beyond_loading, segments_part
-from underlay.report.notebook import make_notebook, report_library, template_text
+from underlay.report.measured import beyond_loading, segments_of_file, segments_part
+from underlay.report.notebook import Cell, Source, Value, filled, make_notebook, report_library
 from underlay.report.page import html_page
 from underlay.report.problem_source import problem_source, write_inputs, write_measured
 
@@ -76,8 +76,8 @@ def report(
     inputs = target.parent / f"{target.stem}.inputs"
     repeat = {"to repeat": f"run {target.stem}.ipynb"}
     if isinstance(result, pd.DataFrame):
-        table = require_writable_folder(inputs) / "map.csv"
-        write_atomic(table, result.to_csv(index=False))
+        table = require_own_folder(inputs) / "map.csv"
+        write_atomic(table, csv_text(result))
         return write_report(_map_notebook("all sites", repeat, f"{inputs.name}/{table.name}"), target)
     if isinstance(result, Fit):
         return write_report(_fit_report(result, target, inputs, repeat), target)
@@ -86,7 +86,7 @@ def report(
     if problem is not None:
         require_same_parameters(result, problem)
         result = replace(result, problem=problem, missing="")
-    saved = require_writable_folder(inputs) / "posterior.npz"
+    saved = require_own_folder(inputs) / "posterior.npz"
     result.save(saved)
     return write_report(posterior_notebook(saved, target, repeat["to repeat"]), target)
 
@@ -112,9 +112,8 @@ def _fit_report(result: Fit, target: Path, inputs: Path, repeat: Mapping[str, st
         number: _seen_from(target.parent, file) for number, file in write_measured(problem, inputs).items()
     }
     facts = {**repeat, **_origins(problem)}
-    return _fit_notebook(
-        _title(problem), problem_source(problem, names), facts, names, segments_part(measured)
-    )
+    load = Source(problem_source(problem, names))
+    return _fit_notebook(_title(problem), load, facts, names, segments_part(measured))
 
 
 def file_notebook(
@@ -164,33 +163,35 @@ def posterior_notebook(
     loaded = Posterior.load(posterior)
     names = [_seen_from(folder, path) for path in (posterior, *(files or ()))]
     facts = {"to repeat": command}
-    problem, load, segments = loaded.problem, "", ""
+    problem, load, segments = loaded.problem, Source(""), segments_part({})
     if files is not None:
         problem = load_problem(*files)
         require_same_parameters(loaded, problem)
         load, segments = _load_source(names[1:]), _file_segments(*files)
     elif problem is not None:
-        load = "problem = post.problem"
+        load = Source("problem = post.problem")
         facts |= _origins(problem)
         measured = write_measured(problem, page.parent / f"{page.stem}.inputs")
         segments = segments_part({number: _seen_from(folder, file) for number, file in measured.items()})
     scene = (
-        template_text("posterior_scene")
+        filled("posterior_scene", {})
         if problem is not None
-        else Template(template_text("posterior_missing")).substitute(missing=loaded.missing)
+        else filled("posterior_missing", {"missing": loaded.missing})
     )
-    return make_notebook(
+    title = f"Uncertainty of an indentation test: {_posterior_title(problem, posterior, files)}"
+    cells = filled(
         "posterior",
         {
-            "title": f"Uncertainty of an indentation test: {_posterior_title(problem, posterior, files)}",
-            "posterior": repr(names[0]),
+            "title": title,
+            "posterior": names[0],
             "load": load,
             "segments_part": segments,
             "scene_part": scene,
-            "facts": repr(facts),
-            "files": ", ".join(map(repr, names)),
+            "facts": facts,
+            "files": names,
         },
     )
+    return make_notebook(cells, title)
 
 
 def _posterior_title(problem: Problem | None, posterior: Any, files: tuple[Any, Any] | None) -> str:
@@ -205,28 +206,26 @@ def map_notebook(table: str | os.PathLike[str], folder: Path, command: str) -> A
 
 
 def _map_notebook(name: str, facts: Mapping[str, str], table: str) -> Any:
-    return make_notebook(
-        "map",
-        {
-            "title": f"A map of indentation tests: {name}",
-            "table": repr(table),
-            "facts": repr(dict(facts)),
-            "files": repr(table),
-        },
-    )
+    title = f"A map of indentation tests: {name}"
+    values: dict[str, Value] = {"title": title, "table": table, "facts": dict(facts), "files": [table]}
+    return make_notebook(filled("map", values), title)
 
 
-def _fit_notebook(name: str, load: str, facts: Mapping[str, str], files: Sequence[str], segments: str) -> Any:
-    return make_notebook(
+def _fit_notebook(
+    name: str, load: Source, facts: Mapping[str, str], files: list[str], segments: tuple[Cell, ...]
+) -> Any:
+    title = f"Indentation of a layer: {name}"
+    cells = filled(
         "fit",
         {
-            "title": f"Indentation of a layer: {name}",
+            "title": title,
             "load": load,
             "segments_part": segments,
-            "facts": repr({**facts, "random numbers": "none"}),
-            "files": ", ".join(map(repr, files)),
+            "facts": {**facts, "random numbers": "none"},
+            "files": files,
         },
     )
+    return make_notebook(cells, title)
 
 
 def _title(problem: Problem) -> str:
@@ -243,14 +242,14 @@ def _origins(problem: Problem) -> dict[str, str]:
     }
 
 
-def _file_segments(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -> str:
+def _file_segments(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -> tuple[Cell, ...]:
     """Return the part that draws the segments of a curve file, if it holds more than loading."""
     part = load_problem(curve, scene).curves[0]
-    return segments_part(None if beyond_loading(part) is not None else {})
+    return segments_part({}) if beyond_loading(part) is None else segments_of_file()
 
 
-def _load_source(names: Sequence[str]) -> str:
-    return f"problem = ul.load_problem({names[0]!r}, {names[1]!r})"
+def _load_source(names: Sequence[str]) -> Source:
+    return Source(f"problem = ul.load_problem({names[0]!r}, {names[1]!r})")
 
 
 def _seen_from(folder: Path, path: str | os.PathLike[str]) -> str:

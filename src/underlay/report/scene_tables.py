@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 
 from underlay.mechanics.materials import Rigid
+from underlay.quantities import quantity_of
 from underlay.report.tables import labelled_table
-from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
-    from underlay.mechanics.accuracy import Accuracy
+    from underlay.mechanics.solvers import AnySolver
     from underlay.scene.scene import Scene
 
 __all__ = ["effects_table", "scene_table"]
@@ -47,6 +47,9 @@ def _scene_rows(scene: Scene) -> pd.DataFrame:
         rows.append({"part": "substrate", "quantity": "material", "value": "rigid, bonded to the layer"})
     elif scene.substrate is not None:
         rows += _numbers("substrate", scene.substrate)
+    if scene.history is not None:
+        rows.append({"part": "history", "quantity": "model", "value": scene.history.model.replace("_", " ")})
+        rows += _numbers("history", scene.history)
     ideal = [row for row in _numbers("instrument", scene.instrument) if not row["value"].startswith("0 ")]
     rows += ideal or [{"part": "instrument", "quantity": "effects", "value": "none"}]
     return labelled_table(rows)
@@ -57,8 +60,7 @@ def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
         return []
     rows = []
     for field in fields(owner):
-        value = getattr(owner, field.name)
-        kind = kind_of(f"{part}.{field.name}")
+        value, kind = getattr(owner, field.name), quantity_of(field).kind
         name = {"E": "Young's modulus E", "nu": "Poisson's ratio"}.get(
             field.name, field.name.replace("_", " ")
         )
@@ -70,9 +72,9 @@ def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
     return rows
 
 
-def effects_table(scene: Scene, deepest: float, accuracy: Accuracy | None = None) -> pd.DataFrame:
+def effects_table(scene: Scene, deepest: float, solver: AnySolver = "auto") -> pd.DataFrame:
     """Return the ledger of effects at `deepest` (m) since contact, as text; see `Scene.effects`."""
-    ledger = scene.effects(deepest, accuracy)
+    ledger = scene.effects(deepest, solver=solver)
     rows = [
         {
             "effect": str(row["effect"]),

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import platform
 from collections.abc import Iterable, Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from underlay.errors import FileAccessError
-from underlay.inference.fitting.provenance import version_record
+from underlay._door import sha256_of
+from underlay._text import one_line
+from underlay.data.noise import NoiseModel
+from underlay.inference.least_squares.provenance import version_record
+from underlay.quantities import numbers_of
 from underlay.report.intervals import estimates
 from underlay.report.labels import label
 from underlay.report.open_ends import rival_name
@@ -22,9 +23,9 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
     from underlay.inference.identifiability import Identifiability
-    from underlay.inference.profiles import Profile
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.profiles import LikelihoodProfile
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
@@ -32,7 +33,6 @@ __all__ = [
     "correlated_pairs",
     "diagnostics_table",
     "facts_table",
-    "file_hash",
     "fit_table",
     "interval_table",
     "labelled_table",
@@ -41,8 +41,6 @@ __all__ = [
     "source_rows",
 ]
 
-_MEGABYTE = 1 << 20
-
 
 def fit_table(result: Fit) -> pd.DataFrame:
     """Return one row per fitted parameter, as numbers.
@@ -50,12 +48,14 @@ def fit_table(result: Fit) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``parameter``, ``value``, ``standard error``, ``unit``, ``relative`` (per cent) and ``at bound``.
+        ``parameter``, ``value``, ``standard error``, ``unit``, ``relative`` (per cent) and ``at bound``. Where
+        the file of the curve says what the instrument found: ``instrument's own``, in the same unit and for the
+        same Poisson's ratio, and ``difference`` of ours from it (per cent).
     """
+    told = result.instrument_moduli
     rows = []
     for name, value in result.values.items():
-        path = name.partition("[")[0]
-        unit, factor = human_unit(value, kind_of(path))
+        unit, factor = human_unit(value, kind_of(name))
         error = result.stderr[name]
         rows.append(
             {
@@ -67,6 +67,10 @@ def fit_table(result: Fit) -> pd.DataFrame:
                 "at bound": result.bounds_hit.get(name, ""),
             }
         )
+        if told:
+            own = told.get(name)
+            rows[-1]["instrument's own"] = own.youngs / factor if own else np.nan
+            rows[-1]["difference (%)"] = 100.0 * own.difference if own else np.nan
     return pd.DataFrame(rows)
 
 
@@ -79,12 +83,13 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["parameters", "correlation"])
 
 
-def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -> pd.DataFrame:
+def interval_table(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None) -> pd.DataFrame:
     """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
 
     Intervals are those of `profiles`, by name of the parameter, where there are some. Another optimum the data
     hardly reject has a column of its own.
     """
+    told = result.instrument_moduli
     rows = []
     for entry in estimates(result, profiles):
         kind = kind_of(entry.path)
@@ -101,12 +106,27 @@ def interval_table(result: Fit, profiles: Mapping[str, Profile] | None = None) -
                     else quantity_with_interval(entry.value, entry.low, entry.high, kind)
                 ),
                 **others,
+                **(
+                    {"instrument's own (ours against it)": _instrument_text(result, entry.name)}
+                    if told
+                    else {}
+                ),
                 "standard error": _error_text(result, entry.name, entry.value, kind),
                 "before the test": _prior_text(result, entry.name, kind),
                 "path": entry.name,
             }
         )
     return labelled_table(rows)
+
+
+def _instrument_text(result: Fit, name: str) -> str:
+    own = result.instrument_moduli.get(name)
+    if own is None:
+        return ""
+    return (
+        f"{format_quantity(own.youngs, 'pressure')} at nu = {own.nu:g} (reduced: "
+        f"{format_quantity(own.reduced, 'pressure')}; {100.0 * own.difference:+.2g} %)"
+    )
 
 
 def _error_text(result: Fit, name: str, value: float, kind: str) -> str:
@@ -158,14 +178,14 @@ def diagnostics_table(result: Fit) -> pd.DataFrame:
     return facts_table(rows)
 
 
-def _noise_text(noise: Any) -> str:
-    parts = [f"{format_quantity(noise.force, 'force')} on the force"] if noise.force else []
-    if noise.relative:
-        parts.append(f"{100.0 * noise.relative:.3g} % of the force")
-    if noise.correlation_time:
-        parts.append(f"correlated over {format_quantity(noise.correlation_time, 'time')}")
-    if noise.depth:
-        parts.append(f"{format_quantity(noise.depth, 'length')} on the depth")
+def _noise_text(noise: NoiseModel) -> str:
+    """Every number of a noise model that is not zero, by its declared name."""
+    numbers = numbers_of(noise, "noise")
+    parts = [
+        f"{label(path)} {format_quantity(number.value, number.quantity.kind)}"
+        for path, number in numbers.items()
+        if number.value
+    ]
     return ", ".join(parts) or "none"
 
 
@@ -197,7 +217,7 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
     FileAccessError
         If one of the files cannot be read.
     """
-    rows = {f"file {name}": f"SHA-256 {file_hash(name)}" for name in files}
+    rows = {f"file {name}": f"SHA-256 {sha256_of(name)}" for name in files}
     record = result.provenance
     for number, curve in enumerate(record["curves"]):
         which = f" {number + 1}" if len(record["curves"]) > 1 else ""
@@ -208,24 +228,6 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
     }
     rows["versions"] = ", ".join(f"{name} {version}" for name, version in versions.items())
     return facts_table({**rows, **facts})
-
-
-def file_hash(path: str | Path) -> str:
-    """SHA-256 of a file, read in pieces.
-
-    Raises
-    ------
-    FileAccessError
-        If it cannot be read.
-    """
-    digest = hashlib.sha256()
-    try:
-        with Path(path).open("rb") as file:
-            while piece := file.read(_MEGABYTE):
-                digest.update(piece)
-    except OSError as error:
-        raise FileAccessError(f"cannot read {path}: {error.strerror or error}") from error
-    return digest.hexdigest()
 
 
 def combinations_table(told: Identifiability) -> pd.DataFrame:
@@ -243,15 +245,15 @@ def combinations_table(told: Identifiability) -> pd.DataFrame:
 
 def source_rows(files: Iterable[str]) -> dict[str, str]:
     """Return rows for `facts_table`: hashes of files, and versions of what computed."""
-    rows = {f"file {name}": f"SHA-256 {file_hash(name)}" for name in files}
+    rows = {f"file {name}": f"SHA-256 {sha256_of(name)}" for name in files}
     own = {"python": platform.python_version(), "system": platform.platform(terse=True)}
     versions = version_record(("underlay", "numpy", "scipy", "pandas")) | own
     return rows | {"versions": ", ".join(f"{name} {version}" for name, version in versions.items())}
 
 
 def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
-    """Make a table whose first column labels the rows."""
-    frame = pd.DataFrame(rows)
+    """Make a table whose first column labels the rows; what came from a file is one printable line in it."""
+    frame = pd.DataFrame([{name: one_line(text) for name, text in row.items()} for row in rows])
     # The first column's name goes beside the others': pandas would give the index a header row of its own.
     return frame.set_index(frame.columns[0]).rename_axis(index=None, columns=frame.columns[0])
 

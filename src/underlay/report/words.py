@@ -9,20 +9,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from underlay._arrays import ArrayLike
+from underlay._text import one_line
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.intervals import Estimate, estimates
 from underlay.report.labels import is_of_the_sample, label, start
+from underlay.report.markdown import markdown_text
 from underlay.report.open_ends import advice, rivals
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
-    from underlay.inference.profiles import Profile
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.inference.profiles import LikelihoodProfile
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
     "headline",
+    "noted",
     "posterior_summary",
     "quantity_with_interval",
     "strong_pairs",
@@ -64,7 +67,7 @@ def headline(result: Fit) -> str:
     return " ".join(_sentence(entry) for entry in estimates(result) if is_of_the_sample(entry.name))
 
 
-def summary(result: Fit, profiles: Mapping[str, Profile] | None = None) -> str:
+def summary(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None) -> str:
     """Return the result as Markdown: the numbers, their rivals, what holds them together, the substrate, doubts.
 
     Intervals are those of `profiles`, by name of the parameter, where there are some.
@@ -91,9 +94,7 @@ def posterior_summary(posterior: Posterior) -> str:
     table = posterior.summary()
     parts = []
     for name, row in table.iterrows():
-        text = quantity_with_interval(
-            row["median"], row["hdi95_low"], row["hdi95_high"], kind_of(str(name).partition("[")[0])
-        )
+        text = quantity_with_interval(row["median"], row["hdi95_low"], row["hdi95_high"], kind_of(str(name)))
         sentence = f"{start(label(str(name)))} {_with_level(text)}."
         if row["informed"] == "not informed by these data":
             sentence = (
@@ -104,8 +105,13 @@ def posterior_summary(posterior: Posterior) -> str:
             parts.append(f"**{sentence}**")
     d = posterior.diagnostics
     state = "The sampling converged" if posterior.converged else "**The sampling did not converge**"
-    reason = d.reason.removeprefix("converged: ").rstrip(".")
+    reason = markdown_text(d.reason.removeprefix("converged: ").rstrip("."))
     return "\n\n".join([" ".join(parts), f"{state}: {reason}."])
+
+
+def noted(message: object, *_: object) -> str:
+    """Return a warning as a line of a report: takes the place of `warnings.formatwarning`."""
+    return f"note: {one_line(message)}\n"
 
 
 def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
@@ -145,8 +151,8 @@ def _substrate_sentence(result: Fit) -> str:
         if not test.deepest > 0.0:
             continue
         at = np.array([test.deepest])
-        law = test.scene.contact_law(test.deepest, **result.solver)
-        bare = test.scene.contact_law(test.deepest, method="halfspace")
+        law = test.scene.contact_law(test.deepest, solver=result.solver)
+        bare = test.scene.contact_law(test.deepest, solver="halfspace")
         ratios.append(float(law.force(at)[0] / bare.force(at)[0]))
         contacts.append(float(law.contact_radius(at)[0]) / test.scene.layer.thickness)
         deepest.append(test.deepest)

@@ -1,4 +1,4 @@
-"""What accuracy costs: one scene under every method, its error against its time.
+"""What accuracy costs: one scene under every solver, its error against its time.
 
 The error is the largest relative difference from the exact contact problem solved to 1e-12, over the depths
 of the curve. Times are processor times in this process, "cold" from the materials to the forces and "held"
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -20,59 +20,45 @@ import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError, RangeError, UnderlayWarning
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.asymptotic import blunt
-from underlay.mechanics.automatic import has_layer_effect
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.indenters import PowerLawShape, abel_factor
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.published import published_names
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import AnySolver, Asymptotic, Auto, Exact, HalfSpace, Published, as_solver
 
 if TYPE_CHECKING:
     from underlay.scene.scene import Scene
 
 __all__ = ["accuracy_cost", "explicit_formula"]
 
-_REFERENCE = Accuracy(1e-12)
+_REFERENCE = Exact(1e-12)
 _EXACT_RTOLS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
 _AUTO_RTOLS = (1e-2, 1e-4, 1e-6)
 _ROUNDS = 15
 _POINTS = 1000
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    """One way to compute the curve: what it is called, and the keywords of `Scene.contact_law`."""
-
-    method: str
-    form: str = ""
-    order: int | None = None
-    rtol: float | None = None
-
-    @property
-    def keywords(self) -> dict[str, object]:
-        keywords: dict[str, object] = {"method": self.method}
-        if self.order is not None:
-            keywords |= {"order": self.order, "form": self.form or "auto"}
-        if self.rtol is not None:
-            keywords["accuracy"] = Accuracy(self.rtol)
-        return keywords
-
-
 @dataclass
 class _Trial:
     """A candidate at work: its law, or why there is none, and its times."""
 
-    candidate: _Candidate
+    solver: Solver
     law: ContactLaw | None = None
     note: str = ""
     cold: float = np.inf
     held: float = np.inf
 
 
-def accuracy_cost(scene: Scene, depth: ArrayLike, *, rounds: int = _ROUNDS) -> pd.DataFrame:
-    """Compute one curve by every method and say how far off each is and how long it takes.
+def accuracy_cost(
+    scene: Scene,
+    depth: ArrayLike,
+    *,
+    solvers: Iterable[AnySolver] | None = None,
+    rounds: int = _ROUNDS,
+) -> pd.DataFrame:
+    """Compute one curve by every solver and say how far off each is and how long it takes.
 
     Parameters
     ----------
@@ -80,17 +66,20 @@ def accuracy_cost(scene: Scene, depth: ArrayLike, *, rounds: int = _ROUNDS) -> p
         The test; only its contact counts, not its instrument.
     depth : float or array_like, shape (n,)
         Depths (m) since contact, positive; a single number stands for 1000 depths up to it.
+    solvers : iterable of Solver or str, optional
+        What to compare; by default the half-space, every order and form of the asymptotic law, the exact law and
+        ``Auto`` at several tolerances, and the published corrections for this tip and base.
     rounds : int, default 15
         How often each is timed; the shortest is reported.
 
     Returns
     -------
     pandas.DataFrame
-        One row per method, sorted by error: ``method``, ``form``, ``order``, ``rtol`` (asked), ``nodes`` (of
+        One row per solver, sorted by error: ``method``, ``form``, ``order``, ``rtol`` (asked), ``nodes`` (of
         the exact law), ``error``, ``error_radius``, ``error_stiffness`` (largest relative error of force,
-        contact radius and stiffness; NaN where the method has no answer), ``error_estimate`` (the law's own),
+        contact radius and stiffness; NaN where the solver has no answer), ``error_estimate`` (the law's own),
         ``cold_seconds``, ``held_seconds``, ``cold_ratio``, ``held_ratio`` (to the explicit formula),
-        ``pareto`` (no other method is both closer and faster from cold), ``pareto_held``, ``note``.
+        ``pareto`` (no other solver is both closer and faster from cold), ``pareto_held``, ``note``.
         ``.attrs`` holds ``unit_seconds``, ``points`` and ``a_over_h``.
 
     Raises
@@ -101,11 +90,11 @@ def accuracy_cost(scene: Scene, depth: ArrayLike, *, rounds: int = _ROUNDS) -> p
         If the exact law cannot reach the deepest point.
     """
     depths = _depths(depth)
-    if not has_layer_effect(scene.layer, scene.substrate):
-        raise InputError("this scene is a half-space: every method is the same formula and costs the same")
+    if not scene.contact.layered:
+        raise InputError("this scene is a half-space: every solver is the same formula and costs the same")
     deepest = float(depths.max())
-    reference = scene.contact_law(deepest, method="exact", accuracy=_REFERENCE)
-    trials = [_Trial(candidate) for candidate in _candidates()]
+    reference = scene.contact_law(deepest, solver=_REFERENCE)
+    trials = [_Trial(as_solver(given)) for given in (_candidates() if solvers is None else solvers)]
     for trial in trials:
         _build(trial, scene, deepest)
     # A correction that is for another tip or base says nothing about this scene.
@@ -161,17 +150,17 @@ def _depths(depth: ArrayLike) -> FloatArray:
     return np.linspace(0.0, float(given), _POINTS + 1)[1:] if given.ndim == 0 else given.ravel()
 
 
-def _candidates() -> list[_Candidate]:
+def _candidates() -> list[Solver]:
     return [
-        _Candidate("halfspace"),
+        HalfSpace(),
         *(
-            _Candidate("asymptotic", form, order)
+            Asymptotic(order, form)
             for form in ("explicit", "parametric", "compliance")
             for order in (1, 2, 3, 4)
         ),
-        *(_Candidate("exact", rtol=rtol) for rtol in _EXACT_RTOLS),
-        *(_Candidate("auto", rtol=rtol) for rtol in _AUTO_RTOLS),
-        *(_Candidate(name) for name in published_names()),
+        *(Exact(rtol) for rtol in _EXACT_RTOLS),
+        *(Auto(rtol) for rtol in _AUTO_RTOLS),
+        *(Published(name) for name in published_names()),
     ]
 
 
@@ -180,16 +169,12 @@ def _build(trial: _Trial, scene: Scene, deepest: float) -> None:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UnderlayWarning)
         try:
-            trial.law = _law(trial.candidate, scene, deepest)
+            trial.law = scene.contact_law(deepest, solver=trial.solver)
         except RangeError as error:
             trial.note = str(error)
         except InputError:
             return
     trial.note = trial.note or "; ".join(str(entry.message) for entry in caught)
-
-
-def _law(candidate: _Candidate, scene: Scene, deepest: float) -> ContactLaw:
-    return scene.contact_law(deepest, **candidate.keywords)  # type: ignore[arg-type]  # built by `keywords`
 
 
 def _time_in_turns(
@@ -209,15 +194,13 @@ def _time_in_turns(
             unit = min(unit, _seconds(lambda: formula(depths)))
             for trial in trials:
                 if (law := trial.law) is not None:
-                    trial.cold = min(trial.cold, _seconds(_cold(trial.candidate, scene, deepest, depths)))
+                    trial.cold = min(trial.cold, _seconds(_cold(trial.solver, scene, deepest, depths)))
                     trial.held = min(trial.held, _seconds(partial(law.force, depths)))
     return unit
 
 
-def _cold(
-    candidate: _Candidate, scene: Scene, deepest: float, depths: FloatArray
-) -> Callable[[], FloatArray]:
-    return lambda: _law(candidate, scene, deepest).force(depths)
+def _cold(solver: Solver, scene: Scene, deepest: float, depths: FloatArray) -> Callable[[], FloatArray]:
+    return lambda: scene.contact_law(deepest, solver=solver).force(depths)
 
 
 def _seconds(call: Callable[[], object]) -> float:
@@ -227,14 +210,15 @@ def _seconds(call: Callable[[], object]) -> float:
 
 
 def _row(trial: _Trial, reference: ContactLaw, depths: FloatArray, unit: float) -> dict[str, object]:
-    candidate, law = trial.candidate, trial.law
+    solver, law = trial.solver, trial.law
+    asked = solver.numbers
     cold, held = (np.nan, np.nan) if law is None else (trial.cold, trial.held)
     return {
-        "method": candidate.method,
-        "form": candidate.form,
-        "order": candidate.order,
-        "rtol": candidate.rtol,
-        "nodes": law.resolution.radial if isinstance(law, ExactLaw) and law.resolution is not None else None,
+        "method": solver.name,
+        "form": asked.get("form", ""),
+        "order": asked.get("order"),
+        "rtol": solver.tolerance or None,
+        "nodes": None if law is None else law.nodes,
         "error": _error(law, reference, depths, ContactLaw.force),
         "error_radius": _error(law, reference, depths, ContactLaw.contact_radius),
         "error_stiffness": _error(law, reference, depths, ContactLaw.stiffness),

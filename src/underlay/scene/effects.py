@@ -1,7 +1,7 @@
 """Which effects a scene calls for: how large each one is, whether it is simulated, what it costs.
 
 An effect is measured by leaving it out: the force with it and without it. What a scene does not declare, and
-a layer that changes the contact by less than the accuracy asked, runs none of its code.
+a layer that differs from its base by less than the accuracy asked, runs none of its code.
 """
 
 from __future__ import annotations
@@ -9,28 +9,70 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from underlay._arrays import FloatArray, positive
+from underlay._arrays import ArrayLike, FloatArray, positive
 from underlay.errors import RangeError
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.indenters import Paraboloid, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Rigid, TransverselyIsotropic
+from underlay.mechanics.indenters import Indenter, Paraboloid, Sphere
+from underlay.mechanics.materials import (
+    RIGID,
+    Isotropic,
+    Layer,
+    Material,
+    Rigid,
+    Substrate,
+    TransverselyIsotropic,
+)
+from underlay.mechanics.response import History
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import AnySolver, as_solver
+from underlay.scene.instrument import Instrument
 
-if TYPE_CHECKING:
-    from underlay.scene.scene import Scene
-
-__all__ = ["Effect", "EffectRule", "effect_sizes", "effects_table"]
+__all__ = ["Effect", "EffectRule", "Simulated", "effect_sizes", "effects_table"]
 
 _COLUMNS = ("effect", "size_percent", "simulated", "cost_percent", "note")
 # The cost of an effect is timed on curves of this many depths, from cold, with and without it in turns.
 _COST_POINTS = 200
 # The shortest of many rounds counts, in processor time.
 _COST_ROUNDS = 25
+
+
+class Simulated(Protocol):
+    """What the ledger asks of a scene: its parts, its law and its force. `Scene` is one."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def indenter(self) -> Indenter:
+        """What is pressed in."""
+
+    @property
+    def layer(self) -> Layer:
+        """What it is pressed into."""
+
+    @property
+    def substrate(self) -> Substrate | None:
+        """What the layer is bonded to."""
+
+    @property
+    def instrument(self) -> Instrument:
+        """What reads depth and force."""
+
+    @property
+    def history(self) -> History | None:
+        """What the sample remembers."""
+
+    def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
+        """Law of its contact up to `max_depth` (m)."""
+
+    def force(
+        self, depth: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
+    ) -> FloatArray:
+        """Force reading (N) at depth readings (m)."""
 
 
 @dataclass(frozen=True)
@@ -50,18 +92,18 @@ class Effect:
     """
 
     name: str
-    with_it: Scene | None
-    without: Scene | None
+    with_it: Simulated | None
+    without: Simulated | None
     simulated: bool
     note: str
 
 
 #: How an effect is found: from a scene and the law of its contact.
-EffectRule: TypeAlias = "Callable[[Scene, ContactLaw], Effect]"
+EffectRule: TypeAlias = "Callable[[Simulated, ContactLaw], Effect]"
 
 
 def effects_table(
-    scene: Scene, max_depth: float, accuracy: Accuracy | None = None, further: Iterable[EffectRule] = ()
+    scene: Simulated, max_depth: float, solver: AnySolver = "auto", further: Iterable[EffectRule] = ()
 ) -> pd.DataFrame:
     """List every effect of `scene` at tip depth `max_depth` (m).
 
@@ -71,8 +113,8 @@ def effects_table(
         The test.
     max_depth : float
         Deepest point (m) since contact, positive.
-    accuracy : Accuracy, optional
-        How close to the exact contact problem; a layer that changes less is not simulated.
+    solver : Solver or str, default "auto"
+        Which contact law; see `contact_law`. An effect below its tolerance is marked.
     further : iterable of callable
         Effects of your own: each takes the scene and its law and returns an `Effect`.
 
@@ -93,16 +135,16 @@ def effects_table(
     RangeError
         If no law reaches `max_depth`.
     """
-    wanted = accuracy or Accuracy()
+    wanted = as_solver(solver)
     deepest = positive(max_depth, "max_depth", "m")
-    law = scene.contact_law(deepest, accuracy=wanted)
+    law = scene.contact_law(deepest, solver=wanted)
     found = (*_effects(scene, law), *(rule(scene, law) for rule in further))
     table = pd.DataFrame([_row(effect, deepest, wanted) for effect in found])
     table.attrs["law"] = f"{law.method}: {law.reason}"
     return table
 
 
-def effect_sizes(scene: Scene, depth: FloatArray, accuracy: Accuracy | None = None) -> pd.DataFrame:
+def effect_sizes(scene: Simulated, depth: FloatArray, solver: AnySolver = "auto") -> pd.DataFrame:
     """Size of every effect the scene gives numbers for, against depth.
 
     Parameters
@@ -111,16 +153,16 @@ def effect_sizes(scene: Scene, depth: FloatArray, accuracy: Accuracy | None = No
         The test.
     depth : ndarray, shape (n,)
         Depths (m) since contact, positive and increasing.
-    accuracy : Accuracy, optional
-        How close to the exact contact problem.
+    solver : Solver or str, default "auto"
+        Which contact law; see `contact_law`.
 
     Returns
     -------
     pandas.DataFrame
         ``depth`` (m) and one column per effect: the relative change of the force when it is put in.
     """
-    wanted = accuracy or Accuracy()
-    law = scene.contact_law(float(depth[-1]), accuracy=wanted)
+    wanted = as_solver(solver)
+    law = scene.contact_law(float(depth[-1]), solver=wanted)
     known = {}
     for effect in _effects(scene, law):
         try:
@@ -132,34 +174,37 @@ def effect_sizes(scene: Scene, depth: FloatArray, accuracy: Accuracy | None = No
     return pd.DataFrame({"depth": depth, **known})
 
 
-def _row(effect: Effect, deepest: float, accuracy: Accuracy) -> dict[str, object]:
+def _row(effect: Effect, deepest: float, solver: Solver) -> dict[str, object]:
     row = {"effect": effect.name, "simulated": effect.simulated, "note": effect.note}
     try:
-        size = float(_size(effect, np.array([deepest]), accuracy)[0])
-        cost = _added_cost(effect, deepest, accuracy) if effect.simulated else 0.0
+        size = float(_size(effect, np.array([deepest]), solver)[0])
+        cost = _added_cost(effect, deepest, solver) if effect.simulated else 0.0
     except RangeError as error:
         size, cost, row["note"] = np.nan, np.nan, f"not measured: {error}"
-    if effect.simulated and abs(size) < accuracy.rtol:
-        row["note"] = f"{effect.note}; below rtol = {accuracy.rtol:g} here"
+    if effect.simulated and abs(size) < solver.tolerance:
+        row["note"] = f"{effect.note}; below rtol = {solver.tolerance:g} here"
     numbers = {"size_percent": 100.0 * size, "cost_percent": cost}
     return {key: (row | numbers)[key] for key in _COLUMNS}
 
 
-def _effects(scene: Scene, law: ContactLaw) -> list[Effect]:
+def _effects(scene: Simulated, law: ContactLaw) -> list[Effect]:
     """Every effect there is, for a scene whose contact is simulated by `law`.
 
-    All but the baseline are measured without it: a per cent of the force is one of the contact force.
+    All but the baseline are measured without it: a per cent of the force is one of the contact force. What the
+    sample remembers acts in time and is left out: the sizes are those of a sudden depth.
     """
+    remembers, scene = scene.history is not None, replace(scene, history=None)
     level = replace(scene, instrument=replace(scene.instrument, baseline=0.0, baseline_slope=0.0))
     return [
         *_layer_effects(level, layered=law.method != "halfspace"),
         _sphere_effect(level),
         _compliance_effect(level),
         _baseline_effect(scene, level),
+        _history_effect(remembers=remembers),
     ]
 
 
-def _layer_effects(scene: Scene, *, layered: bool) -> list[Effect]:
+def _layer_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
     return [
         _thickness_effect(scene, layered=layered),
         _substrate_effect(scene, layered=layered),
@@ -167,7 +212,7 @@ def _layer_effects(scene: Scene, *, layered: bool) -> list[Effect]:
     ]
 
 
-def _thickness_effect(scene: Scene, *, layered: bool) -> Effect:
+def _thickness_effect(scene: Simulated, *, layered: bool) -> Effect:
     name = "finite thickness"
     if not _has_base(scene):
         return Effect(name, None, None, simulated=False, note="no substrate at a finite depth is declared")
@@ -175,7 +220,7 @@ def _thickness_effect(scene: Scene, *, layered: bool) -> Effect:
     return Effect(name, scene, halfspace, simulated=layered, note="against a half-space of the layer")
 
 
-def _substrate_effect(scene: Scene, *, layered: bool) -> Effect:
+def _substrate_effect(scene: Simulated, *, layered: bool) -> Effect:
     name = "substrate compliance"
     if not _has_base(scene) or isinstance(scene.substrate, Rigid):
         return Effect(name, None, None, simulated=False, note="no elastic substrate is declared")
@@ -183,7 +228,7 @@ def _substrate_effect(scene: Scene, *, layered: bool) -> Effect:
     return Effect(name, scene, rigid, simulated=layered, note="against a rigid base")
 
 
-def _anisotropy_effect(scene: Scene, *, layered: bool) -> Effect:
+def _anisotropy_effect(scene: Simulated, *, layered: bool) -> Effect:
     name = "anisotropy"
     isotropic = _isotropic(scene)
     if isotropic == scene:
@@ -193,11 +238,11 @@ def _anisotropy_effect(scene: Scene, *, layered: bool) -> Effect:
     return Effect(name, scene, isotropic, simulated=used, note=note)
 
 
-def _has_base(scene: Scene) -> bool:
+def _has_base(scene: Simulated) -> bool:
     return scene.substrate is not None and bool(np.isfinite(scene.layer.thickness))
 
 
-def _sphere_effect(scene: Scene) -> Effect:
+def _sphere_effect(scene: Simulated) -> Effect:
     name, tip = "true sphere", scene.indenter
     if isinstance(tip, Sphere):
         return Effect(
@@ -218,7 +263,7 @@ def _sphere_effect(scene: Scene) -> Effect:
     return Effect(name, None, None, simulated=False, note="the tip is not a sphere")
 
 
-def _compliance_effect(scene: Scene) -> Effect:
+def _compliance_effect(scene: Simulated) -> Effect:
     name = "instrument compliance"
     if not scene.instrument.compliance:
         return Effect(name, None, None, simulated=False, note="the instrument is declared stiff")
@@ -226,22 +271,29 @@ def _compliance_effect(scene: Scene) -> Effect:
     return Effect(name, scene, stiff, simulated=True, note="against a stiff instrument")
 
 
-def _baseline_effect(scene: Scene, level: Scene) -> Effect:
+def _baseline_effect(scene: Simulated, level: Simulated) -> Effect:
     if scene == level:
         return Effect("baseline", None, None, simulated=False, note="no baseline is declared")
     return Effect("baseline", scene, level, simulated=True, note="against no baseline")
 
 
-def _size(effect: Effect, depth: FloatArray, accuracy: Accuracy) -> FloatArray:
+def _history_effect(*, remembers: bool) -> Effect:
+    if not remembers:
+        return Effect("history", None, None, simulated=False, note="the sample is declared elastic")
+    note = "it acts in time: compare the forces of a history of depths with it and without"
+    return Effect("history", None, None, simulated=True, note=note)
+
+
+def _size(effect: Effect, depth: FloatArray, solver: Solver) -> FloatArray:
     """Relative change of the force at tip depths `depth` when the effect is put in; NaN where unknown."""
     if effect.with_it is None or effect.without is None:
         return np.full(depth.shape, np.nan)
     readings = depth + effect.with_it.instrument.contact_depth
-    with_it = effect.with_it.force(readings, accuracy=accuracy)
-    return np.asarray(with_it / effect.without.force(readings, accuracy=accuracy) - 1.0)
+    with_it = effect.with_it.force(readings, solver=solver)
+    return np.asarray(with_it / effect.without.force(readings, solver=solver) - 1.0)
 
 
-def _added_cost(effect: Effect, deepest: float, accuracy: Accuracy) -> float:
+def _added_cost(effect: Effect, deepest: float, solver: Solver) -> float:
     """Time of the scene with the effect over that without, less one, in per cent."""
     if effect.with_it is None or effect.without is None:
         return 0.0
@@ -249,15 +301,15 @@ def _added_cost(effect: Effect, deepest: float, accuracy: Accuracy) -> float:
     with_it = without = np.inf
     for _ in range(_COST_ROUNDS):
         start = time.process_time()
-        effect.with_it.force(depth, accuracy=accuracy)
+        effect.with_it.force(depth, solver=solver)
         middle = time.process_time()
-        effect.without.force(depth, accuracy=accuracy)
+        effect.without.force(depth, solver=solver)
         with_it = min(with_it, middle - start)
         without = min(without, time.process_time() - middle)
     return 100.0 * (with_it / without - 1.0)
 
 
-def _isotropic(scene: Scene) -> Scene:
+def _isotropic(scene: Simulated) -> Simulated:
     """Return the scene with each anisotropic material replaced by its in-plane E and nu."""
     layer = replace(scene.layer, material=_in_plane(scene.layer.material))
     substrate = scene.substrate

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from underlay.errors import InputError
+from underlay.errors import InputError, ParameterError
+from underlay.scene.field_names import fields_meant
 from underlay.scene.parameters import kind_of, unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.scene.scene_schema import check, free_parameter_schema
@@ -50,7 +51,7 @@ def free_parameters(table: Mapping[str, Any], scene: Scene) -> list[FreeParamete
     """
     known = [*scene.parameters, "noise.force", "noise.relative", "noise.correlation_time", "noise.depth"]
     free = []
-    for path, entry in _flatten(table):
+    for path, entry in _flatten(table, known):
         if path not in known:
             raise unknown_parameter(path, known)
         numbers = check(free_parameter_schema(kind_of(path)), f"fit] [{path}", entry)
@@ -61,12 +62,17 @@ def free_parameters(table: Mapping[str, Any], scene: Scene) -> list[FreeParamete
     return free
 
 
-def _flatten(table: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
+def _flatten(table: Mapping[str, Any], known: Sequence[str]) -> list[tuple[str, Mapping[str, Any]]]:
     """Turn ``layer.E = {...}`` (a nested table) and ``"layer.E" = {...}`` into (path, entry) pairs."""
     pairs: list[tuple[str, Mapping[str, Any]]] = []
     for name, entry in table.items():
         if not isinstance(entry, Mapping):
             raise InputError(f"[fit] {name}: write {name} = {{ min = ..., max = ... }}")
+        is_part = any(path.startswith(f"{name}.") for path in known) or (
+            bool(entry) and all(isinstance(inner, Mapping) for inner in entry.values())
+        )
+        if "." not in name and not is_part:
+            raise _without_part(name, known)
         if "." in name:
             pairs.append((name, entry))
             continue
@@ -75,3 +81,14 @@ def _flatten(table: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
                 raise InputError(f"[fit] {name}.{field}: write {name}.{field} = {{ min = ..., max = ... }}")
             pairs.append((f"{name}.{field}", inner))
     return pairs
+
+
+def _without_part(name: str, known: Sequence[str]) -> ParameterError:
+    """Build the error for a name that does not say of which part of the scene it is."""
+    fields = {path.rpartition(".")[2] for path in known}
+    meant = fields_meant(name, sorted(fields))
+    paths = [path for path in known if meant and path.rpartition(".")[2] == meant[0]]
+    if not paths:
+        return unknown_parameter(name, known)
+    written = " or ".join(f"{path} = {{ min = ..., max = ... }}" for path in paths)
+    return ParameterError(f"[fit] {name}: say of which part of the scene; write {written}")

@@ -14,13 +14,16 @@ import pandas as pd
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._files import write_atomic
 from underlay.errors import InputError
-from underlay.mechanics.accuracy import Accuracy, contact_law
+from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
+from underlay.mechanics.response import History, Remembered, Response
+from underlay.mechanics.solvers import AnySolver, as_solver
+from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
-from underlay.scene.parameters import parameter_values, replace_values
+from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene_writer import scene_text
 
 __all__ = ["Scene"]
@@ -37,15 +40,17 @@ class Scene:
     layer : Layer
         What it is pressed into.
     substrate : Isotropic, TransverselyIsotropic or RIGID, optional
-        What the layer is bonded to. A layer of finite thickness needs one; without one the layer is a
-        half-space and no substrate code runs.
+        What the layer is bonded to. A layer of finite thickness needs one, and one on it needs a finite
+        thickness; without a substrate the layer is a half-space and no substrate code runs.
     instrument : Instrument, optional
         What reads depth and force; ideal by default.
+    history : History, optional
+        What the sample remembers of earlier depths; without one it is elastic and no time is asked for.
 
     Raises
     ------
     InputError
-        If a part is of the wrong kind, or a finite layer has no substrate.
+        If a part is of the wrong kind, a finite layer has no substrate, or one on a substrate no thickness.
 
     Examples
     --------
@@ -59,6 +64,7 @@ class Scene:
     layer: Layer
     substrate: Substrate | None = None
     instrument: Instrument = Instrument()
+    history: History | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.indenter, Indenter):
@@ -69,63 +75,71 @@ class Scene:
             raise InputError(f"substrate must be a material, RIGID or None; got {self.substrate!r}")
         if not isinstance(self.instrument, Instrument):
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
+        if not isinstance(self.history, History | None):
+            raise InputError(f"history must be a History or None; got {self.history!r}")
+        if self.history is not None and self.instrument.compliance:
+            raise InputError(
+                "a frame's compliance beside a history is not simulated: take it out of the depth first "
+                "(depth - compliance * force) and set instrument.compliance to 0"
+            )
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
-                f"a layer {self.layer.thickness:.6g} m thick needs a substrate: pass substrate=RIGID or a "
-                "material, or leave the thickness out for a half-space"
+                f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
+                "a material), or leave the thickness out for a half-space"
+            )
+        if self.substrate is not None and not np.isfinite(self.layer.thickness):
+            raise InputError(
+                'a layer on a substrate needs its thickness: give layer.thickness, e.g. "1.5 mm" in a scene '
+                "file, or leave the substrate out for a half-space"
             )
 
-    def contact_law(
-        self,
-        max_depth: float,
-        *,
-        accuracy: Accuracy | None = None,
-        method: str = "auto",
-        order: int = 4,
-        form: str = "auto",
-    ) -> ContactLaw:
+    @property
+    def contact(self) -> Contact:
+        """What a solver is given."""
+        return Contact.of(self.indenter, self.layer, self.substrate)
+
+    def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
         """Build the law of this contact for tip depths up to `max_depth` (m); see `contact_law`."""
-        return contact_law(
-            self.indenter,
-            self.layer,
-            self.substrate,
-            max_depth=max_depth,
-            accuracy=accuracy,
-            method=method,
-            order=order,
-            form=form,
-        )
+        return as_solver(solver).law(self.contact, max_depth)
 
     def force(
-        self,
-        depth: ArrayLike,
-        *,
-        accuracy: Accuracy | None = None,
-        method: str = "auto",
-        order: int = 4,
-        form: str = "auto",
+        self, depth: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
     ) -> FloatArray:
         """Force the instrument shows (N) at its depth readings `depth` (m), same shape.
 
+        `time` (s), (n,), is what a scene with a history needs too.
+
         Raises
         ------
+        InputError
+            If a history needs times and has none that fit.
         RangeError
             If the law cannot reach the deepest point.
         """
-        readings = as_finite(depth, "depth")
-        deepest = float(readings.max(initial=0.0)) - self.instrument.contact_depth
-        law = self.contact_law(max(deepest, 0.0), accuracy=accuracy, method=method, order=order, form=form)
-        return self.instrument.reading(readings, law.force(self.instrument.tip_depth(law, readings)))
+        readings, chain = as_finite(depth, "depth"), self.instrument.chain
+        deepest = float(chain.travel(readings).max(initial=0.0))
+        law = self.contact_law(deepest, solver=solver)
+        response = self.response(law)
+        return chain.reading(response.force(chain.tip_depth(response, readings), time), readings)
+
+    def response(self, law: ContactLaw) -> Response:
+        """What the sample answers in time, given its elastic law: the law itself where it remembers nothing."""
+        return law if self.history is None else Remembered(law, self.history)
 
     @property
     def parameters(self) -> dict[str, float]:
         """Every number of the scene by its path, e.g. ``{"layer.E": 1.2e6, ...}`` (SI)."""
-        return dict(self._parameters)
+        return {path: number.value for path, number in self._numbers.items()}
+
+    @property
+    def quantities(self) -> dict[str, Quantity]:
+        """What every number of the scene is, by its path."""
+        return {path: number.quantity for path, number in self._numbers.items()}
 
     @cached_property
-    def _parameters(self) -> dict[str, float]:
+    def _numbers(self) -> dict[str, Number]:
         """Gathered once: a problem asks several times, and finding the numbers takes longer than a law."""
-        return parameter_values(self)
+        return numbers_of(self)
 
     def with_values(self, values: Mapping[str, float]) -> Scene:
         """Return a scene with the numbers at the given paths replaced (SI).
@@ -135,14 +149,17 @@ class Scene:
         ParameterError
             If the scene has no such path; names the nearest one.
         """
+        for path in values:
+            if path not in self._numbers:
+                raise unknown_parameter(path, self._numbers)
         return replace_values(self, values)
 
-    def effects(self, max_depth: float, accuracy: Accuracy | None = None) -> pd.DataFrame:
+    def effects(self, max_depth: float, *, solver: AnySolver = "auto") -> pd.DataFrame:
         """List each effect at tip depth `max_depth` (m): its size, whether it is simulated, its cost.
 
         See `underlay.scene.effects.effects_table` for the columns.
         """
-        return effects_table(self, max_depth, accuracy)
+        return effects_table(self, max_depth, solver)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the scene as a scene file that `load_scene` reads back bit for bit.

@@ -18,26 +18,31 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Optional sections: ``[instrument]``, ``[solver]`` (method, rtol, order, form), ``[noise]``, ``[curve]`` (which
-part of which file, and column names) and ``[simulate]`` (depths of a made curve). A new indenter
-needs no change here.
+Optional sections: ``[instrument]``, ``[history]`` (model, and its numbers), ``[solver]`` (name, rtol, order,
+form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made
+curve). A new indenter or history needs no change here.
 """
 
 from __future__ import annotations
 
 import os
-import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
-from underlay.mechanics.accuracy import Accuracy
-from underlay.mechanics.indenters import Indenter
+from underlay._documents import parse_toml
+from underlay._door import FileKind, printable, read_text, understood
+from underlay.errors import InputError, UnderlayError, UnderlayWarning
+from underlay.mechanics.indenters import Cone, Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
+from underlay.mechanics.response import History
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import solver_named
+from underlay.scene.field_names import hint
 from underlay.scene.fit_section import FreeParameter, free_parameters
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
@@ -51,9 +56,22 @@ from underlay.scene.scene_schema import (
     schema_of,
 )
 
-__all__ = ["SceneFile", "SimulatedDepths", "load_scene", "read_scene_file", "scene_from_text"]
+__all__ = [
+    "EQUIVALENT_CONES",
+    "PLACE",
+    "SceneFile",
+    "SimulatedDepths",
+    "load_scene",
+    "read_scene_file",
+    "scene_from_text",
+]
 
-_LARGEST_FILE = 1_000_000  # bytes; a scene is a page of text
+# In place of a length that only the file of a curve says; never computed with.
+_STAND_IN = "1 m"
+#: What stands in a starter scene where a number is still to be written.
+PLACE = "TODO"
+# A scene is a page of text.
+_KIND = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
 
 
 @dataclass(frozen=True)
@@ -82,30 +100,61 @@ class SceneFile:
 
     Parameters
     ----------
-    scene : Scene
-        The test.
+    draft : Scene
+        The test; where the file leaves a number to the file of the curve it holds a stand-in.
     free : tuple of FreeParameter
         What is fitted; empty if there is no ``[fit]``.
-    solver : mapping
-        Keywords for `Scene.force` and `Problem`: accuracy, method, order, form.
+    solver : Solver
+        What builds the contact law; `Auto` where the file does not say.
     noise : mapping
         Numbers of ``[noise]``, SI.
     curve : mapping
-        Which part of a curve file: format, test, columns and calibration for the reader; segment, min_depth
-        and max_depth (readings, m) for what is used of it.
+        Which part of which curve file: file (a path beside the scene file); format, test, columns and
+        calibration for the reader; flip for signs that are the other way round; segment, min_depth and
+        max_depth (readings, m) for what is used of it; overrule, for what the scene knows better than the
+        file of the curve.
     simulate : SimulatedDepths or None
         Depths of a made curve.
+    stated : frozenset of str
+        Paths of the instrument's numbers that the file gives; what it leaves out is a default.
     path : Path
         Where it was read.
+    left_out : tuple of str
+        Paths of the scene that the file of the curve must say.
     """
 
-    scene: Scene
+    draft: Scene
     free: tuple[FreeParameter, ...]
-    solver: Mapping[str, Any]
+    solver: Solver
     noise: Mapping[str, float]
     curve: Mapping[str, Any]
     simulate: SimulatedDepths | None
     path: Path
+    left_out: tuple[str, ...] = ()
+    stated: frozenset[str] = frozenset()
+
+    @property
+    def scene(self) -> Scene:
+        """The test.
+
+        Raises
+        ------
+        InputError
+            If a number is left out: only with a curve whose file says it is the test complete.
+        """
+        if self.left_out:
+            section, _, key = self.left_out[0].partition(".")
+            raise InputError(
+                f"{self.path.name}: [{section}] needs {key!r}; it can be left out only with a curve whose file "
+                "says it"
+            )
+        return self.draft
+
+    @property
+    def curve_path(self) -> Path | None:
+        """Curve file that ``[curve] file`` names, relative to the scene file; None if it names none."""
+        named = self.curve.get("file")
+        return None if named is None else self.path.parent / named
 
 
 def load_scene(path: str | os.PathLike[str]) -> Scene:
@@ -123,10 +172,8 @@ def scene_from_text(text: str) -> Scene:
     InputError
         If a section, key, unit or value is not allowed.
     """
-    try:
-        document = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FileFormatError(f"the text of the scene is not TOML: {error}") from error
+    with understood("the text of the scene", _KIND):
+        document = parse_toml(text)
     return _interpret(document, Path("scene.toml")).scene
 
 
@@ -143,34 +190,26 @@ def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
         If a section, key, unit or value is not allowed; the message names file, section and key.
     """
     source = Path(path)
-    document = _read_toml(source)
+    with understood(source, _KIND):
+        document = parse_toml(read_text(source, _KIND))
     try:
         return _interpret(document, source)
     except UnderlayError as error:
-        raise type(error)(f"{source.name}: {error}") from error
+        # A key or value of a hostile file may be as long as the file.
+        raise type(error)(f"{printable(source.name)}: {printable(str(error))[:_LONGEST_MESSAGE]}") from error
 
 
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        if not path.is_file():
-            raise FileAccessError(f"scene file {path} does not exist or is not a file")
-        if path.stat().st_size > _LARGEST_FILE:
-            raise FileFormatError(f"{path} is larger than a scene file can be (1 MB)")
-        return tomllib.loads(path.read_bytes().decode("utf-8"))
-    except OSError as error:
-        if isinstance(error, FileAccessError):
-            raise
-        raise FileAccessError(f"cannot read scene file {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise FileFormatError(f"{path} is not a TOML file: {error}") from error
+#: Pyramids that are taken as the cone of the same projected area.
+EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
 
-
+_LONGEST_MESSAGE = 1000
 _SECTIONS = (
     "title",
     "indenter",
     "layer",
     "substrate",
     "instrument",
+    "history",
     "fit",
     "solver",
     "noise",
@@ -180,30 +219,57 @@ _SECTIONS = (
 
 
 def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
+    _require_filled_in(document)
     for name in document:
         if name not in _SECTIONS:
-            raise InputError(f"unknown section [{name}]; allowed: {', '.join(_SECTIONS[1:])}")
+            meant = hint(name, _SECTIONS) or ";"
+            raise InputError(f"unknown section [{name}]{meant} allowed: {', '.join(_SECTIONS[1:])}")
     for name in ("indenter", "layer"):
         if name not in document:
             raise InputError(f"section [{name}] is missing")
-    layer, thickness = _material("layer", dict(_table(document, "layer")))
+    tip = dict(_table(document, "indenter"))
+    left_out = _left_out(tip)
     scene = Scene(
-        indenter=_indenter(dict(_table(document, "indenter"))),
-        layer=Layer(layer, thickness),
+        indenter=_indenter({**tip, **{path.partition(".")[2]: _STAND_IN for path in left_out}}),
+        layer=_layer(dict(_table(document, "layer"))),
         substrate=_substrate(document),
         instrument=_build(Instrument, "instrument", _table(document, "instrument")),
+        history=_history(document),
     )
-    solver = check(SolverSection, "solver", _table(document, "solver"))
-    accuracy = {"accuracy": Accuracy(solver.pop("rtol"))} if "rtol" in solver else {}
     return SceneFile(
-        scene=scene,
+        draft=scene,
         free=tuple(free_parameters(_table(document, "fit"), scene)),
-        solver=accuracy | solver,
+        solver=_solver(_table(document, "solver")),
         noise=check(NoiseSection, "noise", _table(document, "noise")),
         curve=check(CurveSection, "curve", _table(document, "curve")),
         simulate=_simulated_depths(document),
         path=path,
+        left_out=left_out,
+        stated=frozenset(f"instrument.{name}" for name in _table(document, "instrument")),
     )
+
+
+def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
+    """What a section of the indenter leaves to the file of a curve: the radius of a shape that has one."""
+    shape: Any = next((kind for kind in Indenter.shapes() if kind.shape == tip.get("shape")), None)
+    if shape is None or "radius" in tip:
+        return ()
+    return ("indenter.radius",) if any(field.name == "radius" for field in fields(shape)) else ()
+
+
+def _require_filled_in(document: Mapping[str, Any]) -> None:
+    """Refuse a starter scene whose places are not filled in, naming all of them at once."""
+    empty = list(_places(document, ""))
+    if empty:
+        raise InputError(f"not filled in yet: {', '.join(empty)}; replace {PLACE} by what you know")
+
+
+def _places(table: Mapping[str, Any], above: str) -> Iterator[str]:
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _places(value, f"{above}{name}.")
+        elif isinstance(value, str) and PLACE in value:
+            yield f"{above}{name}"
 
 
 def _table(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
@@ -219,10 +285,34 @@ def _table(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 def _indenter(table: dict[str, Any]) -> Indenter:
     shapes = {shape.shape: shape for shape in Indenter.shapes()}
     name = table.pop("shape", None)
-    if name not in shapes:
-        raise InputError(f"[indenter] shape: {name!r} is not known; allowed: {', '.join(sorted(shapes))}")
-    indenter: Indenter = _build(shapes[name], "indenter", table)
+    if isinstance(name, str) and name in EQUIVALENT_CONES:
+        return _equivalent_cone(name, table)
+    if not isinstance(name, str) or name not in shapes:
+        allowed = sorted([*shapes, *EQUIVALENT_CONES])
+        if name is None:
+            raise InputError(f"[indenter] needs 'shape'; allowed: {', '.join(allowed)}")
+        meant = hint(str(name), allowed) or ";"
+        raise InputError(f"[indenter] shape: {name!r:.80} is not known{meant} allowed: {', '.join(allowed)}")
+    indenter: Indenter = _build(shapes[name], "indenter", table, besides=("shape",))
     return indenter
+
+
+def _layer(table: dict[str, Any]) -> Layer:
+    material, thickness = _material("layer", table)
+    return Layer(material, thickness)
+
+
+def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
+    if table:
+        raise InputError(f"[indenter] shape {name} needs nothing else; remove {', '.join(table)}")
+    cone = EQUIVALENT_CONES[name]()
+    warnings.warn(
+        f"[indenter] shape: a {name} tip is taken as the cone of the same projected area, half-angle "
+        f"{np.rad2deg(cone.half_angle):.2f} deg; the pyramid's edges are not in the model",
+        UnderlayWarning,
+        stacklevel=2,
+    )
+    return cone
 
 
 def _material(section: str, table: dict[str, Any]) -> tuple[Material, float]:
@@ -230,7 +320,8 @@ def _material(section: str, table: dict[str, Any]) -> tuple[Material, float]:
     if section == "layer" and "thickness" in table:
         thickness = check(ThicknessSection, section, {"thickness": table.pop("thickness")})["thickness"]
     kind = TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
-    return _build(kind, section, table), thickness
+    besides = ("thickness",) if section == "layer" else ("rigid",)
+    return _build(kind, section, table, besides=besides), thickness
 
 
 def _substrate(document: Mapping[str, Any]) -> Substrate | None:
@@ -247,6 +338,37 @@ def _substrate(document: Mapping[str, Any]) -> Substrate | None:
     return RIGID
 
 
+def _history(document: Mapping[str, Any]) -> History | None:
+    if "history" not in document:
+        return None
+    table = dict(_table(document, "history"))
+    models = {kind.model: kind for kind in History.models()}
+    name = table.pop("model", None)
+    if name not in models:
+        raise InputError(
+            f"[history] model: {name!r} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
+        )
+    history: History = _build(models[name], "history", table)
+    return history
+
+
+#: Keys that [solver] had once, and what to write now.
+_OLD_SOLVER_KEYS = {"method": "name", "accuracy": "rtol"}
+
+
+def _solver(table: Mapping[str, Any]) -> Solver:
+    for old, new in _OLD_SOLVER_KEYS.items():
+        if old in table:
+            value = table[old]
+            said = f'"{value}"' if isinstance(value, str) else value
+            raise InputError(f"[solver] {old} is now {new}: write {new} = {said}")
+    stated = {"name": "auto", **check(SolverSection, "solver", table)}
+    try:
+        return solver_named(**stated)
+    except InputError as error:
+        raise InputError(f"[solver] {error}") from error
+
+
 def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
     if "simulate" not in document:
         return None
@@ -256,6 +378,6 @@ def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
     return depths
 
 
-def _build(kind: type[Any], section: str, table: Mapping[str, Any]) -> Any:
-    """Make a dataclass from a section; its fields say which keys there are."""
-    return kind(**check(schema_of(kind, section), section, table))
+def _build(kind: type[Any], section: str, table: Mapping[str, Any], *, besides: tuple[str, ...] = ()) -> Any:
+    """Make a dataclass from a section; its fields, and `besides`, say which keys there are."""
+    return kind(**check(schema_of(kind), section, table, besides=besides))

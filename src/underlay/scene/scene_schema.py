@@ -4,23 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
+from pydantic.fields import FieldInfo
 
 from underlay.errors import InputError
-from underlay.scene.parameters import kind_of
+from underlay.quantities import quantity_of
+from underlay.scene.field_names import hint
 from underlay.units import parse_quantity
 
 __all__ = [
     "CurveSection",
+    "FieldInfo",
     "NoiseSection",
     "SimulateSection",
     "SolverSection",
-    "ThicknessSection",
     "check",
     "free_parameter_schema",
+    "kind_of_field",
     "schema_of",
 ]
 
@@ -29,21 +33,30 @@ _PRIORS = Literal["uniform", "loguniform", "normal", "lognormal", "halfnormal", 
 
 def _quantity(kind: str) -> BeforeValidator:
     """Validator that turns "1.5 mm" into 1.5e-3, and a list of such into a tuple, for this kind."""
-
-    def parse(value: Any) -> Any:
-        if isinstance(value, list):
-            return tuple(parse_quantity(entry, kind) for entry in value)
-        return parse_quantity(value, kind)
-
-    return BeforeValidator(parse)
+    return BeforeValidator(partial(_parse, kind))
 
 
-def schema_of(kind: type[Any], section: str) -> type[BaseModel]:
-    """Pydantic model of a section, from the dataclass it describes."""
+def _parse(kind: str, value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(parse_quantity(entry, kind) for entry in value)
+    return parse_quantity(value, kind)
+
+
+def kind_of_field(field: FieldInfo) -> str | None:
+    """Kind of quantity that a field of a section takes, or None if it takes none."""
+    for entry in field.metadata:
+        if isinstance(entry, BeforeValidator) and isinstance(entry.func, partial):
+            return str(entry.func.args[0])
+    return None
+
+
+def schema_of(kind: type[Any]) -> type[BaseModel]:
+    """Pydantic model of a section, from the dataclass it describes and what that declares of its numbers."""
     definitions: dict[str, Any] = {}
     for field in fields(kind):
-        default = ... if field.default is MISSING else field.default
-        definitions[field.name] = (Annotated[Any, _quantity(kind_of(f"{section}.{field.name}"))], default)
+        if not field.metadata.get("inlined"):
+            default = ... if field.default is MISSING else field.default
+            definitions[field.name] = (Annotated[Any, _quantity(quantity_of(field).kind)], default)
     return create_model(kind.__name__, __config__=ConfigDict(extra="forbid"), **definitions)
 
 
@@ -65,58 +78,123 @@ class _Section(BaseModel):
 class ThicknessSection(_Section):
     """``thickness`` of the layer."""
 
-    thickness: Annotated[float, _quantity("length")]
+    thickness: Annotated[float, _quantity("length")] = Field(
+        description="of the layer; left out, with no [substrate], for a half-space"
+    )
 
 
 class SolverSection(_Section):
     """``[solver]``: which law, how accurate."""
 
-    method: str = "auto"
-    rtol: Annotated[float, _quantity("dimensionless")] = 1e-6
-    order: int = Field(default=4, ge=0, le=4)
-    form: str = "auto"
+    name: str = Field(
+        default="auto", description="auto, exact, asymptotic, halfspace or the name of a published correction"
+    )
+    rtol: Annotated[float, _quantity("dimensionless")] = Field(
+        default=1e-6, description="relative error allowed in force, contact radius and stiffness"
+    )
+    order: int = Field(default=4, ge=0, le=4, description="order of the asymptotic law, 0 to 4")
+    form: str = Field(
+        default="auto", description="form of the asymptotic law: explicit, parametric, compliance or auto"
+    )
 
 
 class NoiseSection(_Section):
     """``[noise]``: what is known of the noise, or is to be made."""
 
-    force: Annotated[float, _quantity("force")] = 0.0
-    relative: Annotated[float, _quantity("dimensionless")] = 0.0
-    correlation_time: Annotated[float, _quantity("time")] = 0.0
-    depth: Annotated[float, _quantity("length")] = 0.0
+    force: Annotated[float, _quantity("force")] = Field(
+        default=0.0, description="standard deviation of a force reading"
+    )
+    relative: Annotated[float, _quantity("dimensionless")] = Field(
+        default=0.0, description="standard deviation that grows with the force, as a share of it"
+    )
+    correlation_time: Annotated[float, _quantity("time")] = Field(
+        default=0.0, description="how long the noise of the force hangs together; 0 is white"
+    )
+    depth: Annotated[float, _quantity("length")] = Field(
+        default=0.0, description="standard deviation of a depth reading"
+    )
+
+
+def _fittable_segment(value: Any) -> Any:
+    if value == "hold":
+        raise ValueError(
+            "a hold cannot be fitted: at one depth the force tells of time, not of depth. Allowed are "
+            "'loading', 'unloading' (of an elastic sample), 'all' and 'equilibrium' (the ends of the holds of a "
+            "stepwise test)"
+        )
+    return value
 
 
 class CurveSection(_Section):
-    """``[curve]``: which part of which file."""
+    """``[curve]``: which part of which file.
 
-    format: str | None = None
-    test: int | None = Field(default=None, ge=1)
-    segment: Literal["all", "loading", "unloading", "hold", "equilibrium"] = "loading"
-    columns: dict[str, str] | None = None
-    calibration: dict[str, str] | None = None
-    min_depth: Annotated[float, _quantity("length")] = -np.inf
-    max_depth: Annotated[float, _quantity("length")] = np.inf
+    ``flip`` turns the sign of the depth, the force or both; an empty list says that both are right as they are.
+    ``overrule`` names what is right in the scene where the file of the curve says another number.
+    """
+
+    file: str | None = Field(
+        default=None, description="the measured curve, beside the scene file: it says depth and noise"
+    )
+    format: str | None = Field(
+        default=None, description="name of the format, where the content does not tell; see underlay formats"
+    )
+    test: int | None = Field(default=None, ge=1, description="which test of a file of several, from 1")
+    segment: Annotated[
+        Literal["all", "loading", "unloading", "equilibrium"], BeforeValidator(_fittable_segment)
+    ] = Field(default="loading", description="which part is used")
+    flip: list[Literal["depth", "force"]] | None = Field(
+        default=None, description='whose sign is turned: ["force"]; [] says that both are right'
+    )
+    overrule: list[
+        Literal[
+            "indenter.radius",
+            "instrument.compliance",
+            "calibration.spring_constant",
+            "calibration.sensitivity",
+        ]
+    ] = Field(default=[], description="what is right here where the file of the curve says another number")
+    columns: dict[str, str] | None = Field(
+        default=None, description='of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }'
+    )
+    calibration: dict[str, str] | None = Field(
+        default=None, description='what an AFM file lacks: { spring_constant = "0.04 N/m", ... }'
+    )
+    min_depth: Annotated[float, _quantity("length")] = Field(
+        default=-np.inf, description="shallowest reading that is used"
+    )
+    max_depth: Annotated[float, _quantity("length")] = Field(
+        default=np.inf, description="deepest reading that is used"
+    )
 
 
 class SimulateSection(_Section):
     """``[simulate]``: depth readings of a made curve."""
 
-    max_depth: Annotated[float, _quantity("length")]
-    start: Annotated[float, _quantity("length")] = 0.0
-    points: int = Field(default=200, ge=2, le=10_000_000)
-    duration: Annotated[float, _quantity("time")] = 1.0
+    max_depth: Annotated[float, _quantity("length")] = Field(description="deepest reading")
+    start: Annotated[float, _quantity("length")] = Field(default=0.0, description="first reading")
+    points: int = Field(default=200, ge=2, le=10_000_000, description="number of readings")
+    duration: Annotated[float, _quantity("time")] = Field(default=1.0, description="from first to last")
 
 
-def check(model: type[BaseModel], section: str, table: Mapping[str, Any]) -> dict[str, Any]:
-    """Validate a section; keep only the keys the file gives, so that defaults stay with their owners."""
+def check(
+    model: type[BaseModel], section: str, table: Mapping[str, Any], *, besides: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """Validate a section; keep only the keys the file gives, so that defaults stay with their owners.
+
+    `besides` are keys of the section that something else reads: messages name them too.
+    """
     try:
         return model.model_validate(dict(table)).model_dump(exclude_unset=True)
     except ValidationError as error:
-        first = error.errors()[0]
+        # A key that is not known comes first: it is often the one that is missing, misspelt.
+        first = min(error.errors(), key=lambda found: found["type"] != "extra_forbidden")
         key = ".".join(str(part) for part in first["loc"])
-        allowed = ", ".join(model.model_fields)
+        allowed = [*model.model_fields, *besides]
         if first["type"] == "extra_forbidden":
-            raise InputError(f"[{section}] has no {key!r}; allowed: {allowed}") from error
+            meant = hint(key, allowed)
+            raise InputError(
+                f"[{section}] has no {key!r}{meant or ';'} allowed: {', '.join(allowed)}"
+            ) from error
         if first["type"] == "missing":
             raise InputError(f"[{section}] needs {key!r}") from error
         cause = first.get("ctx", {}).get("error")

@@ -2,67 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import tomlkit
 
+from underlay.errors import InputError
+from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Rigid
-from underlay.scene.parameters import kind_of
-
-if TYPE_CHECKING:
-    from underlay.scene.scene import Scene
+from underlay.mechanics.response import History
+from underlay.quantities import field_quantities
+from underlay.units import KINDS
 
 __all__ = ["scene_text"]
 
-_SI = {
-    "pressure": "Pa",
-    "length": "m",
-    "force": "N",
-    "stiffness": "N/m",
-    "compliance": "m/N",
-    "angle": "rad",
-    "time": "s",
-    "dimensionless": "",
-}
 
+def scene_text(scene: Any) -> str:
+    """Return a scene as the text of a scene file; quantities in SI units, to the last bit.
 
-def scene_text(scene: Scene) -> str:
-    """Return the scene as the text of a scene file; quantities in SI units, to the last bit."""
+    A section for every part, a key for every number its dataclass declares; what has its default is left out.
+    """
     document = tomlkit.document()
-    document["indenter"] = {"shape": scene.indenter.shape} | _quantities("indenter", scene.indenter)
-    document["layer"] = _quantities("layer", scene.layer.material)
-    if np.isfinite(scene.layer.thickness):
-        document["layer"]["thickness"] = _text(scene.layer.thickness, "length")
-    if isinstance(scene.substrate, Rigid):
-        document["substrate"] = {"rigid": True}
-    elif scene.substrate is not None:
-        document["substrate"] = _quantities("substrate", scene.substrate)
-    instrument = {
-        name: value
-        for name, value in _quantities("instrument", scene.instrument).items()
-        if getattr(scene.instrument, name)
-    }
-    if instrument:
-        document["instrument"] = instrument
+    for entry in fields(scene):
+        part = getattr(scene, entry.name)
+        table = {} if part is None else _name(part) | dict(_keys(part))
+        if table:
+            document[entry.name] = table
     return tomlkit.dumps(document)
 
 
-def _quantities(section: str, part: Any) -> dict[str, Any]:
-    return {
-        field.name: _value(getattr(part, field.name), kind_of(f"{section}.{field.name}"))
-        for field in fields(part)
-    }
+def _name(part: Any) -> dict[str, Any]:
+    """The key by which a scene file knows which kind of a part it is."""
+    if isinstance(part, Indenter):
+        return {"shape": part.shape}
+    if isinstance(part, History):
+        if not part.model:
+            raise InputError(f"{type(part).__name__} has no name in scene files: give its class a `model`")
+        return {"model": part.model}
+    return {"rigid": True} if isinstance(part, Rigid) else {}
 
 
-def _value(value: Any, kind: str) -> Any:
+def _keys(part: Any) -> Iterator[tuple[str, Any]]:
+    known = field_quantities(part)
+    for entry in fields(part):
+        value = getattr(part, entry.name)
+        if entry.metadata.get("inlined"):
+            yield from _keys(value)
+        elif entry.name in known and (np.ndim(value) or value != entry.default):
+            yield entry.name, _value(value, KINDS[known[entry.name].kind].si)
+
+
+def _value(value: Any, unit: str) -> Any:
     if np.ndim(value):
-        return [_text(float(entry), kind) for entry in value]
-    return _text(value, kind)
+        return [_text(float(entry), unit) for entry in value]
+    return _text(value, unit)
 
 
-def _text(value: float, kind: str) -> str | float:
+def _text(value: float, unit: str) -> str | float:
     # A shape from outside may hold numpy's floats, which write themselves otherwise.
-    unit, number = _SI[kind], float(value)
+    number = float(value)
     return f"{number!r} {unit}" if unit else number

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from importlib import metadata
+from pathlib import Path
 
+from underlay._door import printable
 from underlay.data.curve import Curve
 from underlay.data.readers import (
     afm,
@@ -21,11 +23,12 @@ from underlay.data.readers import (
     testxpert,
 )
 from underlay.data.readers._format import Format, Options
+from underlay.data.readers._jpk_map import JpkMapCurve, curves_of_jpk_map
 from underlay.data.readers._source import Source, load, unpack
 from underlay.errors import CurveError, FileFormatError, InputError, UnitError
 from underlay.units import parse_quantity
 
-__all__ = ["FORMATS", "Format", "read", "read_all"]
+__all__ = ["FORMATS", "Format", "JpkMapCurve", "curves_of_jpk_map", "read", "read_all", "read_from_map"]
 
 #: Every format, in the order in which they are tried on a file. Plain tables come last: many
 #: instrument files look like one.
@@ -87,6 +90,10 @@ def read(
     InputError
         If it holds several tests and `test` does not say which.
     """
+    if test is not None and len(parts := curves_of_jpk_map(path)) > 1:
+        if not 1 <= test <= len(parts):
+            raise InputError(f"there is no test {test}: {Path(path).name} holds {len(parts)} tests")
+        return read_from_map(parts[test - 1], format, columns, calibration=calibration)
     curves = read_all(path, format, columns, calibration=calibration)
     if test is None:
         if len(curves) == 1:
@@ -111,9 +118,31 @@ def read_all(
 
     An archive (.zip) of instrument files is read member by member, in memory.
     """
+    source = load(path)
+    curves = _read_source(source, format, columns, calibration)
+    return [curve.with_metadata(test=number) for number, curve in enumerate(curves, start=1)]
+
+
+def read_from_map(
+    place: JpkMapCurve,
+    format: str | Format | None = None,  # noqa: A002  as in read
+    columns: Mapping[str, str] | None = None,
+    *,
+    calibration: Mapping[str, str | float] | None = None,
+) -> Curve:
+    """Read one curve of a map on the disk, and nothing else of it; see `read`."""
+    (curve, *_) = _read_source(place.source(), format, columns, calibration)
+    return curve.with_metadata(name=place.name, test=place.number)
+
+
+def _read_source(
+    source: Source,
+    format: str | Format | None,  # noqa: A002  as in read
+    columns: Mapping[str, str] | None,
+    calibration: Mapping[str, str | float] | None,
+) -> list[Curve]:
     chosen = _format_named(format) if format is not None else None
     options = Options(columns, _calibration(calibration))
-    source = load(path)
     curves: list[Curve] = []
     for part in unpack(source):
         reader = chosen or recognise(part)
@@ -128,7 +157,7 @@ def read_all(
         curves.extend(_stamp(curve, part, reader) for curve in reader.read_all(part, options))
     if not curves:
         raise CurveError(f"{source.name} holds no curve")
-    return [curve.with_metadata(test=number) for number, curve in enumerate(curves, start=1)]
+    return curves
 
 
 def recognise(source: Source) -> Format:
@@ -180,7 +209,7 @@ def _is_of_kind(value: str | float, kind: str) -> bool:
 def _stamp(curve: Curve, source: Source, reader: Format) -> Curve:
     """Add to a curve where it came from."""
     return curve.with_metadata(
-        name=curve.metadata.get("name") or source.path.stem,
+        name=curve.metadata.get("name") or printable(source.path.stem),
         path=str(source.path),
         member=source.member or None,
         sha256=source.sha256,

@@ -17,6 +17,9 @@ from underlay.errors import CurveError, FileFormatError, UnderlayWarning
 
 __all__ = ["Format", "Options", "make_curve"]
 
+# Rows left out that are named.
+_LISTED = 5
+
 
 @dataclass(frozen=True)
 class Options:
@@ -72,6 +75,8 @@ def make_curve(
     force: FloatArray,
     time: FloatArray | None = None,
     segment: NDArray[np.str_] | None = None,
+    *,
+    columns: Mapping[str, FloatArray] | None = None,
     **metadata: Any,
 ) -> Curve:
     """Make a curve of SI columns, leaving out points without a value and saying so.
@@ -80,6 +85,8 @@ def make_curve(
     ----------
     depth, force, time, segment : ndarray (n,)
         NaN marks an empty cell or a sentinel.
+    columns : mapping of str to ndarray (n,), optional
+        Further columns of the curve; a NaN in one of these leaves no point out.
     **metadata
         What the reader knows of the curve.
 
@@ -96,7 +103,12 @@ def make_curve(
         raise CurveError(f"{source.name}: no point has both a depth and a force")
     notes = tuple(metadata.pop("notes", ()))
     if left_out:
-        note = f"{left_out} of {len(valid)} points left out: empty cell, NaN or sentinel value"
+        rows = ", ".join(str(row) for row in np.flatnonzero(~valid)[:_LISTED] + 1)
+        more = ", ..." if left_out > _LISTED else ""
+        note = (
+            f"{left_out} of {len(valid)} points left out: empty cell, NaN or sentinel value "
+            f"(row{'s' if left_out > 1 else ''} {rows}{more} of the table)"
+        )
         warnings.warn(f"{source.name}: {note}", UnderlayWarning, stacklevel=2)
         notes = (*notes, note)
     return Curve(
@@ -105,6 +117,7 @@ def make_curve(
         None if time is None else time[valid],
         None if segment is None else segment[valid],
         {**metadata, "notes": notes, "points_left_out": left_out},
+        columns={name: values[valid] for name, values in (columns or {}).items()},
     )
 
 

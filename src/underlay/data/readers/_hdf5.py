@@ -43,7 +43,7 @@ def open_checked(source: Source) -> Iterator[Any]:
         with h5py.File(io.BytesIO(source.data), "r") as file:
             _check(h5py, source, file)
             yield file
-    except (UnderlayError, MemoryError):
+    except UnderlayError:
         raise
     except Exception as error:  # h5py raises OSError, KeyError, RuntimeError and more on damaged files
         raise FileFormatError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -22,20 +23,30 @@ __all__ = ["ROLES", "find_columns", "table_curve"]
 #: What a column can be, and the kind of quantity it holds.
 ROLES = {"depth": "length", "force": "force", "time": "time", "segment": ""}
 
-# Names taken for granted; others are given by a column mapping. "position" and "z" are not here: their
-# direction differs between instruments.
+# Names taken for granted, without their accents; others are given by a column mapping. "position" and "z" are
+# not here: their direction differs between instruments. English, German, French, Spanish and Italian.
 _KNOWN = {
     "depth": (
-        "depth",
-        "indentation",
-        "indentation depth",
-        "penetration",
-        "penetration depth",
-        "displacement",
-        "h",
+        *(
+            "depth",
+            "indentation",
+            "indentation depth",
+            "penetration",
+            "penetration depth",
+            "displacement",
+            "h",
+        ),
+        *("eindringtiefe", "tiefe", "eindringung", "verschiebung", "weg", "standardweg"),
+        *("enfoncement", "profondeur", "penetration", "deplacement", "allongement"),
+        *("profundidad", "penetracion", "desplazamiento", "profondita", "penetrazione", "spostamento"),
     ),
-    "force": ("force", "load", "normal force", "fn", "f", "p"),
-    "time": ("time", "t", "test time"),
+    "force": (
+        *("force", "load", "normal force", "fn", "f", "p"),
+        *("kraft", "normalkraft", "prufkraft", "standardkraft", "last"),
+        *("force normale", "force standard", "charge", "effort"),
+        *("fuerza", "fuerza normal", "carga", "forza", "forza normale", "carico"),
+    ),
+    "time": ("time", "t", "test time", "zeit", "prufzeit", "temps", "temps d'essai", "tiempo", "tempo"),
     "segment": ("segment", "segments"),
 }
 _LABELS = (LOADING, HOLD, UNLOADING)
@@ -51,14 +62,14 @@ def find_columns(labels: Sequence[str], mapping: Mapping[str, str] | None) -> di
     mapping : mapping of role to name, optional
         Names with or without a unit, as ``{"depth": "h (nm)", "force": "-Fz"}``; the sign is ignored here.
     """
-    names = [split_label(label)[0].lower() for label in labels]
-    whole = [label.strip().lower() for label in labels]
+    names = [_plain(split_label(label)[0]) for label in labels]
+    whole = [_plain(label) for label in labels]
     found: dict[str, int] = {}
     for role in ROLES:
         wanted = (mapping or {}).get(role)
         if wanted is not None:
             text = wanted.strip().removeprefix("-").strip()
-            candidates: tuple[str, ...] = (text.lower(), split_label(text)[0].lower())
+            candidates: tuple[str, ...] = (_plain(text), _plain(split_label(text)[0]))
         else:
             candidates = _KNOWN[role]
         for candidate in candidates:
@@ -69,6 +80,12 @@ def find_columns(labels: Sequence[str], mapping: Mapping[str, str] | None) -> di
                 found[role] = names.index(candidate)
                 break
     return found
+
+
+def _plain(name: str) -> str:
+    """Name in small letters without accents, however these are coded."""
+    letters = unicodedata.normalize("NFKD", name.strip().lower())
+    return "".join(letter for letter in letters if not unicodedata.combining(letter)).replace("’", "'")
 
 
 def table_curve(

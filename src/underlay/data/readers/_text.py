@@ -27,6 +27,9 @@ __all__ = [
 #: Instruments write the largest double, or averages of it, for "no value".
 SENTINEL = 1e300
 
+# A row of the widest sheet that is read, 256 columns of 60 characters, is shorter. Python's csv module stops at
+# 131,072 characters with an error of its own.
+_LONGEST_LINE = 32_768
 # "Depth (nm)", "force [mN]", "Piezo speed  (um/s)"; the unit is the last bracket.
 _BRACKETED = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*(?:\([^()]*\))?[^()\[\]]*)[)\]]\s*")
 # "Time, s", "Position (z), mm"
@@ -79,6 +82,12 @@ def lines_of(source: Source) -> list[str]:
     lines = [line for line in re.split(r"[\r\n]+", decode(source)) if line.strip()]
     if not lines:
         raise FileFormatError(f"{source.name} holds nothing but blank lines")
+    for number, line in enumerate(lines, start=1):
+        if len(line) > _LONGEST_LINE and not line.startswith("#"):
+            raise FileFormatError(
+                f"{source.name} has {len(line)} characters in line {number} of those that are not blank; a row "
+                f"of a table has at most {_LONGEST_LINE}: export it again as a table with a row per point"
+            )
     return lines
 
 

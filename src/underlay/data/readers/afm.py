@@ -1,7 +1,7 @@
-"""Atomic force microscopes: JPK, NT-MDT, AFM Workshop, Asylum Igor and HDF5, through the package afmformats.
+"""Atomic force microscopes: JPK and .tab by our own readers; NT-MDT, AFM Workshop, Igor, HDF5 by afmformats.
 
 The content is recognised here and handed to afmformats in memory, because that package goes by the
-extension of the file. It returns the height of the scanner, falling towards the sample, and the force. The
+extension of the file. Both give the height of the scanner, falling towards the sample, and the force. The
 tip is at height + force / spring constant, so depth = -(height + force / spring constant); its zero is
 arbitrary and contact is found later. A file without a spring constant gives depth = -height, which still
 holds the bending of the cantilever: a note says so.
@@ -10,6 +10,7 @@ holds the bending of the cantilever: a note says so.
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import re
 import struct
@@ -25,8 +26,9 @@ from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._hdf5 import HDF5_MAGIC, is_own, open_checked
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import decode
-from underlay.data.readers.jpk import JpkCurve, check_claims, read_jpk
-from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
+from underlay.data.readers.afm_tab import TAB_MARK, read_tab
+from underlay.data.readers.jpk import JpkCurve, read_jpk
+from underlay.data.segments import HOLD, label_pieces, segments_from_motion
 from underlay.errors import FileFormatError, InputError, MissingExtraError, UnderlayError
 
 __all__ = ["FORMAT"]
@@ -44,6 +46,11 @@ _NTMDT_ROW = re.compile(r"-?\d+,\d+\t-?\d+,\d+\t-?\d+,\d+")
 # the detector as a current.
 _CALIBRATION = {"spring constant": "stiffness", "sensitivity": "sensitivity"}
 _CURRENT_CALIBRATION = {"spring constant": "stiffness", "sensitivity": "current sensitivity"}
+_QUANTITIES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
+# A segment that travels less than this share of the whole rests: creep under a held force is a few per cent.
+_REST = 0.1
+# Entries of an unknown file that are named.
+_LISTED = 8
 _KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
 
 
@@ -71,6 +78,8 @@ def _kind(source: Source) -> str:
     if data[:2] in _IGOR_ORDERS and _IGOR_NOTE in data:
         return "igor"
     head = source.head(2000)
+    if TAB_MARK in head:
+        return "tab"
     if head.startswith(_WORKSHOP) and "File Format" in head:
         return "workshop"
     lines = [line for line in head.split("\n") if line][:4]
@@ -80,24 +89,16 @@ def _kind(source: Source) -> str:
 def _read_all(source: Source, options: Options) -> list[Curve]:
     kind = _kind(source)
     if not kind:
-        raise FileFormatError(f"{source.name} is none of JPK, NT-MDT, AFM Workshop, Igor or HDF5")
+        raise FileFormatError(f"{source.name} is none of JPK, NT-MDT, AFM Workshop, Igor, HDF5 or .tab")
     override = _override(source, kind, options.calibration)
     if kind == "jpk":
-        return _read_jpk(source, override, options)
+        curves = enumerate(read_jpk(source, options.calibration), start=1)
+        return [_jpk_curve(source, number, curve, options.calibration) for number, curve in curves]
+    if kind == "tab":
+        if override:
+            raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
+        return [_curve(source, 1, *read_tab(source))]
     return _guarded(source, kind, override)
-
-
-def _read_jpk(source: Source, override: Mapping[str, float], options: Options) -> list[Curve]:
-    """Through afmformats, else by our own reader, with the reason noted."""
-    check_claims(source)
-    try:
-        return _guarded(source, "jpk", override)
-    except (FileFormatError, MissingExtraError) as error:
-        refusal = str(error)
-    return [
-        _own_curve(source, number, curve, refusal)
-        for number, curve in enumerate(read_jpk(source, options.calibration), start=1)
-    ]
 
 
 def _guarded(source: Source, kind: str, override: Mapping[str, float]) -> list[Curve]:
@@ -137,22 +138,25 @@ def _afmformats() -> Any:
         ) from error
 
 
-def _load_jpk(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
-    stream = _NamedStream(source.data, str(source.path))
-    cache = formats.fmt_jpk.jpk_reader.ArchiveCache.open_archives
-    try:
-        return _curves(source, formats.fmt_jpk.load_jpk(stream, meta_override=dict(override)))
-    finally:
-        opened = cache.pop(stream, None)  # the package keeps the last archives open for ever
-        if opened is not None:
-            opened.close()
-
-
 def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
     if override:
         raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
     with open_checked(source) as file:
+        _require_afmformats(source, file)
         return _curves(source, formats.fmt_hdf5.load_hdf5(file))
+
+
+def _require_afmformats(source: Source, file: Any) -> None:
+    """Refuse a sound HDF5 file whose layout is not known here, and say what it holds."""
+    group = file.get("0")
+    if "software" in file.attrs and group is not None and {"force"} <= set(group):
+        return
+    there = ", ".join(repr(name) for name in list(file)[:_LISTED]) or "nothing"
+    raise FileFormatError(
+        f"{source.name} is an HDF5 file of a layout not known here (it holds {there}): known are those written "
+        "by underlay and by afmformats. Export its curves as text with names and units in the first row, such "
+        "as 'depth (um),force (mN),time (s)', or read it in Python and make an underlay.Curve of its columns"
+    )
 
 
 def _load_igor(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
@@ -190,7 +194,6 @@ def _load_ntmdt(formats: Any, source: Source, override: Mapping[str, float]) -> 
 
 
 _LOADERS = {
-    "jpk": _load_jpk,
     "hdf5": _load_hdf5,
     "igor": _load_igor,
     "workshop": _load_workshop,
@@ -213,7 +216,7 @@ def _curve(source: Source, number: int, data: Any, found: Any) -> Curve:
     time = _column(data, "time") if "time" in names else None
     stiffness = found.get("spring constant")
     notes = []
-    if stiffness is None:
+    if not stiffness:
         notes.append(
             "depth still holds the bending of the cantilever: give calibration={'spring_constant': ...}, "
             "or set the instrument's compliance to its inverse"
@@ -239,11 +242,15 @@ def _curve(source: Source, number: int, data: Any, found: Any) -> Curve:
             "segment": "from the file's segments where it has several, else from the motion of the height",
         },
         notes=notes,
+        bending_taken_off=bool(stiffness),
         **known,
     )
 
 
-def _own_curve(source: Source, number: int, curve: JpkCurve, refusal: str) -> Curve:
+def _jpk_curve(source: Source, number: int, curve: JpkCurve, given: Mapping[str, float]) -> Curve:
+    known: dict[str, Any] = {_QUANTITIES[name]: value for name, value in {**curve.known, **given}.items()}
+    # What the file says stands beside what was given in its place.
+    known |= {f"file_{_QUANTITIES[name]}": value for name, value in curve.known.items() if name in given}
     return make_curve(
         source,
         -(curve.height + curve.force / curve.stiffness),
@@ -251,15 +258,16 @@ def _own_curve(source: Source, number: int, curve: JpkCurve, refusal: str) -> Cu
         curve.time,
         np.array(curve.segment, dtype="<U9"),
         name=_name(source, number),
+        header=curve.about,
         units={"height": "m", "force": "N", "time": "s"},
         sign_rules={
             "depth": "minus (height + force / spring constant)",
             "force": "positive in compression, as the file's calibration gives it",
-            "segment": "from the file's segments",
+            "segment": "from the header of each segment",
         },
-        spring_constant=curve.stiffness,
         position=curve.position,
-        notes=[f"read by underlay's own reader, because: {refusal}"],
+        bending_taken_off=True,
+        **known,
     )
 
 
@@ -272,17 +280,22 @@ def _column(data: Any, name: str) -> FloatArray:
 
 
 def _segments(data: Any, height: FloatArray, time: FloatArray | None) -> Any:
-    """First segment in, last one out, pauses between."""
+    """Label each numbered segment by its motion: the numbers say where one ends, not what it is."""
+    if not np.isfinite(height).all():
+        return None
     numbers = np.asarray(data["segment"]) if "segment" in set(data) else np.zeros(len(height))
-    last = numbers.max(initial=0)
-    if last == 0:
-        return segments_from_motion(-height, time) if np.isfinite(height).all() else None
-    return np.where(numbers == 0, LOADING, np.where(numbers == last, UNLOADING, HOLD))
+    ends = np.flatnonzero(np.diff(numbers)) + 1
+    if not ends.size:
+        return segments_from_motion(-height, time)
+    starts = np.concatenate(([0], ends, [len(height)]))
+    travel = np.abs([height[last - 1] - height[first] for first, last in itertools.pairwise(starts)])
+    resting = starts[:-1][travel < _REST * np.ptp(height)]
+    return label_pieces(-height, starts, {int(first): HOLD for first in resting})
 
 
 FORMAT = Format(
     name="afm",
-    description="AFM files: JPK, NT-MDT, AFM Workshop, Asylum Igor, HDF5 of afmformats",
+    description="AFM files: JPK, NT-MDT, AFM Workshop, Asylum Igor, HDF5 and .tab of afmformats",
     sniff=_sniff,
     read_all=_read_all,
     extra="afm",

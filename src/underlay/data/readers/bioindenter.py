@@ -3,6 +3,10 @@
 A free-text header with the protocol and the vendor's analyses, the line ``Measured values``, and a table
 ``Time (s)  Pd (um)  Fn (uN)  FnRef (uN)  SegmentID`` with tabs. Penetration depth and normal force are
 positive into the sample as written. Zero depth is where the head first met the contact force, not contact.
+
+Segments, as the protocol numbers them. ``+ Advanced``: 1 load, 2 the pause, 3 unload, 4 retract; its line
+``Linear loading`` is a setting and no step. ``+ User defined profile``: 0 is the approach and the first listed
+step is 1.
 """
 
 from __future__ import annotations
@@ -29,8 +33,11 @@ _TABLE = "Measured values"
 _KINDS = {"time": "time", "pd": "length", "fn": "force"}
 # "Max load :<tab>1000.00 <tab>uN", "EHz=<tab>755.57 <tab>kPa", "Loading rate : 2000.00 uN/min"
 _PAIR = re.compile(r"\s*(.+?)\s*(?::\s|=)\s*(.*?)\s*")
-# The numbers of the automatic protocol's segments: load, pause, unload, retract.
-_PAUSES_OF_ADVANCED = frozenset({2})
+# "Linear load 20.00 uN ; 100.00 uN/min", "Pause in depth 120 s": a step has its numbers on its line.
+_STEP = re.compile(r"\s*(linear|pause in)\s+(?:load|depth)\b.*\d", re.IGNORECASE)
+_PROFILE = re.compile(r"\s*\+?\s*user defined profile", re.IGNORECASE)
+# The number of the pause in the automatic protocol: load, pause, unload, retract.
+_PAUSE_OF_ADVANCED = 2
 
 
 def _sniff(source: Source) -> bool:
@@ -87,9 +94,12 @@ def _header(lines: Sequence[str]) -> dict[str, str]:
 
 
 def _known_numbers(header: dict[str, str]) -> dict[str, Any]:
-    """Reduced modulus of the vendor's Hertz fit (Pa), as a bound to compare with."""
+    """Reduced modulus E / (1 - nu^2) of the vendor's Hertz fit (Pa), to compare with."""
     try:
-        return {"instrument_reduced_modulus": parse_quantity(header["ErHz"], "pressure")}
+        return {
+            "instrument_reduced_modulus": parse_quantity(header["ErHz"], "pressure"),
+            "instrument_model": "Hertz",
+        }
     except (KeyError, UnitError):  # not every export holds an analysis; nothing depends on it
         return {}
 
@@ -98,15 +108,18 @@ def _segments(lines: Sequence[str], ids: FloatArray, depth: FloatArray) -> NDArr
     """Label each run of one SegmentID: a pause of the protocol is a hold, else the motion decides."""
     if not np.isfinite(ids).all() or not np.isfinite(depth).all():
         return None
-    steps = [
-        line.strip().lower()
-        for line in lines
-        if re.match(r"\s*(linear|pause) (in )?(load|depth)", line, re.IGNORECASE)
-    ]
-    pauses = {i for i, step in enumerate(steps) if step.startswith("pause")} if steps else _PAUSES_OF_ADVANCED
+    pauses = _pauses(lines)
     starts = np.concatenate(([0], np.flatnonzero(np.diff(ids)) + 1, [len(ids)]))
     known = {int(first): HOLD for first in starts[:-1] if int(ids[first]) in pauses}
     return label_pieces(depth, starts, known)
+
+
+def _pauses(lines: Sequence[str]) -> set[int]:
+    """SegmentIDs of the pauses of a protocol."""
+    if not any(map(_PROFILE.match, lines)):
+        return {_PAUSE_OF_ADVANCED}
+    steps = [matched.group(1).lower() for matched in map(_STEP.match, lines) if matched]
+    return {number for number, step in enumerate(steps, start=1) if step.startswith("pause")}
 
 
 FORMAT = Format(

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import re
 from collections.abc import Sequence
 from typing import Any
 
+from underlay._documents import parse_json
 from underlay.data.curve import Curve
 from underlay.data.export import METADATA_MARK
 from underlay.data.readers._format import Format, Options
@@ -23,16 +23,16 @@ from underlay.data.readers._table import find_columns, table_curve
 from underlay.data.readers._text import is_number, lines_of
 from underlay.data.readers.exported import restored
 from underlay.errors import FileFormatError, UnitError
-from underlay.units import parse_quantity
+from underlay.units import kind_of, parse_quantity
 
-__all__ = ["FORMAT"]
+__all__ = ["COMMENTED_NUMBERS", "FORMAT"]
 
 # How far down the row of names is looked for.
 _MAX_PREAMBLE = 80
-# Comments that carry a number.
-_KNOWN_NUMBERS = {"indenter_radius": "length", "spring_constant": "stiffness"}
+#: Comments that carry a number, as in ``# indenter radius: 27.5 um``, and the SI unit of each.
+COMMENTED_NUMBERS = {"indenter_radius": "m", "spring_constant": "N/m", "instrument_reduced_modulus": "Pa"}
 _COMMENT = ("#", "%", "//")
-_LABEL_WITH_UNIT = re.compile(r"[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
+_LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 
 
 def _sniff(source: Source) -> bool:
@@ -127,9 +127,9 @@ def _known_numbers(comments: Sequence[str]) -> dict[str, float]:
     for comment in comments:
         key, _, value = comment.partition(":")
         name = key.strip().lower().replace(" ", "_")
-        if name in _KNOWN_NUMBERS:
+        if name in COMMENTED_NUMBERS:
             try:
-                known[name] = parse_quantity(value, _KNOWN_NUMBERS[name])
+                known[name] = parse_quantity(value, kind_of(COMMENTED_NUMBERS[name]) or "dimensionless")
             except UnitError as error:
                 raise UnitError(f"comment {comment!r:.80}: {error}") from error
     return known
@@ -140,7 +140,7 @@ def _stored(comments: Sequence[str]) -> Any:
     for comment in comments:
         if comment.startswith(METADATA_MARK):
             try:
-                return json.loads(comment.removeprefix(METADATA_MARK))
+                return parse_json(comment.removeprefix(METADATA_MARK))
             except (ValueError, RecursionError):  # a comment that is not ours after all
                 return None
     return None

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay._documents import parse_json
+from underlay._door import understood
 from underlay.data.curve import Curve
 from underlay.data.export import HDF5_MARK
 from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._hdf5 import is_own, open_checked
-from underlay.data.readers._source import Source
+from underlay.data.readers._source import CURVES, Source
 from underlay.data.readers._text import decode
 from underlay.errors import FileFormatError
 
@@ -25,6 +27,7 @@ _PROVENANCE = ("path", "member", "sha256", "format", "reader", "test")
 _SIGNS = {"depth": "as exported", "force": "as exported"}
 # What the reading says anew.
 _ANEW = ("units", "points_left_out", "comments")
+_LARGEST = 2**53
 # What other parts rely on being a number.
 _NUMBERS = (
     "indenter_radius",
@@ -59,19 +62,31 @@ def restored(curve: Curve, about: Any) -> Curve:
     notes = metadata.pop("notes", [])
     told = [note for note in notes if isinstance(note, str)] if isinstance(notes, list) else []
     truth = about.get("truth")
-    return Curve(
-        curve.depth,
-        curve.force,
-        curve.time,
-        curve.segment,
-        {
+    return replace(
+        curve,
+        metadata={
             **curve.metadata,
             **metadata,
             **({"origin": origin} if origin else {}),
             "notes": (*told, *curve.metadata["notes"]),
         },
-        truth if isinstance(truth, dict) else None,
+        truth=truth if isinstance(truth, dict) else None,
+        columns=_further(about.get("columns"), len(curve)),
     )
+
+
+def _further(stored: Any, length: int) -> dict[str, FloatArray]:
+    """Further columns (SI) as far as they are columns of numbers, null for none, as long as the curve."""
+    columns = {}
+    for name, values in (stored if isinstance(stored, dict) else {}).items():
+        if isinstance(values, list) and len(values) == length and all(map(_is_number_or_none, values)):
+            columns[name] = np.array(values, dtype=np.float64)
+    return columns
+
+
+def _is_number_or_none(value: Any) -> bool:
+    # Whole numbers of any length are JSON; beyond a float they are no reading.
+    return value is None or isinstance(value, float) or (type(value) is int and abs(value) < _LARGEST)
 
 
 def _sniff_json(source: Source) -> bool:
@@ -81,10 +96,8 @@ def _sniff_json(source: Source) -> bool:
 
 def _read_json(source: Source, options: Options) -> list[Curve]:
     del options
-    try:
-        content = json.loads(decode(source))
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(f"{source.name} is damaged JSON: {error!s:.120}") from error
+    with understood(source.name, CURVES):
+        content = parse_json(decode(source))
     entries = content.get("curves") if isinstance(content, dict) else None
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise FileFormatError(f"{source.name} holds no list of curves")
@@ -106,7 +119,7 @@ def _read_hdf5(source: Source, options: Options) -> list[Curve]:
             if segment is not None:
                 columns["segment"] = np.char.decode(np.asarray(segment, dtype=np.bytes_), "ascii").tolist()
             about = group["about"][()] if "about" in group else b"{}"
-            curves.append(_curve(source, columns, json.loads(bytes(about))))
+            curves.append(_curve(source, columns, parse_json(bytes(about).decode("utf-8"))))
     return curves
 
 

@@ -1,8 +1,13 @@
-"""JPK force archives where afmformats refuses: any number and kind of pauses, or that package not installed.
+"""JPK force archives: curves, maps and quantitative imaging, with any number and order of segments.
 
-A ZIP archive of Java property files and big-endian integers. The properties of a channel lead from integers
+A ZIP archive of Java property files and big-endian numbers. The properties of a channel lead from integers
 to volts (encoder), from volts to a distance (sensitivity) and from there to a force (spring constant); newer
-files keep them in ``shared-data/header.properties`` and point there by number.
+files keep them in ``shared-data/header.properties`` and point there by number. A channel of type ``float-data``
+holds the unit at which its conversions begin. What a segment is stands in its own header.
+
+Why not through afmformats (0.18): it refuses pauses at constant height, several pauses and floats, and numbers
+segments without saying what they are. Where it reads a file, the numbers are the same to the last bit
+(`tests/test_real_files.py`).
 """
 
 from __future__ import annotations
@@ -10,7 +15,7 @@ from __future__ import annotations
 import re
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,14 +24,13 @@ from underlay.data.readers._source import Source, open_zip, read_member
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError, InputError
 
-__all__ = ["JpkCurve", "check_claims", "read_jpk"]
+__all__ = ["JpkCurve", "read_jpk"]
 
 _HEADER = "segment-header.properties"
 _SHARED = "shared-data/header.properties"
 _GENERAL = "header.properties"
 _SLOT = re.compile(r"(.+\.conversion-set)\.conversion\.([^.]+)\.base-calibration-slot")
 _SEGMENT = re.compile(r"((?:index/\d{1,9}/)?)segments/(\d{1,9})/" + re.escape(_HEADER))
-_POINTS = re.compile(rb"num-points=([^\r\n]*)")
 _HEIGHTS = ("measuredHeight", "strainGaugeHeight", "capacitiveSensorHeight", "height")
 _INTEGERS = {
     "signedshort": ">i2",
@@ -35,8 +39,18 @@ _INTEGERS = {
     "unsignedinteger": ">u4",
     "signedlong": ">i8",
 }
-_STYLES = {"extend": LOADING, "pause": HOLD, "retract": UNLOADING}
-_MOST_POINTS = 20_000_000
+_FLOATS = "float-data"
+_STYLES = {"extend": LOADING, "pause": HOLD, "modulation": HOLD, "retract": UNLOADING}
+# Where a segment says what it is, in files of different ages.
+_STYLE_KEYS = tuple(
+    f"force-segment-header.{place}style" for place in ("settings.segment-settings.", "settings.", "")
+)
+# From the base of the deflection to the force: what each step is multiplied by, and what a caller may give.
+_STEPS = {"distance": "sensitivity", "force": "stiffness"}
+# More points than a number of so many digits says are in no file.
+_DIGITS = 12
+# What is worth showing of the general header, by the end of its key.
+_ABOUT = {"instrument": ".description.instrument", "software version": ".description.source-software"}
 
 
 @dataclass(frozen=True)
@@ -53,6 +67,10 @@ class JpkCurve:
         Spring constant (N/m).
     position : tuple of float
         Place on the sample (m); empty if not written.
+    known : mapping of str to float
+        What the file itself says, as far as it does: ``stiffness`` (N/m), ``sensitivity`` (m/V).
+    about : mapping of str to str
+        Instrument and software.
     """
 
     height: FloatArray
@@ -61,38 +79,8 @@ class JpkCurve:
     segment: tuple[str, ...]
     stiffness: float
     position: tuple[float, ...] = ()
-
-
-def check_claims(source: Source) -> None:
-    """Refuse an archive that would keep a trusting reader busy for ever or take all memory.
-
-    Raises
-    ------
-    FileFormatError
-        If it is damaged, unpacks to too much, claims more points in a segment than any file holds, or its
-        conversions lead in a circle.
-    """
-    with open_zip(source) as archive:
-        names = archive.namelist()
-        for name in names:
-            if name.endswith("header.properties"):
-                for claim in _POINTS.findall(read_member(archive, name)):
-                    if not _is_sane(claim):
-                        raise FileFormatError(
-                            f"{source.name} claims {claim[:40].decode('latin-1')!r} points in a segment"
-                        )
-        shared = _properties(archive, _SHARED) if _SHARED in names else {}
-        general = _properties(archive, _GENERAL) if _GENERAL in names else {}
-        for name in names:
-            matched = _SEGMENT.fullmatch(name)
-            if matched:
-                index = matched.group(1) + _GENERAL
-                header = _properties(archive, index) if index in names else {}
-                merged = {**_with_shared({**header, **_properties(archive, name)}, shared), **general}
-                for key in merged:
-                    found = _SLOT.fullmatch(key)
-                    if found:
-                        _chain(source, merged, found.group(1), found.group(2))
+    known: Mapping[str, float] = field(default_factory=dict)
+    about: Mapping[str, str] = field(default_factory=dict)
 
 
 def _chain(source: Source, header: Mapping[str, str], conversions: str, slot: str) -> list[str]:
@@ -105,13 +93,6 @@ def _chain(source: Source, header: Mapping[str, str], conversions: str, slot: st
         chain.append(slot)
         slot = header.get(f"{conversions}.conversion.{slot}.base-calibration-slot", base)
     return chain
-
-
-def _is_sane(claim: bytes) -> bool:
-    try:
-        return 0.0 <= float(claim) <= _MOST_POINTS
-    except ValueError:
-        return False
 
 
 def read_jpk(source: Source, calibration: Mapping[str, float]) -> list[JpkCurve]:
@@ -169,42 +150,81 @@ def _curve(
 ) -> JpkCurve:
     heights, forces, times = [], [], []
     labels: list[str] = []
-    start = 0.0
-    stiffness = 0.0
+    start, known, general = 0.0, {}, _general(archive, names, folder)
     for number in numbers:
         place = f"{folder}segments/{number}/"
         header = _with_shared(_properties(archive, place + _HEADER), shared)
         height_name = next((name for name in _HEIGHTS if f"{place}channels/{name}.dat" in names), None)
         if height_name is None or f"{place}channels/vDeflection.dat" not in names:
             raise FileFormatError(f"{source.name}, {place} lacks the channel of the height or the deflection")
-        volts = _raw(source, archive, place, header, "vDeflection")
-        sensitivity = calibration.get("sensitivity") or _scaling(source, header, "vDeflection", "distance")
-        stiffness = calibration.get("stiffness") or _scaling(source, header, "vDeflection", "force")
-        forces.append(volts * sensitivity * stiffness)
+        known = _calibration(source, header)
+        deflection = _raw(source, archive, place, header, "vDeflection")
+        forces.append(_force(source, header, deflection, {**known, **calibration}))
         heights.append(_height(source, archive, place, header, height_name))
-        if len(heights[-1]) != len(volts):
+        if len(heights[-1]) != len(deflection):
             raise FileFormatError(f"{source.name}, {place}: channels of different lengths")
         duration = _number(source, header, "force-segment-header.duration")
-        times.append(start + np.arange(len(volts)) * (duration / max(len(volts), 1)))
+        times.append(start + np.arange(len(deflection)) * (duration / max(len(deflection), 1)))
         start += duration
-        style = header.get(
-            "force-segment-header.settings.style", header.get("force-segment-header.style", "")
-        )
-        if style not in _STYLES:
-            raise FileFormatError(f"{source.name}, {place}: unknown kind of segment {style!r:.40}")
-        labels += [_STYLES[style]] * len(volts)
+        labels += [_style(source, header, place)] * len(deflection)
+    stiffness = calibration.get("stiffness") or known.get("stiffness")
+    if stiffness is None:
+        raise _uncalibrated(source)
     return JpkCurve(
         np.concatenate(heights),
         np.concatenate(forces),
         np.concatenate(times),
         tuple(labels),
-        float(stiffness),
-        _position(source, archive, names, folder),
+        stiffness,
+        _position(source, general),
+        known,
+        {name: value for name, end in _ABOUT.items() for key, value in general.items() if key.endswith(end)},
     )
 
 
-def _position(source: Source, archive: zipfile.ZipFile, names: set[str], folder: str) -> tuple[float, ...]:
-    header = _properties(archive, folder + _GENERAL) if folder + _GENERAL in names else {}
+def _general(archive: zipfile.ZipFile, names: set[str], folder: str) -> dict[str, str]:
+    """Properties of the whole file, and of the curve in a map."""
+    places = [place for place in dict.fromkeys((_GENERAL, folder + _GENERAL)) if place in names]
+    return {key: value for place in places for key, value in _properties(archive, place).items()}
+
+
+def _style(source: Source, header: Mapping[str, str], place: str) -> str:
+    """Label of a segment, from its own header."""
+    style = next((header[key] for key in _STYLE_KEYS if key in header), "")
+    if style not in _STYLES:
+        raise FileFormatError(f"{source.name}, {place}: unknown kind of segment {style!r:.40}")
+    return _STYLES[style]
+
+
+def _calibration(source: Source, header: Mapping[str, str]) -> dict[str, float]:
+    keys = {
+        name: f"channel.vDeflection.conversion-set.conversion.{step}.scaling.multiplier"
+        for step, name in _STEPS.items()
+    }
+    return {name: _number(source, header, key) for name, key in keys.items() if key in header}
+
+
+def _force(
+    source: Source, header: Mapping[str, str], values: FloatArray, calibration: Mapping[str, float]
+) -> FloatArray:
+    """Force in newtons, from the base of the deflection on."""
+    base = header.get("channel.vDeflection.conversion-set.conversions.base", "volts")
+    steps = list(_STEPS)
+    for step in steps[steps.index(base) + 1 if base in steps else 0 :]:
+        if _STEPS[step] not in calibration:
+            raise _uncalibrated(source)
+        values = values * calibration[_STEPS[step]]
+    return values
+
+
+def _uncalibrated(source: Source) -> InputError:
+    return InputError(
+        f"{source.name} does not hold its calibration; give calibration={{'spring_constant': '0.04 N/m', "
+        "'sensitivity': '60 nm/V'} with your numbers"
+    )
+
+
+def _position(source: Source, header: Mapping[str, str]) -> tuple[float, ...]:
     keys = [key for axis in "xy" for key in header if key.endswith(f".header.position.{axis}")]
     return tuple(_number(source, header, key) for key in keys) if len(keys) == 2 else ()
 
@@ -236,19 +256,38 @@ def _number(source: Source, header: Mapping[str, str], key: str) -> float:
 def _raw(
     source: Source, archive: zipfile.ZipFile, place: str, header: Mapping[str, str], channel: str
 ) -> FloatArray:
-    """Channel in the unit of its encoder (V, or m for some heights)."""
+    """Channel in the unit at which its conversions begin (V, or m for some heights)."""
+    content = read_member(archive, f"{place}channels/{channel}.dat")
     prefix = f"channel.{channel}.data.encoder"
     if f"{prefix}.type" not in header:
         prefix = f"channel.{channel}.encoder"
     kind = header.get(f"{prefix}.type", "")
-    if kind not in _INTEGERS:
+    is_float = not kind and _FLOATS in (
+        header.get(f"channel.{channel}.data.type"),
+        header.get(f"channel.{channel}.type"),
+    )
+    if not is_float and kind not in _INTEGERS:
         raise FileFormatError(f"{source.name}, {place}: unknown encoding {kind!r:.40} of {channel}")
-    content = read_member(archive, f"{place}channels/{channel}.dat")
-    dtype = np.dtype(_INTEGERS[kind])
-    if len(content) % dtype.itemsize:
-        raise FileFormatError(f"{source.name}, {place}: the channel {channel} is cut short")
+    claimed = _claimed(source, header, place)
+    # Floats are single unless there are twice as many bytes.
+    dtype = np.dtype((">f8" if len(content) == 8 * claimed else ">f4") if is_float else _INTEGERS[kind])
+    if len(content) % dtype.itemsize or len(content) < claimed * dtype.itemsize:
+        raise FileFormatError(
+            f"{source.name}, {place}: the channel {channel} is cut short; the header claims {claimed} points "
+            f"and {len(content)} bytes are there"
+        )
+    values = np.frombuffer(content, dtype)
+    if is_float:
+        return values.astype(np.float64)
     multiplier = _number(source, header, f"{prefix}.scaling.multiplier")
-    return np.frombuffer(content, dtype) * multiplier + _number(source, header, f"{prefix}.scaling.offset")
+    return values * multiplier + _number(source, header, f"{prefix}.scaling.offset")
+
+
+def _claimed(source: Source, header: Mapping[str, str], place: str) -> int:
+    claim = header.get("force-segment-header.num-points", "0")
+    if not claim.isdecimal() or len(claim) > _DIGITS:
+        raise FileFormatError(f"{source.name}, {place}: claims {claim!r:.40} points in a segment")
+    return int(claim)
 
 
 def _height(
@@ -264,13 +303,3 @@ def _height(
             values = values * _number(source, header, f"{prefix}.multiplier")
             values = values + _number(source, header, f"{prefix}.offset")
     return values
-
-
-def _scaling(source: Source, header: Mapping[str, str], channel: str, slot: str) -> float:
-    key = f"channel.{channel}.conversion-set.conversion.{slot}.scaling.multiplier"
-    if key not in header:
-        raise InputError(
-            f"{source.name} does not hold its calibration; give calibration={{'spring_constant': '0.04 N/m', "
-            "'sensitivity': '60 nm/V'} with your numbers"
-        )
-    return _number(source, header, key)

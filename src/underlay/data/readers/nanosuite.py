@@ -2,9 +2,14 @@
 
 One sheet per test. Row 1 names, row 2 units, numbers below. The first column is a marker, filled only at
 the first row of a segment (``Load Segment Type``, ``Hold Segment Type``, ``Unload From Peak Segment Type``,
-``END``). The order of the columns differs between files, so they are found by name. Sheets of averages
-(with ``STANDARD DEVIATION`` columns) and sheets without the columns are left out. Values such as
-1.797e308 mean that there is none. Signs are as written: displacement into the surface, load on the sample.
+``END``). The order of the columns differs between files, so they are found by name. Sheets without columns
+for displacement and load are left out. Values such as 1.797e308 mean that there is none. Signs are as written:
+displacement into the surface, load on the sample.
+
+Where the stiffness was measured dynamically, the harmonic contact stiffness S = dP/dh stands in
+``curve.columns["contact_stiffness"]``. A sheet with columns ``STANDARD DEVIATION (x)`` is an average of tests:
+the deviations, the scatter of one test about the average, stand in ``depth_scatter``, ``force_scatter`` and
+``contact_stiffness_scatter``. Averages come after the tests of a workbook.
 """
 
 from __future__ import annotations
@@ -14,6 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._sheets import Sheet, is_xls, sheets_of
@@ -21,6 +27,7 @@ from underlay.data.readers._source import Source
 from underlay.data.readers._text import column_factor, numbers
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError
+from underlay.units import format_quantity
 
 __all__ = ["FORMAT"]
 
@@ -28,8 +35,10 @@ _COLUMNS = {
     "depth": ("displacement into surface", "displacement", "indentation depth", "depth"),
     "force": ("load on sample", "load", "force"),
     "time": ("time on sample", "time"),
+    "contact_stiffness": ("harmonic contact stiffness", "contact stiffness"),
 }
-_KINDS = {"depth": "length", "force": "force", "time": "time"}
+_KINDS = {"depth": "length", "force": "force", "time": "time", "contact_stiffness": "stiffness"}
+_DEVIATION = "standard deviation ({})"
 _MARKER = "Segment Type"
 _LOAD_COLUMN = "Load On Sample"
 
@@ -54,22 +63,23 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
             curves.append(_curve(source, sheet, found))
     if not curves:
         raise FileFormatError(f"{source.name} has no sheet with columns for displacement and load")
-    return curves
+    # Whoever counts tests counts the single ones first.
+    return sorted(curves, key=lambda curve: "depth_scatter" in curve.columns)
 
 
 def _find(sheet: Sheet) -> dict[str, int] | None:
-    """Columns of a sheet that is a test, else None."""
+    """Columns of a sheet that is a test or an average of tests, else None."""
     if len(sheet.rows) < 3:
         return None
     names = [cell.lower() for cell in sheet.rows[0]]
-    if any("standard deviation" in name for name in names):
-        return None
-    found = {
-        role: names.index(name)
-        for role, candidates in _COLUMNS.items()
-        for name in reversed(candidates)
-        if name in names
-    }
+    found: dict[str, int] = {}
+    for role, candidates in _COLUMNS.items():
+        name = next((name for name in candidates if name in names), None)
+        if name is None:
+            continue
+        found[role] = names.index(name)
+        if (deviation := _DEVIATION.format(name)) in names and role != "time":
+            found[f"{role}_scatter"] = names.index(deviation)
     return found if {"depth", "force"} <= found.keys() else None
 
 
@@ -79,28 +89,42 @@ def _curve(source: Source, sheet: Sheet, found: dict[str, int]) -> Curve:
     rows = [row for row in sheet.rows[2:] if len(row) > max(found.values())]
     if not rows:
         raise FileFormatError(f"{where} has no rows of numbers")
-    roles = list(found)
-    table = numbers(rows, [found[role] for role in roles], where)
+    table = numbers(rows, list(found.values()), where)
     columns = {
-        role: table[:, j] * column_factor(units[found[role]], _KINDS[role], sheet.rows[0][found[role]], where)
-        for j, role in enumerate(roles)
+        role: table[:, j]
+        * column_factor(units[at], _KINDS[role.removesuffix("_scatter")], sheet.rows[0][at], where)
+        for j, (role, at) in enumerate(found.items())
     }
     segment = _segments([row[0] for row in rows])
+    scatter = columns.get("force_scatter")
     return make_curve(
         source,
-        columns["depth"],
-        columns["force"],
-        columns.get("time"),
+        columns.pop("depth"),
+        columns.pop("force"),
+        columns.pop("time", None),
         segment,
-        name=f"{source.path.stem}, sheet {sheet.name}",
+        columns=columns,
+        name=f"{source.path.stem}, sheet {sheet.name}{' (average of tests)' if scatter is not None else ''}",
         sheet=sheet.name,
-        units={sheet.rows[0][found[role]]: units[found[role]] for role in roles},
+        units={sheet.rows[0][at]: units[at] for at in found.values()},
         sign_rules={
             "depth": "displacement into the surface as written",
             "force": "load on the sample as written, positive in compression",
             "segment": "from the marker column" if segment is not None else "from the motion",
         },
+        notes=_average_note(scatter),
     )
+
+
+def _average_note(scatter: FloatArray | None) -> tuple[str, ...]:
+    if scatter is None or not np.isfinite(scatter).any():
+        return ()
+    typical = format_quantity(float(np.nanmedian(scatter)), "force")
+    note = (
+        f"an average of several tests, which scatter about it by {typical} in force (median): that is the noise "
+        "of one test, kept for every point in curve.columns['force_scatter']"
+    )
+    return (note,)
 
 
 def _segments(markers: Sequence[str]) -> NDArray[np.str_] | None:

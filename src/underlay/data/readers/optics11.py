@@ -76,6 +76,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
                 "segment": "from the motion of the piezo",
             },
             notes=_closure_notes(load, cantilever, known.get("spring_constant")),
+            bending_taken_off=True,
             **_software_contact(depth, columns.get("indentation")),
             **known,
         )
@@ -134,7 +135,7 @@ def _known_numbers(header: dict[str, str]) -> dict[str, Any]:
     return known
 
 
-def _software_contact(depth: FloatArray, indentation: FloatArray | None) -> dict[str, float]:
+def _software_contact(depth: FloatArray, indentation: FloatArray | None) -> dict[str, Any]:
     """Depth at which the software set contact, if its indentation is cut to zero before that."""
     if indentation is None:
         return {}

@@ -1,9 +1,10 @@
 """Zwick/Roell testXpert workbooks (.xlsx, .xls).
 
 Sheets of parameters, results and statistics, then one per specimen: its name repeated, a row of names in
-the machine's language, a row of units (s, N, mm, mm), and numbers. Columns are matched by name in French,
-German and English, else by the order of their units. Compression is positive as written; depth is the travel
-of the crosshead, turned if the gap between the tools does not close with it.
+the machine's language, a row of units (s, N, mm, mm), and numbers. A table of results has a row of units
+too (N, mm), but its rows are specimens: its first column holds their names and has no unit. Columns are
+matched by name in French, German and English, else by the order of their units. Compression is positive as
+written; depth is the travel of the crosshead, turned if the gap between the tools does not close with it.
 """
 
 from __future__ import annotations
@@ -39,8 +40,10 @@ _NAMES = {
     "gap": ("ecartement entre outils", "écartement entre outils", "werkzeugabstand", "tool separation"),
 }
 _KINDS = {"time": "time", "force": "force", "depth": "length", "gap": "length"}
-_PARAMETER_SHEETS = ("Paramètres", "Parameter", "Parameters")
-_RESULT_SHEETS = ("Résultats", "Ergebnisse", "Results")
+_PARAMETER_SHEETS = ("Paramètres", "Parameter", "Parameters", "Parámetros", "Parametri")
+# Beside the parameters stand results, or specimens alone, with names of columns such as these.
+_RESULT_SHEETS = ("Résultats", "Ergebnisse", "Results", "Resultados", "Risultati")
+_TEST_COLUMNS = ("Temps d'essai", "Ecartement entre outils", "Prüfzeit", "Werkzeugabstand", "Tool separation")
 # Gap plus travel is constant to the digits written where both describe one test.
 _CLOSURE = 1e-3
 
@@ -48,11 +51,10 @@ _CLOSURE = 1e-3
 def _sniff(source: Source) -> bool:
     if is_xlsx(source):
         text = xlsx_text(source)
-        return all(
-            any(f'name="{name}"' in text for name in names) for names in (_PARAMETER_SHEETS, _RESULT_SHEETS)
-        )
+        sheets = (_PARAMETER_SHEETS, _RESULT_SHEETS)
+        return all(any(f'name="{name}"' in text for name in names) for names in sheets)
     if is_xls(source):
-        return _in_bytes(source, _PARAMETER_SHEETS) and _in_bytes(source, _RESULT_SHEETS)
+        return _in_bytes(source, _PARAMETER_SHEETS) and _in_bytes(source, _RESULT_SHEETS + _TEST_COLUMNS)
     return False
 
 
@@ -75,7 +77,7 @@ def _find(sheet: Sheet) -> tuple[int, dict[str, int]] | None:
     """Row of units and columns of a specimen's sheet, else None."""
     for at, units in enumerate(sheet.rows[1:6], start=1):
         kinds = [kind_of(unit) if unit else None for unit in units]
-        if "force" in kinds and "length" in kinds:
+        if kinds and kinds[0] is not None and "force" in kinds and "length" in kinds:
             names = [cell.lower() for cell in sheet.rows[at - 1]]
             return at, _by_name(names, kinds) or _by_order(kinds)
     return None

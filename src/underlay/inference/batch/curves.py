@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from underlay.data.curve import Curve
-from underlay.data.readers import read_all
-from underlay.errors import FileAccessError, InputError
+from underlay.data.readers import JpkMapCurve, curves_of_jpk_map, read_all
+from underlay.errors import FileAccessError, InputError, UnderlayError
+from underlay.inference.file_facts import settle
+from underlay.inference.from_files import read_whole
+from underlay.scene.scene_file import SceneFile
 
-__all__ = ["CurvePlace", "Curves", "list_curves"]
+__all__ = ["CurvePlace", "Curves", "list_curves", "with_stand_ins"]
 
 #: What `list_curves` takes.
 Curves = str | os.PathLike[str] | Iterable[Curve | str | os.PathLike[str]]
@@ -22,6 +25,7 @@ _NOT_CURVES = frozenset(
     {".toml", ".md", ".png", ".svg", ".pdf", ".html", ".parquet", ".journal", ".ipynb", ".py"}
 )
 _LISTED = 3
+_LOOKED_AT = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +42,14 @@ class CurvePlace:
         Its file, or the empty string for a curve in memory.
     curve : Curve or None
         The curve in memory; None is read where it is fitted.
+    of_map : JpkMapCurve or None
+        Which curve of the file, where it is a map.
     x, y : float or None
         Position (m).
     values : mapping
         Numbers of its own scene (SI), by path.
     sha256 : str
-        Hash of a curve in memory, where it is known already.
+        Hash of a curve in memory, or of its file, where it is known already.
     """
 
     index: int
@@ -54,6 +60,7 @@ class CurvePlace:
     y: float | None = None
     values: Mapping[str, float] = field(default_factory=dict)
     sha256: str = ""
+    of_map: JpkMapCurve | None = None
 
 
 def list_curves(curves: Curves, leave_out: Iterable[Path] = ()) -> list[CurvePlace]:
@@ -90,6 +97,34 @@ def list_curves(curves: Curves, leave_out: Iterable[Path] = ()) -> list[CurvePla
     return places
 
 
+def with_stand_ins(file: SceneFile, places: Sequence[CurvePlace]) -> SceneFile:
+    """Return the scene file with what it leaves to the files of the curves as one of the first curves says it.
+
+    The model of a map is checked once, before any work; what each curve's own file says replaces it there.
+
+    Raises
+    ------
+    InputError
+        If none of the first curves that can be read says it.
+    """
+    if not file.left_out:
+        return file
+    reason = ""
+    for place in places[:_LOOKED_AT]:
+        try:
+            curve = place.curve if place.curve is not None else read_whole(file, place.of_map or place.path)
+            values = settle(
+                file.draft, curve, left_out=file.left_out, overrule=file.curve.get("overrule", ())
+            )
+        except UnderlayError as error:
+            reason = reason or str(error)
+            continue
+        return replace(file, draft=file.draft.with_values(values.values))
+    raise InputError(
+        f"{file.path.name} leaves out {file.left_out[0]}, which none of the first curves says ({reason}): give it"
+    )
+
+
 def _of_path(path: Path, leave_out: set[Path]) -> list[CurvePlace]:
     if path.is_dir():
         try:
@@ -107,13 +142,16 @@ def _of_path(path: Path, leave_out: set[Path]) -> list[CurvePlace]:
         return [CurvePlace(index, name, str(folder / name)) for index, name in enumerate(files)]
     if not path.exists():
         raise FileAccessError(f"there is no folder or file {path}")
+    file = str(path.resolve())
+    if len(listed := curves_of_jpk_map(path)) > 1:
+        return [
+            CurvePlace(of.number - 1, f"{path.name}#{of.number}", file, sha256=of.sha256, of_map=of)
+            for of in listed
+        ]
     tests = read_all(path)
     if len(tests) == 1:
-        return [CurvePlace(0, path.name, str(path.resolve()))]
-    return [
-        CurvePlace(number, f"{path.name}#{number + 1}", str(path.resolve()), test)
-        for number, test in enumerate(tests)
-    ]
+        return [CurvePlace(0, path.name, file)]
+    return [CurvePlace(number, f"{path.name}#{number + 1}", file, test) for number, test in enumerate(tests)]
 
 
 def _of_several(curves: Iterable[Curve | str | os.PathLike[str]]) -> list[CurvePlace]:

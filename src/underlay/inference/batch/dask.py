@@ -10,9 +10,8 @@ from typing import Any
 from underlay.errors import MissingExtraError, SchedulerError
 from underlay.inference.batch.curves import CurvePlace
 from underlay.inference.batch.model import BatchModel
-from underlay.inference.batch.processes import Rows
 from underlay.inference.batch.results_table import Layout
-from underlay.inference.batch.work import died, work
+from underlay.inference.batch.work import DIED, Rows, given_up, work
 
 __all__ = ["through_dask"]
 
@@ -86,7 +85,7 @@ def _through(
             rows: Rows = future.result()
         except distributed.KilledWorker:
             if len(chunk) == 1:
-                yield [died(chunk[0], layout)]
+                yield [given_up(chunk[0], layout, DIED)]
             else:
                 waiting.extend([place] for place in reversed(chunk))
         else:

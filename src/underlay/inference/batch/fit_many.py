@@ -19,20 +19,19 @@ from typing import Any
 import pandas as pd
 
 from underlay._files import require_writable_folder
-from underlay.data.noise import Noise
 from underlay.errors import InputError
-from underlay.inference.batch.curves import CurvePlace, Curves, list_curves
+from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, with_stand_ins
 from underlay.inference.batch.dask import through_dask
 from underlay.inference.batch.journal import Journal
 from underlay.inference.batch.manifest import read_manifest
-from underlay.inference.batch.model import BatchModel, Sampling, batch_model
-from underlay.inference.batch.processes import Rows, through_processes
+from underlay.inference.batch.model import BatchModel, batch_model, scene_file_of
+from underlay.inference.batch.options import MapOptions
+from underlay.inference.batch.processes import through_processes
 from underlay.inference.batch.progress import MapProgress
 from underlay.inference.batch.results_table import Layout, require_format, to_frame, write_table
-from underlay.inference.batch.work import Workshop, file_hash
-from underlay.inference.fitting.provenance import curve_hash
+from underlay.inference.batch.work import CurveFitter, Rows, file_hash
+from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.problem import Given
-from underlay.mechanics.accuracy import Accuracy
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile
 
@@ -58,19 +57,10 @@ def fit_many(
     free: Mapping[str, Given] | Iterable[str] | None = None,
     manifest: str | os.PathLike[str] | pd.DataFrame | Sequence[Mapping[str, Any]] | None = None,
     *,
-    noise: Noise | None = None,
-    accuracy: Accuracy | None = None,
-    method: str | None = None,
-    order: int | None = None,
-    form: str | None = None,
-    quality: bool = False,
-    sampling: Sampling | bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
-    timeout: float = 10.0,
     output: str | os.PathLike[str] | None = None,
-    resume: bool = False,
-    progress: bool | None = None,
+    options: MapOptions | None = None,
 ) -> pd.DataFrame:
     """Fit many curves, each by itself, into one table.
 
@@ -86,37 +76,26 @@ def fit_many(
     manifest : path, DataFrame or sequence of mappings, optional
         Numbers of single curves: ``file``, ``name``, ``x``, ``y`` and any parameter path; see
         `underlay.inference.batch.manifest`.
-    noise, accuracy, method, order, form
-        As in `Problem`.
-    quality : bool, default False
-        Judge every curve by `check_quality` first. It takes longer than the fit. Without it the verdict is
-        ``"good"`` where the fit has no warnings, ``"doubtful"`` where it has, ``"refused"`` where there is
-        no fit.
-    sampling : Sampling or bool, default False
-        Sample the posterior of every curve. The table then holds medians, standard deviations and the ends
-        of 95 % intervals.
     workers : int, optional
         Processes, each with one thread. By default as many as there are processors and curves to keep them
         busy; 0 fits in this process, to look into a failure.
     scheduler : str, optional
         Address of a Dask scheduler, such as ``"tcp://10.0.0.1:8786"``, whose workers are used instead (extra
         ``cluster``). Files must have the same path there.
-    timeout : float, default 10
-        How long the scheduler may take to answer (s).
     output : path, optional
         Table to write, ``.csv`` or ``.parquet``, or a folder for ``map.csv``. Beside it stands a journal
         (``map.csv.journal``) that holds every row from the moment it is there: no interruption loses it.
-    resume : bool, default False
-        Continue the run in `output`; rows that were written are not computed again.
-    progress : bool, optional
-        Show curves per second and time left; by default only on a terminal.
+    options : MapOptions, optional
+        The rest: noise, solver, sampling, whether the run in `output` is continued, limits of time.
 
     Returns
     -------
     pandas.DataFrame
         One row per curve, in the order of the curves (SI): ``name``, ``path``, ``x``, ``y``, ``status``
         ("fitted" or "failed"), ``verdict``, ``reason``, every free parameter and its ``<parameter>.stderr``,
-        every parameter of the manifest, ``law``, ``reduced_chi_square`` (one where the noise is estimated),
+        every parameter of the manifest or taken from the files, where ``layer.E`` is fitted what the instrument
+        itself found for the same Poisson's ratio (``layer.E.instrument``) and by how much ours differs
+        (``layer.E.difference_percent``), ``law``, ``reduced_chi_square`` (one where the noise is estimated),
         ``rms`` (N), ``warnings`` (how many), ``seconds``, ``sha256``. A curve that cannot be fitted is a row
         with its reason. All but ``seconds`` is the same whatever the number of workers.
 
@@ -140,49 +119,46 @@ def fit_many(
     >>> (abs(table["layer.E"] / 1e6 - 1.0) < 0.01).all()
     np.True_
     """
-    if sampling is True:
-        sampling = Sampling()
-    model = batch_model(
-        scene,
-        free,
-        noise,
-        accuracy=accuracy,
-        method=method,
-        order=order,
-        form=form,
-        quality=quality,
-        sampling=sampling or None,
-    )
-    count = _require_workers(workers)
+    options = options or MapOptions()
     own_files = [Path(entry) for entry in (manifest, scene) if isinstance(entry, str | os.PathLike)]
     own_files += [] if output is None else [_table_path(output)]
-    places, given = _with_manifest(list_curves(curves, own_files), manifest, model)
+    listed = list_curves(curves, own_files)
+    file = scene_file_of(scene)
+    model = batch_model(scene if file is None else with_stand_ins(file, listed), free, options)
+    count = _require_workers(workers)
+    places, given = _with_manifest(listed, manifest, model)
+    told = () if file is None else tuple(path for path in file.left_out if path not in given)
     if output is not None:
         # The run must know its curves again.
         places = [
             place if place.curve is None else replace(place, sha256=curve_hash(place.curve))
             for place in places
         ]
-    layout = Layout.of(list(model.free), given, sampled=model.sampling is not None)
+    layout = Layout.of(list(model.free), (*given, *told), sampled=model.sampling is not None)
     with _table(output) as table:
         identity = _identity(model, places, layout)
-        with Journal(table.with_name(f"{table.name}.journal"), identity, resume=resume) as journal:
+        with _journal(table, identity, layout, options) as journal:
             _require_same_files(journal, places, layout)
             todo = [place for place in places if not journal.has(place.index)]
             if todo:
-                batches = _through(model, layout, todo, count, scheduler, timeout)
-                _gather(journal, table, layout, batches, len(places), shown=progress)
+                batches = _through(model, layout, todo, count, scheduler, options)
+                _gather(journal, table, layout, batches, len(places), shown=options.progress)
             if output is not None:
                 journal.sync()
                 write_table(table, layout, journal.lines())
             return to_frame(layout, journal.lines())
 
 
+def _journal(table: Path, identity: Mapping[str, Any], layout: Layout, options: MapOptions) -> Journal:
+    path = table.with_name(f"{table.name}.journal")
+    return Journal(path, identity, layout.is_row, resume=options.resume)
+
+
 def _require_same_files(journal: Journal, places: Sequence[CurvePlace], layout: Layout) -> None:
     """Refuse to continue a run of which a curve file is another now."""
     done = (place for place in places if journal.has(place.index))
     for place, line in zip(done, journal.lines(), strict=True):
-        if place.curve is None and layout.cells(line)["sha256"] != file_hash(place.path):
+        if place.curve is None and layout.cells(line)["sha256"] != (place.sha256 or file_hash(place.path)):
             raise InputError(
                 f"{place.path} changed since its row was written: put it back, or choose another output"
             )
@@ -231,12 +207,12 @@ def _through(
     todo: Sequence[CurvePlace],
     workers: int | None,
     scheduler: str | None,
-    timeout: float,
+    options: MapOptions,
 ) -> Generator[Rows, None, None]:
     """Fit curves somewhere; yield rows as they come."""
     if scheduler is not None:
         size = 1 if model.sampling is not None else _LARGEST_CHUNK
-        return through_dask(model, layout, todo, size, scheduler, timeout)
+        return through_dask(model, layout, todo, size, scheduler, options.timeout)
     if workers == 0:
         return _here(model, layout, todo)
     if workers is None:
@@ -245,15 +221,15 @@ def _through(
     workers = min(workers, len(todo))
     size = min(_LARGEST_CHUNK, -(-len(todo) // (workers * _CHUNKS_PER_WORKER)))
     size = 1 if model.sampling is not None else size
-    chunks = (todo[start : start + size] for start in range(0, len(todo), size))
-    return through_processes(model, layout, chunks, workers)
+    chunks = [todo[start : start + size] for start in range(0, len(todo), size)]
+    return through_processes(model, layout, chunks, workers, options.longest)
 
 
 def _here(model: BatchModel, layout: Layout, todo: Sequence[CurvePlace]) -> Generator[Rows, None, None]:
     rows: Rows = []
     sent = time.monotonic()
     try:
-        for row in Workshop(model, layout).rows(todo):
+        for row in CurveFitter(model, layout).rows(todo):
             rows.append(row)
             if time.monotonic() - sent > _HANDED_ON:
                 yield rows

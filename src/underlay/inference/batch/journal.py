@@ -1,40 +1,43 @@
-"""The record of a map under way: rows are appended as they come, and what was appended is never lost.
+"""The record of a map under way: rows are written as they come, and what was written is never lost.
 
-Each line carries its own checksum, so a process may be killed at any byte: a line that was cut is found and
-its curve fitted again, and nothing else is touched. The first line says what the run is (hashes of scene,
-manifest and curves); a run is continued only by the same. The table that people read is made from it, whole.
+An SQLite database of two tables: ``run`` says what the run is (hashes of scene, manifest and curves; a run is
+continued only by the same), ``row`` holds the rows of the table, each with a checksum. The process may be
+killed and the disk may fill at any moment: whole rows stay. The table that people read is made from it.
 
-    underlay-map 1 <crc> {"hashes": {...}, "columns": [...], "curves": 2000}
-    <crc> <index> <row as CSV>
-    ...
+A journal is read before it is trusted: it is opened for reading first, must hold these two tables and nothing
+else, and a row that is not one of this run's is fitted again.
 """
 
 from __future__ import annotations
 
-import io
 import json
-import os
-import sys
+import sqlite3
+import stat
 import zlib
-from array import array
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from underlay.errors import FileAccessError, FileFormatError, InputError
-
-if sys.platform != "win32":
-    import fcntl
+from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
 
 __all__ = ["Journal"]
 
-_MARK = b"underlay-map 1 "
-_ABSENT = -1
+# "ulay": how this database says that it is a journal of underlay, and of which form.
+_APPLICATION, _FORM = 0x756C6179, 1
+_TABLES = (
+    "CREATE TABLE run (identity TEXT NOT NULL)",
+    "CREATE TABLE row (curve INTEGER PRIMARY KEY, line TEXT NOT NULL, crc INTEGER NOT NULL)",
+)
+# Bytes of the longest value: the hashes and columns of a run take some thousand, a row some hundred.
+_LONGEST = 1_000_000
+# What SQLite writes beside a database.
+_BESIDE = ("", "-wal", "-shm", "-journal")
 
 
 class Journal:
-    """Rows of a map, one per curve, in an append-only file. A context manager.
+    """Rows of a map, one per curve, on the disk. A context manager.
 
     Parameters
     ----------
@@ -42,6 +45,8 @@ class Journal:
         The file.
     identity : mapping
         What the run is: ``hashes`` (mapping of what to SHA-256), ``columns``, ``curves`` (how many).
+    is_row : callable
+        Whether a text is a row of this run's table.
     resume : bool
         Continue the file if it is there. Otherwise it must not be there.
 
@@ -51,29 +56,34 @@ class Journal:
         If the file is there and `resume` is not set, or it belongs to another run, or another process is
         writing to it.
     FileFormatError
-        If it is no such file.
+        If it is no such file, or a damaged one.
     FileAccessError
         If it cannot be read or written.
     """
 
-    def __init__(self, path: Path, identity: Mapping[str, Any], *, resume: bool) -> None:
+    def __init__(
+        self, path: Path, identity: Mapping[str, Any], is_row: Callable[[str], bool], *, resume: bool
+    ) -> None:
         self.path = path
-        self._offsets = array("q", [_ABSENT]) * int(identity["curves"])
+        self._there = bytearray(int(identity["curves"]))
+        _require_regular(path)
         existed = path.exists()
         if existed and not resume:
             raise InputError(
                 f"{path} holds a run already: continue it with resume (--resume), or choose another output"
             )
-        try:
-            self._file = path.open("r+b" if existed else "w+b", buffering=0)
-        except OSError as error:
-            raise FileAccessError(f"cannot open {path}: {error.strerror or error}") from error
-        try:
-            self._lock()
-            self._begin(identity)
-        except BaseException:
-            self._file.close()
-            raise
+        with self._reported():
+            begun = existed and self._is_begun(identity)
+            self._file = _open(path, "rwc")
+            try:
+                self._lock()
+                if begun:
+                    self._find_rows(is_row)
+                else:
+                    self._begin(identity)
+            except BaseException:
+                self._file.close()
+                raise
 
     def __enter__(self) -> Self:
         return self
@@ -86,100 +96,70 @@ class Journal:
     @property
     def done(self) -> int:
         """How many rows there are."""
-        return len(self._offsets) - self._offsets.count(_ABSENT)
+        return sum(self._there)
 
     def has(self, index: int) -> bool:
         """Whether the row of a curve is there."""
-        return self._offsets[index] != _ABSENT
+        return bool(self._there[index])
 
     def append(self, rows: Iterable[tuple[int, str]]) -> int:
-        """Append rows (index, CSV text) with one write; return how many were new.
+        """Append rows (index, CSV text), all or none of them; return how many were new.
 
         Raises
         ------
         FileAccessError
-            If the disk is full or gone; the file is then as it was before.
+            If the disk is full or gone; what was there before is kept.
         """
-        parts: list[bytes] = []
-        starts: dict[int, int] = {}
-        length = self._end
-        for index, text in rows:
-            if self.has(index) or index in starts:
-                continue
-            line = _line(f"{index} {text}")
-            starts[index] = length
-            length += len(line)
-            parts.append(line)
-        self._write(b"".join(parts))
-        for index, start in starts.items():
-            self._offsets[index] = start
-        return len(starts)
+        fresh = {index: _plain(text) for index, text in rows if not self.has(index)}
+        with self._reported():
+            self._write(fresh)
+        for index in fresh:
+            self._there[index] = True
+        return len(fresh)
 
     def sync(self) -> None:
         """Have the operating system put everything on the disk."""
-        try:
-            os.fsync(self._file.fileno())
-        except OSError as error:
-            raise FileAccessError(f"cannot write {self.path}: {error.strerror or error}") from error
+        with self._reported():
+            self._file.execute("PRAGMA wal_checkpoint")
 
     def lines(self) -> Iterator[str]:
         """Rows as CSV text, in the order of their curves."""
-        with self.path.open("rb") as stream:
-            for start in self._offsets:
-                if start != _ABSENT:
-                    stream.seek(start)
-                    yield _content(stream.readline()).partition(" ")[2]
+        with self._reported():
+            for (line,) in self._file.execute("SELECT line FROM row ORDER BY curve"):
+                yield line.decode()
 
-    def _lock(self) -> None:
-        # Windows has no advisory locks of this kind: there, two runs into one output go unnoticed.
-        if sys.platform != "win32":
-            try:
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                raise InputError(f"another run is writing to {self.path}; wait for it, or end it") from error
+    def _is_begun(self, identity: Mapping[str, Any]) -> bool:
+        """Look at the file without writing; whether it holds this run, and not only its first moment.
 
-    def _begin(self, identity: Mapping[str, Any]) -> None:
-        """Write the first line, or check it and find the rows that are there."""
-        first = _line(json.dumps(identity, sort_keys=True), _MARK)
-        self._end = self._file.seek(0, os.SEEK_END)
-        if self._end < len(_MARK):
-            # New, or killed before its first words were written.
-            self._end = 0
-            self._file.truncate(0)
-            self._write(first)
+        Raises
+        ------
+        FileFormatError, InputError
+            If it is damaged, no journal, or that of another run.
+        """
+        with closing(_open(self.path, "ro")) as file:
+            schema = [_text(sql) for (sql,) in file.execute("SELECT sql FROM sqlite_master ORDER BY rowid")]
+            marks = [
+                file.execute(f"PRAGMA {mark}").fetchone()[0] for mark in ("application_id", "user_version")
+            ]
+            if not schema and not any(marks):
+                return False
+            if schema != list(_TABLES) or marks != [_APPLICATION, _FORM]:
+                raise FileFormatError(f"{self.path} is not the journal of a map; choose another output")
+            if file.execute("PRAGMA quick_check(1)").fetchall() != [(b"ok",)]:
+                raise FileFormatError(_damaged(self.path))
+            runs = file.execute("SELECT identity FROM run LIMIT 2").fetchall()
+        self._require_same(runs, identity)
+        return True
+
+    def _require_same(self, runs: list[tuple[Any]], identity: Mapping[str, Any]) -> None:
+        text = _text(runs[0][0]) if len(runs) == 1 else ""
+        if text == _identity_text(identity):
             return
-        with self.path.open("rb", buffering=io.DEFAULT_BUFFER_SIZE) as stream:
-            header = stream.readline()
-            if header != first:
-                if header and first.startswith(header):
-                    self._end = 0
-                    self._file.truncate(0)
-                    self._write(first)
-                    return
-                self._refuse(header, identity)
-            position = whole = len(header)
-            for line in stream:
-                self._find(line, position)
-                position += len(line)
-                whole = position if line.endswith(b"\n") else whole
-        # A line that was cut short would spoil the next one.
-        self._file.truncate(whole)
-        self._end = whole
-
-    def _find(self, line: bytes, position: int) -> None:
-        content = _content(line)
-        number = content.partition(" ")[0]
-        if number.isdigit() and int(number) < len(self._offsets) and not self.has(int(number)):
-            self._offsets[int(number)] = position
-
-    def _refuse(self, header: bytes, identity: Mapping[str, Any]) -> None:
-        content = _content(header.removeprefix(_MARK)) if header.startswith(_MARK) else ""
-        if not content:
-            raise FileFormatError(f"{self.path} is not the journal of a map; choose another output")
-        old = json.loads(content)
-        changed = [
-            what for what, value in identity["hashes"].items() if old.get("hashes", {}).get(what) != value
-        ]
+        try:
+            hashes = json.loads(text)["hashes"]
+            changed = [what for what, value in identity["hashes"].items() if hashes.get(what) != value]
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise FileFormatError(_damaged(self.path)) from error
         what = (
             f"the {' and the '.join(changed)} changed since"
             if changed
@@ -190,28 +170,123 @@ class Journal:
             "mislead: put back what changed, or choose another output"
         )
 
-    def _write(self, data: bytes) -> None:
-        view = memoryview(data)
+    def _lock(self) -> None:
+        """Keep others out, and let a commit be an append that a kill cannot cut."""
+        for pragma in ("locking_mode = EXCLUSIVE", "journal_mode = WAL", "synchronous = NORMAL"):
+            self._file.execute(f"PRAGMA {pragma}").fetchall()
+        # In this mode a lock is only taken by the first that writes.
+        self._file.execute("BEGIN EXCLUSIVE")
+        self._file.execute("COMMIT")
+
+    def _begin(self, identity: Mapping[str, Any]) -> None:
+        with self._transaction():
+            for sql in _TABLES:
+                self._file.execute(sql)
+            self._file.execute("INSERT INTO run VALUES (?)", (_identity_text(identity),))
+            self._file.execute(f"PRAGMA application_id = {_APPLICATION}")
+            self._file.execute(f"PRAGMA user_version = {_FORM}")
+
+    def _find_rows(self, is_row: Callable[[str], bool]) -> None:
+        """Find the rows that are there; those that are not what was written go, and are fitted again."""
+        foreign = []
+        for curve, line, crc in self._file.execute("SELECT curve, line, crc FROM row"):
+            text = _text(line)
+            if 0 <= curve < len(self._there) and crc == zlib.crc32(text.encode()) and is_row(text):
+                self._there[curve] = True
+            else:
+                foreign.append((curve,))
+        if foreign:
+            with self._transaction():
+                self._file.executemany("DELETE FROM row WHERE curve = ?", foreign)
+
+    def _write(self, rows: Mapping[int, str]) -> None:
+        with self._transaction():
+            self._file.executemany(
+                "INSERT INTO row VALUES (?, ?, ?)",
+                [(index, text, zlib.crc32(text.encode())) for index, text in rows.items()],
+            )
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._file.execute("BEGIN")
         try:
-            self._file.seek(self._end)
-            while view:
-                view = view[self._file.write(view) :]
+            yield
+            self._file.execute("COMMIT")
+        except BaseException:
+            # SQLite has rolled back by itself where the disk is full.
+            if self._file.in_transaction:
+                self._file.execute("ROLLBACK")
+            raise
+
+    @contextmanager
+    def _reported(self) -> Iterator[None]:
+        """Say in our words what SQLite says in its own."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise self._in_our_words(error) from error
+
+    def _in_our_words(self, error: sqlite3.Error) -> UnderlayError:
+        code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
+        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            return InputError(f"another run is writing to {self.path}; wait for it, or end it")
+        if code == sqlite3.SQLITE_NOTADB:
+            return FileFormatError(f"{self.path} is not the journal of a map; choose another output")
+        if code in (
+            sqlite3.SQLITE_FULL,
+            sqlite3.SQLITE_IOERR,
+            sqlite3.SQLITE_CANTOPEN,
+            sqlite3.SQLITE_READONLY,
+            sqlite3.SQLITE_PERM,
+            sqlite3.SQLITE_AUTH,
+        ):
+            return FileAccessError(
+                f"cannot write {self.path}: {error}; {self.done} curves are kept: make room and continue with "
+                "resume (--resume)"
+            )
+        return FileFormatError(_damaged(self.path))
+
+
+def _open(path: Path, mode: str) -> sqlite3.Connection:
+    file = sqlite3.connect(
+        f"{path.resolve().as_uri()}?mode={mode}", uri=True, timeout=0.0, isolation_level=None
+    )
+    # What a text holds is checked here, not by SQLite's decoder.
+    file.text_factory = bytes
+    file.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)
+    # Functions that a foreign schema names are not called, and a damaged page is noticed where it is read.
+    file.execute("PRAGMA trusted_schema = OFF")
+    file.execute("PRAGMA cell_size_check = ON")
+    return file
+
+
+def _require_regular(path: Path) -> None:
+    """Refuse a link, which may lead out of the output, and a pipe, a device or a folder in place of a file."""
+    for name in (f"{path.name}{end}" for end in _BESIDE):
+        beside = path.with_name(name)
+        try:
+            mode = beside.lstat().st_mode
+        except FileNotFoundError:
+            continue
         except OSError as error:
-            self._file.truncate(self._end)
-            raise FileAccessError(
-                f"cannot write {self.path}: {error.strerror or error}; {self.done} curves are kept: make "
-                "room and continue with resume (--resume)"
-            ) from error
-        self._end += len(data)
+            raise FileAccessError(f"cannot open {beside}: {error.strerror or error}") from error
+        if not stat.S_ISREG(mode):
+            raise FileAccessError(f"cannot open {beside}: it is not a regular file; choose another output")
 
 
-def _line(content: str, mark: bytes = b"") -> bytes:
-    data = content.encode("utf-8", errors="backslashreplace")
-    return mark + b"%08x " % zlib.crc32(data) + data + b"\n"
+def _identity_text(identity: Mapping[str, Any]) -> str:
+    return json.dumps(identity, sort_keys=True)
 
 
-def _content(line: bytes) -> str:
-    """Content of a whole line, or the empty string where it is damaged."""
-    crc, _, data = line.removesuffix(b"\n").partition(b" ")
-    intact = line.endswith(b"\n") and len(crc) == 8 and crc == b"%08x" % zlib.crc32(data)
-    return data.decode("utf-8") if intact else ""
+def _plain(text: str) -> str:
+    """Text that UTF-8 can write: file names may hold bytes that no encoding knows."""
+    return text.encode(errors="backslashreplace").decode()
+
+
+def _text(value: object) -> str:
+    """Text of a cell; empty where it is none."""
+    return value.decode(errors="replace") if isinstance(value, bytes) else ""
+
+
+def _damaged(path: Path) -> str:
+    return f"{path} is damaged and cannot be continued: move it away, or choose another output"

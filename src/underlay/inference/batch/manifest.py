@@ -20,7 +20,8 @@ from typing import Any
 
 import pandas as pd
 
-from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
+from underlay._door import FileKind, printable, read_text, understood
+from underlay.errors import FileFormatError, InputError, UnderlayError
 from underlay.scene.parameters import kind_of, unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.units import parse_quantity
@@ -32,7 +33,9 @@ _FILE = ("file", "path", "curve")
 _PLACES = ("x", "y")
 _WORDS = (*_FILE, "name", *_PLACES)
 _HEADER = re.compile(r"\s*(?P<name>[^()\[\]]+?)\s*(?:[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]])?\s*")
-_LARGEST = 256_000_000  # bytes: a million curves with ten numbers each
+# A million curves with ten numbers each.
+_KIND = FileKind("a manifest (CSV)", 256_000_000, "it needs a row of names with 'file', and a row per curve")
+_MOST_COLUMNS, _LONGEST_CELL = 1000, 1000
 _LISTED = 5
 
 
@@ -105,7 +108,7 @@ def read_manifest(
         scene; the message says which row.
     """
     if isinstance(manifest, str | os.PathLike):
-        source, frame, from_file = Path(manifest).name, _read(Path(manifest)), True
+        source, frame, from_file = printable(Path(manifest).name), _read(Path(manifest)), True
     else:
         source, frame, from_file = "the manifest", pd.DataFrame(manifest), False
     columns = [_column(str(name), scene, source) for name in frame.columns]
@@ -142,20 +145,21 @@ class _Column:
 
 
 def _read(path: Path) -> pd.DataFrame:
-    try:
-        if path.stat().st_size > _LARGEST:
-            raise FileFormatError(f"{path.name} is larger than a manifest can be (256 MB)")
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise FileAccessError(f"cannot read the manifest {path}: {error.strerror or error}") from error
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path.name} is not a text file in UTF-8") from error
+    text = read_text(path, _KIND)
     head = text.partition("\n")[0]
     separator = max((",", ";", "\t"), key=head.count)
-    try:
-        return pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, comment="#")
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
-        raise FileFormatError(f"{path.name} is not a table: {error}") from error
+    if head.count(separator) >= _MOST_COLUMNS:
+        raise FileFormatError(f"{printable(path.name)} has more than {_MOST_COLUMNS} columns; {_KIND.advice}")
+    with understood(path.name, _KIND):
+        frame = pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, comment="#")
+        if not isinstance(frame.index, pd.RangeIndex):
+            # Otherwise every cell would be read under its neighbour's name.
+            raise ValueError("its rows have more cells than there are names")  # noqa: TRY004  of a file
+        lengths = [frame[name].str.len().max() for name in frame] if len(frame) else []
+        longest = max([*lengths, *(len(str(name)) for name in frame)])
+        if longest > _LONGEST_CELL:
+            raise ValueError(f"a cell of {longest:.0f} characters")
+        return frame
 
 
 def _column(header: str, scene: Scene, source: str) -> _Column:

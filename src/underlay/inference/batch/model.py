@@ -6,38 +6,22 @@ import hashlib
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import InputError
+from underlay.inference.batch.options import MapOptions, Sampling
 from underlay.inference.from_files import free_of
 from underlay.inference.priors import Prior
 from underlay.inference.problem import Given, Problem
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import Auto, as_solver
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
-__all__ = ["BatchModel", "Sampling", "batch_model"]
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """How posteriors are sampled; every curve draws from a stream of its own, named by seed and curve.
-
-    Parameters
-    ----------
-    walkers, max_steps : int
-        As in `sample`.
-    seed : int
-        Seed of the whole map.
-    """
-
-    walkers: int = 64
-    max_steps: int = 20_000
-    seed: int = 0
+__all__ = ["BatchModel", "batch_model", "scene_file_of"]
 
 
 @dataclass(frozen=True)
@@ -52,8 +36,8 @@ class BatchModel:
         As in `Problem`.
     noise : Noise or None
         As in `Problem`.
-    solver : mapping
-        Keywords of `Problem`: accuracy, method, order, form.
+    solver : Solver
+        As in `Problem`.
     file : SceneFile or None
         Says how a curve file is read and which part of it is used; None reads the loading part.
     quality : bool
@@ -64,15 +48,15 @@ class BatchModel:
 
     scene: Scene
     free: Mapping[str, Given]
-    noise: Noise | None
-    solver: Mapping[str, Any]
+    noise: NoiseModel | None
+    solver: Solver
     file: SceneFile | None = None
     quality: bool = False
     sampling: Sampling | None = None
 
     def problem(self, scene: Scene, curve: Curve) -> Problem:
         """Build the problem of one curve."""
-        return Problem(scene, curve, self.free, self.noise, **self.solver)
+        return Problem(scene, curve, self.free, self.noise, solver=self.solver)
 
     @property
     def template(self) -> Problem:
@@ -107,8 +91,8 @@ class BatchModel:
             "scene": _hash(self.scene, sorted(self.scene.parameters.items())),
             "fit": _hash(sorted(self.free.items())),
             "noise": _hash(self.noise),
-            "solver": _hash(sorted(self.solver.items())),
-            "curve section": _hash(sorted(file.curve.items()) if file is not None else None),
+            "solver": _hash(self.solver),
+            "curve section": _hash(None if file is None else (sorted(file.curve.items()), file.left_out)),
             "sampling": _hash(self.sampling, self.quality),
         }
 
@@ -116,14 +100,7 @@ class BatchModel:
 def batch_model(
     scene: Scene | SceneFile | str | os.PathLike[str],
     free: Mapping[str, Given] | Iterable[str] | None,
-    noise: Noise | None,
-    *,
-    accuracy: Accuracy | None,
-    method: str | None,
-    order: int | None,
-    form: str | None,
-    quality: bool,
-    sampling: Sampling | None,
+    options: MapOptions,
 ) -> BatchModel:
     """Join what a scene file says and what the caller says, who has the last word, and check it.
 
@@ -134,16 +111,13 @@ def batch_model(
     FileAccessError, FileFormatError
         If a scene file cannot be read.
     """
-    file = scene if isinstance(scene, SceneFile) else None
-    if isinstance(scene, str | os.PathLike):
-        file = read_scene_file(scene)
-    given = {"accuracy": accuracy, "method": method, "order": order, "form": form}
-    solver = {key: value for key, value in given.items() if value is not None}
+    file = scene_file_of(scene)
+    noise, solver = options.noise, options.solver
     if file is not None:
-        solver = {**file.solver, **solver}
+        solver = file.solver if solver is None else solver
         noise = Noise(**file.noise) if noise is None and file.noise else noise
         free = free_of(file) if free is None else free
-        scene = file.scene
+        scene = file.draft
     if not isinstance(scene, Scene):
         raise InputError(f"scene must be a Scene or the path of a scene file; got {scene!r:.100}")
     if free is None:
@@ -151,11 +125,19 @@ def batch_model(
             "nothing is free: pass free={'layer.E': (1e4, 1e8), ...}, or a scene file with [fit]"
         )
     paths = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
-    model = BatchModel(scene, paths, noise, solver, file, quality, sampling)
+    wanted = Auto() if solver is None else as_solver(solver)
+    model = BatchModel(scene, paths, noise, wanted, file, options.quality, options.how_sampled)
     template = model.template
-    if sampling is not None:
+    if model.sampling is not None:
         _require_proper(template.priors)
     return model
+
+
+def scene_file_of(scene: Scene | SceneFile | str | os.PathLike[str]) -> SceneFile | None:
+    """The scene file of a map, read if it is a path; None where a `Scene` was given."""
+    if isinstance(scene, str | os.PathLike):
+        return read_scene_file(scene)
+    return scene if isinstance(scene, SceneFile) else None
 
 
 def _require_proper(priors: Mapping[str, Prior]) -> None:

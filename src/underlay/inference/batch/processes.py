@@ -1,177 +1,289 @@
-"""Chunks of curves through processes of this machine, each with one thread for linear algebra."""
+"""Curves through processes of this machine, each with one thread for linear algebra and a pipe of its own.
+
+A worker is a fresh Python on every platform: a fork would copy the locks of threads that it does not copy.
+It does not run the caller's script again, so scripts need no ``if __name__ == "__main__"`` guard.
+
+Not a library's pool, and here is why. The workers of such a pool share one pipe behind one lock, and a worker
+that is killed while it holds the lock takes it along. Eight pools of pebble 5.2.3, two workers each with tasks
+of 2 ms and 300 kB, were killed a worker at a time at random moments: every one stopped for good, seven without
+a word, after two to seven kills (``tests/studies/worker_kills.py`` repeats it, and does the same to these). A
+pipe of its own is shared with nobody: the death of a worker is the end of its pipe and of nothing else.
+"""
 
 from __future__ import annotations
 
+import math
+import multiprocessing
+import os
 import pickle
+import signal
+import sys
 import threading
+import time
 from collections import Counter
-from collections.abc import Generator, Iterable, Iterator, Sequence
-from queue import SimpleQueue
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection, wait
+from types import ModuleType
 
 from underlay.errors import FitError, InputError
 from underlay.inference.batch.curves import CurvePlace
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
-from underlay.inference.batch.start import Worker, can_fork, fork_worker, start_worker
-from underlay.inference.batch.work import died
+from underlay.inference.batch.work import DIED, CurveFitter, Rows, given_up
 
-__all__ = ["Rows", "through_processes"]
+__all__ = ["through_processes"]
 
-#: Rows (index, CSV text) that came together.
-Rows = list[tuple[int, str]]
-
-# A process that dies on the same curve this often dies because of it.
+# A process that dies on the same curve this often, alone with it, dies because of it.
 _MOST_DEATHS = 2
+# Processes in a row that were ended from outside while they started; beyond this something ends them all.
+_MOST_LOST_STARTS = 5
+# Longest time that a process may take to start (s): a busy machine, and a disk far away.
+_LONGEST_START = 300.0
+# Rows are sent at least this often (s), so that little is lost with a process.
+_EVERY = 0.2
+# One thread each: the matrices here are small, and threads of several processes would fight for the cores.
+# It also makes the last bit of every sum the same, whatever the machine and its load.
+# And a new Python would look for every module in the folder it is started in first, where the data may be.
+_ENVIRONMENT = dict.fromkeys(
+    (
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "BLIS_NUM_THREADS",
+        "VECLIB_MAXIMUM_THREADS",
+        "NUMEXPR_NUM_THREADS",
+        "PYTHONSAFEPATH",
+    ),
+    "1",
+)
 
 
 def through_processes(
-    model: BatchModel, layout: Layout, chunks: Iterable[Sequence[CurvePlace]], workers: int
+    model: BatchModel,
+    layout: Layout,
+    chunks: Sequence[Sequence[CurvePlace]],
+    workers: int,
+    time_limit: float | None = None,
 ) -> Generator[Rows, None, None]:
-    """Fit chunks of curves in worker processes; hand out rows as they come, in any order.
+    """Fit chunks of curves in worker processes; yield rows as they come, in any order.
 
-    A process that dies is replaced and what it had not answered is given out again. Leaving the iterator
-    early ends the processes.
+    A process that dies or exceeds the limit is replaced, and what it had not answered is given out again, a
+    curve at a time, so that one curve cannot take others with it. Leaving the generator early ends the
+    processes.
+
+    Parameters
+    ----------
+    time_limit : float, optional
+        Longest time for one curve (s).
 
     Raises
     ------
     FitError
         If worker processes do not start.
+    InputError
+        If they cannot see what the running script defines.
     """
-    results: SimpleQueue[Rows | BaseException | None] = SimpleQueue()
-    shared = _Shared(pickle.dumps((model, layout), pickle.HIGHEST_PROTOCOL), layout, iter(chunks))
-    desks = [_Desk(shared, results, fork_worker() if can_fork() else None) for _ in range(workers)]
-    return _collect(shared, desks, results)
-
-
-def _collect(
-    shared: _Shared, desks: Sequence[_Desk], results: SimpleQueue[Rows | BaseException | None]
-) -> Generator[Rows, None, None]:
-    working = len(desks)
+    remaining = _Remaining(chunks, layout, time_limit)
+    message = pickle.dumps((model, layout), pickle.HIGHEST_PROTOCOL)
+    team: list[_Worker] = []
     try:
-        for desk in desks:
-            desk.start()
-        while working:
-            result = results.get()
-            if result is None:
-                working -= 1
-            elif isinstance(result, BaseException):
-                raise result
-            else:
-                yield result
+        team.extend(_Worker(message, time_limit) for _ in range(workers))
+        while active := [
+            worker for worker in team if worker.places or (remaining.chunks and not worker.ready)
+        ]:
+            for worker in _heard_from(active):
+                try:
+                    rows = worker.receive()
+                    remaining.lost_starts = 0
+                except (EOFError, OSError):
+                    worker.end()
+                    rows = remaining.after_the_end_of(worker)
+                    team[team.index(worker)] = _Worker(message, time_limit)
+                if rows:
+                    yield rows
+            for worker in team:
+                if worker.ready and not worker.places and remaining.chunks:
+                    worker.give(remaining.chunks.pop())
     finally:
-        shared.close()
-        for desk in desks:
-            desk.end()
+        for worker in team:
+            worker.end()
 
 
-class _Shared:
-    """What all desks draw from."""
-
-    def __init__(self, greeting: bytes, layout: Layout, chunks: Iterator[Sequence[CurvePlace]]) -> None:
-        self.greeting, self.layout = greeting, layout
-        self._chunks = chunks
-        self._lock = threading.Lock()
-        self.deaths: Counter[int] = Counter()
-        self.closed = False
-
-    def next_chunk(self) -> list[CurvePlace]:
-        """The next curves, or none where all are given out."""
-        with self._lock:
-            return [] if self.closed else list(next(self._chunks, ()))
-
-    def close(self) -> None:
-        """Give out nothing more."""
-        with self._lock:
-            self.closed = True
-
-
-class _Desk:
-    """The parent's end of one worker process, and of its successors: a thread that asks and waits."""
+class _Remaining:
+    """The chunks that no worker has, the next one last, and what becomes of those whose worker ended."""
 
     def __init__(
-        self, shared: _Shared, results: SimpleQueue[Rows | BaseException | None], worker: Worker | None
+        self, chunks: Sequence[Sequence[CurvePlace]], layout: Layout, time_limit: float | None
     ) -> None:
-        self._shared, self._results = shared, results
-        self._worker = worker
-        self._greeted = False
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        self.chunks = [list(chunk) for chunk in reversed(chunks)]
+        self._layout, self._time_limit = layout, time_limit
+        self._deaths: Counter[int] = Counter()
+        self.lost_starts = 0
 
-    def start(self) -> None:
-        """Begin to serve."""
-        self._thread.start()
+    def after_the_end_of(self, worker: _Worker) -> Rows:
+        """Take back what a worker did not answer; the row of a curve that is given up.
+
+        Raises
+        ------
+        FitError
+            If the worker had not even started.
+        """
+        if not worker.ready:
+            self.lost_starts += 1
+            # A process that was ended from outside (minus the signal) is replaced.
+            if worker.exit_code >= 0 or self.lost_starts > _MOST_LOST_STARTS:
+                raise FitError(f"a worker process did not start: it ended with code {worker.exit_code}")
+        if len(worker.places) != 1:
+            self.chunks.extend([place] for place in reversed(worker.places))
+            return []
+        place = worker.places[0]
+        self._deaths[place.index] += 1
+        if worker.late:
+            return [given_up(place, self._layout, f"it took longer than {self._time_limit:g} s")]
+        if self._deaths[place.index] == _MOST_DEATHS:
+            return [given_up(place, self._layout, DIED)]
+        self.chunks.append([place])
+        return []
+
+
+class _Worker:
+    """A worker process and the parent's end of its pipe.
+
+    Attributes
+    ----------
+    places : list of CurvePlace
+        What it was given and has not answered.
+    ready : bool
+        Whether it has said that it knows the model.
+    deadline : float
+        When it must have been heard from (s, monotonic).
+    late : bool
+        Whether it was ended because it was not heard from for too long.
+    """
+
+    def __init__(self, message: bytes, time_limit: float | None) -> None:
+        if multiprocessing.current_process().daemon:
+            raise FitError("a daemonic process cannot have worker processes: use none (workers 0)")
+        self.connection, theirs = multiprocessing.Pipe()
+        self._process = multiprocessing.get_context("spawn").Process(
+            target=_serve, args=(theirs, message), daemon=True
+        )
+        self.places: list[CurvePlace] = []
+        self.ready = self.late = False
+        self._patience = math.inf if time_limit is None else time_limit + _EVERY
+        self.deadline = time.monotonic() + _LONGEST_START
+        with _start_of_a_worker():
+            self._process.start()
+        # The only other end is the worker's now: its death is the end of the pipe.
+        theirs.close()
+
+    @property
+    def exit_code(self) -> int:
+        """What it ended with; minus the number of the signal that ended it."""
+        return self._process.exitcode or 0
+
+    def give(self, places: list[CurvePlace]) -> None:
+        """Send curves; that a worker is gone is noticed where its answer is read."""
+        self.places, self.deadline = places, time.monotonic() + self._patience
+        with suppress(OSError):
+            self.connection.send_bytes(pickle.dumps(places, pickle.HIGHEST_PROTOCOL))
+
+    def receive(self) -> Rows:
+        """Read one answer.
+
+        Raises
+        ------
+        EOFError, OSError
+            If the process is gone.
+        """
+        answer: Rows | str = self.connection.recv()
+        if isinstance(answer, str):
+            raise _cannot_work(answer)
+        self.places = self.places[len(answer) :]
+        self.ready, self.late, self.deadline = True, False, time.monotonic() + self._patience
+        return answer
+
+    def kill(self) -> None:
+        """End a process that was not heard from for too long; its pipe then says so."""
+        self.late = True
+        self._process.kill()
 
     def end(self) -> None:
-        """End the worker process at once: what it has not answered is not lost, only not done."""
-        if self._worker is not None:
-            self._worker.kill()
-        if self._thread.ident is not None:
-            self._thread.join()
-        if self._worker is not None:
-            self._worker.close()
+        """End the process at once: what it has not answered is not lost, only not done."""
+        self._process.kill()
+        self._process.join()
+        self.connection.close()
 
-    def _run(self) -> None:
-        """Serve until nothing is left; what goes wrong is told to the one who waits."""
+
+def _heard_from(active: Sequence[_Worker]) -> list[_Worker]:
+    """Wait until a worker answers or ends; end those that exceed their time."""
+    left = min(worker.deadline for worker in active) - time.monotonic()
+    ready = wait([worker.connection for worker in active], max(left, 0.0) if left < math.inf else None)
+    for worker in active:
+        if worker.connection not in ready and time.monotonic() > worker.deadline:
+            worker.kill()
+    return [worker for worker in active if worker.connection in ready]
+
+
+def _cannot_work(complaint: str) -> Exception:
+    if "__main__" in complaint:
+        return InputError(
+            f"worker processes cannot see what was defined in the running script ({complaint}): put it in a "
+            "module that can be imported"
+        )
+    return FitError(f"a worker process cannot work: {complaint}")
+
+
+@contextmanager
+def _start_of_a_worker() -> Iterator[None]:
+    """What a new process takes over of this one: no script, one thread, no import from its folder, no Ctrl-C."""
+    script = sys.modules["__main__"]
+    before = {name: os.environ.get(name) for name in _ENVIRONMENT}
+    here = threading.current_thread() is threading.main_thread()
+    interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN) if here else None
+    # multiprocessing would have the new process run the script that this module stands for.
+    sys.modules["__main__"] = ModuleType("__main__")
+    os.environ.update(_ENVIRONMENT)
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+        if here:
+            signal.signal(signal.SIGINT, interrupt)
+
+
+def _serve(connection: Connection, message: bytes) -> None:
+    """Answer curves with rows, a list or more for each chunk, until the parent is gone.
+
+    The first answer, an empty list, says that the model is there; a text says what is wrong.
+    """
+    # Ctrl-C reaches the whole group of processes; the parent decides what ends.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(EOFError, OSError):
         try:
-            self._serve()
-        except BaseException as error:  # noqa: BLE001  a thread has nobody above it
-            self._results.put(error)
-        else:
-            self._results.put(None)
+            model, layout = pickle.loads(message)  # noqa: S301  from the parent process only
+            fitter = CurveFitter(model, layout)
+            connection.send([])
+            while True:
+                places = pickle.loads(connection.recv_bytes())  # noqa: S301  same
+                _answer(connection, fitter, places)
+        except (AttributeError, ImportError, pickle.UnpicklingError) as error:
+            connection.send(f"{type(error).__name__}: {error}")
 
-    def _serve(self) -> None:
-        places = self._shared.next_chunk()
-        while places:
-            worker = self._greeted_worker()
-            following: list[CurvePlace] = []
-            try:
-                worker.send(pickle.dumps(places, pickle.HIGHEST_PROTOCOL))
-                # The next chunk is fetched while the worker is busy.
-                following = self._shared.next_chunk()
-                whole = False
-                while not whole:
-                    rows, whole = worker.receive()
-                    places = places[len(rows) :]
-                    self._results.put(rows)
-            except (EOFError, OSError, pickle.UnpicklingError):
-                if self._shared.closed:
-                    return
-                worker.close()
-                self._worker, self._greeted = None, False
-                places = self._after_a_death(places)
-            places = [*places, *following]
 
-    def _after_a_death(self, places: list[CurvePlace]) -> list[CurvePlace]:
-        """What is still to do when a worker died on the first of `places`."""
-        if not places:
-            return []
-        deaths = self._shared.deaths
-        deaths[places[0].index] += 1
-        if deaths[places[0].index] < _MOST_DEATHS:
-            return places
-        self._results.put([died(places[0], self._shared.layout)])
-        return places[1:]
-
-    def _greeted_worker(self) -> Worker:
-        """Return a worker that knows the model."""
-        worker = self._worker = self._worker or start_worker()
-        if not self._greeted:
-            try:
-                worker.send(self._shared.greeting)
-                worker.receive()
-            except (EOFError, OSError, pickle.UnpicklingError):
-                raise self._did_not_start(worker) from None
-            self._greeted = True
-            if self._shared.closed:
-                worker.kill()
-        return worker
-
-    def _did_not_start(self, worker: Worker) -> Exception:
-        worker.kill()
-        complaint = worker.complaint()
-        worker.close()
-        if "__main__" in complaint:
-            return InputError(
-                f"worker processes cannot see what was defined in the running script ({complaint}): put it "
-                "in a module that can be imported"
-            )
-        return FitError(f"a worker process did not start: {complaint or 'it ended without a word'}")
+def _answer(connection: Connection, fitter: CurveFitter, places: Sequence[CurvePlace]) -> None:
+    rows: Rows = []
+    sent = time.monotonic()
+    for row in fitter.rows(places):
+        rows.append(row)
+        if time.monotonic() - sent > _EVERY:
+            connection.send(rows)
+            rows, sent = [], time.monotonic()
+    if rows:
+        connection.send(rows)

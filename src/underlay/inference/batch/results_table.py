@@ -4,23 +4,36 @@ from __future__ import annotations
 
 import csv
 import math
-import os
-import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import chain, islice, repeat
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, BinaryIO
 
 import pandas as pd
 
-from underlay.errors import FileAccessError, InputError, MissingExtraError
+from underlay._files import replacing
+from underlay._text import guarded_cell, one_line, unguarded_cell
+from underlay.errors import InputError, MissingExtraError
 
-__all__ = ["FAILED", "FITTED", "Layout", "require_format", "to_frame", "write_table"]
+__all__ = [
+    "DIFFERENCE",
+    "FAILED",
+    "FITTED",
+    "INSTRUMENT",
+    "Layout",
+    "read_parquet",
+    "require_format",
+    "to_frame",
+    "write_table",
+]
 
 #: What the column ``status`` says.
 FITTED, FAILED = "fitted", "failed"
+
+#: The instrument's own modulus (Pa) for the same Poisson's ratio, and ours over it less one (per cent).
+INSTRUMENT, DIFFERENCE = "layer.E.instrument", "layer.E.difference_percent"
 
 _TEXT, _NUMBER, _COUNT = "text", "number", "count"
 _BEFORE = (
@@ -63,6 +76,8 @@ class Layout:
         ends = ("", ".stderr", ".low", ".high") if sampled else ("", ".stderr")
         fitted = [(f"{path}{end}", _NUMBER) for path in parameters for end in ends]
         known = [(path, _NUMBER) for path in given if path not in parameters]
+        if "layer.E" in parameters:
+            known += [(column, _NUMBER) for column in (INSTRUMENT, DIFFERENCE)]
         columns = (*_BEFORE, *fitted, *known, *_AFTER, *(_SAMPLED if sampled else ()))
         return cls(dict(columns))
 
@@ -75,6 +90,16 @@ class Layout:
         """Columns of one line of CSV, as text."""
         return dict(zip(self.kinds, next(csv.reader([line])), strict=True))
 
+    def is_row(self, line: str) -> bool:
+        """Whether a text is one line of CSV with a cell for every column, each of its kind."""
+        try:
+            cells = self.cells(line)
+            for name, kind in self.kinds.items():
+                _READ[kind](cells[name])
+        except (ValueError, csv.Error):
+            return False
+        return line.splitlines() == [line] and cells["status"] in (FITTED, FAILED)
+
     def text(self, row: Mapping[str, Any]) -> str:
         """One line of CSV, without its end; what `row` does not hold stays empty."""
         return ",".join([_cell(row.get(name)) for name in self.kinds])
@@ -86,8 +111,8 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return repr(float(value)) if not math.isnan(value) else ""
     if isinstance(value, str):
-        # One row is one line, whatever a message or a file name holds.
-        text = " ".join(value.split()) if not value.isprintable() else value
+        # One row is one line, whatever a message or a file name holds, and no cell of it is a formula.
+        text = guarded_cell(one_line(" ".join(value.split()) if not value.isprintable() else value))
         return '"' + text.replace('"', '""') + '"' if any(mark in text for mark in ',"') else text
     return str(int(value))
 
@@ -120,13 +145,26 @@ def to_frame(layout: Layout, lines: Iterable[str]) -> pd.DataFrame:
     )
 
 
-def _series(cells: Sequence[str], kind: str) -> pd.Series[Any]:
+def _number(cell: str) -> float:
     # Python's own conversion is exact; that of a table reader need not be.
-    if kind == _NUMBER:
-        return pd.Series([float(cell) if cell else math.nan for cell in cells], dtype="float64")
-    if kind == _COUNT:
-        return pd.Series([int(cell) if cell else None for cell in cells], dtype="Int64")
-    return pd.Series(cells, dtype="str")
+    return float(cell) if cell else math.nan
+
+
+def _count(cell: str) -> int | None:
+    return int(cell) if cell else None
+
+
+#: What a cell of a kind stands for, and how a table stores it.
+_READ: Mapping[str, Callable[[str], str | float | None]] = {
+    _TEXT: unguarded_cell,
+    _NUMBER: _number,
+    _COUNT: _count,
+}
+_STORED = {_TEXT: "str", _NUMBER: "float64", _COUNT: "Int64"}
+
+
+def _series(cells: Sequence[str], kind: str) -> pd.Series[Any]:
+    return pd.Series([_READ[kind](cell) for cell in cells], dtype=_STORED[kind])
 
 
 def write_table(path: Path, layout: Layout, lines: Iterable[str]) -> Path:
@@ -137,35 +175,41 @@ def write_table(path: Path, layout: Layout, lines: Iterable[str]) -> Path:
     FileAccessError
         If the file cannot be written; an older one stays as it was.
     """
-    temporary: Path | None = None
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        os.close(handle)
-        temporary = Path(name)
+    with replacing(path) as file:
         if path.suffix.lower() == ".parquet":
-            _write_parquet(temporary, layout, lines)
+            _write_parquet(file, layout, lines)
         else:
-            with temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="\n") as stream:
-                stream.writelines(f"{line}\n" for line in chain((layout.header,), lines))
-                stream.flush()
-                os.fsync(stream.fileno())
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except OSError as error:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
-        raise FileAccessError(f"cannot write {path}: {error.strerror or error}") from error
+            file.writelines(f"{line}\n".encode() for line in chain((layout.header,), lines))
     return path
 
 
-def _write_parquet(path: Path, layout: Layout, lines: Iterable[str]) -> None:
+def _write_parquet(file: BinaryIO, layout: Layout, lines: Iterable[str]) -> None:
     arrow, parquet = _pyarrow()
     types = {_TEXT: arrow.string(), _NUMBER: arrow.float64(), _COUNT: arrow.int64()}
     schema = arrow.schema([(name, types[kind]) for name, kind in layout.kinds.items()])
-    with parquet.ParquetWriter(path, schema) as writer:
+    with parquet.ParquetWriter(file, schema) as writer:
         for group in _groups(lines):
             frame = to_frame(layout, group)
             writer.write_table(arrow.Table.from_pandas(frame, schema=schema, preserve_index=False))
+
+
+def read_parquet(content: IO[bytes], most_cells: int) -> pd.DataFrame:
+    """Read a table in Parquet that claims no more than `most_cells`.
+
+    Raises
+    ------
+    MissingExtraError
+        If pyarrow is not installed.
+    ValueError
+        If it claims more; pyarrow has errors of its own for a damaged file.
+    """
+    _, parquet = _pyarrow()
+    file = parquet.ParquetFile(content)
+    cells = file.metadata.num_rows * file.metadata.num_columns
+    if not 0 <= cells <= most_cells:
+        raise ValueError(f"it claims {cells} cells")
+    frame: pd.DataFrame = file.read().to_pandas()
+    return frame
 
 
 def _groups(lines: Iterable[str]) -> Iterator[Sequence[str]]:

@@ -8,9 +8,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.batch.separable import SeparableFit
-from underlay.inference.fitting.diagnostics import diagnose
-from underlay.inference.fitting.fit_result import FitStatistics
-from underlay.inference.fitting.fit_warnings import warnings_of
+from underlay.inference.least_squares.diagnostics import correlated
+from underlay.inference.least_squares.fit_result import FitStatistics
+from underlay.inference.least_squares.fit_warnings import warnings_of
 from underlay.inference.problem import Problem
 from underlay.mechanics.published import published_names
 
@@ -49,8 +49,8 @@ def separable_warnings(found: SeparableFit, problem: Callable[[], Problem]) -> t
     vector = made.vector(dict(zip(made.names, found.values.tolist(), strict=True)))
     law, slopes = made.members[0].law(made.physical(vector)), made.slopes(vector)
     scaled = found.covariance / np.outer(slopes, slopes)
-    diagnostics = diagnose(found.residuals / found.noise, found.residuals)
-    warnings = warnings_of(made, [law], {}, {}, scaled, (diagnostics,), _statistics(found, made), ())
+    related = correlated(found.residuals / found.noise, found.residuals)
+    warnings = warnings_of(made, [law], {}, {}, scaled, (related,), _statistics(found, made), ())
     return tuple(str(warning) for warning in warnings)
 
 

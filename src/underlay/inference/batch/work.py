@@ -11,56 +11,61 @@ import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._door import sha256_of
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
-from underlay.data.readers import read
+from underlay.data.readers import read, read_from_map
 from underlay.errors import CurveError, UnderlayError, UnderlayWarning
 from underlay.inference.batch.curves import CurvePlace
-from underlay.inference.batch.model import BatchModel, Sampling
-from underlay.inference.batch.results_table import FAILED, FITTED, Layout
+from underlay.inference.batch.model import BatchModel
+from underlay.inference.batch.options import Sampling
+from underlay.inference.batch.results_table import DIFFERENCE, FAILED, FITTED, INSTRUMENT, Layout
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
-from underlay.inference.fitting.provenance import curve_hash
-from underlay.inference.from_files import chosen_part, read_for
-from underlay.inference.least_squares import fit
+from underlay.inference.file_facts import EVERYTHING, settle
+from underlay.inference.from_files import chosen_part, read_for, turned
+from underlay.inference.least_squares.instrument_modulus import instrument_modulus
+from underlay.inference.least_squares.provenance import curve_hash
+from underlay.inference.plausibility import require_plausible
 from underlay.inference.problem import Problem
-from underlay.inference.sampling.run import sample
 
-__all__ = ["Workshop", "died", "file_hash", "work"]
+__all__ = ["DIED", "CurveFitter", "Rows", "file_hash", "given_up", "work"]
+
+#: Rows (index, CSV text) that came together.
+Rows = list[tuple[int, str]]
+#: Why a curve is given up on which worker processes died.
+DIED = "the worker process died on this curve twice; out of memory, or killed from outside?"
 
 # A contact that explains the force no better than this many squared standard deviations beyond a flat line
 # is none: three free numbers reach 30 by chance in one curve of a million.
 _NO_CONTACT = 30.0
 
 
-def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> list[tuple[int, str]]:
-    """Rows (index, CSV text) of some curves: what a cluster's worker runs."""
-    return list(Workshop(model, layout).rows(places))
+def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> Rows:
+    """Rows of some curves: what a cluster's worker runs."""
+    return list(CurveFitter(model, layout).rows(places))
 
 
 def file_hash(path: str) -> str:
     """SHA-256 of a file; empty where it cannot be read."""
     try:
-        with Path(path).open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError:
+        return sha256_of(path)
+    except UnderlayError:
         return ""
 
 
-def died(place: CurvePlace, layout: Layout) -> tuple[int, str]:
-    """Row of a curve on which worker processes died."""
-    reason = "the worker process died on this curve twice; out of memory, or killed from outside?"
+def given_up(place: CurvePlace, layout: Layout, reason: str) -> tuple[int, str]:
+    """Row of a curve on which a worker process ended."""
     return place.index, layout.text({**_about(place), **_failure(reason), "seconds": None})
 
 
 @dataclass(frozen=True)
-class _Outcome:
+class _Found:
     """What a fit gives to a row."""
 
     values: Mapping[str, float]
@@ -72,7 +77,7 @@ class _Outcome:
     more: Mapping[str, Any]
 
 
-class Workshop:
+class CurveFitter:
     """The common model, compiled once for all curves that pass through one worker.
 
     Parameters
@@ -100,7 +105,10 @@ class Workshop:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always", UnderlayWarning)
                 curve = self._read(place, row)
+                place, curve, notes = self._settled(place, curve)
+                row.update(place.values)
                 self._fit(place, curve, row)
+                _add_notes(row, notes)
         except UnderlayError as error:
             row.update(_failure(str(error)))
         except MemoryError:
@@ -114,15 +122,32 @@ class Workshop:
         row["seconds"] = time.perf_counter() - began
         return row
 
+    def _settled(self, place: CurvePlace, curve: Curve) -> tuple[CurvePlace, Curve, tuple[str, ...]]:
+        """The place with what its own file says of the scene, the curve noted so, and what is to be said of it."""
+        file = self._model.file
+        settled = settle(
+            self._model.scene.with_values(place.values),
+            curve,
+            left_out=() if file is None else [path for path in file.left_out if path not in place.values],
+            # Nobody but a scene file can say which of two numbers is right: without one the row says that they
+            # differ.
+            overrule=EVERYTHING if file is None else file.curve.get("overrule", ()),
+            free=self._model.free,
+        )
+        notes = settled.notes[len(settled.values) :]  # what was taken stands in the row itself
+        noted = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *notes)) if notes else curve
+        return replace(place, values={**place.values, **settled.values}), noted, notes
+
     def _read(self, place: CurvePlace, row: dict[str, Any]) -> Curve:
         """Read the curve and the part of it that is fitted; note its hash and position."""
         file = self._model.file
         if place.curve is not None:
-            curve = place.curve if file is None else chosen_part(place.curve, file.curve)
+            curve = place.curve if file is None else chosen_part(turned(place.curve, file.curve), file.curve)
         elif file is not None:
-            curve = read_for(file, place.path)
+            curve = read_for(file, place.of_map or place.path)
         else:
-            curve = chosen_part(read(place.path), {})
+            whole = read(place.path) if place.of_map is None else read_from_map(place.of_map)
+            curve = chosen_part(turned(whole, {}), {})
         row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
         if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:
@@ -138,6 +163,12 @@ class Workshop:
         outcome = self._fast(place, curve) or self._thorough(place, curve)
         _require_contact(curve, outcome)
         row.update(outcome.values)
+        if "layer.E" in outcome.values:
+            told = instrument_modulus(
+                self._model.scene.with_values({**place.values, **self._of_scene(outcome)}), curve
+            )
+            if told is not None:
+                row.update({INSTRUMENT: told.youngs, DIFFERENCE: 100.0 * told.difference})
         row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})
         row.update(
             status=FITTED,
@@ -151,7 +182,10 @@ class Workshop:
         )
         _add_notes(row, [*notes, *outcome.notes])
 
-    def _fast(self, place: CurvePlace, curve: Curve) -> _Outcome | None:
+    def _of_scene(self, outcome: _Found) -> dict[str, float]:
+        return {path: value for path, value in outcome.values.items() if path in self._base}
+
+    def _fast(self, place: CurvePlace, curve: Curve) -> _Found | None:
         if self._separable is None or self._model.sampling is not None:
             return None
         values = {**self._base, **place.values}
@@ -162,7 +196,7 @@ class Workshop:
             return None
         paths = [coordinate.path for coordinate in self._separable.coordinates]
         noise, n, k = found.noise, len(curve), len(paths)
-        return _Outcome(
+        return _Found(
             dict(zip(paths, found.values.tolist(), strict=True)),
             dict(zip(paths, np.sqrt(np.diag(found.covariance)).tolist(), strict=True)),
             found.law_method,
@@ -172,11 +206,16 @@ class Workshop:
             {},
         )
 
-    def _thorough(self, place: CurvePlace, curve: Curve) -> _Outcome:
+    def _thorough(self, place: CurvePlace, curve: Curve) -> _Found:
+        # A worker is a fresh Python: it loads what most maps never call (pandas, emcee) when it is called.
+        from underlay.inference.least_squares.fitting import quick_fit  # noqa: PLC0415
+
         problem = self._problem(place, curve)
-        found = fit(problem)
+        # A fit that ends on a bound comes this way: it may be a unit that put it there.
+        require_plausible(problem)
+        found = quick_fit(problem)
         residuals: FloatArray = found.residuals[0]
-        outcome = _Outcome(
+        outcome = _Found(
             found.values,
             found.stderr,
             found.statistics.law_method,
@@ -195,8 +234,10 @@ class Workshop:
         return self._model.problem(self._model.scene.with_values(place.values), curve)
 
 
-def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Outcome) -> _Outcome:
+def _sampled(problem: Problem, place: CurvePlace, sampling: Sampling, outcome: _Found) -> _Found:
     """Replace the fit's numbers by those of the posterior: median, standard deviation, 95 % interval."""
+    from underlay.inference.sampling.run import sample  # noqa: PLC0415  as for `quick_fit`
+
     seed = _seed(sampling.seed, place.name)
     posterior = sample(
         problem, walkers=sampling.walkers, max_steps=sampling.max_steps, rng=seed, progress=False
@@ -219,7 +260,7 @@ def _seed(seed: int, name: str) -> int:
     return int(np.random.SeedSequence([seed, *words.tolist()]).generate_state(1)[0])
 
 
-def _require_contact(curve: Curve, outcome: _Outcome) -> None:
+def _require_contact(curve: Curve, outcome: _Found) -> None:
     """Refuse a curve whose force a straight line explains as well as the contact does."""
     sloping = "instrument.baseline_slope" in outcome.values
     flat = curve.force - curve.force.mean()

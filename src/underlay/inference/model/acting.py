@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import fields
 
 import numpy as np
 
-from underlay.data.noise import Noise
 from underlay.errors import ParameterError
 from underlay.mechanics.materials import Rigid
+from underlay.mechanics.solver import Solver
 from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene import Scene
 
-__all__ = ["NOISE_PATHS", "require_acting"]
-
-#: Paths of the numbers of a `Noise`.
-NOISE_PATHS = tuple(f"noise.{field.name}" for field in fields(Noise))
+__all__ = ["require_acting"]
 
 
-def require_acting(path: str, scene: Scene, free: Collection[str], method: str) -> None:
+def require_acting(
+    path: str, scene: Scene, free: Collection[str], solver: Solver, noise: Collection[str]
+) -> None:
     """Refuse a path the scene does not have, or that cannot change the curve.
 
     Parameters
@@ -30,8 +28,10 @@ def require_acting(path: str, scene: Scene, free: Collection[str], method: str) 
         The test.
     free : collection of str
         Every free path, `path` included.
-    method : str
-        The law asked for: ``"halfspace"`` sees neither thickness nor substrate.
+    solver : Solver
+        What builds the law.
+    noise : collection of str
+        Paths of the numbers of its noise model.
 
     Raises
     ------
@@ -46,8 +46,8 @@ def require_acting(path: str, scene: Scene, free: Collection[str], method: str) 
         )
     if part == "substrate" and scene.substrate is None:
         raise ParameterError(f"{path} cannot act: the scene has no substrate")
-    if path not in known and path not in NOISE_PATHS:
-        raise unknown_parameter(path, (*known, *NOISE_PATHS))
+    if path not in known and path not in noise:
+        raise unknown_parameter(path, (*known, *noise))
     if part != "substrate" and path != "layer.thickness":
         return
     if not np.isfinite(scene.layer.thickness):
@@ -55,8 +55,11 @@ def require_acting(path: str, scene: Scene, free: Collection[str], method: str) 
             f"{path} cannot act: the layer is a half-space (infinite thickness); give it a thickness and a "
             "substrate, or leave the parameter out"
         )
-    if method == "halfspace":
-        raise ParameterError(f"{path} cannot act in the half-space law; use another method or leave it out")
+    if not solver.sees_base:
+        raise ParameterError(
+            f"{path} cannot act: laws by {solver.name} depend on what the indenter touches alone; use another "
+            "solver or leave it out"
+        )
     if path == "layer.thickness" and scene.substrate == scene.layer.material:
         materials = [p for p in free if p.startswith(("layer.", "substrate.")) and p != path]
         if not materials:

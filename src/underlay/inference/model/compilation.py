@@ -2,45 +2,39 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from underlay.data.curve import Curve, check_fittable
-from underlay.data.noise import Noise
+from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import CurveError, InputError, ParameterError
-from underlay.inference.model.acting import NOISE_PATHS, require_acting
+from underlay.inference.model.acting import require_acting
 from underlay.inference.model.coordinates import Coordinate, Spans, make_coordinate
 from underlay.inference.model.forward import Forward
-from underlay.inference.model.laws import LawOptions, LawStore
+from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.model.noise_start import noise_start
-from underlay.inference.priors import Prior
-from underlay.mechanics.accuracy import METHODS
-from underlay.mechanics.published import published_names
+from underlay.inference.priors import Given, Prior
+from underlay.mechanics.response import checked_times
+from underlay.mechanics.solver import Solver
+from underlay.quantities import Quantity, curve_of, field_quantities, path_of
+from underlay.scene.chain import ContactPoint, Frame
 from underlay.scene.scene import Scene
 
-if TYPE_CHECKING:
-    from underlay.inference.problem import Given
-
 __all__ = ["compile_members"]
-
-_NUMBERED = re.compile(r"^(?P<path>.+)\[(?P<number>\d+)\]$")
 
 
 def compile_members(
     tests: Sequence[tuple[Scene, Curve]],
     free: Mapping[str, Given],
     shared: tuple[str, ...],
-    noise: Noise | Sequence[Noise | None] | None,
-    options: LawOptions,
+    noise: NoiseModel | Sequence[NoiseModel | None] | None,
+    solver: Solver,
     store: LawStore,
 ) -> tuple[tuple[Member, ...], tuple[Coordinate, ...]]:
     """Check a problem and compile it; see `Problem` for what is refused."""
-    _require_known(options.method)
     noises = _noises(noise, len(tests))
     _check_tests(tests)
     requests = _requests(free, shared, len(tests))
@@ -52,18 +46,21 @@ def compile_members(
     spans = [_spans(curve) for _, curve in tests]
     for index, request in enumerate(requests):
         own = [tests[i] for i in request.curves]
+        first = noises[request.curves[0]]
+        of_noise = _quantities_of(first)
         for scene, _ in own:
-            require_acting(request.path, scene, paths, options.method)
-        start = _common_start(request, own, noises[request.curves[0]])
+            require_acting(request.path, scene, paths, solver, of_noise)
+        known = of_noise.get(request.path) or own[0][0].quantities[request.path]
+        start = _common_start(request, own, first)
         widest = Spans(
             depth=max(spans[i].depth for i in request.curves),
             force=max(spans[i].force for i in request.curves),
         )
-        coordinates.append(make_coordinate(request.name, request.path, start, request.given, widest))
+        coordinates.append(make_coordinate(request.name, request.path, known, start, request.given, widest))
         for i in request.curves:
             entries[i][request.path] = index
     members = tuple(
-        _member(scene, curve, noises[i], entries[i], options, store) for i, (scene, curve) in enumerate(tests)
+        _member(scene, curve, noises[i], entries[i], solver, store) for i, (scene, curve) in enumerate(tests)
     )
     points = sum(len(curve) for _, curve in tests)
     if points <= len(coordinates):
@@ -73,19 +70,18 @@ def compile_members(
     return members, tuple(coordinates)
 
 
-def _require_known(method: str) -> None:
-    known = (*METHODS, *published_names())
-    if method not in known:
-        raise InputError(f"unknown method {method!r}; known: {', '.join(known)}")
+def _quantities_of(noise: NoiseModel) -> dict[str, Quantity]:
+    """What the numbers of a noise model are, by path."""
+    return {f"noise.{name}": known for name, known in field_quantities(noise).items()}
 
 
-def _noises(noise: Noise | Sequence[Noise | None] | None, count: int) -> list[Noise]:
+def _noises(noise: NoiseModel | Sequence[NoiseModel | None] | None, count: int) -> list[NoiseModel]:
     given = list(noise) if isinstance(noise, Sequence) else [noise] * count
     if len(given) != count:
         raise InputError(f"give one noise model for all curves or one for each of {count}; got {len(given)}")
     for entry in given:
-        if not isinstance(entry, Noise | None):
-            raise InputError(f"noise must be a Noise or None; got {entry!r}")
+        if not isinstance(entry, NoiseModel | None):
+            raise InputError(f"noise must be a Noise, another NoiseModel or None; got {entry!r}")
     return [Noise() if entry is None else entry for entry in given]
 
 
@@ -143,7 +139,7 @@ def _requests(free: Mapping[str, Given], shared: tuple[str, ...], count: int) ->
             raise ParameterError(f"{path!r} is shared but not free; free are {', '.join(free) or 'none'}")
     single = _numbered(free, shared, count)
     requests: list[_Request] = []
-    for path in dict.fromkeys(_NUMBERED.sub(r"\g<path>", key) for key in free):
+    for path in dict.fromkeys(path_of(key) for key in free):
         if path in shared or (count == 1 and path in free):
             requests.append(_Request(path, path, free[path], list(range(count))))
             continue
@@ -159,10 +155,9 @@ def _numbered(free: Mapping[str, Given], shared: tuple[str, ...], count: int) ->
     """What is said of single curves, ``"layer.E[1]"``, by path and number."""
     single: dict[str, dict[int, Given]] = {}
     for key, given in free.items():
-        match = _NUMBERED.match(key)
-        if match is None:
+        path, number = path_of(key), curve_of(key)
+        if number is None:
             continue
-        path, number = match["path"], int(match["number"])
         if number >= count:
             raise ParameterError(f"{key!r}: there are {count} curves, numbered from 0")
         if path in shared:
@@ -171,8 +166,8 @@ def _numbered(free: Mapping[str, Given], shared: tuple[str, ...], count: int) ->
     return single
 
 
-def _common_start(request: _Request, own: Sequence[tuple[Scene, Curve]], noise: Noise) -> float:
-    if request.path in NOISE_PATHS:
+def _common_start(request: _Request, own: Sequence[tuple[Scene, Curve]], noise: NoiseModel) -> float:
+    if request.path in _quantities_of(noise):
         field, given = request.path.partition(".")[2], request.given
         prior = given if isinstance(given, Prior) else None
         bounds = given if isinstance(given, tuple) else None
@@ -193,33 +188,29 @@ def _spans(curve: Curve) -> Spans:
 def _member(
     scene: Scene,
     curve: Curve,
-    noise: Noise,
+    noise: NoiseModel,
     entries: Mapping[str, int],
-    options: LawOptions,
+    solver: Solver,
     store: LawStore,
 ) -> Member:
-    mechanical = {path: index for path, index in entries.items() if path not in NOISE_PATHS}
-    noisy = {path.partition(".")[2]: index for path, index in entries.items() if path in NOISE_PATHS}
-    if "instrument.contact_depth" not in mechanical:
+    of_noise = _quantities_of(noise)
+    mechanical = {path: index for path, index in entries.items() if path not in of_noise}
+    noisy = {path.partition(".")[2]: index for path, index in entries.items() if path in of_noise}
+    _check_history(scene, curve, mechanical)
+    if ContactPoint.path not in mechanical:
         check_fittable(curve, scene.instrument.contact_depth)
-    unknown = noise.force is None and "force" not in noisy
-    if unknown and (noise.relative or noise.depth or {"relative", "depth"} & noisy.keys()):
-        raise InputError(
-            "noise.force is unknown beside relative or depth noise: give its value (N), or free it "
-            "(free={'noise.force': None, ...})"
-        )
-    forward = Forward.compile(scene, curve.depth, tuple(mechanical), options, store)
-    member = Member(scene, curve, forward, noise, scene.parameters, mechanical, noisy)
-    _check_noise_everywhere(member)
-    return member
+    noise.check(noisy, len(curve), curve.time)
+    forward = Forward.compile(scene, curve.depth, tuple(mechanical), solver, store, curve.time)
+    return Member(scene, curve, forward, noise, scene.parameters, mechanical, noisy)
 
 
-def _check_noise_everywhere(member: Member) -> None:
-    noise = member.noise
-    if noise.force == 0.0 and "force" not in member.noise_entries:
-        raise InputError(
-            "noise.force is zero: points before contact, where relative and depth noise vanish, would count "
-            "as exact; give the white noise of the force reading (N)"
+def _check_history(scene: Scene, curve: Curve, free: Mapping[str, int]) -> None:
+    if scene.history is None:
+        return
+    if curve.time is None:
+        raise CurveError("this scene has a history: give the curve the times of its points (s)")
+    checked_times(curve.time, curve.depth)
+    if Frame.path in free:
+        raise ParameterError(
+            f"{Frame.path} cannot be fitted beside a history: take the frame's share out of the depth first"
         )
-    if noise.correlation_time or "correlation_time" in member.noise_entries:
-        noise.whiten(np.zeros(len(member.force)), member.curve.time)

@@ -16,20 +16,10 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.priors import Flat, LogUniform, Prior, Uniform
-from underlay.scene.parameters import kind_of
+from underlay.inference.priors import Flat, Given, LogUniform, Prior, Uniform
+from underlay.quantities import Quantity
 
-__all__ = ["Coordinate", "ScaledSpace", "Spans", "is_scale", "make_coordinate"]
-
-_SCALES = frozenset({"pressure", "compliance", "time"})
-_SCALE_FIELDS = frozenset({"thickness", "radius", "coefficient"})
-
-#: Open ends of what is physically possible, by field name.
-_PHYSICAL = {
-    "nu": (-1.0, 0.5),
-    "exponent": (1.0, np.inf),
-    "half_angle": (0.0, 0.5 * np.pi),
-}
+__all__ = ["Coordinate", "ScaledSpace", "Spans", "make_coordinate"]
 
 
 @dataclass(frozen=True)
@@ -38,6 +28,16 @@ class Spans:
 
     depth: float
     force: float
+
+    def of(self, kind: str) -> float | None:
+        """The curves' own scale (SI) of a physical kind, or None where they have none."""
+        scales = {
+            "length": self.depth,
+            "force": self.force,
+            "stiffness": self.force / self.depth,
+            "compliance": self.depth / self.force,
+        }
+        return scales.get(kind)
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,8 @@ class Coordinate:
         The path, with the curve's number in brackets when it is one curve's own, e.g. ``"layer.E[0]"``.
     path : str
         The path.
+    quantity : Quantity
+        What its dataclass declares of it.
     prior : Prior
         Density in x.
     low, high : float
@@ -62,6 +64,7 @@ class Coordinate:
 
     name: str
     path: str
+    quantity: Quantity
     prior: Prior
     low: float
     high: float
@@ -162,20 +165,14 @@ class ScaledSpace:
         return np.where(self.logarithmic, physical, self.scale)
 
 
-def is_scale(path: str) -> bool:
-    """Whether the quantity is positive by nature, so that its ratios are what matters."""
-    field = path.rpartition(".")[2]
-    return path.startswith("noise.") or kind_of(path) in _SCALES or field in _SCALE_FIELDS
-
-
 def make_coordinate(
-    name: str, path: str, start: float, given: Prior | tuple[float, float] | None, spans: Spans
+    name: str, path: str, quantity: Quantity, start: float, given: Given, spans: Spans
 ) -> Coordinate:
     """Scale one free parameter.
 
     Parameters
     ----------
-    name, path : str
+    name, path, quantity
         As in `Coordinate`.
     start : float
         Value in the scene (SI).
@@ -191,21 +188,20 @@ def make_coordinate(
         If the bounds are not in order, or the start is outside them.
     """
     # A compliance of exactly zero has no logarithm; it is then scaled by the curve's own compliance.
-    logarithmic = is_scale(path) and start > 0.0
+    logarithmic = quantity.is_scale and start > 0.0
     prior = _prior(name, given, logarithmic=logarithmic)
-    field = path.rpartition(".")[2]
-    possible = _PHYSICAL.get(field, (0.0 if is_scale(path) else -np.inf, np.inf))
+    possible = quantity.bounds
     low, high = max(prior.support[0], possible[0]), min(prior.support[1], possible[1])
     if not low <= start <= high:
         raise InputError(
             f"the start of {name} is {start:.6g}, outside its bounds [{low:.6g}, {high:.6g}] (SI): "
             "change the value in the scene, or the bounds"
         )
-    scale = None if logarithmic else _scale(path, prior, spans)
-    return Coordinate(name, path, prior, low, high, start, scale)
+    scale = None if logarithmic else _scale(quantity, prior, spans)
+    return Coordinate(name, path, quantity, prior, low, high, start, scale)
 
 
-def _prior(name: str, given: Prior | tuple[float, float] | None, *, logarithmic: bool) -> Prior:
+def _prior(name: str, given: Given, *, logarithmic: bool) -> Prior:
     if isinstance(given, Prior):
         return given
     if given is None:
@@ -223,19 +219,12 @@ def _prior(name: str, given: Prior | tuple[float, float] | None, *, logarithmic:
     return LogUniform(low, high) if logarithmic and low > 0.0 else Uniform(low, high)
 
 
-def _scale(path: str, prior: Prior, spans: Spans) -> float:
+def _scale(quantity: Quantity, prior: Prior, spans: Spans) -> float:
     """Natural size of a change of the parameter (SI)."""
-    by_curve = {
-        "contact_depth": spans.depth,
-        "baseline": spans.force,
-        "baseline_slope": spans.force / spans.depth,
-        "compliance": spans.depth / spans.force,
-    }
-    field = path.rpartition(".")[2]
-    if field in by_curve:
-        return by_curve[field]
+    own = spans.of(quantity.kind)
+    if own is not None:
+        return own
     if prior.informative:
         low, high = prior.quantile(np.array([0.16, 0.84]))
         return float(0.5 * (high - low))
-    # Poisson's ratios, angles, exponents: of order one, and a tenth of it is a change that shows.
-    return 0.1
+    return quantity.natural_scale

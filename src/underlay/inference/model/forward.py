@@ -7,22 +7,26 @@ law.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.model.laws import LawOptions, LawSource, LawStore
+from underlay.inference.model.laws import LawSource, LawStore
 from underlay.inference.model.similarity import Similarity, compile_similarity
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.family_law import FamilyLaw
-from underlay.mechanics.published import published_names
+from underlay.mechanics.response import Elastic, History, Remembered, Response, checked_times
+from underlay.mechanics.scaled_law import ScaledLaw
+from underlay.mechanics.solver import Solver
+from underlay.quantities import replace_values
+from underlay.scene.chain import Baseline, BaselineSlope, Chain, ContactPoint, Frame
 from underlay.scene.instrument import Instrument
+from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 
-__all__ = ["Forward", "Reading", "ScaledLaw"]
+__all__ = ["Forward", "Reading"]
 
 # Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
 # derivative, and a law's own error of 1e-6 enters with 1e-3.
@@ -39,39 +43,6 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class ScaledLaw:
-    """A reference law seen through the factors of `Similarity`: P(w) = c P_ref(b w)."""
-
-    law: ContactLaw
-    b: float
-    c: float
-
-    @property
-    def max_depth(self) -> float:
-        """Largest depth (m)."""
-        return self.law.max_depth / self.b
-
-    def force(self, depth: FloatArray) -> FloatArray:
-        """P (N), shape of `depth` (m)."""
-        return self.c * self.law.force(self.b * depth)
-
-    def stiffness(self, depth: FloatArray) -> FloatArray:
-        """dP/dw (N/m), shape of `depth` (m)."""
-        return (self.b * self.c) * self.law.stiffness(self.b * depth)
-
-    def force_and_stiffness(self, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """P (N) and dP/dw (N/m) together, each of the shape of `depth` (m)."""
-        force, stiffness = self.law.force_and_stiffness(self.b * depth)
-        return self.c * force, (self.b * self.c) * stiffness
-
-    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray:
-        """dP/d ln k (N) of a law from a table, where the force (N) at `depth` (m) is `force`."""
-        if not isinstance(self.law, FamilyLaw):
-            raise TypeError(f"a law by {self.law.method!r} has no derivative in the ratio of moduli")
-        return self.law.ratio_slope(self.b * depth, force)
-
-
-@dataclass(frozen=True)
 class Forward:
     """One scene, the depth readings of one curve, and what may vary.
 
@@ -83,20 +54,33 @@ class Forward:
         Depth readings (m), (n,).
     laws : LawSource
         Where its laws come from.
+    history : History or None
+        What the sample remembers.
+    time : FloatArray or None
+        Times of the readings (s), (n,), for a sample that remembers.
     """
 
     similarity: Similarity
     depth: FloatArray
     laws: LawSource
+    history: History | None = None
+    time: FloatArray | None = None
 
     @classmethod
     def compile(
-        cls, scene: Scene, depth: FloatArray, free: Sequence[str], options: LawOptions, store: LawStore
+        cls,
+        scene: Scene,
+        depth: FloatArray,
+        free: Sequence[str],
+        solver: Solver,
+        store: LawStore,
+        time: FloatArray | None = None,
     ) -> Forward:
-        """Compile `scene` for readings `depth` (m) when the parameters at the paths `free` vary."""
-        reference = replace(scene, instrument=Instrument())
-        similarity = compile_similarity(scene, free, power_law=options.method not in published_names())
-        return cls(similarity, depth, LawSource.of(similarity, reference, free, options, store))
+        """Compile `scene` for readings `depth` (m) at `time` (s) when the parameters at the paths `free` vary."""
+        reference = replace(scene, instrument=Instrument(), history=None)
+        similarity = compile_similarity(scene, free, scaling=solver.scaling)
+        laws = LawSource.of(similarity, reference, free, solver, store)
+        return cls(similarity, depth, laws, scene.history, time if scene.history is not None else None)
 
     def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
@@ -107,62 +91,103 @@ class Forward:
             If the values are not those of a possible scene, or the law does not reach that deep.
         """
         b, c = self.similarity.factors(values)
-        return ScaledLaw(self.reference_law(self.similarity.reduced(values), b * deepest), b, c)
+        law = self.reference_law(self.similarity.reduced(values), b * deepest)
+        return ScaledLaw.of(law, b, c, self.similarity.length_ratio(values))
 
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
         """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
         b, _ = self.similarity.factors(values)
-        return self.laws.for_statements(
-            self.similarity.reduced(values), b * self._deepest(_instrument(values))
-        )
+        return self.laws.for_statements(self.similarity.reduced(values), b * self._deepest(Chain.of(values)))
 
     def reading(self, values: Mapping[str, float]) -> Reading:
         """Force and stiffness at every reading; raises as `law` does."""
-        instrument = _instrument(values)
-        law = self.law(values, self._deepest(instrument))
-        # `tip_depth` asks a law for force, stiffness and max_depth, which a scaled law has.
-        w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]
+        chain = Chain.of(values)
+        law = self.law(values, self._deepest(chain))
+        w = chain.tip_depth(law, self.depth)
         contact, stiffness = law.force_and_stiffness(w)
-        return Reading(contact, stiffness, instrument.reading(self.depth, contact))
+        if self.history is not None:
+            contact = self._remembered(law, self.history, values).force(w, self.time)
+        return Reading(contact, stiffness, chain.reading(contact, self.depth))
 
     def force(self, values: Mapping[str, float]) -> FloatArray:
         """Force of the instrument (N), (n,), alone; raises as `law` does."""
-        instrument = _instrument(values)
-        law = self.law(values, self._deepest(instrument))
-        w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]  # as in `reading`
-        return instrument.reading(self.depth, law.force(w))
+        chain = Chain.of(values)
+        law: Response = self.law(values, self._deepest(chain))
+        w = chain.tip_depth(law, self.depth)
+        if self.history is not None:
+            law = self._remembered(law, self.history, values)
+        return chain.reading(law.force(w, self.time), self.depth)
 
     def jacobian(
         self, values: Mapping[str, float], paths: Sequence[str], *, rough: bool = False
     ) -> tuple[Reading, FloatArray]:
         """Reading, and the derivative of its force in each parameter (SI) at `paths`, shape (n, k).
 
-        With a compliance C the tip follows w + C P = s, so every derivative at fixed w is divided by
-        1 + C P', and dw/dC = -P / (1 + C P'). A `rough` one takes its ratios from one further law instead of
-        two: off by 1e-3 of itself, which costs a minimiser nothing.
+        Every link says its own (`chain.py`); what moves the law's force goes through the links behind it. A
+        `rough` derivative takes its ratios from one further law instead of two: off by 1e-3 of itself, which
+        costs a minimiser nothing.
         """
-        instrument = _instrument(values)
-        deepest = self._deepest(instrument)
+        chain = Chain.of(values, free=paths)
+        deepest = self._deepest(chain)
         law = self.law(values, deepest)
-        w = instrument.tip_depth(law, self.depth)  # type: ignore[arg-type]  # as in `reading`
+        w = chain.tip_depth(law, self.depth)
         P, S = law.force_and_stiffness(w)
-        share = 1.0 / (1.0 + instrument.compliance * S) if instrument.compliance else 1.0
-        columns = np.empty((len(paths), len(w)))
         ratio_columns: dict[str, FloatArray] = {}
-        for row, path in enumerate(paths):
-            if path == "instrument.contact_depth":
-                columns[row] = -S * share
-            elif path == "instrument.compliance":
-                columns[row] = -S * P * share
-            elif path == "instrument.baseline":
-                columns[row] = 1.0
-            elif path == "instrument.baseline_slope":
-                columns[row] = self.depth
-            else:
-                columns[row] = share * self._mechanical(
-                    path, values, deepest, law, w, P, S, ratio_columns, rough=rough
+        columns = chain.offset_slopes(self.depth)
+        for path in paths:
+            if path == ContactPoint.path:
+                columns[path] = chain.at_fixed_travel(-S, S)
+            elif path == Frame.path and chain.frame is not None:
+                columns[path] = chain.frame.slope(P, S)
+            elif path not in columns and not path.startswith("history."):
+                columns[path] = chain.at_fixed_travel(
+                    self._mechanical(path, values, deepest, law, w, P, S, ratio_columns, rough=rough), S
                 )
-        return Reading(P, S, instrument.reading(self.depth, P)), columns.T
+        if self.history is not None:
+            remembered = self._remembered(law, self.history, values)
+            columns |= self._through_history(remembered, values, paths, deepest, law, w, rough=rough)
+            P = remembered.force(w, self.time)
+        reading = Reading(P, S, chain.reading(P, self.depth))
+        rows = np.empty((len(paths), len(w)))
+        for row, path in enumerate(paths):
+            rows[row] = columns[path]
+        return reading, rows.T
+
+    def _remembered(self, law: Response, history: History, values: Mapping[str, float]) -> Remembered:
+        """The law seen through the history with the numbers of `values`."""
+        own = {path: value for path, value in values.items() if path.startswith("history.")}
+        return Remembered(law, replace_values(history, own, "history"))
+
+    def _through_history(
+        self,
+        remembered: Remembered,
+        values: Mapping[str, float],
+        paths: Sequence[str],
+        deepest: float,
+        law: ScaledLaw,
+        w: FloatArray,
+        *,
+        rough: bool,
+    ) -> dict[str, FloatArray]:
+        """Derivatives of a history's force: the law's own go through it as the law's force does."""
+        history, time = remembered.history, checked_times(self.time, w)
+
+        def changed(path: str) -> Elastic:
+            if path == ContactPoint.path:
+                return lambda x: -law.stiffness(x)
+
+            def slope(x: FloatArray) -> FloatArray:
+                P, S = law.force_and_stiffness(x)
+                return self._mechanical(path, values, deepest, law, x, P, S, {}, rough=rough)
+
+            return slope
+
+        own = [path for path in paths if path.startswith("history.")]
+        found = dict(history.slopes(own, law.force, w, time))
+        for path in paths:
+            if path not in found and path not in (Baseline.path, BaselineSlope.path):
+                found[path] = history.force(changed(path), w, time)
+        return found
 
     def _mechanical(
         self,
@@ -181,13 +206,12 @@ class Forward:
         log_b, log_c = self.similarity.factor_slopes(path, values)
         derivative = (log_c * P + log_b * np.maximum(w, 0.0) * S) / values[path]
         for ratio, slope in self.similarity.ratio_slopes(path).items():
-            if ratio not in ratio_columns:
-                ratio_columns[ratio] = (
-                    law.ratio_slope(w, P)
-                    if isinstance(law.law, FamilyLaw)
-                    else self._ratio_derivative(ratio, values, deepest, w, rough=rough)
-                )
             in_log = ratio not in self.similarity.direct
+            if ratio not in ratio_columns:
+                known = law.ratio_slope(w, P) if in_log and ratio == "substrate.E" else None
+                ratio_columns[ratio] = (
+                    self._ratio_derivative(ratio, values, deepest, w, rough=rough) if known is None else known
+                )
             derivative = derivative + ratio_columns[ratio] * (slope / values[path] if in_log else slope)
         return derivative
 
@@ -201,7 +225,7 @@ class Forward:
         in_log = ratio not in self.similarity.direct
         finer = self.laws.for_differences
         size = _RATIO_STEP
-        if ratio.startswith("indenter.") or ratio == "layer.thickness":
+        if ratio.startswith("indenter.") or kind_of(ratio) != "dimensionless":
             size *= abs(k)
 
         def force(steps: float) -> FloatArray:
@@ -212,20 +236,12 @@ class Forward:
         difference = _first_possible(force, _ROUGH_STENCILS if rough else _STENCILS)
         return np.asarray(difference * (c / (_RATIO_STEP if in_log else size)))
 
-    def _deepest(self, instrument: Instrument) -> float:
-        return max(float(self.depth.max()) - instrument.contact_depth, 0.0)
+    def _deepest(self, chain: Chain) -> float:
+        return max(float(chain.travel(np.asarray(self.depth.max()))), 0.0)
 
     def reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law at the reference with these ratios, for its depths up to `depth` (m)."""
         return self.laws.law(reduced, depth)
-
-
-#: Fields of an instrument and their paths.
-_INSTRUMENT = tuple((part.name, f"instrument.{part.name}") for part in fields(Instrument))
-
-
-def _instrument(values: Mapping[str, float]) -> Instrument:
-    return Instrument(**{name: values[path] for name, path in _INSTRUMENT})
 
 
 #: (steps, weights) of a difference quotient.

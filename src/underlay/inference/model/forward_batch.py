@@ -4,8 +4,8 @@ Four ways, the first that applies:
 
 1. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
 2. only the ratio of two moduli varies: every set's curve is read off the table of its cell (`curve_family`);
-3. an isotropic layer on an isotropic or rigid base and the exact law allowed (``"auto"`` or ``"exact"``): the
-   sets go through `ExactBatch`, in groups whose stiffness ratio and range are alike;
+3. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
+   go through it, in groups whose stiffness ratio and range are alike;
 4. otherwise set by set, through `Forward.reading`.
 
 A set's answer does not depend on the company it is asked in: a chain can be repeated bit by bit.
@@ -23,10 +23,11 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError, RangeError
 from underlay.inference.model.exact_groups import exact_groups
 from underlay.inference.model.forward import Forward
-from underlay.inference.model.parameter_sets import ParameterSets, Values
+from underlay.inference.model.parameter_sets import ParameterSets, Values, values_of
 from underlay.mechanics.exact.family_batch import family_batch
-from underlay.mechanics.indenters import FlatPunch, PowerLawShape, Sphere
-from underlay.mechanics.materials import Isotropic, PlaneConstants, Rigid, isotropic_constants
+from underlay.mechanics.indenters import PowerLawShape
+from underlay.mechanics.materials import PlaneConstants, isotropic_constants
+from underlay.scene.chain import Frame
 
 __all__ = ["Readings", "batched_readings"]
 
@@ -65,20 +66,16 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     Readings
         A set without a law does not exist; its row is zero.
     """
+    if np.any(values[Frame.path]) or forward.history is not None or _is_shaped_by_lengths(forward):
+        return _one_by_one(forward, values, range(sets), Readings.empty(sets, len(forward.depth)))
     asked = ParameterSets(forward, values, sets)
-    if np.any(values["instrument.compliance"]) or _is_shaped_by_lengths(forward):
-        readings = Readings.empty(sets, len(forward.depth))
-        _one_by_one(asked, asked.rows, readings)
-        return readings
     if asked.shared is not None:
         return _by_one_law(asked, asked.shared, stiffness=stiffness)
     if forward.laws.tabulated:
         return _from_tables(asked, stiffness=stiffness)
     if _has_exact_batches(asked):
         return _in_groups(asked, stiffness=stiffness)
-    readings = Readings.empty(sets, len(forward.depth))
-    _one_by_one(asked, asked.rows, readings)
-    return readings
+    return _one_by_one(forward, values, range(sets), Readings.empty(sets, len(forward.depth)))
 
 
 def _is_shaped_by_lengths(forward: Forward) -> bool:
@@ -86,15 +83,17 @@ def _is_shaped_by_lengths(forward: Forward) -> bool:
     return any(path.startswith(("indenter.", "layer.thickness")) for path in forward.similarity.direct)
 
 
-def _one_by_one(asked: ParameterSets, rows: Iterable[int], readings: Readings) -> None:
+def _one_by_one(forward: Forward, values: Values, rows: Iterable[int], readings: Readings) -> Readings:
+    """Put the readings of some sets into `readings`; a set without a law is left out."""
     for row in rows:
         try:
-            one = asked.forward.reading(asked.row(row))
+            one = forward.reading(values_of(values, row))
         except InputError:
             continue
         readings.contact[row], readings.stiffness[row] = one.contact, one.stiffness
         readings.force[row] = one.force
         readings.possible[row] = True
+    return readings
 
 
 def _by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:
@@ -118,8 +117,7 @@ def _by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: 
             continue
         readings.possible[rows] = True
     readings = readings._replace(force=asked.instrument_force(readings.contact))
-    _one_by_one(asked, alone, readings)
-    return readings
+    return _one_by_one(asked.forward, asked.values, alone, readings)
 
 
 def _from_tables(asked: ParameterSets, *, stiffness: bool) -> Readings:
@@ -144,23 +142,14 @@ def _from_tables(asked: ParameterSets, *, stiffness: bool) -> Readings:
     slopes = curves.stiffness(*arguments) if stiffness else np.zeros_like(contact)
     possible = curves.error_estimate <= asked.rtol
     readings = Readings(contact, slopes, asked.instrument_force(contact), possible)
-    _one_by_one(asked, np.flatnonzero(~possible).tolist(), readings)
-    return readings
+    return _one_by_one(asked.forward, asked.values, np.flatnonzero(~possible).tolist(), readings)
 
 
 def _has_exact_batches(asked: ParameterSets) -> bool:
     """Whether the exact law of an isotropic layer on an isotropic or rigid base may be taken."""
-    scene = asked.forward.similarity.scene
-    indenter = scene.indenter
-    known = isinstance(indenter, PowerLawShape) and not isinstance(indenter, FlatPunch)
-    fixed_sphere = isinstance(indenter, Sphere) and not asked.varies("indenter.radius")
-    return (
-        asked.forward.laws.options.method in ("auto", "exact")
-        and (known or fixed_sphere)
-        and isinstance(scene.layer.material, Isotropic)
-        and isinstance(scene.substrate, Isotropic | Rigid)
-        and bool(np.isfinite(scene.layer.thickness))
-    )
+    laws = asked.forward.laws
+    fixed_shape = isinstance(laws.contact.indenter, PowerLawShape) or not asked.varies("indenter.radius")
+    return fixed_shape and laws.solver.has_batches(laws.contact)
 
 
 def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
@@ -194,8 +183,7 @@ def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
         readings.possible[rows[fine]] = True
         alone += rows[~fine].tolist()
     readings = readings._replace(force=asked.instrument_force(readings.contact))
-    _one_by_one(asked, alone, readings)
-    return readings
+    return _one_by_one(asked.forward, asked.values, alone, readings)
 
 
 def _take(constants: PlaneConstants, rows: NDArray[np.intp]) -> PlaneConstants:

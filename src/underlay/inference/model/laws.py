@@ -17,43 +17,28 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError, UnderlayWarning
 from underlay.inference.model.similarity import Similarity
-from underlay.mechanics.accuracy import Accuracy
+from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.exact.curve_family import range_number, range_numbers
-from underlay.mechanics.exact.family_law import tabulated_law
-from underlay.mechanics.indenters import FlatPunch, PowerLawShape
-from underlay.mechanics.materials import Isotropic, Rigid
+from underlay.mechanics.solver import Solver
 from underlay.scene.scene import Scene
 
-__all__ = ["LawOptions", "LawSource", "LawStore"]
+__all__ = ["LawSource", "LawStore", "quiet_law"]
 
 _LAWS_KEPT = 64
-_RANGES = 4096  # more than there are powers of two
 # Laws that are subtracted over a step of 1e-3 must not be rougher than this.
 _STENCIL_RTOL = 1e-6
 
 
-@dataclass(frozen=True)
-class LawOptions:
-    """How laws are built: the keywords of `Scene.contact_law`."""
+def quiet_law(scene: Scene, solver: Solver, max_depth: float) -> ContactLaw:
+    """Build the law of `scene` up to `max_depth` (m) without a word.
 
-    accuracy: Accuracy | None = None
-    method: str = "auto"
-    order: int = 4
-    form: str = "auto"
-
-    def build(self, scene: Scene, max_depth: float) -> ContactLaw:
-        """Build the law of `scene` up to `max_depth` (m).
-
-        A published correction warns where it leaves its range; a fit passes through such places and reports
-        only those of its result, which the law carries itself.
-        """
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnderlayWarning)
-            return scene.contact_law(
-                max_depth, accuracy=self.accuracy, method=self.method, order=self.order, form=self.form
-            )
+    A published correction warns where it leaves its range; a fit passes through such places and reports only
+    those of its result, which the law carries itself.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnderlayWarning)
+        return scene.contact_law(max_depth, solver=solver)
 
 
 @dataclass
@@ -96,21 +81,24 @@ class LawSource:
     ----------
     similarity : Similarity
         The reference and what scales.
-    options : LawOptions
-        How laws are built.
+    solver : Solver
+        What builds them.
     store : LawStore
         Where they are kept.
     number : int
         Name of the reference in the store.
+    contact : Contact
+        Of the reference.
     tabulated : bool
-        Whether nothing but the ratio of two isotropic moduli can change the law of a power-law tip, and the
-        exact law is allowed: it is then read off a table.
+        Whether nothing but the ratio of two moduli can change the law, and the solver reads such laws off a
+        table.
     """
 
     similarity: Similarity
-    options: LawOptions
+    solver: Solver
     store: LawStore
     number: int
+    contact: Contact
     tabulated: bool
 
     @classmethod
@@ -119,23 +107,19 @@ class LawSource:
         similarity: Similarity,
         reference: Scene,
         free: Sequence[str],
-        options: LawOptions,
+        solver: Solver,
         store: LawStore,
     ) -> LawSource:
         """Source for what may vary at the paths `free`; `reference` names its laws in the store."""
-        tabulated = _can_be_tabulated(similarity, free, options)
-        return cls(similarity, options, store, store.number(reference), tabulated)
+        contact = similarity.scene.contact
+        moduli_alone = similarity.exponent is not None and not set(similarity.direct).intersection(free)
+        tabulated = moduli_alone and solver.has_table(contact)
+        return cls(similarity, solver, store, store.number(reference), contact, tabulated)
 
     @property
     def for_differences(self) -> LawSource:
         """The same with laws that may be subtracted: of one kind, and not rougher than the step allows."""
-        accuracy = self.options.accuracy or Accuracy()
-        options = replace(
-            self.options,
-            method="exact" if self.options.method == "auto" else self.options.method,
-            accuracy=Accuracy(min(accuracy.rtol, _STENCIL_RTOL)),
-        )
-        return replace(self, options=options)
+        return replace(self, solver=self.solver.for_differences(_STENCIL_RTOL))
 
     def law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law with these ratios for depths up to `depth` (m), kept and used again.
@@ -154,38 +138,23 @@ class LawSource:
         A kept law reaches up to twice as deep, and a published correction may leave its own range there.
         """
         law = self.law(reduced, depth)
-        if self.options.method in ("auto", "exact") or depth == 0.0:
+        if not self.solver.judges_range or depth == 0.0:
             return law
-        return self.options.build(self._scene(reduced), depth)
+        return quiet_law(self._scene(reduced), self.solver, depth)
 
     def spans(self, depth: FloatArray) -> FloatArray:
         """Numbers of the ranges that depths (m), (sets,), belong to: those of one range share a law."""
-        octaves = np.ceil(np.log2(np.maximum(depth, np.finfo(float).tiny)))
-        tip, layer = self.similarity.scene.indenter, self.similarity.scene.layer
-        if not (self.tabulated and isinstance(tip, PowerLawShape)):
-            return octaves
-        return octaves + _RANGES * range_numbers(tip.halfspace_radius(depth) / layer.thickness)
+        return self.solver.ranges(self.contact, depth)
 
     def _from_table(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | None:
         """Law read off a table, to the end of the table's range; None where there is none."""
-        reference = self.similarity.scene
-        tip, layer = reference.indenter, reference.layer
-        # What `_can_be_tabulated` found, in a form that types can follow.
-        if not (isinstance(tip, PowerLawShape) and isinstance(layer.material, Isotropic)):
-            return None
-        varpi = float(tip.halfspace_radius(np.asarray(depth))) / layer.thickness
-        key = (self.number, self.options, self.similarity.length, reduced, "table", range_number(varpi))
+        similarity = self.similarity
+        number = self.solver.table_number(self.contact, depth)
+        key = (self.number, self.solver, similarity.length, reduced, "table", number)
         law = self.store.get(key)
         if law is None:
-            base = reference.substrate
-            found = tabulated_law(
-                tip,
-                layer=(layer.material.E, layer.material.nu),
-                base=(reduced[0], base.nu) if isinstance(base, Isotropic) else None,
-                thickness=layer.thickness,
-                varpi=varpi,
-                rtol=(self.options.accuracy or Accuracy()).rtol,
-            )
+            base = dict(zip(similarity.ratio_paths, reduced, strict=True)).get("substrate.E", np.inf)
+            found = self.solver.tabulated(self.contact, base / similarity.values["layer.E"], depth)
             if found is None:
                 return None
             law = self.store.keep(key, found)
@@ -193,7 +162,7 @@ class LawSource:
 
     def _solved(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         octave = float(np.ceil(np.log2(depth))) if depth > 0.0 else -np.inf
-        key = (self.number, self.options, self.similarity.length, reduced, octave)
+        key = (self.number, self.solver, self.similarity.length, reduced, octave)
         law = self.store.get(key)
         if law is None:
             law = self.store.keep(key, self._build(reduced, float(np.exp2(octave))))
@@ -209,7 +178,7 @@ class LawSource:
         """Why a law ends before `depth` (m), in the words of its solver; asked once for each law."""
         if key not in self.store.refusals:
             try:
-                self.options.build(self._scene(reduced), depth)
+                quiet_law(self._scene(reduced), self.solver, depth)
                 words = f"depth {depth:.6g} m is beyond {law.max_depth:.6g} m, where this law ends"
             except RangeError as error:
                 words = str(error)
@@ -224,22 +193,9 @@ class LawSource:
         """Law up to `depth` (m), or as deep as it reaches; the refusal itself where it reaches nowhere."""
         scene = self._scene(reduced)
         try:
-            return self.options.build(scene, depth)
+            return quiet_law(scene, self.solver, depth)
         except RangeError as error:
             if not error.max_depth:
                 return error
             # A hair less: the depth a message quotes may be rounded up.
-            return self.options.build(scene, error.max_depth * (1.0 - 1e-6))
-
-
-def _can_be_tabulated(similarity: Similarity, free: Sequence[str], options: LawOptions) -> bool:
-    scene = similarity.scene
-    return (
-        options.method in ("auto", "exact")
-        and similarity.exponent is not None
-        and not isinstance(scene.indenter, FlatPunch)
-        and isinstance(scene.layer.material, Isotropic)
-        and isinstance(scene.substrate, Isotropic | Rigid)
-        and bool(np.isfinite(scene.layer.thickness))
-        and not any(path in similarity.direct for path in free)
-    )
+            return quiet_law(scene, self.solver, error.max_depth * (1.0 - 1e-6))

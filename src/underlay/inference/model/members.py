@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise, log_normalisation, standard_deviation, whiten
+from underlay.data.noise import NoiseModel
 from underlay.inference.model.forward import Forward, Reading
 from underlay.inference.model.forward_batch import Readings, batched_readings
 from underlay.inference.model.noise_start import scatter
@@ -30,8 +30,8 @@ class Member:
         As given.
     forward : Forward
         The compiled scene.
-    noise : Noise
-        What disturbs the force; its `force` is None where the size is unknown.
+    noise : NoiseModel
+        What disturbs the force; its size may be unknown.
     base : mapping
         Every number of the scene (SI).
     entries : mapping of path to int
@@ -43,7 +43,7 @@ class Member:
     scene: Scene
     curve: Curve
     forward: Forward
-    noise: Noise
+    noise: NoiseModel
     base: Mapping[str, float]
     entries: Mapping[str, int]
     noise_entries: Mapping[str, int]
@@ -58,10 +58,10 @@ class Member:
         """Standard deviation (N) of the force about a smooth curve."""
         return scatter(self.curve)
 
-    @property
+    @cached_property
     def scale_is_unknown(self) -> bool:
         """Whether the size of the noise is neither given nor a parameter."""
-        return self.noise.force is None and "force" not in self.noise_entries
+        return self.noise.at(dict.fromkeys(self.noise_entries, 1.0)).size_is_unknown
 
     def values_at(self, physical: FloatArray) -> dict[str, float]:
         """Every number of the scene (SI) at a physical vector (k,)."""
@@ -74,9 +74,14 @@ class Member:
         """Scene with the numbers of a physical vector (k,)."""
         return self.scene.with_values({path: float(physical[j]) for path, j in self.entries.items()})
 
-    def noise_at(self, physical: FloatArray) -> Noise:
+    def noise_at(self, physical: FloatArray) -> NoiseModel:
         """Noise with the numbers of a physical vector (k,)."""
-        return replace(self.noise, **{name: float(physical[j]) for name, j in self.noise_entries.items()})
+        return self.noise.at({name: float(physical[j]) for name, j in self.noise_entries.items()})
+
+    def noise_of(self, physical: FloatArray) -> NoiseModel:
+        """Noise with the numbers of physical vectors (B, k); of size 1 N where that is unknown."""
+        known = self.noise.of_size(1.0) if self.scale_is_unknown else self.noise
+        return known.at({name: physical[:, j, None] for name, j in self.noise_entries.items()})
 
     def model(self, physical: FloatArray) -> FloatArray:
         """Instrument's force (N), (n,), at a physical vector (k,); raises as `reading` does."""
@@ -101,15 +106,15 @@ class Member:
         columns[:, list(self.entries.values())] = own
         return reading, columns
 
-    def sigma(self, reading: Reading | None, noise: Noise) -> FloatArray:
+    def sigma(self, reading: Reading | None, noise: NoiseModel) -> FloatArray:
         """Standard deviation (N), (n,); the force's range where the size is unknown.
 
-        White noise alone needs no `reading`.
+        Noise that does not follow the force needs no `reading`.
         """
-        known = noise if noise.force is not None else replace(noise, force=float(np.ptp(self.force)))
+        known = noise.of_size(float(np.ptp(self.force))) if noise.size_is_unknown else noise
         if reading is None:
-            return known.sigma(self.force)
-        return known.sigma(reading.contact, reading.stiffness)
+            return known.sigma(self.force, None, self.curve.time)
+        return known.sigma(reading.contact, reading.stiffness, self.curve.time)
 
     def whitened(self, physical: FloatArray) -> FloatArray:
         """Whitened residuals (n,) at a physical vector (k,)."""
@@ -118,34 +123,26 @@ class Member:
 
     def log_likelihood(self, physical: FloatArray) -> FloatArray:
         """Log-likelihood (B,) at physical vectors (B, k); -inf where no law exists."""
-        by_depth = bool(self.noise.depth) or "depth" in self.noise_entries
-        readings = self.readings(physical, stiffness=by_depth)
+        noise, time = self.noise_of(physical), self.curve.time
+        readings = self.readings(physical, stiffness=noise.needs_stiffness)
         possible = readings.possible
         result = np.full(len(physical), -np.inf)
         if not possible.any():
             return result
+        contact, stiffness, force = readings[:3]
         # A copy of the rows that exist costs as much as the noise does: mostly all of them do.
-        contact, stiffness, force = (
-            readings[:3] if possible.all() else (part[possible] for part in readings[:3])
-        )
-        numbers = {name: physical[possible, j] for name, j in self.noise_entries.items()}
-        tau = numbers.get("correlation_time", self.noise.correlation_time)
-        force_sd = numbers.get("force", self.noise.force)
-        sigma = standard_deviation(
-            contact,
-            stiffness,
-            force_sd=1.0 if force_sd is None else force_sd,
-            relative=numbers.get("relative", self.noise.relative),
-            depth_sd=numbers.get("depth", self.noise.depth),
-        )
-        residuals = whiten((self.force - force) / sigma, self.curve.time, tau)
+        if not possible.all():
+            contact, stiffness, force = (part[possible] for part in readings[:3])
+            noise = self.noise_of(physical[possible])
+        sigma = noise.sigma(contact, stiffness, time)
+        residuals = noise.whiten((self.force - force) / sigma, time)
         square = np.einsum("...n,...n->...", residuals, residuals)
-        normalisation = log_normalisation(sigma, self.curve.time, tau)
-        if force_sd is not None:
-            result[possible] = normalisation - 0.5 * square
-        else:
+        normalisation = noise.log_normalisation(sigma, time)
+        if self.scale_is_unknown:
             # int dsigma/sigma sigma^-n exp(-S / (2 sigma^2)) is S^(-n/2) up to a constant.
             result[possible] = normalisation - 0.5 * len(self.force) * np.log(square)
+        else:
+            result[possible] = normalisation - 0.5 * square
         return result
 
     def readings(self, physical: FloatArray, *, stiffness: bool = True) -> Readings:

@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.inference.priors import Prior
+from underlay.quantities import field_quantities
 
 __all__ = ["noise_start", "scatter"]
 
@@ -26,19 +27,23 @@ def scatter(curve: Curve) -> float:
 
 
 def noise_start(
-    field: str, noise: Noise, curves: Sequence[Curve], prior: Prior | None, bounds: tuple[float, float] | None
+    field: str,
+    noise: NoiseModel,
+    curves: Sequence[Curve],
+    prior: Prior | None,
+    bounds: tuple[float, float] | None,
 ) -> float:
     """Start (SI) of a free number of the noise: the model's own, else a guess inside prior and bounds."""
     given = getattr(noise, field)
     if given:
         return float(given)
+    known = field_quantities(noise)[field]
     guesses: dict[str, Callable[[], float]] = {
         "force": lambda: float(np.median([scatter(curve) for curve in curves])),
-        "relative": lambda: 0.01,
-        "depth": lambda: 1e-3 * max(float(np.ptp(curve.depth)) for curve in curves),
-        "correlation_time": lambda: 3.0 * float(np.median([_time_step(curve) for curve in curves])),
+        "length": lambda: 1e-3 * max(float(np.ptp(curve.depth)) for curve in curves),
+        "time": lambda: 3.0 * float(np.median([_time_step(curve) for curve in curves])),
     }
-    guess = guesses[field]()
+    guess = guesses.get(known.kind, lambda: known.natural_scale)()
     low, high = prior.support if prior is not None else bounds or (0.0, np.inf)
     if low <= guess <= high:
         return guess

@@ -10,14 +10,19 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.exact.contact_curve import depth_measure
 from underlay.mechanics.indenters import PowerLawShape
+from underlay.scene.chain import Chain
 
-__all__ = ["ParameterSets", "Values"]
+__all__ = ["ParameterSets", "Values", "values_of"]
 
 #: Numbers of a scene by path: one for all sets, or one per set, (sets,).
 Values: TypeAlias = Mapping[str, float | FloatArray]
+
+
+def values_of(values: Values, row: int) -> dict[str, float]:
+    """Every number of one set."""
+    return {path: float(v[row]) if isinstance(v, np.ndarray) else v for path, v in values.items()}
 
 
 class ParameterSets:
@@ -50,22 +55,21 @@ class ParameterSets:
         ratios = similarity.reduced(numbers)
         # By what may vary, not by what happens to: one set alone goes the way it would go in company.
         self.shared = None if any(isinstance(ratio, np.ndarray) for ratio in ratios) else ratios
-        self.tip = forward.depth - self.column("instrument.contact_depth")
+        self.chain = Chain.of(
+            {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
+        )
+        self.tip = np.broadcast_to(self.chain.travel(forward.depth), (sets, len(forward.depth)))
         self.deepest = np.maximum(self.tip.max(axis=1), 0.0)
 
     @property
     def rtol(self) -> float:
         """Relative error asked of the laws."""
-        return (self.forward.laws.options.accuracy or Accuracy()).rtol
+        return self.forward.laws.solver.tolerance
 
     @property
     def rows(self) -> range:
         """Numbers of the sets."""
         return range(self.sets)
-
-    def row(self, row: int) -> dict[str, float]:
-        """Every number of one set."""
-        return {path: float(v[row]) if isinstance(v, np.ndarray) else v for path, v in self.values.items()}
 
     def varies(self, path: str) -> bool:
         """Whether a number may differ between the sets."""
@@ -77,12 +81,8 @@ class ParameterSets:
         return value[:, None] if isinstance(value, np.ndarray) else np.full((self.sets, 1), value)
 
     def instrument_force(self, contact: FloatArray) -> FloatArray:
-        """Force of the instrument (N), (sets, n): contact, baseline and slope."""
-        force = contact
-        for path, column in (("instrument.baseline", 1.0), ("instrument.baseline_slope", self.forward.depth)):
-            if self.varies(path) or self.values[path]:
-                force = force + self.column(path) * column
-        return force
+        """Force of the instrument (N), (sets, n), of that of the contact."""
+        return self.chain.reading(contact, self.forward.depth)
 
     def varpi(self, thickness: FloatArray) -> FloatArray:
         """Largest half-space contact radius over thickness of each set."""
@@ -118,7 +118,7 @@ class ParameterSets:
         """The factors b and c of `Similarity`, each (sets,)."""
         similarity = self.forward.similarity
         if self._shape_varies:
-            both = np.array([similarity.factors(self.row(row)) for row in self.rows])
+            both = np.array([similarity.factors(values_of(self.values, row)) for row in self.rows])
             return both[:, 0], both[:, 1]
         numbers: Any = self.values  # as in __init__
         b, c = similarity.factors(numbers)

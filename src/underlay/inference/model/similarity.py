@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from underlay.mechanics.indenters import Indenter, PowerLawShape
+from underlay.mechanics.solver import Scaling
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 
@@ -42,7 +43,8 @@ class Similarity:
     scene : Scene
         The reference.
     moduli : tuple of str
-        Paths of its moduli; the first, ``layer.E``, carries the force scale, the others are ratios to it.
+        Paths of its moduli; the first, ``layer.E``, carries the force scale, the others are ratios to it. None
+        where nothing scales.
     direct : tuple of str
         Paths taken as they are: Poisson's ratios, and lengths and shapes that no scaling removes.
     lengths : tuple of str
@@ -68,8 +70,7 @@ class Similarity:
 
     def reduced(self, values: Mapping[str, float]) -> tuple[float, ...]:
         """Values of the ratio-like parameters, in the order of `ratio_paths`."""
-        E = values["layer.E"] / self.values["layer.E"]
-        s = self._length_ratio(values)
+        E, s = self._modulus_ratio(values), self.length_ratio(values)
         return (
             *(values[path] / E for path in self.moduli[1:]),
             *(values[path] / s for path in self.lengths),
@@ -83,8 +84,7 @@ class Similarity:
 
     def factors(self, values: Mapping[str, float]) -> tuple[float, float]:
         """(b, c) of P(w) = c P_ref(b w)."""
-        E = values["layer.E"] / self.values["layer.E"]
-        s = self._length_ratio(values)
+        E, s = self._modulus_ratio(values), self.length_ratio(values)
         if self.exponent is None:
             return 1.0 / s, E * s * s
         A = self._coefficient_ratio(values)
@@ -92,7 +92,7 @@ class Similarity:
 
     def factor_slopes(self, path: str, values: Mapping[str, float]) -> tuple[float, float]:
         """d(ln b)/d(ln p), d(ln c)/d(ln p) for the parameter p at `path`."""
-        if path == "layer.E":
+        if path in self.moduli[:1]:
             return 0.0, 1.0
         if path == self.length:
             return (-1.0, 2.0) if self.exponent is None else (-self.exponent, self.exponent + 1.0)
@@ -106,7 +106,7 @@ class Similarity:
 
     def ratio_slopes(self, path: str) -> dict[str, float]:
         """d(ln k)/d(ln p) of the moduli and length ratios, dk/dp of the direct ones, where not zero."""
-        if path == "layer.E":
+        if path in self.moduli[:1]:
             return dict.fromkeys(self.moduli[1:], -1.0)
         if path in self.moduli or path in self.lengths or path in self.direct:
             return {path: 1.0}
@@ -114,7 +114,11 @@ class Similarity:
             return dict.fromkeys(self.lengths, -1.0)
         return {}
 
-    def _length_ratio(self, values: Mapping[str, float]) -> float:
+    def _modulus_ratio(self, values: Mapping[str, float]) -> float:
+        return values["layer.E"] / self.values["layer.E"] if self.moduli else 1.0
+
+    def length_ratio(self, values: Mapping[str, float]) -> float:
+        """Lengths of the contact over those of the reference."""
         return values[self.length] / self.values[self.length] if self.length else 1.0
 
     def _coefficient_ratio(self, values: Mapping[str, float]) -> float:
@@ -125,18 +129,20 @@ class Similarity:
         return _coefficient(replace(indenter, **changed)) / _coefficient(indenter)
 
 
-def compile_similarity(scene: Scene, free: Iterable[str], *, power_law: bool = True) -> Similarity:
+def compile_similarity(
+    scene: Scene, free: Iterable[str], *, scaling: Scaling = Scaling.POWER_LAW
+) -> Similarity:
     """Find what scales out of the law of `scene` when the parameters at the paths `free` vary.
 
-    Without `power_law` only dimensions are used: a published correction need not keep the stronger law.
+    `scaling` says what the laws keep: with less, more parameters need laws of their own.
     """
-    values = scene.parameters
+    values, known = scene.parameters, scene.quantities
     layered = scene.substrate is not None and np.isfinite(scene.layer.thickness)
     materials = [
         path for path in values if path.startswith("layer.") or (layered and path.startswith("substrate."))
     ]
-    moduli = tuple(path for path in materials if kind_of(path) == "pressure" and path != "layer.E")
-    ratios = tuple(path for path in materials if kind_of(path) == "dimensionless")
+    moduli = tuple(path for path in materials if known[path].scales == "force" and path != "layer.E")
+    ratios = tuple(path for path in materials if known[path].scales is None)
     thickness = ("layer.thickness",) if layered else ()
     shape = tuple(path for path in values if path.startswith("indenter."))
     direct: tuple[str, ...] = ratios
@@ -144,7 +150,13 @@ def compile_similarity(scene: Scene, free: Iterable[str], *, power_law: bool = T
     through_coefficient: tuple[str, ...] = ()
     length: str | None = None
     exponent: float | None = None
-    if power_law and isinstance(scene.indenter, PowerLawShape) and "indenter.exponent" not in set(free):
+    if scaling is Scaling.NONE:
+        return Similarity(scene, (), (*materials, *shape), (), None, (), None, values)
+    if (
+        scaling is Scaling.POWER_LAW
+        and isinstance(scene.indenter, PowerLawShape)
+        and "indenter.exponent" not in set(free)
+    ):
         through_coefficient = tuple(path for path in shape if path != "indenter.exponent")
         exponent = scene.indenter.exponent
         length = "layer.thickness" if layered else None

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from underlay.inference.profiling.calibration import Calibration, Draws, draw_rises
-from underlay.inference.profiling.profile_result import Profile
+from underlay.inference.profiling.calibration import Calibration, Draws, draw_delta_chi_squares
+from underlay.inference.profiling.profile_result import LikelihoodProfile
 
 __all__ = ["calibrated"]
 
@@ -21,12 +21,12 @@ _MOST_CENTRES = 5  # of one end; one or two are usual
 _CLOSE = 0.1
 
 
-def calibrated(walked: Profile, level: float, draws: int, seed: int) -> Profile:
+def calibrated(walked: LikelihoodProfile, level: float, draws: int, seed: int) -> LikelihoodProfile:
     """Return the profile with thresholds from curves drawn at the ends of its interval.
 
     Parameters
     ----------
-    walked : Profile
+    walked : LikelihoodProfile
         Without calibration.
     level : float
         Confidence of the interval.
@@ -36,7 +36,7 @@ def calibrated(walked: Profile, level: float, draws: int, seed: int) -> Profile:
     Raises
     ------
     InputError, FitError
-        As `draw_rises`, or if there are too few curves for the level.
+        As `draw_delta_chi_squares`, or if there are too few curves for the level.
     """
     result = replace(walked, calibration=Calibration(level, draws, seed))
     for upper in (False, True):
@@ -44,19 +44,23 @@ def calibrated(walked: Profile, level: float, draws: int, seed: int) -> Profile:
     return result
 
 
-def _with_end(profile: Profile, level: float, draws: int, seed: int, *, upper: bool) -> Profile:
+def _with_end(
+    profile: LikelihoodProfile, level: float, draws: int, seed: int, *, upper: bool
+) -> LikelihoodProfile:
     centres: tuple[Draws, ...] = ()
     for _ in range(_MOST_CENTRES):
         value = _next_place(profile, centres, level, upper=upper)
         if value is None:
             break
-        centres = (*centres, draw_rises(profile.fit, profile.name, value, draws, seed))
+        centres = (*centres, draw_delta_chi_squares(profile.fit, profile.name, value, draws, seed))
         calibration = profile.calibration or Calibration(level, draws, seed)
         profile = replace(profile, calibration=calibration.with_side(centres, upper=upper))
     return profile
 
 
-def _next_place(profile: Profile, centres: Sequence[Draws], level: float, *, upper: bool) -> float | None:
+def _next_place(
+    profile: LikelihoodProfile, centres: Sequence[Draws], level: float, *, upper: bool
+) -> float | None:
     """Where the threshold is needed and not known yet (SI); None if nowhere."""
     value, reason = profile.end_of_hull(level, upper=upper)
     # Where the data set no end there is no place to draw at; the side stays open.

@@ -23,14 +23,15 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import FitError, InputError
-from underlay.inference.fitting.fit_result import Fit
-from underlay.inference.fitting.objective import Objective, weights_at
-from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fitting import quick_fit
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.problem import Problem
-from underlay.inference.profiling.constrained import constrained_fit, missed, rise_at
+from underlay.inference.profiling.constrained import constrained_fit, delta_chi_square_at, missed
 from underlay.inference.profiling.redraw import redrawn
 
-__all__ = ["Calibration", "Draws", "draw_rises", "p_value_at", "require_draws"]
+__all__ = ["Calibration", "Draws", "draw_delta_chi_squares", "p_value_at", "require_draws"]
 
 # Curves that cannot be fitted are left out; more than this share of them, and what is left is a selection.
 _MOST_FAILURES = 0.1
@@ -44,14 +45,14 @@ class Draws:
     ----------
     value : float
         The value (SI).
-    rises : FloatArray
+    delta_chi_squares : FloatArray
         t in every curve, (N,), increasing.
     failures : int
         Curves that could not be fitted.
     """
 
     value: float
-    rises: FloatArray
+    delta_chi_squares: FloatArray
     failures: int = 0
 
     def threshold(self, level: float) -> float:
@@ -62,7 +63,7 @@ class Draws:
         InputError
             If there are too few curves for the level.
         """
-        return float(self.rises[_rank(len(self.rises), level) - 1])
+        return float(self.delta_chi_squares[_rank(len(self.delta_chi_squares), level) - 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +128,7 @@ def _require_chance(draws: int, seed: int) -> None:
             raise InputError(f"{name} must be a whole number, {least} or more; got {value!r}")
 
 
-def draw_rises(
+def draw_delta_chi_squares(
     fit: Fit, name: str, value: float, draws: int, seed: int, *, beyond: tuple[float, int] | None = None
 ) -> Draws:
     """T of a value (SI) in curves drawn from the best fit that has it.
@@ -150,7 +151,7 @@ def draw_rises(
     Raises
     ------
     InputError
-        As `rise_at`, or if a number is not allowed.
+        As `delta_chi_square_at`, or if a number is not allowed.
     FitError
         If more than a tenth of the curves cannot be fitted.
     """
@@ -162,7 +163,9 @@ def draw_rises(
     for number in range(draws):
         again = redrawn(fit.problem, centre, fit.noises, np.random.default_rng([seed, number]))
         try:
-            rise = _rise_of_truth(again, name, value, again.vector(fit.problem.values(centre)), least)
+            rise = _delta_chi_square_of_truth(
+                again, name, value, again.vector(fit.problem.values(centre)), least
+            )
         except (FitError, InputError):
             failures += 1
             continue
@@ -178,11 +181,13 @@ def draw_rises(
     return Draws(value, read_only(np.sort(rises)), failures)
 
 
-def _rise_of_truth(problem: Problem, name: str, value: float, truth: FloatArray, least: float) -> float:
+def _delta_chi_square_of_truth(
+    problem: Problem, name: str, value: float, truth: FloatArray, least: float
+) -> float:
     """T of the value a problem was drawn at; an upper bound of it where that is below `least`."""
-    fit = least_squares_fit(problem)
-    objective = Objective(fit.problem, weights_at(fit.problem, fit.vector, fit.noises))
-    at_truth, at_fit = (float(np.square(objective.residuals(q)).sum()) for q in (truth, fit.vector))
+    fit = quick_fit(problem)
+    objective = Objective(fit.problem, freeze(fit.problem, fit.vector, fit.noises))
+    at_truth, at_fit = objective.square(truth), objective.square(fit.vector)
     below = missed(fit, truth)
     # All parameters at the truth explain the curve at most as well as the best fit with one of them there.
     bound = at_truth - at_fit - below
@@ -215,11 +220,11 @@ def p_value_at(
     Raises
     ------
     InputError, FitError
-        As `draw_rises`.
+        As `draw_delta_chi_squares`.
     """
-    here = rise_at(fit, name, value)
-    drawn = draw_rises(fit, name, value, draws, seed, beyond=(here, enough or draws))
-    worse = int(np.sum(drawn.rises >= here))
+    here = delta_chi_square_at(fit, name, value)
+    drawn = draw_delta_chi_squares(fit, name, value, draws, seed, beyond=(here, enough or draws))
+    worse = int(np.sum(drawn.delta_chi_squares >= here))
     if enough is not None and worse >= enough:
-        return worse / len(drawn.rises)
-    return (1 + worse) / (1 + len(drawn.rises))
+        return worse / len(drawn.delta_chi_squares)
+    return (1 + worse) / (1 + len(drawn.delta_chi_squares))

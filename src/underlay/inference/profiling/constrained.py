@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.fitting.fit_result import Fit
-from underlay.inference.fitting.objective import Objective, weights_at
-from underlay.inference.least_squares import minimise
+from underlay.inference.least_squares.engine import minimise
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.profiling.walk import Walk
 
-__all__ = ["constrained_fit", "index_of", "missed", "rise_at"]
+__all__ = ["constrained_fit", "delta_chi_square_at", "index_of", "missed"]
 
 
 def index_of(fit: Fit, name: str) -> int:
@@ -32,12 +31,12 @@ def index_of(fit: Fit, name: str) -> int:
     return fit.names.index(name)
 
 
-def rise_at(fit: Fit, name: str, value: float) -> float:
+def delta_chi_square_at(fit: Fit, name: str, value: float) -> float:
     """T of one value (SI): how much the sum of squares rises when the parameter is held there.
 
     It rises from that of the fit, or of a better one that is found with the parameter let go again. The
-    value is inside the interval of a level where this is at most `Profile.threshold`; two refits instead of
-    a walk.
+    value is inside the interval of a level where this is at most `LikelihoodProfile.threshold`; two refits
+    instead of a walk.
 
     Raises
     ------
@@ -53,17 +52,19 @@ def missed(fit: Fit, vector: FloatArray) -> float:
 
     Of two optima a fit may have found the higher one only.
     """
-    objective = Objective(fit.problem, weights_at(fit.problem, fit.vector, fit.noises))
-    found = minimise(objective, vector).vector
-    here, there = (float(np.square(objective.residuals(q)).sum()) for q in (fit.vector, found))
-    return min(there - here, 0.0)
+    objective = Objective(fit.problem, freeze(fit.problem, fit.vector, fit.noises))
+    found = minimise(objective, vector)
+    if found is None:
+        return 0.0
+    return min(objective.square(found.vector) - objective.square(fit.vector), 0.0)
 
 
 def constrained_fit(
     fit: Fit, name: str, value: float, near: FloatArray | None = None
 ) -> tuple[float, FloatArray]:
-    """T above the fit and the scaled vector (k,) of the best one that has a value (SI); raises as `rise_at`.
+    """T above the fit and the scaled vector (k,) of the best one that has a value (SI).
 
+    Raises as `delta_chi_square_at`.
     `near` is a vector (k,) to begin at instead of the optima: the truth of a drawn curve.
     """
     index = index_of(fit, name)
@@ -78,10 +79,10 @@ def constrained_fit(
     best = None
     for place in begin:
         found = Walk.start(fit, index, place).follow(q)
-        if found is not None and (best is None or walk.rise(found) < walk.rise(best)):
+        if found is not None and (best is None or walk.delta_chi_square(found) < walk.delta_chi_square(best)):
             best = found
     if walk.in_doubt(best):
         best = walk.look_elsewhere(q, best)
     if best is None:
         raise InputError(f"no contact law at {name} = {value!r}")
-    return walk.rise(best), best.vector
+    return walk.delta_chi_square(best), best.vector

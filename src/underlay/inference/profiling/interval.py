@@ -38,7 +38,7 @@ class Interval:
     calibrated: bool = False
 
     def __str__(self) -> str:
-        kind = kind_of(self.name.partition("[")[0])
+        kind = kind_of(self.name)
         low, high = format_quantity(self.low, kind), format_quantity(self.high, kind)
         at = f"({100.0 * self.level:g} %{', calibrated' if self.calibrated else ''})"
         has_low, has_high = self.low_reason == "data", self.high_reason == "data"

@@ -8,19 +8,18 @@ chi-square with n - k degrees of freedom, to order 1 / (n - k).
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.data.noise import Noise
-from underlay.inference.fitting.fit_result import Fit
-from underlay.inference.fitting.noise_estimate import most_likely, restricted_log_likelihood
-from underlay.inference.fitting.objective import Objective, weights_at
-from underlay.inference.least_squares import minimise
+from underlay.data.noise import NoiseModel
+from underlay.inference.least_squares.engine import minimise
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.noise_estimate import most_likely, restricted_log_likelihood
+from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
-from underlay.inference.profiling.profile_result import Profile
+from underlay.inference.profiling.profile_result import LikelihoodProfile
 from underlay.inference.profiling.walk import HIGHEST
 
 __all__ = ["noise_profile"]
@@ -35,7 +34,7 @@ _MOST_ROUNDS = 5
 _SETTLED = 1e-4
 
 
-def noise_profile(fit: Fit, name: str) -> Profile:
+def noise_profile(fit: Fit, name: str) -> LikelihoodProfile:
     """Walk the restricted likelihood from the fit to both sides.
 
     Parameters
@@ -50,11 +49,11 @@ def noise_profile(fit: Fit, name: str) -> Profile:
     below, above = (_side(fit, index, best, direction) for direction in (-1.0, 1.0))
     vectors = np.array([*below[0][::-1], fit.vector, *above[0]])
     rises = np.array([*below[1][::-1], 0.0, *above[1]])
-    return Profile(
+    return LikelihoodProfile(
         name=name,
         fit=fit,
         values=read_only(fit.problem.coordinates[index].physical(vectors[:, index])),
-        rise=read_only(np.maximum(rises, 0.0)),
+        delta_chi_square=read_only(np.maximum(rises, 0.0)),
         vectors=read_only(vectors),
         ends=(below[2], above[2]),
     )
@@ -100,8 +99,9 @@ def _held(fit: Fit, start: FloatArray, index: int, q: float) -> tuple[FloatArray
     vector[index] = q
     others = sorted(problem.noise_entries - {index})
     for _ in range(_MOST_ROUNDS):
-        objective = Objective(problem, weights_at(problem, vector, _noises(fit, vector)))
-        found = minimise(objective, vector).vector
+        objective = Objective(problem, freeze(problem, vector, _noises(fit, vector)))
+        minimum = minimise(objective, vector)
+        found = vector if minimum is None else minimum.vector
         linear = _linear(problem, found)
         if not others:
             return found, restricted_log_likelihood(problem, found, linear)
@@ -113,10 +113,10 @@ def _held(fit: Fit, start: FloatArray, index: int, q: float) -> tuple[FloatArray
     return vector, restricted_log_likelihood(problem, vector, linear)
 
 
-def _noises(fit: Fit, vector: FloatArray) -> list[Noise]:
+def _noises(fit: Fit, vector: FloatArray) -> list[NoiseModel]:
     """Noise of every curve at a vector; a size that is no parameter stays as the fit estimated it."""
     return [
-        replace(noise, force=fitted.force) if member.scale_is_unknown else noise
+        noise.of_size(float(fitted.sigma(member.force)[0])) if member.scale_is_unknown else noise
         for member, noise, fitted in zip(
             fit.problem.members, fit.problem.noises(vector), fit.noises, strict=True
         )

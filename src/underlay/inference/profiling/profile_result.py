@@ -11,12 +11,12 @@ from scipy import interpolate, optimize, stats
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.fitting.fit_result import Fit
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.profiling.calibration import Calibration
 from underlay.inference.profiling.interval import Interval
 from underlay.inference.profiling.walk import HIGHEST
 
-__all__ = ["Profile", "interval_threshold"]
+__all__ = ["LikelihoodProfile", "interval_threshold"]
 
 #: Largest z inside an interval, by scaled value of the parameter, any shape.
 Limit: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -26,7 +26,7 @@ _FALL = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class LikelihoodProfile:
     """Profile likelihood of one parameter.
 
     Parameters
@@ -37,13 +37,13 @@ class Profile:
         The optimum it starts from; a better one than was handed in, if the walk found one.
     values : FloatArray
         Values of the parameter (SI), (m,), increasing.
-    rise : FloatArray
+    delta_chi_square : FloatArray
         t at each, (m,): zero at the optimum.
     vectors : FloatArray
         Scaled vectors with the other parameters fitted, (m, k).
     ends : tuple of str
         Why the walk ended below and above: ``"data"``, ``"bound"``, ``"law"`` or ``"none"``.
-    branches : tuple of Profile
+    branches : tuple of LikelihoodProfile
         The same about every other optimum of the fit, t still measured from the best.
     calibration : Calibration, optional
         Curves drawn at the ends, where the thresholds come from them.
@@ -52,10 +52,10 @@ class Profile:
     name: str
     fit: Fit
     values: FloatArray
-    rise: FloatArray
+    delta_chi_square: FloatArray
     vectors: FloatArray
     ends: tuple[str, str]
-    branches: tuple[Profile, ...] = ()
+    branches: tuple[LikelihoodProfile, ...] = ()
     calibration: Calibration | None = None
 
     @property
@@ -66,14 +66,14 @@ class Profile:
     @property
     def has_two_basins(self) -> bool:
         """Whether chi-square is in doubt: the fit has another optimum, or the profile falls again."""
-        outwards = (self.rise[self.best :], self.rise[self.best :: -1])
+        outwards = (self.delta_chi_square[self.best :], self.delta_chi_square[self.best :: -1])
         falls = any((np.diff(side) < -_FALL).any() for side in outwards)
         return falls or bool(self.fit.alternatives)
 
     @property
     def best(self) -> int:
         """Where the rise is smallest."""
-        return int(np.argmin(self.rise))
+        return int(np.argmin(self.delta_chi_square))
 
     def threshold(self, level: float, *, upper: bool | None = None) -> float:
         """T that bounds an interval of this confidence.
@@ -166,8 +166,8 @@ class Profile:
                 joined.append((low, high))
         return joined
 
-    def _keeps(self, part: Profile, limit: Limit) -> bool:
-        return bool((np.sqrt(part.rise) <= limit(part.vectors[:, self.index])).any())
+    def _keeps(self, part: LikelihoodProfile, limit: Limit) -> bool:
+        return bool((np.sqrt(part.delta_chi_square) <= limit(part.vectors[:, self.index])).any())
 
     def end_of_hull(self, level: float, *, upper: bool) -> tuple[float, str]:
         """One end of the interval (SI), and why it is there: a reason as in `Interval`."""
@@ -179,7 +179,7 @@ class Profile:
         """Values (SI) beyond one where t has a minimum that is not rejected at 99.9 %, the nearest first."""
         bottoms = []
         for part in (self, *self.branches):
-            t = np.concatenate([[np.inf], part.rise, [np.inf]])
+            t = np.concatenate([[np.inf], part.delta_chi_square, [np.inf]])
             lowest = (t[1:-1] <= t[:-2]) & (t[1:-1] <= t[2:]) & (t[1:-1] < HIGHEST**2)
             bottoms += part.values[lowest].tolist()
         beyond = [bottom for bottom in bottoms if (bottom > value if upper else bottom < value)]
@@ -202,7 +202,7 @@ class Profile:
         coordinate = self.fit.problem.coordinates[self.index]
         outwards = slice(self.best, None) if upper else slice(self.best, None, -1)
         q, reason = self.vectors[outwards, self.index], self.ends[int(upper)]
-        crossing = _crossing(q, np.sqrt(self.rise[outwards]), limit)
+        crossing = _crossing(q, np.sqrt(self.delta_chi_square[outwards]), limit)
         if crossing is not None:
             return float(coordinate.physical(np.asarray(crossing))), "data"
         if reason == "bound":

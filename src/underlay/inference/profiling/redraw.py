@@ -14,7 +14,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
+from underlay.data.noise import NoiseModel
 from underlay.inference.priors import LogNormal, Normal, Prior, Truncated
 from underlay.inference.problem import Problem
 
@@ -22,7 +22,7 @@ __all__ = ["redrawn"]
 
 
 def redrawn(
-    problem: Problem, vector: FloatArray, noises: Sequence[Noise], rng: np.random.Generator
+    problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel], rng: np.random.Generator
 ) -> Problem:
     """Return the problem with curves and prior measurements drawn at a scaled vector (k,).
 
@@ -42,21 +42,22 @@ def redrawn(
     for member, noise in zip(problem.members, noises, strict=True):
         reading = member.reading(physical)
         drawn = noise.sample(rng, member.sigma(reading, noise), member.curve.time)
-        tests.append((member.scene, Curve(member.curve.depth, reading.force + drawn, member.curve.time)))
+        tests.append(
+            (
+                member.scene,
+                Curve(member.curve.depth, reading.force + drawn, member.curve.time, member.curve.segment),
+            )
+        )
     free = {
         coordinate.name: _measured_again(coordinate.prior, float(value), rng)
         for coordinate, value in zip(problem.coordinates, physical, strict=True)
     }
-    options = problem.options
     return Problem.joint(
         tests,
         free,
         problem.shared,
         problem.noise,
-        accuracy=options.accuracy,
-        method=options.method,
-        order=options.order,
-        form=options.form,
+        solver=problem.solver,
     )
 
 

@@ -10,10 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.fitting.fit_result import Fit
-from underlay.inference.fitting.objective import Minimum, Objective, Weights, weights_at
-from underlay.inference.least_squares import minimise
-from underlay.inference.profiling.held import starts_with_held
+from underlay.data.noise import Noise
+from underlay.errors import InputError
+from underlay.inference.least_squares.engine import FINE, Minimum, Search, minimise
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.scan import scan
+from underlay.inference.problem import Problem
 
 __all__ = ["HIGHEST", "Walk"]
 
@@ -26,14 +30,13 @@ _GROWTH = 2.0  # a flattening profile is walked in steps at most this much longe
 # range of the curve.
 _FARTHEST = 12.0
 _MOST_STEPS = 60
-_MOST_EVALUATIONS = 200  # of one refit; from a neighbour ten are usual
 # An entry that moves all readings together by less than this many standard deviations per unit lies on a plateau.
 _FLAT = 1e-3
 # Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
 _BETTER = 0.01  # of t: less than that changes no interval by a hundredth of its width
-# Of a start elsewhere: after so many evaluations it must be within this rise of what it competes with.
-_ROUGH_EVALUATIONS, _MAY_BE = 12, 30.0
+# Of a start elsewhere: after so many steps it must be within this rise of what it competes with.
+_ROUGH, _MAY_BE = Search(steps=8, settled=1e-4), 30.0
 # A start of the scan this close to where the others are (scaled coordinates) ends where they are.
 _SAME_PLACE = 0.3
 
@@ -47,23 +50,23 @@ class Walk:
     objective: Objective
     base: float
     vectors: list[FloatArray]
-    rises: list[float]
+    delta_chi_squares: list[float]
     reason: str = "none"
 
     @classmethod
     def start(cls, fit: Fit, index: int, vector: FloatArray) -> Walk:
         """Stand at the optimum or another place (k,), with the noise of the fit frozen."""
-        weights: Weights = weights_at(fit.problem, fit.vector, fit.noises)
-        objective = Objective(fit.problem, weights, held=frozenset({index}))
-        base = float(np.square(objective.residuals(fit.vector)).sum())
-        rise = float(np.square(objective.residuals(vector)).sum()) - base
+        noise = freeze(fit.problem, fit.vector, fit.noises)
+        objective = Objective(fit.problem, noise, held=frozenset({index}))
+        base = objective.square(fit.vector)
+        rise = objective.square(vector) - base
         return cls(fit, index, objective, base, [np.array(vector)], [rise])
 
     @property
     def deepest(self) -> tuple[float, FloatArray]:
         """Smallest t met, and where: below zero if the fit was not the optimum."""
-        lowest = int(np.argmin(self.rises))
-        return self.rises[lowest], self.vectors[lowest]
+        lowest = int(np.argmin(self.delta_chi_squares))
+        return self.delta_chi_squares[lowest], self.vectors[lowest]
 
     def with_bottoms(self) -> Walk:
         """Return the walk with the bottoms of the basins it crossed, found with the parameter free.
@@ -71,21 +74,22 @@ class Walk:
         Steps are long where a profile is flat: without its bottom a basin would be read too narrow, and a
         deeper optimum in it missed.
         """
-        free = Objective(self.fit.problem, self.objective.weights)
+        free = Objective(self.fit.problem, self.objective.noise)
         q = [float(vector[self.index]) for vector in self.vectors]
-        vectors, rises = list(self.vectors), list(self.rises)
+        vectors, rises = list(self.vectors), list(self.delta_chi_squares)
         # From the far end, so that the places before an insertion keep their numbers.
         for i in range(len(rises) - 2, 0, -1):
-            if not self.rises[i - 1] > self.rises[i] < self.rises[i + 1]:
+            if not self.delta_chi_squares[i - 1] > self.delta_chi_squares[i] < self.delta_chi_squares[i + 1]:
                 continue
-            bottom = minimise(free, self.vectors[i], max_evaluations=_MOST_EVALUATIONS).vector
-            rise = float(np.square(free.residuals(bottom)).sum()) - self.base
+            found = minimise(free, self.vectors[i])
+            bottom = self.vectors[i] if found is None else found.vector
+            rise = free.square(bottom) - self.base
             here = float(bottom[self.index])
-            if rise < self.rises[i] and min(q[i - 1], q[i + 1]) < here < max(q[i - 1], q[i + 1]):
+            if rise < self.delta_chi_squares[i] and min(q[i - 1], q[i + 1]) < here < max(q[i - 1], q[i + 1]):
                 place = i + 1 if abs(here - q[0]) > abs(q[i] - q[0]) else i
                 vectors.insert(place, bottom)
                 rises.insert(place, rise)
-        return replace(self, vectors=vectors, rises=rises)
+        return replace(self, vectors=vectors, delta_chi_squares=rises)
 
     def go(self, direction: float, highest: float = HIGHEST) -> Walk:
         """Walk until z is above `highest`, which ends every interval, or the parameter or the law ends.
@@ -100,7 +104,7 @@ class Walk:
 
     def _afresh(self) -> Walk:
         """Return a walk that stands where this one began."""
-        return replace(self, vectors=self.vectors[:1], rises=self.rises[:1])
+        return replace(self, vectors=self.vectors[:1], delta_chi_squares=self.delta_chi_squares[:1])
 
     def _steps(self, direction: float, highest: float, *, watchful: bool) -> Walk:
         """Walk once; ``"lost"`` if only its end showed that the others are better elsewhere."""
@@ -123,29 +127,29 @@ class Walk:
                     return replace(self, reason="law")
                 step *= 0.25
                 continue
-            climb = self._z(self.rise(found)) - self._z(self.rises[-1])
+            climb = self._z(self.delta_chi_square(found)) - self._z(self.delta_chi_squares[-1])
             if climb > _STEEPEST and step > 1e-3 * self._first_step():
                 # A valley that lies open at the optimum and closes further on: its curvature there, or the
                 # slope of the last step, foretold too long a step, and there is nothing to read between; or
                 # a second basin lies within it.
                 step *= max(_STEP / climb, 0.1)
                 continue
-            ended = self.rise(found) > highest**2
+            ended = self.delta_chi_square(found) > highest**2
             if ended or (watchful and self.in_doubt(found)):
                 other = self.look_elsewhere(q, found) or found
-                if not watchful and self.rise(other) < self.rise(found) - _BETTER:
+                if not watchful and self.delta_chi_square(other) < self.delta_chi_square(found) - _BETTER:
                     return replace(self, reason="lost")
-                found, ended = other, self.rise(other) > highest**2
+                found, ended = other, self.delta_chi_square(other) > highest**2
             self.vectors.append(found.vector)
-            self.rises.append(self.rise(found))
+            self.delta_chi_squares.append(self.delta_chi_square(found))
             if ended:
                 return replace(self, reason="data")
             step = self._next_step(step)
         return replace(self, reason="none")
 
-    def rise(self, found: Minimum) -> float:
+    def delta_chi_square(self, found: Minimum) -> float:
         """T at a minimum."""
-        return float(np.square(self.objective.residuals(found.vector)).sum()) - self.base
+        return self.objective.square(found.vector) - self.base
 
     @staticmethod
     def _z(rise: float) -> float:
@@ -163,26 +167,30 @@ class Walk:
 
     def _next_step(self, step: float) -> float:
         """Step for half a unit of z, from the slope of the last one."""
-        slope = abs(self._z(self.rises[-1]) - self._z(self.rises[-2])) / step
+        slope = abs(self._z(self.delta_chi_squares[-1]) - self._z(self.delta_chi_squares[-2])) / step
         return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
 
     def in_doubt(self, found: Minimum | None) -> bool:
         """Whether a better place for the others would matter to an interval."""
-        return found is None or self.rise(found) > _DOUBTED
+        return found is None or self.delta_chi_square(found) > _DOUBTED
 
     def look_elsewhere(self, q: float, found: Minimum | None) -> Minimum | None:
         """Others fitted with the parameter at q from a scan; `found` if that is no better."""
         pinned = _with(self.vectors[-1] if found is None else found.vector, self.index, q)
         low, high = self.fit.problem.bounds.T
-        for start in starts_with_held(self.fit.problem, self.index, pinned):
+        for start in _starts_with_held(self.fit.problem, self.index, pinned):
             if found is not None and (np.abs(start - found.vector) < _SAME_PLACE).all():
                 continue
             begin = _with(np.clip(start, low, high), self.index, q)
-            other = self._minimised(begin, _ROUGH_EVALUATIONS)
-            if other is None or (found is not None and self.rise(other) > self.rise(found) + _MAY_BE):
+            other = self._minimised(begin, _ROUGH)
+            if other is None or (
+                found is not None and self.delta_chi_square(other) > self.delta_chi_square(found) + _MAY_BE
+            ):
                 continue
             other = self._minimised(other.vector)
-            if other is not None and (found is None or self.rise(other) < self.rise(found)):
+            if other is not None and (
+                found is None or self.delta_chi_square(other) < self.delta_chi_square(found)
+            ):
                 found = other
         return found
 
@@ -197,15 +205,17 @@ class Walk:
         low, high = self.fit.problem.bounds.T
         for candidate in (np.clip(start, low, high), self.vectors[-1]):
             begin = _with(candidate, self.index, q)
-            if self._exists(begin):
-                return self._minimised(begin)
+            found = self._minimised(begin)
+            if found is not None:
+                return found
         return None
 
-    def _minimised(self, start: FloatArray, evaluations: int = _MOST_EVALUATIONS) -> Minimum | None:
+    def _minimised(self, start: FloatArray, search: Search = FINE) -> Minimum | None:
         """Others fitted from a start; None if there is no law there or where that ends."""
-        if not self._exists(start):
+        found = minimise(self.objective, start, search)
+        if found is None:
             return None
-        found = self._off_plateau(minimise(self.objective, start, max_evaluations=evaluations))
+        found = self._off_plateau(found)
         return found if self._exists(found.vector) else None
 
     def _off_plateau(self, found: Minimum) -> Minimum:
@@ -216,10 +226,9 @@ class Walk:
         """
         for i in self._flat(found.vector):
             begin = _with(found.vector, i, 0.0)
-            if not self.objective.exists(begin):
-                continue
-            other = minimise(self.objective, begin, max_evaluations=_MOST_EVALUATIONS)
-            found = min((found, other), key=self.rise)
+            other = minimise(self.objective, begin)
+            if other is not None:
+                found = min((found, other), key=self.delta_chi_square)
         return found
 
     def _flat(self, vector: FloatArray) -> list[int]:
@@ -242,3 +251,27 @@ def _with(vector: FloatArray, index: int, q: float) -> FloatArray:
     changed = np.array(vector)
     changed[index] = q
     return changed
+
+
+def _starts_with_held(problem: Problem, index: int, vector: FloatArray) -> list[FloatArray]:
+    """Starts (k,) of the other parameters with entry `index` held at its value in `vector` (k,).
+
+    Where thin and soft competes with thick and stiff, the valley of the optimum can fold back in the parameter
+    that is held: a step along it then leads up a wall while the other side of the fold explains the data well.
+    Only a scan finds that side. The other entries of `vector` are one more point of it. Empty where nothing
+    else is free, or no point of the scan has a law.
+    """
+    others = {
+        coordinate.name: coordinate.prior
+        for i, coordinate in enumerate(problem.coordinates)
+        if i != index and i not in problem.noise_entries
+    }
+    if not others:
+        return []
+    try:
+        held = problem.revised(free=others, scenes=problem.scenes(vector), noise=Noise())
+    except InputError:
+        # The value cannot be a scene's: a contact beyond the last point, an impossible material.
+        return []
+    known = problem.values(vector)
+    return [problem.vector(known | held.values(start)) for start in scan(held)]

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.fitting.provenance import provenance
+from underlay.inference.least_squares.provenance import provenance
+from underlay.inference.model.laws import quiet_law
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
@@ -105,11 +106,10 @@ def _prior_quantiles(problem: Problem) -> FloatArray:
 
 def _model_error(problem: Problem, best: FloatArray) -> float:
     """Largest error estimate of the contact laws at the best draw, relative to the force."""
-    options = problem.options
     errors = []
     for scene, curve in zip(problem.scenes(best), problem.curves, strict=True):
         deepest = max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0)
-        errors.append(options.build(scene, deepest).error_estimate)
+        errors.append(quiet_law(scene, problem.solver, deepest).error_estimate)
     return max(errors)
 
 

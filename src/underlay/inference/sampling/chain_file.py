@@ -23,6 +23,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._documents import parse_json
+from underlay._door import FileKind, require_regular, understood
 from underlay.errors import FileAccessError, InputError, MissingExtraError
 
 try:
@@ -36,6 +38,8 @@ __all__ = ["ChainFile", "Progress", "RandomState"]
 RandomState: TypeAlias = tuple[str, Any, int, int, float]
 
 _FORMAT = "underlay chain 1"
+# What a sampler could hold in memory to go on; on the disk a chain is sparse until it is used.
+_KIND = FileKind("a chain file", 8_000_000_000, "begin a new one under another name")
 _WORDS = 624
 _STATE_SIZE = _WORDS + 5
 
@@ -111,7 +115,8 @@ class ChainFile:
             If it cannot be opened, or another run has it open.
         """
         with _opened(path, "r+") as file:
-            progress = _read(file, path, names, shape[1])
+            with understood(path, _KIND):
+                progress = _read(file, path, names, shape[1])
             enough = len(file["chain"]) >= shape[0]
             if enough:
                 yield cls(file), progress
@@ -153,6 +158,8 @@ def _hdf5() -> ModuleType:
 @contextmanager
 def _opened(path: str | os.PathLike[str], mode: str) -> Iterator[Any]:
     library = _hdf5()
+    if mode == "r+":
+        require_regular(path, _KIND)
     try:
         file = library.File(os.fspath(path), mode)
     except BlockingIOError as error:
@@ -191,18 +198,19 @@ def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walke
     where = os.fspath(path)
     if file.attrs.get("format") != _FORMAT:
         raise InputError(f"{where} is not a chain file of this version (format {file.attrs.get('format')!r})")
-    stored = tuple(json.loads(file.attrs["parameters"]))
+    stored = tuple(map(str, parse_json(file.attrs["parameters"])))
     if stored != names:
         raise InputError(
             f"{where} holds the chain of another problem: its parameters are {', '.join(stored)}; "
             f"this problem has {', '.join(names)}"
         )
+    _check_layout(file, len(names))
     if file["chain"].shape[1] != walkers:
         raise InputError(
             f"{where} holds {file['chain'].shape[1]} walkers and {walkers} are asked for; a chain goes on "
             "with as many as it began with"
         )
-    steps = int(file["steps"][0])
+    steps = _steps(file)
     state = file["state"][steps % 2]
     return Progress(
         chain=file["chain"][:steps],
@@ -218,6 +226,43 @@ def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walke
     )
 
 
+def _check_layout(file: Any, parameters: int) -> None:
+    """Refuse what `_lay_out` does not make: other shapes, places outside the file, more than it has."""
+    library = _hdf5()
+    shapes = {"chain": (None, None, parameters + 1), "state": (2, _STATE_SIZE), "steps": (1,)}
+    size = file.id.get_filesize()
+    for name, shape in shapes.items():
+        if not isinstance(file.get(name, getlink=True), library.HardLink):
+            raise ValueError(f"{name} leads out of the file")  # noqa: TRY004  of a file, not of an argument
+        entry = file[name]
+        fits = (
+            isinstance(entry, library.Dataset)
+            and entry.dtype == np.float64
+            and entry.ndim == len(shape)
+            and all(wanted in (None, found) for wanted, found in zip(shape, entry.shape, strict=True))
+        )
+        # Contiguous: what the file does not hold cannot be claimed, and no filter runs on what is read.
+        if not fits or entry.chunks is not None or entry.external or entry.is_virtual or entry.nbytes > size:
+            raise ValueError(f"{name} is not laid out as a chain's")
+
+
+def _steps(file: Any) -> int:
+    """Steps that count, with the generator's state checked that goes with them."""
+    steps = float(file["steps"][0])
+    if not (steps.is_integer() and 0.0 <= steps <= len(file["chain"])):
+        raise ValueError(f"it counts {steps} steps and has room for {len(file['chain'])}")
+    state = file["state"][int(steps) % 2]
+    words, position, counts = state[:_WORDS], state[_WORDS], state[_WORDS + 3 :]
+    whole = np.isfinite(state).all() and (words == np.floor(words)).all() and (counts >= 0.0).all()
+    if steps and not (
+        whole and (words >= 0.0).all() and (words < 2.0**32).all() and 0.0 <= position <= _WORDS
+    ):
+        raise ValueError("it holds no state of the generator")
+    if not np.isfinite(file["chain"][: int(steps)]).all():
+        raise ValueError("it holds numbers that are not finite")
+    return int(steps)
+
+
 def _put_new(
     path: str | os.PathLike[str],
     names: tuple[str, ...],
@@ -226,7 +271,9 @@ def _put_new(
 ) -> None:
     """Lay out a file beside `path`, fill in what there is so far, and put it in its place in one move."""
     beside = Path(f"{os.fspath(path)}.new")
-    with _opened(beside, "w") as file:
+    # What a killed run left, or a link that would lead out of the output.
+    beside.unlink(missing_ok=True)
+    with _opened(beside, "x") as file:
         _lay_out(file, names, shape)
         if progress is not None:
             steps = len(progress.chain)

@@ -22,17 +22,22 @@ from underlay.mechanics.materials import (
     isotropic_constants,
     transversely_isotropic_constants,
 )
-from underlay.scene.parameters import kind_of
+from underlay.quantities import Quantity, kind_of, path_of
 
-__all__ = ["derived_quantities", "kind_of_quantity"]
+__all__ = ["DERIVED", "derived_quantities", "kind_of_quantity"]
+
+#: What the derived quantities are, by the last word of their names.
+DERIVED = {
+    "reduced_modulus": Quantity("pressure", "reduced modulus of the {part}"),
+    "oedometric_modulus": Quantity("pressure", "oedometric modulus of the {part}"),
+    "stiffness": Quantity("stiffness", "contact stiffness at the deepest point"),
+}
 
 
 def kind_of_quantity(name: str) -> str:
     """Physical kind of a parameter or a derived quantity, e.g. ``"stiffness"`` for ``"stiffness[1]"``."""
-    path = name.partition("[")[0]
-    if path == "stiffness":
-        return "stiffness"
-    return "pressure" if path.endswith("modulus") else kind_of(path)
+    own = DERIVED.get(path_of(name).rpartition(".")[2])
+    return kind_of(name) if own is None else own.kind
 
 
 def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, FloatArray]:
@@ -98,7 +103,7 @@ def _deepest_stiffness(member: Member, flat: FloatArray) -> tuple[FloatArray, bo
     short = replace(
         member,
         curve=replace(member.curve, depth=deepest, force=np.zeros(1), time=None, segment=None),
-        forward=replace(member.forward, depth=deepest),
+        forward=replace(member.forward, depth=deepest, history=None, time=None),
     )
     _, stiffness, _, possible = short.readings(flat)
     return stiffness[:, 0], bool(possible.all())

@@ -18,13 +18,12 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
-from underlay.data.noise import ar1_coefficients, whiten
+from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import InputError
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.inference.sampling.arviz_bridge import arviz_library, to_inference_data
+from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.predictive import sigma_of_draws
 
 __all__ = ["compare_models", "pointwise_log_likelihood", "with_model_error"]
 
@@ -68,7 +67,7 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     >>> curve = synthesize(scene, np.linspace(0.0, 5e-5, 40), noise, rng=1)
     >>> models = {}
     >>> for law in ("halfspace", "exact"):
-    ...     problem = Problem(scene, curve, {"layer.E": LogUniform(1e4, 1e8)}, noise, method=law)
+    ...     problem = Problem(scene, curve, {"layer.E": LogUniform(1e4, 1e8)}, noise, solver=law)
     ...     models[law] = problem, sample(problem, walkers=16, rng=0)
     >>> table = compare_models(models)
     >>> list(table.index)
@@ -145,24 +144,29 @@ def with_model_error(problem: Problem, model_error: float) -> Problem:
     Raises
     ------
     InputError
-        If `model_error` is negative.
+        If `model_error` is negative, or the noise is of another model than `Noise`.
 
     Examples
     --------
     >>> from underlay import Isotropic, Layer, Noise, Paraboloid, RIGID, Scene, simulate
     >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.45), 1e-3), RIGID)
     >>> curve = simulate(scene, np.linspace(0.0, 1e-5, 50))
-    >>> problem = Problem(scene, curve, ["layer.E"], Noise(force=1e-5, relative=0.003), method="dimitriadis2002")
+    >>> problem = Problem(scene, curve, ["layer.E"], Noise(force=1e-5, relative=0.003), solver="dimitriadis2002")
     >>> with_model_error(problem, 0.004).noise[0].relative
     0.005
     """
     if not model_error >= 0.0:
         raise InputError(f"model_error is a share of the force, zero or more; got {model_error!r}")
-    widened = [
-        replace(member.noise, relative=float(np.hypot(member.noise.relative, model_error)))
-        for member in problem.members
-    ]
+    widened = [_widened(member.noise, model_error) for member in problem.members]
     return problem.revised(noise=widened)
+
+
+def _widened(noise: NoiseModel, model_error: float) -> Noise:
+    if not isinstance(noise, Noise):
+        raise InputError(
+            f"a model's error is added to the proportional part of a Noise; {type(noise).__name__} has none"
+        )
+    return replace(noise, relative=float(np.hypot(noise.relative, model_error)))
 
 
 def _score(arviz: ModuleType, data: Any) -> Any:
@@ -187,23 +191,18 @@ def _inference_data(problem: Problem, posterior: Posterior) -> Any:
     )
     flat = few.chain.reshape(-1, few.chain.shape[-1])
     pointwise = pointwise_log_likelihood(problem, flat)
-    return to_inference_data(few, pointwise.reshape(*few.chain.shape[:2], -1))
+    return few.to_inference_data(pointwise.reshape(*few.chain.shape[:2], -1))
 
 
 def _pointwise(member: Member, physical: FloatArray) -> FloatArray:
     contact, stiffness, force, possible = member.readings(physical)
     if not possible.all():
         raise InputError("no contact law exists at some draws; they cannot be compared")
-    sigma = sigma_of_draws(member, physical, contact, stiffness)
-    entry = member.noise_entries.get("correlation_time")
-    tau = member.noise.correlation_time if entry is None else physical[:, entry]
-    white = whiten((member.force - force) / sigma, member.curve.time, tau)
+    noise, time = member.noise_of(physical), member.curve.time
+    sigma = noise.sigma(contact, stiffness, time)
+    white = noise.whiten((member.force - force) / sigma, time)
     if member.scale_is_unknown:
         size = np.sqrt(np.mean(np.square(white), axis=-1, keepdims=True))
         white, sigma = white / size, sigma * size
-    log_density: FloatArray = -0.5 * np.square(white) - np.log(sigma) - 0.5 * np.log(2.0 * np.pi)
-    if np.any(tau):
-        # Given the point before, a point has sqrt(1 - rho^2) of its spread.
-        _, spread = ar1_coefficients(member.curve.time, tau)
-        log_density[:, 1:] -= np.log(spread)
-    return log_density
+    spread = noise.log_deviations(sigma, time)
+    return np.asarray(-0.5 * np.square(white) - spread - 0.5 * np.log(2.0 * np.pi))

@@ -11,12 +11,13 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
+from underlay._door import FileKind, printable, understood
 from underlay.errors import FileFormatError, InputError
-from underlay.inference.fitting.provenance import provenance
+from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.inference.problem_record import problem_from_record, problem_record
-from underlay.inference.sampling.archive import read_archive, write_archive
-from underlay.inference.sampling.arviz_bridge import to_inference_data
+from underlay.inference.sampling.archive import LARGEST, read_archive, write_archive
+from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.convergence import (
     effective_size,
     highest_density_interval,
@@ -25,11 +26,13 @@ from underlay.inference.sampling.convergence import (
 )
 from underlay.inference.sampling.diagnostics import SamplingDiagnostics
 from underlay.inference.sampling.informed import INFORMED_COLUMNS, Information, compare_with_prior
+from underlay.inference.sampling.posterior_file import parts_of
 from underlay.inference.sampling.predictive import Predictive
 
 __all__ = ["Posterior"]
 
 _FORMAT = "underlay posterior 1"
+_KIND = FileKind("a saved posterior", LARGEST, "save it again where it was made")
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,18 +158,30 @@ class Posterior:
         table.insert(0, "prior", list(self.priors))
         return table
 
-    def to_inference_data(self) -> Any:
+    def to_inference_data(self, log_likelihood: FloatArray | None = None) -> Any:
         """Return the draws as an arviz ``InferenceData``, one chain per walker.
 
         Groups ``posterior`` (parameters and, where they have as many draws, derived quantities), ``prior``
-        and ``sample_stats`` (``lp``). ``to_netcdf`` of the result writes a file others can read.
+        and ``sample_stats`` (``lp``); with `log_likelihood` (draws, walkers, points), of the points, that too.
+        ``to_netcdf`` of the result writes a file others can read.
 
         Raises
         ------
         MissingExtraError
             If arviz is not installed (extra ``uq``).
         """
-        return to_inference_data(self)
+        parameters = {name: self.of(name).T for name in self.names}
+        whole = {name: values.T for name, values in self.derived.items()}
+        draws = self.chain.shape[0]
+        parameters |= {name: values for name, values in whole.items() if values.shape[1] == draws}
+        groups: dict[str, Any] = {
+            "posterior": parameters,
+            "sample_stats": {"lp": self.log_posterior.T},
+            "prior": {name: self.prior_quantiles[None, :, i] for i, name in enumerate(self.names)},
+        }
+        if log_likelihood is not None:
+            groups["log_likelihood"] = {"force": np.moveaxis(log_likelihood, 0, 1)}
+        return arviz_library().from_dict(**groups)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write everything to a compressed ``.npz`` file without pickles, the problem too.
@@ -219,45 +234,25 @@ class Posterior:
         FileFormatError
             If it is not a saved posterior, or damaged.
         """
-        about, arrays = read_archive(path, _FORMAT, "posterior")
-        problem, missing = _problem_of(about, arrays, os.fspath(path))
-        details = about["diagnostics"]
-        details["autocorrelation_time"] = tuple(details["autocorrelation_time"])
-        details["rhat"] = tuple(details["rhat"])
-        details["failure_region"] = {
-            key: (low, high) for key, (low, high) in details["failure_region"].items()
-        }
-        return cls(
-            names=tuple(about["names"]),
-            chain=arrays["chain"],
-            log_posterior=arrays["log_posterior"],
-            priors=tuple(about["priors"]),
-            prior_quantiles=arrays["prior_quantiles"],
-            derived={name: arrays[f"derived/{name}"] for name in about["derived"]},
-            predictive=tuple(
-                Predictive(
-                    **{key: arrays[f"predictive/{i}/{key}"] for key in ("depth", "force", "model", "reading")}
-                )
-                for i in range(about["curves"])
-            ),
-            diagnostics=SamplingDiagnostics(**details),
-            truth=about["truth"],
-            problem=problem,
-            missing=missing,
-        )
+        about, arrays = read_archive(path, _FORMAT, _KIND)
+        with understood(path, _KIND):
+            parts = parts_of(about, arrays)
+            problem, missing = _problem_of(about, arrays, printable(path))
+        return cls(**parts, problem=problem, missing=missing)
 
 
 def _problem_of(about: Mapping[str, Any], arrays: Mapping[str, Any], path: str) -> tuple[Problem | None, str]:
     """The problem of a saved posterior, or why there is none."""
     if "problem" not in about:
-        return None, about.get("missing", "it was saved by a version of underlay that kept the draws alone")
+        why = about.get("missing", "it was saved by a version of underlay that kept the draws alone")
+        return None, str(why)
     kept = {
         name.removeprefix("problem/"): array for name, array in arrays.items() if name.startswith("problem/")
     }
     try:
         return problem_from_record(about["problem"], kept), ""
     except FileFormatError as error:
-        raise FileFormatError(f"{path} is damaged: {error}") from error
+        raise FileFormatError(f"{path} is damaged: {error}; {_KIND.advice}") from error
     except InputError as error:
         return None, f"it cannot be stated here: {error}"
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.noise import standard_deviation, whiten
+from underlay.data.noise import NoiseModel
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 
-__all__ = ["PREDICTIVE_LEVELS", "Predictive", "predictive_bands", "sigma_of_draws"]
+__all__ = ["PREDICTIVE_LEVELS", "Predictive", "predictive_bands"]
 
 #: Probabilities of the rows of a predictive band: 95 % and 68 % limits and the median.
 PREDICTIVE_LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
@@ -48,27 +48,13 @@ def predictive_bands(
     return tuple(_band(member, physical, rng) for member in problem.members)
 
 
-def sigma_of_draws(
-    member: Member, physical: FloatArray, contact: FloatArray, stiffness: FloatArray
-) -> FloatArray:
-    """Standard deviation (N), (draws, n), at draws (draws, parameters); 1 where it is integrated out."""
-    numbers = {name: physical[:, entry] for name, entry in member.noise_entries.items()}
-    white = numbers.get("force", member.noise.force)
-    return standard_deviation(
-        contact,
-        stiffness,
-        force_sd=1.0 if white is None else white,
-        relative=numbers.get("relative", member.noise.relative),
-        depth_sd=numbers.get("depth", member.noise.depth),
-    )
-
-
 def _band(member: Member, physical: FloatArray, rng: np.random.Generator) -> Predictive:
     contact, stiffness, force, possible = member.readings(physical)
     contact, stiffness, force = contact[possible], stiffness[possible], force[possible]
-    sigma = sigma_of_draws(member, physical[possible], contact, stiffness)
+    noise = member.noise_of(physical[possible])
+    sigma = noise.sigma(contact, stiffness, member.curve.time)
     if member.scale_is_unknown:
-        sigma = sigma * _scale_draws(member, physical[possible], force, sigma, rng)[:, None]
+        sigma = sigma * _scale_draws(member, noise, force, sigma, rng)[:, None]
     # One normal draw per point and posterior draw: the band is that of single readings, so the correlation
     # between neighbouring points does not enter.
     reading = force + sigma * rng.standard_normal(force.shape)
@@ -82,14 +68,12 @@ def _band(member: Member, physical: FloatArray, rng: np.random.Generator) -> Pre
 
 def _scale_draws(
     member: Member,
-    physical: FloatArray,
+    noise: NoiseModel,
     force: FloatArray,
     sigma: FloatArray,
     rng: np.random.Generator,
 ) -> FloatArray:
     """Noise over `sigma`, (draws,), where its size was integrated out: sigma^2 is S / chi-squared(n)."""
-    entry = member.noise_entries.get("correlation_time")
-    correlation_time = member.noise.correlation_time if entry is None else physical[:, entry]
-    whitened = whiten((member.force - force) / sigma, member.curve.time, correlation_time)
+    whitened = noise.whiten((member.force - force) / sigma, member.curve.time)
     square = np.einsum("dn,dn->d", whitened, whitened)
     return np.asarray(np.sqrt(square / rng.chisquare(whitened.shape[-1], size=len(square))))

@@ -57,7 +57,7 @@ def sample(
     problem : Problem
         With a proper prior for every free parameter.
     walkers : int, default 64
-        At least twice as many as parameters.
+        At least two more than twice as many as parameters: half of them span the space for the other half.
     max_steps : int, default 20000
         Most steps of the ensemble; it stops earlier when the chain has converged.
     rng : int or numpy Generator, default 0
@@ -224,10 +224,12 @@ def _check(
             f"the prior of {', '.join(improper)} is improper and cannot be sampled: give finite bounds or a "
             "prior such as LogUniform(low, high) or Normal(mean, sd)"
         )
-    if walkers < 2 * len(problem.names):
+    # The moves take the covariance of one half of the walkers: p + 1 points span p dimensions, no fewer do.
+    least = 2 * (len(problem.names) + 1)
+    if walkers < least:
         raise InputError(
-            f"{walkers} walkers are too few for {len(problem.names)} parameters: at least "
-            f"{2 * len(problem.names)} are needed, and 64 serve well"
+            f"{walkers} walkers are too few for {len(problem.names)} parameters: at least {least} are needed, "
+            "and 64 serve well"
         )
     if max_steps < MIN_STEPS:
         raise InputError(f"max_steps must be at least {MIN_STEPS}; got {max_steps}")

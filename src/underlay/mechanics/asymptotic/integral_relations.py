@@ -20,7 +20,7 @@ from scipy import special
 from underlay._arrays import FloatArray
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import one_minus_L, u_rule
-from underlay.mechanics.materials import Layer, Rigid, Substrate
+from underlay.mechanics.materials import Layer, Substrate
 
 __all__ = [
     "S_0",
@@ -51,8 +51,7 @@ class PressedLayer(NamedTuple):
         cls, layer: Layer, substrate: Substrate, largest_radius: float, rtol: float = 1e-13
     ) -> PressedLayer:
         """Take the rule that holds for contact radii up to `largest_radius` (m) to `rtol`."""
-        base = None if isinstance(substrate, Rigid) else substrate.plane_constants
-        constants = layer.material.plane_constants
+        constants, base = layer.material.plane_constants, substrate.plane_constants
         u, weight = u_rule(constants, base, largest_radius / layer.thickness, rtol)
         return cls(layer.material.theta, layer.thickness, u, weight * one_minus_L(u, constants, base))
 

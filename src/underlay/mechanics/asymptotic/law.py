@@ -36,10 +36,9 @@ from underlay.mechanics.asymptotic.error import Moments, force_error, punch_erro
 from underlay.mechanics.asymptotic.power_law_series import power_law_series
 from underlay.mechanics.asymptotic.series import ContactSeries, PunchSeries
 from underlay.mechanics.asymptotic.shape_series import ShapeSeries
+from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
-from underlay.mechanics.kernel import SubstrateKernel
-from underlay.mechanics.materials import Layer, Substrate
 
 __all__ = [
     "FORMS",
@@ -89,7 +88,7 @@ class AsymptoticLaw(ContactLaw):
         if self.max_depth < _depth_at(self.series, self.series_end):
             return CHOSEN_FOR_DEPTH
         form = f"the {self.form} form of order {self.order}"
-        return f'there {form} has no root or stops increasing; use method="exact"'
+        return f'there {form} has no root or stops increasing; use the solver "exact"'
 
     def _force(self, depth: FloatArray) -> FloatArray:
         return self.series.load(depth, self.series.parameter(depth, self.series_end))
@@ -98,7 +97,7 @@ class AsymptoticLaw(ContactLaw):
         if not (depth <= self.max_radius_depth).all():
             raise RangeError(
                 f"contact radius at depth {depth.max():.6g} m: the series of the {self.form} form of order "
-                f'{self.order} decreases beyond {self.max_radius_depth:.6g} m; use method="exact"',
+                f'{self.order} decreases beyond {self.max_radius_depth:.6g} m; use the solver "exact"',
                 max_depth=self.max_radius_depth,
             )
         return self.series.radius(self.series.parameter(depth, self.series_end))
@@ -109,25 +108,15 @@ class AsymptoticLaw(ContactLaw):
 
 
 def asymptotic_law(
-    indenter: Indenter,
-    layer: Layer,
-    substrate: Substrate | None,
-    max_depth: float,
-    *,
-    order: int = 4,
-    form: str = "auto",
+    contact: Contact, max_depth: float, *, order: int = 4, form: str = "auto"
 ) -> AsymptoticLaw:
-    """Build the asymptotic law of an indenter on a layer on a substrate.
+    """Build the asymptotic law of a contact.
 
     Parameters
     ----------
-    indenter : Indenter
-        Any shape; the explicit form needs a power law (or a flat punch).
-    layer : Layer
-        Material and thickness.
-    substrate : material, RIGID or None
-        What is under the layer; None, the layer's own material or an infinite thickness mean a half-space,
-        for which no kernel is computed.
+    contact : Contact
+        Of any shape; the explicit form needs a power law (or a flat punch). Where nothing differs under the
+        surface, no kernel is computed.
     max_depth : float
         Largest depth (m) that will be asked; the error is estimated for it.
     order : int, default 4
@@ -149,29 +138,30 @@ def asymptotic_law(
     Examples
     --------
     >>> from underlay.mechanics.indenters import Paraboloid
-    >>> from underlay.mechanics.materials import RIGID, Isotropic
-    >>> law = asymptotic_law(Paraboloid(1e-3), Layer(Isotropic(1e4, 0.5), 1e-3), RIGID, 2e-5)
+    >>> from underlay.mechanics.materials import RIGID, Isotropic, Layer
+    >>> contact = Contact.of(Paraboloid(1e-3), Layer(Isotropic(1e4, 0.5), 1e-3), RIGID)
+    >>> law = asymptotic_law(contact, 2e-5)
     >>> law.form, f"{law.force(2e-5):.4e}"
     ('explicit', '6.0016e-05')
     """
     _check(order, form)
     deepest = positive(max_depth, "max_depth", "m")
-    moments = kernel_moments(layer, substrate)
-    chosen, reason = choose_form(indenter, form, moments[0])
-    series = contact_series(indenter, layer, moments, order, chosen)
+    moments = kernel_moments(contact)
+    chosen, reason = choose_form(contact.indenter, form, moments[0])
+    series = contact_series(contact, moments, order, chosen)
     end = series.end
     last = _depth_at(series, end)
     if deepest > last:
         raise RangeError(
             f"max_depth {deepest:.6g} m is beyond {last:.6g} m, the largest depth that the {chosen} form of "
-            f'order {order} reaches here; use method="exact" or less depth',
+            f'order {order} reaches here; use the solver "exact" or less depth',
             max_depth=last,
         )
     return AsymptoticLaw(
         method="asymptotic",
         reason=reason,
         max_depth=last,
-        error_estimate=_error(series, indenter, layer, moments, deepest),
+        error_estimate=_error(series, contact, moments, deepest),
         order=order,
         form=chosen,
         error_depth=deepest,
@@ -188,11 +178,11 @@ def _check(order: int, form: str) -> None:
         raise InputError(f"order must be 0, 1, 2, 3 or 4; got {order!r}")
 
 
-def kernel_moments(layer: Layer, substrate: Substrate | None) -> Moments:
-    """Return (a_0, a_1, a_2) of (1.8): zero, and no kernel computed, where the layer is a half-space."""
-    if substrate is None or substrate == layer.material or not np.isfinite(layer.thickness):
+def kernel_moments(contact: Contact) -> Moments:
+    """Return (a_0, a_1, a_2) of (1.8): zero, and no kernel computed, on a half-space."""
+    if not contact.layered:
         return 0.0, 0.0, 0.0
-    a_0, a_1, a_2 = SubstrateKernel(layer.material, substrate).coefficients(3)
+    a_0, a_1, a_2 = contact.kernel.coefficients(3)
     return float(a_0), float(a_1), float(a_2)
 
 
@@ -202,7 +192,7 @@ def choose_form(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
     if form == "explicit" and not closed:
         raise InputError(
             f"the explicit form needs a power-law shape or a flat punch; for {type(indenter).__name__} use "
-            'form="parametric", "compliance" or "auto"'
+            'the form "parametric", "compliance" or "auto"'
         )
     if form != "auto":
         return form, f"the {form} form was asked for"
@@ -222,15 +212,13 @@ def choose_form(indenter: Indenter, form: str, a_0: float) -> tuple[str, str]:
     )
 
 
-def contact_series(
-    indenter: Indenter, layer: Layer, moments: Moments, order: int, form: str
-) -> ContactSeries:
+def contact_series(contact: Contact, moments: Moments, order: int, form: str) -> ContactSeries:
     """Build the curve of the chosen form and order."""
     a_0, a_1, _ = moments
     if a_0 == 0.0 and a_1 == 0.0:
         # A half-space: the corrections are zeros, and order 0 solves nothing.
         order = 0
-    theta, h = layer.material.theta, layer.thickness
+    indenter, theta, h = contact.indenter, contact.theta, contact.thickness
     if isinstance(indenter, FlatPunch):
         kappa = punch_factor(indenter.radius / h, a_0, a_1, order=order, form=form)
         return PunchSeries(indenter, theta, kappa)
@@ -260,7 +248,7 @@ def punch_factor(eps: float, a_0: float, a_1: float, *, order: int = 4, form: st
     if not 0.0 < kappa < np.inf:
         raise RangeError(
             f"the {form} form of order {order} gives no positive stiffness for a flat punch with "
-            f'a/h = {eps:.4g}; use method="exact"',
+            f'a/h = {eps:.4g}; use the solver "exact"',
             max_depth=0.0,
         )
     return kappa
@@ -271,11 +259,11 @@ def _depth_at(series: ContactSeries, s: float) -> float:
     return float(series.depth(np.array([s]))[0][0]) if np.isfinite(s) else np.inf
 
 
-def _error(series: ContactSeries, indenter: Indenter, layer: Layer, moments: Moments, depth: float) -> float:
+def _error(series: ContactSeries, contact: Contact, moments: Moments, depth: float) -> float:
     """Estimate the relative error in force up to `depth`; a half-space needs none."""
     if moments == (0.0, 0.0, 0.0):
         return 0.0
     if isinstance(series, PunchSeries):
-        return punch_error(series.kappa, series.shape.radius / layer.thickness, moments)
-    compliance = contact_series(indenter, layer, moments, 4, "compliance")
-    return force_error(series, compliance, layer.thickness, moments, depth)
+        return punch_error(series.kappa, series.shape.radius / contact.thickness, moments)
+    compliance = contact_series(contact, moments, 4, "compliance")
+    return force_error(series, compliance, contact.thickness, moments, depth)

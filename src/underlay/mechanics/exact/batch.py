@@ -13,6 +13,7 @@ from typing import Self
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.errors import RangeError
 from underlay.mechanics.exact.contact_curve import (
     SHARE_OF_NODES,
     ContactProblem,
@@ -36,6 +37,9 @@ from underlay.mechanics.kernel import one_minus_L
 from underlay.mechanics.materials import PlaneConstants
 
 __all__ = ["ExactBatch", "thickness_derivative"]
+
+# 400 MB of products of cosines, that every set shares.
+_MOST_PRODUCTS = 50_000_000
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,8 @@ class ExactBatch:
         Raises
         ------
         RangeError
-            If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
+            If the contact radius would pass 20 thicknesses, or the end of the indenter's shape, or the batch
+            would not fit into memory.
         """
         problem = ContactProblem.of(indenter, thickness, inner, outer)
         top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / thickness
@@ -108,6 +113,12 @@ class ExactBatch:
         resolution = Resolution.choose(problem.pair, solved.eps, rtol)
         u, weights = resolution.wavenumber_rule()
         rule = even_rule(resolution.radial)
+        count = rule.nodes.size
+        if u.size * eps.size * count * (count + 1) > _MOST_PRODUCTS:
+            raise RangeError(
+                f"a batch would hold {u.size} x {eps.size} x {count} x {count + 1} products of waves, and the "
+                f"most is {_MOST_PRODUCTS:.0e}: solve one set of materials at a time"
+            )
         waves = np.cos(np.multiply.outer(u, np.multiply.outer(eps, rule.with_edge)))
         products = eps[:, None, None] * waves[..., :, None] * waves[..., None, :-1]
         return cls(indenter, problem.measure, top, rtol, eps, rule, u, weights, products.reshape(u.size, -1))

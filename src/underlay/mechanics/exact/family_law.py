@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import log
@@ -10,7 +11,10 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
+from underlay.mechanics.contact import Contact
+from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import ContactProblem, SolvedCurve, solve_curve
+from underlay.mechanics.exact.curve_batch import CurveBatch
 from underlay.mechanics.exact.curve_family import (
     Cell,
     CurveFamily,
@@ -24,7 +28,7 @@ from underlay.mechanics.exact.master_curve import Factor, piecewise
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.materials import isotropic_constants
 
-__all__ = ["FamilyLaw", "tabulated_law"]
+__all__ = ["FamilyLaw", "table_number", "tabulated_law"]
 
 _CURVES_KEPT = 1024
 
@@ -50,28 +54,50 @@ class FamilyLaw(ExactLaw):
         table = self.family.slopes(Factor.FORCE, self.log_ratio)
         return force * piecewise(self.family.edges, table, self.family.stretch.z(varpi))
 
+    def side_by_side(self, laws: Sequence[ContactLaw], what: str, depth: FloatArray) -> FloatArray | None:
+        """One call for laws of one tip, layer and thickness: calls, not arithmetic, are what few numbers cost."""
+        tables = [law for law in laws if isinstance(law, FamilyLaw)]
+        if len(tables) < len(laws) or any(not self._is_beside(law) for law in tables):
+            return None
+        rows = max(law.curve.coefficients.shape[-2] for law in tables)
+        coefficients = np.zeros((len(tables), *self.curve.coefficients.shape[1:2], rows, 4))
+        for table, law in zip(coefficients, tables, strict=True):
+            table[:, : law.curve.coefficients.shape[-2]] = law.curve.coefficients[0]
+        batch = CurveBatch(
+            self.measure,
+            np.array([law.family.cell.top for law in tables]),
+            np.array([[law.curve.stretch.length] for law in tables]),
+            np.array([[law.curve.stretch.softness] for law in tables]),
+            coefficients,
+            np.array([law.error_estimate for law in tables]),
+        )
+        sets = np.ones(len(tables))
+        arguments = (depth, self.theta * sets, self.thickness * sets)
+        return batch.force(*arguments) if what == "force" else batch.stiffness(*arguments)
 
-def tabulated_law(
-    indenter: PowerLawShape,
-    *,
-    layer: tuple[float, float],
-    base: tuple[float, float] | None,
-    thickness: float,
-    varpi: float,
-    rtol: float,
-) -> ExactLaw | None:
+    def _is_beside(self, law: FamilyLaw) -> bool:
+        """Whether a law shares all but its curve, which must be in one piece."""
+        alike = law.measure == self.measure and law.theta == self.theta and law.thickness == self.thickness
+        return alike and len(law.curve.edges) == 2
+
+
+def table_number(contact: Contact, depth: float) -> int:
+    """Number of the range of tables that reaches `depth` (m)."""
+    return range_number(float(contact.indenter.halfspace_radius(np.asarray(depth))) / contact.thickness)
+
+
+def tabulated_law(contact: Contact, ratio: float, depth: float, rtol: float) -> ExactLaw | None:
     """Exact law of a power-law tip on an isotropic layer, solved for itself or one like it before.
 
     Parameters
     ----------
-    indenter : PowerLawShape
-        The tip.
-    layer, base : (E, nu)
-        Young's modulus (Pa) and Poisson's ratio; `base` None is rigid.
-    thickness : float
-        Of the layer (m).
-    varpi : float
-        Half-space contact radius over thickness that must be reached; the law goes to the end of its cell.
+    contact : Contact
+        Of a power-law tip with an isotropic layer.
+    ratio : float
+        Young's modulus of the base over that of the layer, in place of the contact's own; a rigid base has
+        none.
+    depth : float
+        Depth (m) that must be reached; the law goes to the end of its cell.
     rtol : float
         Relative error allowed.
 
@@ -80,11 +106,13 @@ def tabulated_law(
     FamilyLaw, or on a rigid base ExactLaw
         None where there is no table.
     """
-    reach = range_number(varpi)
-    theta = float(isotropic_constants(*layer).theta)
+    indenter, body, thickness, theta = contact.indenter, contact.isotropic, contact.thickness, contact.theta
+    if not (isinstance(indenter, PowerLawShape) and body is not None):
+        return None
+    reach = table_number(contact, depth)
     max_depth = float(indenter.abel(np.asarray(range_end(reach) * thickness)))
-    if base is None:
-        solved = _on_rigid_base(indenter.exponent, layer[1], reach, rtol)
+    if body.base is None:
+        solved = _on_rigid_base(indenter.exponent, body.layer.nu, reach, rtol)
         if solved is None:
             return None
         return ExactLaw(
@@ -102,8 +130,7 @@ def tabulated_law(
             resolution=solved.resolution,
             radii=solved.radii,
         )
-    ratio = base[0] / layer[0]
-    cell = Cell(indenter.exponent, layer[1], base[1], ratio_number(ratio), reach, rtol)
+    cell = Cell(indenter.exponent, body.layer.nu, body.base.nu, ratio_number(ratio), reach, rtol)
     family = curve_family(cell)
     if family is None or family.error_estimate > rtol:
         return None

@@ -13,13 +13,13 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
+from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import LARGEST_EPS, ContactProblem, solve_curve
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve
 from underlay.mechanics.exact.nodes import Pair, Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution
-from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
-from underlay.mechanics.materials import Layer, PlaneConstants, Rigid, Substrate
+from underlay.mechanics.indenters import FlatPunch, PowerLawShape
 
 __all__ = ["ExactLaw", "ExactPunchLaw", "exact_law"]
 
@@ -51,6 +51,11 @@ class ExactLaw(ContactLaw):
     curve: MasterCurve
     resolution: Resolution
     radii: int
+
+    @property
+    def nodes(self) -> int:
+        """Radial nodes of the solution."""
+        return self.resolution.radial
 
     @property
     def _beyond(self) -> str:
@@ -103,6 +108,11 @@ class ExactPunchLaw(ContactLaw):
     resolution: Resolution
 
     @property
+    def nodes(self) -> int:
+        """Radial nodes of the solution."""
+        return self.resolution.radial
+
+    @property
     def _beyond(self) -> str:
         return "the law was asked for up to there; build it with a larger max_depth"
 
@@ -116,24 +126,13 @@ class ExactPunchLaw(ContactLaw):
         return np.full_like(depth, self.incremental)
 
 
-def exact_law(
-    indenter: Indenter,
-    layer: Layer,
-    substrate: Substrate | None,
-    *,
-    max_depth: float,
-    rtol: float = 1e-6,
-) -> ContactLaw:
+def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> ContactLaw:
     """Solve the contact problem for depths up to `max_depth`.
 
     Parameters
     ----------
-    indenter : Indenter
-        Any shape.
-    layer : Layer
-        Infinitely thick: the half-space, through the same equations with a kernel of zero.
-    substrate : Isotropic, TransverselyIsotropic, RIGID or None
-        None continues the layer.
+    contact : Contact
+        Of any shape. A half-space goes through the same equations, with a kernel of zero.
     max_depth : float
         Largest depth (m), positive.
     rtol : float, default 1e-6
@@ -152,22 +151,23 @@ def exact_law(
     --------
     >>> from underlay.mechanics.indenters import Paraboloid
     >>> from underlay.mechanics.materials import RIGID, Isotropic, Layer
-    >>> law = exact_law(Paraboloid(1e-3), Layer(Isotropic(3e6, 0.5), 1e-3), RIGID, max_depth=6e-4)
+    >>> contact = Contact.of(Paraboloid(1e-3), Layer(Isotropic(3e6, 0.5), 1e-3), RIGID)
+    >>> law = exact_law(contact, max_depth=6e-4)
     >>> f"{law.force(5.594154855625e-4):.5f}"  # a/h = 1: P = 7.522667... theta A a^3
     '7.52267'
     """
-    inner, outer = _constants(layer, substrate)
+    indenter, (inner, outer) = contact.indenter, contact.kernel.constants
     if isinstance(indenter, FlatPunch):
-        return _punch_law(indenter, layer.thickness, inner, outer, max_depth, rtol)
-    length = layer.thickness
+        return _punch_law(indenter, contact, max_depth, rtol)
+    length = contact.thickness
     if length == np.inf:
-        length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
+        length, outer = float(indenter.halfspace_radius(np.array([max_depth]))[0]), inner
     problem = ContactProblem.of(indenter, length, inner, outer)
     top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
     solved = solve_curve(problem, top, rtol)
     reason = (
         f"exact contact problem, solved for a/h up to {solved.eps:.3g}, {solved.resolution.radial} nodes"
-        if layer.thickness < np.inf
+        if contact.thickness < np.inf
         else "exact contact problem of a half-space"
     )
     if solved.curve.jumps:
@@ -181,7 +181,7 @@ def exact_law(
         max_depth=max_depth,
         error_estimate=solved.error_estimate,
         measure=problem.measure,
-        theta=float(inner.theta),
+        theta=contact.theta,
         thickness=length,
         curve=solved.curve,
         resolution=solved.resolution,
@@ -189,22 +189,9 @@ def exact_law(
     )
 
 
-def _constants(layer: Layer, substrate: Substrate | None) -> tuple[PlaneConstants, PlaneConstants | None]:
-    inner = layer.material.plane_constants
-    if substrate is None or layer.thickness == np.inf:
-        return inner, inner
-    return inner, None if isinstance(substrate, Rigid) else substrate.plane_constants
-
-
-def _punch_law(
-    indenter: FlatPunch,
-    thickness: float,
-    inner: PlaneConstants,
-    outer: PlaneConstants | None,
-    max_depth: float,
-    rtol: float,
-) -> ExactPunchLaw:
-    eps = indenter.radius / thickness
+def _punch_law(indenter: FlatPunch, contact: Contact, max_depth: float, rtol: float) -> ExactPunchLaw:
+    eps = indenter.radius / contact.thickness
+    inner, outer = contact.kernel.constants
     if eps > LARGEST_EPS:
         raise RangeError(
             f"the punch's radius is {eps:.4g} layer thicknesses, and {LARGEST_EPS:g} is the most that works "
@@ -218,6 +205,6 @@ def _punch_law(
         max_depth=max_depth,
         error_estimate=0.3 * rtol,
         radius=indenter.radius,
-        incremental=4.0 * float(inner.theta) * indenter.radius * kappa,
+        incremental=4.0 * contact.theta * indenter.radius * kappa,
         resolution=resolution,
     )

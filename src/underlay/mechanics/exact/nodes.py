@@ -17,11 +17,16 @@ from underlay.errors import RangeError
 from underlay.mechanics.exact.gauss import legendre_rule
 from underlay.mechanics.materials import PlaneConstants
 
-__all__ = ["SOFTEST", "Pair", "Resolution", "curve_terms", "series_terms"]
+__all__ = ["MOST_NODES", "SOFTEST", "Pair", "Resolution", "curve_terms", "series_terms"]
 
 
 #: Smallest theta of the substrate over that of the layer: below, the layer bends in the rounding of 1 - L.
 SOFTEST = 1e-20
+
+
+#: Most nodes in x = r/a times those in u: the cosines of one contact radius, 8 MB of them. An isotropic layer
+#: at a/h = 20 and 1e-12 takes 110 x 288, on a base 1e8 times softer 110 x 752.
+MOST_NODES = 1_000_000
 
 
 def _lowest(value: Any) -> float:
@@ -107,13 +112,27 @@ class Resolution:
 
     @classmethod
     def choose(cls, pair: Pair, eps: float, rtol: float) -> Self:
-        """Nodes for contact radii up to `eps` = a/h at relative error `rtol`."""
+        """Nodes for contact radii up to `eps` = a/h at relative error `rtol`.
+
+        Raises
+        ------
+        RangeError
+            If there would be more than `MOST_NODES`, which is said before any is made.
+        """
         digits = 0.5 - log10(rtol)
         wide = eps / pair.decay
         radial = ceil(0.55 * wide**1.38 + (0.4 + 0.28 * wide) * digits)
         # The condition of wide contacts on a rigid base grows as wide^3: the tail must be that much smaller.
         reach = 1.15 * digits + 2.0 + 0.5 * log1p(0.1 * wide)
         first, count = _graded(pair, wide, digits, reach)
+        if radial * count > MOST_NODES:
+            raise RangeError(
+                f"the exact law would take {radial:.0f} x {count:.0f} nodes at a/h = {eps:.3g}, and it takes "
+                f"{MOST_NODES} of both together at most: with these E, E_axial and G_axial the layer's "
+                f"displacements decay as exp(-{pair.decay:.2g} z), so that a contact acts "
+                f"{1.0 / pair.decay:.3g} times as wide as it is; "
+                "check the moduli and their units, press less deep, or allow a larger rtol"
+            )
         return cls(
             radial=max(2, radial),
             wavenumbers=4 * ceil(0.25 * count),

@@ -33,13 +33,13 @@ def _punch(contact: LayerContact) -> ConstantFactor:
     if column is None:
         raise InputError(
             f"hayes1972 holds the table's columns for nu = {' and '.join(map(str, _KAPPA))} alone; the "
-            f"layer's nu is {contact.layer.nu:.6g}. Take one of those, or method='exact', for every nu"
+            f'layer\'s nu is {contact.layer.nu:.6g}. Take one of those, or the solver "exact", for every nu'
         )
     ratio = contact.radius_ratio
     if ratio > _RADIUS[-1]:
         raise InputError(
             f"the table of hayes1972 ends at a/h = {_RADIUS[-1]:g}; here a/h = {ratio:.6g}. "
-            "Take method='exact'"
+            'Take the solver "exact"'
         )
     return ConstantFactor(float(CubicSpline(_RADIUS, column)(np.float64(ratio))))
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from underlay._arrays import FloatArray, positive
 from underlay.errors import InputError, RangeError, UnderlayWarning
+from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.halfspace import HalfspaceLaw, largest_halfspace_depth
-from underlay.mechanics.indenters import Indenter, Sphere
-from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate
+from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth
+from underlay.mechanics.indenters import Sphere
 from underlay.mechanics.published.correction import ELASTIC, PublishedCorrection
 from underlay.mechanics.published.factor import Factor
 from underlay.mechanics.published.layer_contact import LayerContact, tip_of
@@ -46,7 +46,7 @@ class PublishedLaw(ContactLaw):
     correction: PublishedCorrection
     contact: LayerContact
     factor: Factor
-    warnings: tuple[OutOfRange, ...]
+    warnings: tuple[OutOfRange, ...] = ()
 
     @property
     def _beyond(self) -> str:
@@ -67,26 +67,17 @@ class PublishedLaw(ContactLaw):
         ) * growth * self.factor.slope(u)
 
 
-def published_law(
-    name: str | PublishedCorrection,
-    indenter: Indenter,
-    layer: Layer,
-    substrate: Substrate,
-    max_depth: float,
-) -> PublishedLaw:
+def published_law(name: str | PublishedCorrection, contact: Contact, max_depth: float) -> PublishedLaw:
     """Build the contact law of a published correction.
 
     Parameters
     ----------
     name : str or PublishedCorrection
         One of the names of `published_corrections`, e.g. ``"garcia2018"``, or a correction of your own.
-    indenter : Paraboloid, Sphere, Cone or FlatPunch
-        A true sphere is taken as the paraboloid of its radius, as the sources do; what that costs is
-        added to the error estimate.
-    layer : Layer
-        Isotropic, of finite thickness.
-    substrate : Isotropic or RIGID
-        As the correction needs.
+    contact : Contact
+        A paraboloid, sphere, cone or flat punch on an isotropic layer of finite thickness, on a base as the
+        correction needs. A true sphere is taken as the paraboloid of its radius, as the sources do; what
+        that costs is added to the error estimate.
     max_depth : float
         Largest depth (m) of the test; the ranges and the error estimate are judged there.
 
@@ -111,27 +102,27 @@ def published_law(
     Examples
     --------
     >>> from underlay.mechanics.indenters import Paraboloid
-    >>> from underlay.mechanics.materials import RIGID
+    >>> from underlay.mechanics.materials import RIGID, Isotropic, Layer
     >>> gel = Layer(Isotropic(E=3e3, nu=0.5), thickness=10e-6)
-    >>> law = published_law("garcia2018", Paraboloid(5e-6), gel, RIGID, max_depth=1e-6)
+    >>> law = published_law("garcia2018", Contact.of(Paraboloid(5e-6), gel, RIGID), max_depth=1e-6)
     >>> round(float(law.force(1e-6) / law.contact.halfspace.force(1e-6)), 3)
     1.347
     """
-    correction = fitting_correction(name, indenter)
-    contact = _layer_contact(correction, indenter, layer, substrate)
+    correction = fitting_correction(name, contact.indenter)
+    test = _layer_contact(correction, contact)
     deepest = positive(max_depth, "max_depth", "m")
     out_of_range = tuple(
-        broken for limit in correction.limits if (broken := limit.broken_by(contact, deepest)) is not None
+        broken for limit in correction.limits if (broken := limit.broken_by(test, deepest)) is not None
     )
-    error = correction.measured_error.up_to(contact, deepest) + _sphere_excess(indenter, contact, deepest)
+    error = correction.measured_error.up_to(test, deepest) + _sphere_excess(contact, test, deepest)
     law = PublishedLaw(
         method=correction.name,
         reason=f"asked for by name: {correction.source} ({correction.indenter}; base {correction.substrate})",
         max_depth=deepest,
         error_estimate=error,
         correction=correction,
-        contact=contact,
-        factor=correction.factor(contact),
+        contact=test,
+        factor=correction.factor(test),
         warnings=out_of_range,
     )
     _require_growth(law)
@@ -145,50 +136,35 @@ def published_law(
     return law
 
 
-def _layer_contact(
-    correction: PublishedCorrection, indenter: Indenter, layer: Layer, substrate: Substrate
-) -> LayerContact:
+def _layer_contact(correction: PublishedCorrection, contact: Contact) -> LayerContact:
     name = correction.name
-    if not isinstance(layer.material, Isotropic):
+    if not contact.layered:
         raise InputError(
-            f"{name} needs an isotropic layer; got {layer.material!r}. method='exact' takes a "
-            "transversely isotropic one"
+            f"{name} needs a layer of finite thickness on a substrate; the law without one is the solver "
+            '"halfspace"'
         )
-    if not np.isfinite(layer.thickness):
+    body, elastic = contact.isotropic, correction.substrate == ELASTIC
+    if body is None or (body.base is not None) != elastic:
+        needed = "an isotropic elastic substrate" if elastic else "a rigid substrate"
+        others = '"garcia2018"' if elastic else '"clifford2009" or "hay2011"'
         raise InputError(
-            f"{name} needs a layer of finite thickness; got inf. method='halfspace' is the law without a base"
-        )
-    if correction.substrate == ELASTIC:
-        if not isinstance(substrate, Isotropic):
-            raise InputError(
-                f"{name} needs an isotropic elastic substrate; got {substrate!r}. For a rigid base take, "
-                "e.g., 'garcia2018'; method='exact' takes every base"
-            )
-    elif not isinstance(substrate, Rigid):
-        raise InputError(
-            f"{name} needs a rigid substrate (RIGID); got {substrate!r}. For an elastic base take, e.g., "
-            "'clifford2009' or 'hay2011'; method='exact' takes every base"
+            f"{name} needs an isotropic layer on {needed}; got {contact.kernel.layer!r} on "
+            f"{contact.kernel.substrate!r}. For another base take, e.g., {others}; the "
+            'solver "exact" takes every material and base'
         )
     return LayerContact(
-        indenter=tip_of(indenter), thickness=layer.thickness, layer=layer.material, substrate=substrate
+        indenter=tip_of(contact.indenter), thickness=contact.thickness, layer=body.layer, base=body.base
     )
 
 
-def _sphere_excess(indenter: Indenter, contact: LayerContact, depth: float) -> float:
+def _sphere_excess(contact: Contact, test: LayerContact, depth: float) -> float:
     """Relative force error of taking a true sphere for a paraboloid, on a half-space at `depth` (m)."""
-    if not isinstance(indenter, Sphere):
+    if not isinstance(contact.indenter, Sphere):
         return 0.0
-    if depth > largest_halfspace_depth(indenter):
+    if depth > largest_halfspace_depth(contact.indenter):
         return np.inf
-    true_sphere = HalfspaceLaw(
-        method="halfspace",
-        reason="true sphere",
-        max_depth=depth,
-        error_estimate=0.0,
-        indenter=indenter,
-        theta=contact.layer.theta,
-    )
-    return abs(float(contact.halfspace.force(depth) / true_sphere.force(depth)) - 1.0)
+    true_sphere = halfspace_law(contact)
+    return abs(float(test.halfspace.force(depth) / true_sphere.force(depth)) - 1.0)
 
 
 def _require_growth(law: PublishedLaw) -> None:
@@ -200,12 +176,12 @@ def _require_growth(law: PublishedLaw) -> None:
     if first == 0:
         raise RangeError(
             f"{law.method} gives no growing force at all here ({law.correction.variable} is "
-            f"{law.contact.size_at(law.max_depth):.4g} at the largest depth); take method='exact'",
+            f'{law.contact.size_at(law.max_depth):.4g} at the largest depth); take the solver "exact"',
             max_depth=0.0,
         )
     last_good = float(depth[first - 1])
     raise RangeError(
         f"the force of {law.method} stops growing before a depth of {depth[first]:.6g} m, which no contact "
-        f"does; ask for it up to {last_good:.6g} m at most, or take method='exact'",
+        f'does; ask for it up to {last_good:.6g} m at most, or take the solver "exact"',
         max_depth=last_good,
     )

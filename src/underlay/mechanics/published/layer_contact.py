@@ -10,7 +10,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, Sphere
-from underlay.mechanics.materials import Isotropic, Rigid
+from underlay.mechanics.materials import Isotropic
 
 __all__ = ["KINDS", "LayerContact", "kind_of", "tip_of"]
 
@@ -42,7 +42,7 @@ def tip_of(indenter: Indenter) -> Paraboloid | Cone | FlatPunch:
         return Paraboloid(indenter.radius)
     if isinstance(indenter, Paraboloid | Cone | FlatPunch):
         return indenter
-    raise InputError(f"no published correction is for {indenter!r}; method='exact' takes every shape")
+    raise InputError(f'no published correction is for {indenter!r}; the solver "exact" takes every shape')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,14 +58,14 @@ class LayerContact:
         Layer thickness h (m), finite.
     layer : Isotropic
         Material of the layer.
-    substrate : Isotropic or Rigid
-        What the layer lies on.
+    base : Isotropic or None
+        What the layer lies on; None is rigid.
     """
 
     indenter: Paraboloid | Cone | FlatPunch
     thickness: float
     layer: Isotropic
-    substrate: Isotropic | Rigid
+    base: Isotropic | None
 
     @property
     def halfspace(self) -> HalfspaceLaw:
@@ -111,16 +111,16 @@ class LayerContact:
     @property
     def elastic_base(self) -> Isotropic:
         """The base, known to be elastic."""
-        if isinstance(self.substrate, Rigid):
+        if self.base is None:
             raise TypeError("the base is rigid")
-        return self.substrate
+        return self.base
 
     @property
     def modulus_ratio(self) -> float:
         """Young's modulus of the base over that of the layer, inf for a rigid base."""
-        return np.inf if isinstance(self.substrate, Rigid) else self.substrate.E / self.layer.E
+        return np.inf if self.base is None else self.base.E / self.layer.E
 
     @property
     def reduced_modulus_ratio(self) -> float:
         """E/(1 - nu^2) of the base over that of the layer, inf for a rigid base."""
-        return np.inf if isinstance(self.substrate, Rigid) else self.substrate.theta / self.layer.theta
+        return np.inf if self.base is None else self.base.theta / self.layer.theta

@@ -80,6 +80,6 @@ def fitting_correction(name: str | PublishedCorrection, indenter: Indenter) -> P
         shapes = " or ".join(shape.__name__ for needed in named for shape in KINDS[needed])
         raise InputError(
             f"{name} needs a {' or a '.join(named)} ({shapes}); got {indenter!r}. "
-            "method='exact' takes every shape"
+            'the solver "exact" takes every shape'
         )
     return named[kind]

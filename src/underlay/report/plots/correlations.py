@@ -10,7 +10,7 @@ from underlay.report.plots.matrix import draw_matrix
 from underlay.report.plots.style import axes, style
 
 if TYPE_CHECKING:
-    from underlay.inference.fitting.fit_result import Fit
+    from underlay.inference.least_squares.fit_result import Fit
 
 __all__ = ["correlations"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from underlay.mechanics.accuracy import Accuracy
 from underlay.mechanics.indenters import FlatPunch
+from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.report.plots.style import GREY, axes, style, unit_for
 from underlay.scene.effects import effect_sizes
 from underlay.scene.scene import Scene
@@ -21,7 +21,7 @@ _SHALLOWEST = 1e-3
 def effects(
     scene: Scene,
     max_depth: float | None = None,
-    accuracy: Accuracy | None = None,
+    solver: AnySolver = "auto",
     *,
     title: str = "",
     ax: Axes | None = None,
@@ -35,8 +35,9 @@ def effects(
     max_depth : float, optional
         Deepest point (m) since contact; by default where the contact radius on a half-space is the layer's
         thickness, or half the tip's radius where that comes first.
-    accuracy : Accuracy, optional
-        Drawn as a line: what lies below it need not be simulated.
+    solver : Solver or str, default "auto"
+        Which contact law; see `contact_law`. Its tolerance, where it has one, is drawn as a line: what lies
+        below it need not be simulated.
     title : str, optional
         Written above the names of the effects, e.g. which curves the scene is of.
     ax : matplotlib Axes, optional
@@ -46,7 +47,7 @@ def effects(
     -------
     matplotlib Axes
     """
-    wanted = accuracy or Accuracy()
+    wanted = as_solver(solver)
     deepest = _usual_depth(scene) if max_depth is None else max_depth
     sizes = effect_sizes(scene, deepest * np.geomspace(_SHALLOWEST, 1.0, _POINTS), wanted)
     depth = sizes.pop("depth").to_numpy()
@@ -57,14 +58,15 @@ def effects(
             drawn.loglog(
                 depth / unit, 100.0 * np.abs(size.to_numpy()), label=_label(str(name), size.iloc[-1])
             )
-        drawn.axhline(100.0 * wanted.rtol, color=GREY, ls=":", lw=1.0)
-        drawn.annotate(
-            f"rtol = {wanted.rtol:g}",
-            (0.01, 100.0 * wanted.rtol),
-            xycoords=("axes fraction", "data"),
-            va="bottom",
-            fontsize=7.0,
-        )
+        if wanted.tolerance:
+            drawn.axhline(100.0 * wanted.tolerance, color=GREY, ls=":", lw=1.0)
+            drawn.annotate(
+                f"rtol = {wanted.tolerance:g}",
+                (0.01, 100.0 * wanted.tolerance),
+                xycoords=("axes fraction", "data"),
+                va="bottom",
+                fontsize=7.0,
+            )
         drawn.set_xlabel(f"depth since contact ({length})")
         drawn.set_ylabel("change of the force (%)")
         if len(sizes.columns):

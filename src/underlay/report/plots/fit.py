@@ -38,7 +38,9 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         The upper axes.
     """
     measured, scene = result.curves[curve], result.scenes[curve]
-    depth = np.linspace(measured.depth.min(), measured.depth.max(), 400)
+    depth, time = np.linspace(measured.depth.min(), measured.depth.max(), 400), None
+    if scene.history is not None:
+        depth, time = measured.depth, measured.time  # between the points nobody knows the time
     length, mm = unit_for(measured.depth, "length")
     load, mN = unit_for(measured.force, "force")
     step = max(1, len(measured.depth) // _MOST_POINTS)
@@ -52,7 +54,7 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
             color=DATA,
             label="measured",
         )
-        upper.plot(depth / mm, scene.force(depth, **result.solver) / mN, color=FIT, label="fit")
+        upper.plot(depth / mm, scene.force(depth, time, solver=result.solver) / mN, color=FIT, label="fit")
         if scene.substrate is not None:
             bare = halfspace_of(scene).force(depth)
             upper.plot(depth / mm, bare / mN, "--", color=REFERENCE, label="half-space, same modulus")

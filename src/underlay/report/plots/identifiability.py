@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
+from underlay.report.labels import symbol
 from underlay.report.plots.matrix import draw_matrix
 from underlay.report.plots.style import ACCENT, INK, REFERENCE, YELLOW, axes, style
 
@@ -15,17 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["identifiability"]
 
-_SYMBOLS = {
-    "layer.E": "E",
-    "layer.thickness": "h",
-    "layer.nu": r"\nu",
-    "layer.E_axial": "E'",
-    "layer.G_axial": "G'",
-    "substrate.E": "E_2",
-    "substrate.nu": r"\nu_2",
-    "indenter.radius": "R",
-    "instrument.compliance": "C",
-}
 _COLOURS = {"fixed": ACCENT, "weakly fixed": YELLOW, "not fixed": REFERENCE}
 # The axis of the bars: from a hundredth of a per cent to a factor of e, where nothing is fixed any more.
 _LEAST, _MOST = 1e-4, 1.0
@@ -90,8 +80,6 @@ def _formula(powers: object) -> str:
     for name, power in items:
         if abs(power) < _SMALL_POWER:
             continue
-        path, _, number = name.partition("[")
-        symbol = _SYMBOLS.get(path, r"\mathrm{" + path.replace("_", r"\_") + "}")
-        symbol = f"{symbol}^{{({int(number.rstrip(']')) + 1})}}" if number else symbol
-        parts.append(symbol if abs(power - 1.0) < 5e-3 else f"{{{symbol}}}^{{{power:.2g}}}")
+        letter = symbol(name)
+        parts.append(letter if abs(power - 1.0) < 5e-3 else f"{{{letter}}}^{{{power:.2g}}}")
     return f"${' '.join(parts)}$"

@@ -14,14 +14,14 @@ from underlay.scene.parameters import kind_of
 from underlay.units import human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.profiles import Profile
+    from underlay.inference.profiles import LikelihoodProfile
 
 __all__ = ["profile"]
 
 _LEVELS = ((0.68, ":"), (0.95, "--"))
 
 
-def profile(walk: Profile, *, ax: Axes | None = None) -> Axes:
+def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
     """Draw a profile likelihood with its 68 % and 95 % intervals.
 
     Where the fit has other optima, so has the profile: each is drawn as far as it stands in the picture, and
@@ -29,7 +29,7 @@ def profile(walk: Profile, *, ax: Axes | None = None) -> Axes:
 
     Parameters
     ----------
-    walk : Profile
+    walk : LikelihoodProfile
         What `underlay.profile` returned.
     ax : matplotlib Axes, optional
         Where to draw.
@@ -39,16 +39,16 @@ def profile(walk: Profile, *, ax: Axes | None = None) -> Axes:
     matplotlib Axes
     """
     value, error = walk.fit.values[walk.name], walk.fit.stderr[walk.name]
-    unit, factor = human_unit(value, kind_of(walk.name.partition("[")[0]))
-    top = 1.25 * max(walk.threshold(0.95), float(walk.rise.min()))
-    parts = [walk, *(branch for branch in walk.branches if branch.rise.min() < top)]
+    unit, factor = human_unit(value, kind_of(walk.name))
+    top = 1.25 * max(walk.threshold(0.95), float(walk.delta_chi_square.min()))
+    parts = [walk, *(branch for branch in walk.branches if branch.delta_chi_square.min() < top)]
     with style():
         ax = axes(ax, height=2.3)
         for low, high in walk.parts(0.95):
             ax.axvspan(low / factor, high / factor, color=SKY, alpha=0.25, lw=0.0)
-        ax.plot(walk.values / factor, walk.rise, "o-", ms=2.5, color=FIT, label="profile")
+        ax.plot(walk.values / factor, walk.delta_chi_square, "o-", ms=2.5, color=FIT, label="profile")
         for number, branch in enumerate(parts[1:]):
-            ax.plot(branch.values / factor, branch.rise, "s--", ms=2.5, lw=1.0, color=ACCENT,
+            ax.plot(branch.values / factor, branch.delta_chi_square, "s--", ms=2.5, lw=1.0, color=ACCENT,
                     label="" if number else "about another optimum")  # fmt: skip
         if np.isfinite(error) and error > 0.0:
             x = np.linspace(walk.values[0], walk.values[-1], 200)
@@ -66,7 +66,7 @@ def profile(walk: Profile, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _draw_threshold(ax: Axes, walk: Profile, level: float, line: str, factor: float) -> None:
+def _draw_threshold(ax: Axes, walk: LikelihoodProfile, level: float, line: str, factor: float) -> None:
     """Draw the rise that ends the interval; from drawn curves it is another one at each end, and in between."""
     low, high = ax.get_xlim()
     x = np.linspace(low, high, 201)
@@ -79,18 +79,18 @@ def _draw_threshold(ax: Axes, walk: Profile, level: float, line: str, factor: fl
             ha="left", va="center", size=7.0, color=DATA)  # fmt: skip
 
 
-def _scaled(walk: Profile, value: float) -> float:
+def _scaled(walk: LikelihoodProfile, value: float) -> float:
     """Scaled value of the parameter; that of the lowest walked where the picture goes below what can be."""
     coordinate = walk.fit.problem.coordinates[walk.index]
     return coordinate.scaled(max(value, float(walk.values[0])) if coordinate.scale is None else value)
 
 
-def _reach(part: Profile, top: float) -> tuple[float, float]:
+def _reach(part: LikelihoodProfile, top: float) -> tuple[float, float]:
     """Where the line of a profile leaves the picture (SI), or ends."""
-    inside = np.flatnonzero(part.rise < top)
+    inside = np.flatnonzero(part.delta_chi_square < top)
     return (
-        _leaving(part.values[: inside[0] + 1][::-1], part.rise[: inside[0] + 1][::-1], top),
-        _leaving(part.values[inside[-1] :], part.rise[inside[-1] :], top),
+        _leaving(part.values[: inside[0] + 1][::-1], part.delta_chi_square[: inside[0] + 1][::-1], top),
+        _leaving(part.values[inside[-1] :], part.delta_chi_square[inside[-1] :], top),
     )
 
 

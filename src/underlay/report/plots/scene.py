@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.materials import Material, Rigid
+from underlay.mechanics.solvers import AnySolver
 from underlay.report.plots.style import COLUMN, INK, LAYER, METAL, SUBSTRATE, axes, style
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity, human_unit
@@ -23,7 +22,9 @@ _POINTS = 400
 _THIN = 0.2
 
 
-def scene(test: Scene, *, depth: float, title: str = "", ax: Axes | None = None, **solver: Any) -> Axes:
+def scene(
+    test: Scene, *, depth: float, title: str = "", solver: AnySolver = "auto", ax: Axes | None = None
+) -> Axes:
     """Draw a scene to scale.
 
     Parameters
@@ -36,8 +37,8 @@ def scene(test: Scene, *, depth: float, title: str = "", ax: Axes | None = None,
         Written above, e.g. which curves the scene is of.
     ax : matplotlib Axes, optional
         Where to draw.
-    **solver
-        Which contact law gives the contact radius: accuracy, method, order, form; see `Scene.contact_law`.
+    solver : Solver or str, default "auto"
+        What builds the law that gives the contact radius; see `contact_law`.
 
     Returns
     -------
@@ -46,8 +47,8 @@ def scene(test: Scene, *, depth: float, title: str = "", ax: Axes | None = None,
         sketched.
     """
     pressed = max(float(depth) - test.instrument.contact_depth, 0.0)
-    law = test.contact_law(pressed, **solver)
-    tip = float(test.instrument.tip_depth(law, np.array([float(depth)]))[0])
+    law = test.contact_law(pressed, solver=solver)
+    tip = float(test.instrument.chain.tip_depth(law, np.array([float(depth)]))[0])
     radius = float(law.contact_radius(np.array([max(tip, 0.0)]))[0])
     size = radius or max(tip, 1e-3 * _length_of(test))
     thick = test.layer.thickness

@@ -1,0 +1,76 @@
+"""Text that came from a file or a name, made fit for the place where it is shown."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+__all__ = ["comment_line", "guarded_cell", "one_line", "unguarded_cell"]
+
+# A spreadsheet takes a cell that begins with one of these, or with its full-width form, for a formula.
+_SIGN = "[=+\\-@\uff1d\uff0b\uff0d\uff20]"
+# Where a cell may begin inside a text: half of Europe's spreadsheets split a file with commas at semicolons.
+_BEGINNING = r"(^|[;\t\r\n])"
+_FORMULA = rf"(?:[^\S\t\r\n]|')*{_SIGN}"
+_NUMBER = r"[^\S\t\r\n]*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*(?:;|$)"
+_DANGER = re.compile(rf"(^)(?='*[\t\r\n])|{_BEGINNING}(?!{_NUMBER})(?={_FORMULA})")
+_GUARD = re.compile(rf"(^)'(?='*[\t\r\n])|{_BEGINNING}'(?={_FORMULA})")
+# Bytes of a file name that are no UTF-8 come from Python as these.
+_FIRST_BYTE, _LAST_BYTE = 0xDC80, 0xDCFF
+
+
+def one_line(text: object, longest: int | None = None) -> str:
+    r"""Return `text` as one printable line: line ends, control characters and bare bytes become escapes.
+
+    Parameters
+    ----------
+    text : object
+        What to show; made a string first.
+    longest : int, optional
+        What is longer ends in an ellipsis there.
+
+    Examples
+    --------
+    >>> one_line("a\nb\udce9")
+    'a\\nb\\xe9'
+    """
+    line = str(text)
+    if longest is not None and len(line) > longest:
+        line = line[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"
+    return line if line.isprintable() else "".join(map(_printable, line))
+
+
+def guarded_cell(text: str) -> str:
+    """Return `text` as a spreadsheet may be given it: no part of it that could be a formula begins a cell.
+
+    An apostrophe goes before ``=``, ``+``, ``-``, ``@``, a tab or a line end at the beginning of the text, and
+    before such a sign where a semicolon or a line end within the text could make it a beginning. Text that is a
+    number stays as it is. `unguarded_cell` gives back every text.
+
+    Examples
+    --------
+    >>> guarded_cell("=cmd|'/C calc'!A0"), guarded_cell("-1.5")
+    ("'=cmd|'/C calc'!A0", '-1.5')
+    """
+    return _DANGER.sub(lambda found: f"{found[0]}'", text)
+
+
+def unguarded_cell(text: str) -> str:
+    """Return what `guarded_cell` was given."""
+    return _GUARD.sub(lambda found: found[0][:-1], text)
+
+
+def comment_line(text: str) -> str:
+    """Return `text` as one comment line of a table; a spreadsheet splits that at its commas as well."""
+    return "# " + ",".join(map(guarded_cell, one_line(text).split(",")))
+
+
+def _printable(character: str) -> str:
+    if character.isprintable():
+        return character
+    if unicodedata.category(character) == "Zs":
+        return " "
+    code = ord(character)
+    if _FIRST_BYTE <= code <= _LAST_BYTE:
+        return f"\\x{code & 0xFF:02x}"
+    return character.encode("unicode_escape").decode("ascii")

@@ -1,0 +1,118 @@
+"""What a command takes a test to be: from its options, a measured curve, the scene file, else a stated default.
+
+A scene alone says neither how deep it was pressed nor how well was read. What is not said anywhere gets a
+default that is printed, so that every command answers for every scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.cli.console import say_warnings
+from underlay.data.contact_point import find_contact
+from underlay.data.curve import Curve
+from underlay.data.noise import Noise
+from underlay.errors import InputError
+from underlay.inference.from_files import read_for
+from underlay.inference.model.noise_start import scatter
+from underlay.scene.depth_doubt import depth_doubt
+from underlay.scene.scene import Scene
+from underlay.scene.scene_file import SceneFile, SimulatedDepths
+from underlay.units import format_quantity, parse_quantity
+
+__all__ = ["deepest_point", "expected_depths", "expected_noise", "measured_curve"]
+
+# The default test: a contact as wide as the layer is thick, where the substrate is felt and strains are small;
+# a tenth of that depth, on a half-space, of a tip's radius; a cone has no length of its own.
+_WIDE, _SHALLOW, _CONE_DEPTH = 0.5, 0.1, 1e-6
+_NOISE_SHARE = 0.01
+# Share of the readings before contact, as `underlay plan` takes it.
+_APPROACH, _POINTS = 0.25, 200
+
+
+def measured_curve(file: SceneFile, option: Path | None) -> Curve | None:
+    """Read the curve of --curve, else the one that the scene file names; None if there is neither."""
+    path = option if option is not None else file.curve_path
+    return None if path is None else read_for(file, path)
+
+
+def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = None) -> float:
+    """Deepest point since contact (m): of the option, the curve, [simulate], else a default that is said.
+
+    Raises
+    ------
+    InputError
+        If what was given is not positive.
+    """
+    if option is not None:
+        depth = parse_quantity(option, "length")
+    elif curve is not None:
+        depth = float(curve.depth.max()) - _contact_of(file, curve)
+    elif file.simulate is not None:
+        depth = file.simulate.max_depth - file.scene.instrument.contact_depth
+    else:
+        depth = _default_depth(file.scene)
+        say_warnings(
+            [
+                (
+                    f"pressed to {format_quantity(depth, 'length')} by default; --max-depth, --curve, "
+                    "[simulate] max_depth or [curve] file says otherwise"
+                )
+            ]
+        )
+    if not depth > 0.0:
+        raise InputError(f"the deepest point since contact must be positive; got {depth:.6g} m")
+    doubt = depth_doubt(file.scene, depth)
+    if doubt is not None:
+        say_warnings([doubt])
+    return depth
+
+
+def expected_noise(file: SceneFile, deepest: float, curve: Curve | None = None) -> Noise:
+    """Noise of [noise], else what the curve scatters, else a default that is said."""
+    if file.noise:
+        return Noise(**file.noise)
+    if curve is not None:
+        spread = scatter(curve)
+        if spread > 0.0:
+            say_warnings([f"noise {format_quantity(spread, 'force')}, as the curve scatters"])
+            return Noise(force=spread)
+    ideal = replace(file.scene, instrument=type(file.scene.instrument)())
+    force = _NOISE_SHARE * float(ideal.force(np.array([deepest]), solver=file.solver)[0])
+    say_warnings(
+        [
+            (
+                f"noise {format_quantity(force, 'force')} by default, {_NOISE_SHARE:.0%} of the force at the "
+                "deepest point; [noise] force or --curve says otherwise"
+            )
+        ]
+    )
+    return Noise(force=force)
+
+
+def expected_depths(file: SceneFile, deepest: float) -> SimulatedDepths:
+    """Depth readings of [simulate], else a ramp that begins before contact."""
+    if file.simulate is not None:
+        return file.simulate
+    contact = file.scene.instrument.contact_depth
+    before = _APPROACH / (1.0 - _APPROACH) * deepest
+    return SimulatedDepths(contact + deepest, contact - before, _POINTS)
+
+
+def _contact_of(file: SceneFile, curve: Curve) -> float:
+    stated = "instrument.contact_depth" in file.stated
+    return file.scene.instrument.contact_depth if stated else find_contact(curve, scene=file.scene).depth
+
+
+def _default_depth(scene: Scene) -> float:
+    radius = scene.parameters.get("indenter.radius")
+    thickness = scene.layer.thickness
+    if not np.isfinite(thickness):
+        return _CONE_DEPTH if radius is None else _SHALLOW * radius
+    wide = min(_WIDE * thickness, _WIDE * scene.indenter.max_radius)
+    depth: FloatArray = scene.indenter.abel(np.array([wide]))
+    return min(float(depth[0]), _SHALLOW * thickness) or _SHALLOW * thickness

@@ -1,0 +1,77 @@
+"""Messages of the library in the words of the command line: TOML keys and flags for Python's arguments.
+
+The library speaks to whoever calls it from Python. What a command prints goes through `spoken`, which is the
+one place where the two languages meet; tests/test_wording.py reads every message of the library and holds
+that no Python argument is left.
+"""
+
+from __future__ import annotations
+
+import re
+
+__all__ = ["spoken"]
+
+_PYTHON_TO_COMMAND_LINE: tuple[tuple[str, str], ...] = (
+    # what is said where a scene file says it
+    (r"\bpass free=\{.*?\}, or a scene file with \[fit\]", "add a [fit] section to the scene file"),
+    (r"\(free=\{'noise\.force': None, \.\.\.\}\)", "(noise.force = {} in [fit])"),
+    (r"\bsolver=(['\"])(\w+)\1", r'name = "\2" in [solver]'),
+    (r"\bform=(['\"])(\w+)\1", r'form = "\2" in [solver]'),
+    (r"\bNoise\(force=\.\.\.\) in newtons", 'force = "1 uN" in [noise], with the number of your instrument'),
+    (r"\buse Noise\((\w+)=\.\.\.\)", r"free it, noise.\1 = {} in [fit]"),
+    (r"\bread\(path, test=\d+\); read_all takes all of them", "--test where the command has it"),
+    (
+        r"\bgive calibration=\{\.*'spring_constant'.*?\}",
+        'give calibration = { spring_constant = "0.04 N/m", sensitivity = "60 nm/V" } in [curve]',
+    ),
+    (r"\bcolumns=\{[^{}]*\}", 'columns = { depth = "name (unit)", force = "name (unit)" } in [curve]'),
+    (r"\bformat='(\w+)'", r'format = "\1"'),
+    (
+        r"\bthe substrate is RIGID; declare a material as substrate",
+        "the substrate is rigid; give [substrate] E and nu",
+    ),
+    (r"\bRIGID\b", "rigid = true"),
+    (r"\bIsotropic\b( or |, )\bTransverselyIsotropic\b", r"isotropic\1transversely isotropic"),
+    # what a flag says
+    (r"\bpass resume=True to continue it", "continue it with --resume"),
+    (r"\bresume=True needs backend", "--resume needs --output"),
+    (
+        r"\bbuild it with a larger max_depth( or a smaller thickness)?|ask for it again with a larger max_depth",
+        "ask for less depth",
+    ),
+    (r"\bcompile it with a larger max_depth or a smaller thickness", "ask for less depth"),
+    (r"\bpass start='given' to begin at the scene's values", "put the scene's values closer to the data"),
+    # what a command does
+    (r"\b(?:see|use) identifiability\(problem\)", "see underlay identify"),
+    (r"\bsee plan\(\)", "see underlay plan"),
+    (
+        r"\b(?:ul\.)?profile\((?:fit, name|\.\.\.), calibrate=[^()]*\) (does|gives honest ones)",
+        r"underlay sample \1",
+    ),
+    (r"\buse profile\(\.\.\., calibrate=[^()]*\)( or more)?", "use underlay sample"),
+    (r"\bprofile\(fit, name\) without calibration walks", "underlay sample follows"),
+    (r"\bcall underlay\.report\(fit\) where it was made", "report it from Python, where it was made"),
+    (r"\bfit curve\.loading\(\) instead", 'fit segment = "loading" of [curve] instead'),
+    (r", for example with curve\.select\(mask\)", ""),
+    (r"\bdepth\(force\) needs forces", "a depth is asked for forces"),
+    # units as numbers go where a string with its unit is asked
+    (r"\bstart the prior such as LogUniform\(low, high\) or Normal\(mean, sd\)", "start the prior"),
+    (
+        r"\bgive finite bounds or a prior such as LogUniform\(low, high\) or Normal\(mean, sd\)",
+        'give it bounds in [fit], { min = ..., max = ... }, or a prior = "normal" with mean and sd',
+    ),
+)
+_RULES = tuple((re.compile(pattern), words) for pattern, words in _PYTHON_TO_COMMAND_LINE)
+
+
+def spoken(message: str) -> str:
+    """Return a message of the library as the command line says it.
+
+    Examples
+    --------
+    >>> spoken("the series ends there; use solver='exact'")
+    'the series ends there; use name = "exact" in [solver]'
+    """
+    for pattern, words in _RULES:
+        message = pattern.sub(words, message)
+    return message

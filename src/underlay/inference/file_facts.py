@@ -1,0 +1,150 @@
+"""What the file of a curve says of the test, beside what the scene says: taken, compared, never passed over.
+
+A scene may leave out what a file knows; then the file's number is taken and a note says so. Where both speak
+and differ it is an error that names both, unless the scene file says in ``[curve]`` that it overrules the file:
+``overrule = ["indenter.radius"]``. A free parameter is not compared: the scene gives no more than its start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+
+from underlay.data.curve import Curve
+from underlay.errors import InputError
+from underlay.scene.scene import Scene
+from underlay.units import format_quantity
+
+__all__ = ["EVERYTHING", "Settled", "settle"]
+
+# Numbers of a scene that files say too: path and entry of the metadata.
+_OF_SCENE = {"indenter.radius": "indenter_radius"}
+# Calibrations that [curve] may give, each with its kind; the file's own stands under "file_" and its name.
+_CALIBRATIONS = {"spring_constant": "stiffness", "sensitivity": "sensitivity"}
+_COMPLIANCE = "instrument.compliance"
+#: For `settle`: the scene is right wherever the two differ, and the notes say where they do.
+EVERYTHING = (*_OF_SCENE, *(f"calibration.{name}" for name in _CALIBRATIONS), _COMPLIANCE)
+# Two writings of one number: files and people write three digits or more. It moves E by half of this.
+_SAME = 1e-3
+# A compliance within a factor of two of that of the cantilever is the cantilever's.
+_CANTILEVER = (0.5, 2.0)
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What is to be used of a file.
+
+    Parameters
+    ----------
+    values : mapping of path to float
+        Numbers of the scene (SI) that the file says and the scene leaves out.
+    notes : tuple of str
+        What was taken from the file, and what the scene overrules.
+    """
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def settle(
+    scene: Scene,
+    curve: Curve,
+    *,
+    left_out: Collection[str] = (),
+    overrule: Collection[str] = (),
+    free: Iterable[str] = (),
+) -> Settled:
+    """Compare a scene with what the file of its curve says.
+
+    Parameters
+    ----------
+    scene : Scene
+        The test; what it leaves out holds a stand-in.
+    curve : Curve
+        Its metadata say what the file says.
+    left_out : collection of str
+        Paths of the scene that are left to the file.
+    overrule : collection of str
+        Paths for which the scene is right where the two differ.
+    free : iterable of str
+        Paths that are fitted.
+
+    Raises
+    ------
+    InputError
+        If the file does not say what is left out, or the two differ.
+    """
+    values: dict[str, float] = {}
+    notes: list[str] = []
+    fitted = set(free)
+    for path, key in _OF_SCENE.items():
+        told = _number(curve, key)
+        if path in left_out:
+            if told is None:
+                raise InputError(
+                    f"{_name(curve)} does not say {path}, which the scene leaves out: give it there"
+                )
+            values[path] = told
+            notes.append(f"{path} = {format_quantity(told, 'length')} is taken from the file of the curve")
+        elif told is not None and path in scene.parameters and path not in fitted:
+            stated = scene.parameters[path]
+            notes += _compared(curve, path, stated, told, "length", overrule)
+    for name, kind in _CALIBRATIONS.items():
+        told, used = _number(curve, f"file_{name}"), _number(curve, name)
+        if told is not None and used is not None:
+            notes += _compared(curve, f"calibration.{name}", used, told, kind, overrule)
+    notes += _cantilever_twice(scene, curve, overrule)
+    return Settled(values, tuple(notes))
+
+
+def _number(curve: Curve, key: str) -> float | None:
+    value = curve.metadata.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
+        return None
+    return float(value)
+
+
+def _compared(
+    curve: Curve, path: str, stated: float, told: float, kind: str, overrule: Collection[str]
+) -> list[str]:
+    """What to say of two numbers that differ; nothing of two that agree."""
+    if abs(stated - told) <= _SAME * abs(told):
+        return []
+    file, scene = _apart(told, stated, kind)
+    if path in overrule:
+        return [f"{path} = {scene} of the scene overrules the {file} of the curve's file"]
+    raise InputError(
+        f"{_name(curve)} says {path} = {file}, the scene {scene}: leave it out of the scene to take the file's, "
+        f'or, where the scene is right, write overrule = ["{path}"] in its [curve] section'
+    )
+
+
+def _apart(first: float, second: float, kind: str) -> tuple[str, str]:
+    """Both numbers as text, which four digits may leave the same."""
+    texts = format_quantity(first, kind), format_quantity(second, kind)
+    return texts if texts[0] != texts[1] else (f"{texts[0]} ({first:.8g})", f"{texts[1]} ({second:.8g})")
+
+
+def _cantilever_twice(scene: Scene, curve: Curve, overrule: Collection[str]) -> list[str]:
+    """Refuse a compliance that takes the cantilever's bending off a depth that is without it already."""
+    stiffness, compliance = _number(curve, "spring_constant"), scene.instrument.compliance
+    if stiffness is None or not curve.metadata.get("bending_taken_off"):
+        return []
+    low, high = _CANTILEVER
+    if not low <= compliance * stiffness <= high:
+        return []
+    said = f"{compliance:.4g} m/N of the scene"
+    if _COMPLIANCE in overrule:
+        return [
+            f"{_COMPLIANCE} = {said} is taken off a depth without the bending of the cantilever, as asked"
+        ]
+    raise InputError(
+        f"{_name(curve)} says that the cantilever has {format_quantity(stiffness, 'stiffness')}, and its bending "
+        f"is off the depth already; {_COMPLIANCE} = {said} would take it off again: leave it out, or write "
+        f'overrule = ["{_COMPLIANCE}"] in [curve]'
+    )
+
+
+def _name(curve: Curve) -> str:
+    name = curve.metadata.get("name")
+    return f"the file of curve {name!r}" if name else "the curve"

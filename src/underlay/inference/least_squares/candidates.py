@@ -1,0 +1,139 @@
+"""Descend from several starts on the blocks of the curves, and keep the minima that may be the optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.least_squares.engine import Minimum, Search, descend
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.projection import Point
+from underlay.inference.least_squares.scan_curve import BASE_MODULUS, MODULUS
+
+__all__ = ["Candidate", "candidates"]
+
+# A step that lowers the sum of squares by less than this share came from within a fifth of a standard error of
+# the blocks; what is left is far less.
+_SEARCH = Search(steps=12, settled=1e-3)
+# Nothing explains the data better than down to their scatter. Once one start does, another that is not among
+# those that may be the optimum after so many steps is given up.
+_PATIENCE = 3
+# Chi-square per block below which a model explains the data.
+_EXPLAINED = 1.4
+# A search stays between the neighbours of its grid point: 0.55 apart in ln h, 2.3 in the logarithm of a ratio; the
+# modulus goes with h^3 along the valley of a thin layer. Beyond is another start's.
+_REACH, _MODULUS_REACH = 0.6, 2.5
+# Two minima closer than this in every scaled coordinate are one, and a start whose next step leads within two
+# standard errors of a minimum that explains the data is on its way there; chi-square higher by 30 in the
+# blocks is not undone by looking at every point.
+_ONE_PLACE, _ON_THE_WAY, _MAY_BE = 0.05, 2.0, 30.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A minimum on the blocks.
+
+    Parameters
+    ----------
+    square : float
+        Sum of squares over the blocks.
+    vector : FloatArray
+        Scaled, (k,).
+    normal : FloatArray
+        J'J over the variance of a block's residual, (k, k); None where the minimum does not explain the data.
+    at_edge : bool
+        Whether it would have gone further than a start may.
+    """
+
+    square: float
+    vector: FloatArray
+    normal: FloatArray | None
+    at_edge: bool
+
+    @cached_property
+    def deviation(self) -> FloatArray:
+        """Standard errors (k,), scaled; zero where there are none."""
+        if self.normal is None:
+            return np.zeros(len(self.vector))
+        inverse = np.linalg.pinv(self.normal, hermitian=True)
+        return np.asarray(np.sqrt(np.maximum(np.diag(inverse), 0.0)))
+
+
+def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candidate]:
+    """Minima below the starts (scaled vectors (k,)) that may be the optimum, best first.
+
+    Numbers of the noise stay. Empty if no start has a law.
+    """
+    reach = _reach(blocked)
+    degrees = max(blocked.points - len(blocked.active), 1)
+    begun = []
+    for start in starts:
+        low, high = _box(blocked, start, reach)
+        point = blocked.point(start, low, high)
+        if point is not None:
+            begun.append((point, low, high))
+    enough = np.inf
+    found: list[Candidate] = []
+
+    def give_up(count: int, best: Point, proposed: FloatArray) -> bool:
+        """Whether a search is on its way to what is known, or left behind by it."""
+        return (count >= _PATIENCE and best.square > enough) or _near(proposed, found)
+
+    for point, low, high in sorted(begun, key=lambda entry: entry[0].square):
+        minimum = descend(blocked, point, low, high, _SEARCH, give_up)
+        if minimum is not None:
+            found.append(_candidate(blocked, minimum, low, high, degrees))
+            if found[-1].normal is not None:
+                enough = min(enough, found[-1].square * (1.0 + _MAY_BE / degrees))
+    found.sort(key=lambda entry: entry.square)
+    return _distinct(found, degrees)
+
+
+def _reach(blocked: Objective) -> FloatArray:
+    """How far each entry may go from its start, (k,); the noise's rest."""
+    coordinates = blocked.problem.coordinates
+    reach = np.array([_MODULUS_REACH if c.path in (MODULUS, BASE_MODULUS) else _REACH for c in coordinates])
+    reach[list(blocked.problem.noise_entries)] = 0.0
+    return reach
+
+
+def _box(blocked: Objective, start: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest entries (k,): the bounds and the reach about a start."""
+    low, high = blocked.problem.bounds.T
+    return np.maximum(low, start - reach), np.minimum(high, start + reach)
+
+
+def _candidate(
+    blocked: Objective, minimum: Minimum, low: FloatArray, high: FloatArray, degrees: int
+) -> Candidate:
+    bounds, at, point = blocked.problem.bounds.T, minimum.vector, minimum.point
+    at_edge = ((at <= low) & (low > bounds[0])) | ((at >= high) & (high < bounds[1]))
+    normal = None
+    if point.square <= _EXPLAINED * blocked.points:
+        normal = point.normal * (degrees / point.square)
+    return Candidate(point.square, at, normal, bool(at_edge[blocked.active].any()))
+
+
+def _distinct(found: list[Candidate], degrees: int) -> list[Candidate]:
+    """Those, best first, that may be the optimum and are not on the way to a better one."""
+    kept: list[Candidate] = []
+    for entry in found:
+        best = found[0]
+        may_be = entry.square - best.square <= _MAY_BE * best.square / degrees
+        # Beyond the edge is the place of another start; none is better than one that explains the data.
+        leaves = entry is not best and entry.at_edge and best.normal is not None
+        if may_be and not leaves and not _near(entry.vector, kept):
+            kept.append(entry)
+    return kept
+
+
+def _near(vector: FloatArray, minima: Sequence[Candidate]) -> bool:
+    """Whether a vector is one with a minimum, or on the way to it."""
+    return any(
+        bool((np.abs(vector - other.vector) <= np.maximum(_ONE_PLACE, _ON_THE_WAY * other.deviation)).all())
+        for other in minima
+    )

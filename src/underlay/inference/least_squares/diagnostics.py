@@ -1,0 +1,130 @@
+"""Whether the residuals look like the noise that was assumed.
+
+Whitened residuals of a right model with the right noise are independent. Where they are not, each point
+tells less than it seems, and errors computed as if points were independent are too small by the square root
+of n / n_eff. With autocorrelations rho_k,
+
+    n_eff = n / (1 + 2 sum_k rho_k),
+
+the sum over the initial positive sequence of pairs (Geyer 1992, doi:10.1214/ss/1177011137). The runs test
+counts changes of sign (Wald and Wolfowitz 1940, doi:10.1214/aoms/1177731909).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft, special
+
+from underlay._arrays import FloatArray
+
+__all__ = ["ResidualDiagnostics", "correlated", "diagnose"]
+
+# A thousand honest curves in a row would raise one false alarm.
+_SIGNIFICANT = 1e-3
+# Below this loss of points the errors are too small by less than 10 %.
+_HARMLESS = 0.8
+
+
+@dataclass(frozen=True)
+class ResidualDiagnostics:
+    """What the residuals of one curve look like.
+
+    Parameters
+    ----------
+    points : int
+        Number of residuals n.
+    rms : float
+        Root mean square of the force residuals (N).
+    lag_one : float
+        Autocorrelation of neighbouring whitened residuals.
+    runs, expected_runs : int, float
+        Runs of one sign, and how many independent residuals would have.
+    runs_probability : float
+        Probability of so few runs or fewer, were the residuals independent.
+    effective_points : float
+        n_eff: how many independent points tell as much.
+    """
+
+    points: int
+    rms: float
+    lag_one: float
+    runs: int
+    expected_runs: float
+    runs_probability: float
+    effective_points: float
+
+    @property
+    def too_narrow_by(self) -> float:
+        """Factor by which errors that assume independence are too small; 1 where they are not."""
+        return float(np.sqrt(self.points / self.effective_points))
+
+    @property
+    def correlated(self) -> bool:
+        """Whether the residuals hang together, and enough to matter."""
+        return self.runs_probability < _SIGNIFICANT and self.effective_points < _HARMLESS * self.points
+
+
+def diagnose(whitened: FloatArray, force_residuals: FloatArray) -> ResidualDiagnostics:
+    """Describe the residuals of one curve, in the order of measurement.
+
+    Parameters
+    ----------
+    whitened : FloatArray
+        Whitened residuals, (n,).
+    force_residuals : FloatArray
+        Data minus model (N), (n,).
+    """
+    n = len(whitened)
+    rho = _autocorrelation(whitened)
+    runs, expected, probability = _runs(whitened)
+    return ResidualDiagnostics(
+        points=n,
+        rms=float(np.sqrt(np.mean(np.square(force_residuals)))),
+        lag_one=float(rho[1]) if n > 1 else 0.0,
+        runs=runs,
+        expected_runs=expected,
+        runs_probability=probability,
+        effective_points=n / max(_initial_positive_sum(rho), 1.0),
+    )
+
+
+def correlated(whitened: FloatArray, force_residuals: FloatArray) -> ResidualDiagnostics | None:
+    """`diagnose` a curve whose residuals hang together; None, for a tenth of the cost, where they do not."""
+    if _runs(whitened)[2] >= _SIGNIFICANT:
+        return None
+    entry = diagnose(whitened, force_residuals)
+    return entry if entry.correlated else None
+
+
+def _autocorrelation(values: FloatArray) -> FloatArray:
+    centred = values - values.mean()
+    size = fft.next_fast_len(2 * len(centred), real=True)
+    spectrum = np.abs(fft.rfft(centred, size)) ** 2
+    covariance = fft.irfft(spectrum, size)[: len(centred)]
+    if not covariance[0] > 0.0:
+        return np.concatenate([[1.0], np.zeros(len(values) - 1)])
+    return np.asarray(covariance / covariance[0])
+
+
+def _initial_positive_sum(rho: FloatArray) -> float:
+    """1 + 2 sum rho_k over the pairs (rho_2m + rho_2m+1) that are positive from the start."""
+    pairs = rho[: 2 * (len(rho) // 2)].reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs <= 0.0)
+    kept = pairs[: negative[0]] if negative.size else pairs
+    return float(2.0 * kept.sum() - 1.0)
+
+
+def _runs(values: FloatArray) -> tuple[int, float, float]:
+    signs = values[values != 0.0] > 0.0
+    above, below = int(signs.sum()), int((~signs).sum())
+    runs = 1 + int(np.count_nonzero(signs[1:] != signs[:-1])) if signs.size else 0
+    n = above + below
+    if not (above and below) or n < 3:
+        return runs, float(runs), 1.0
+    expected = 1.0 + 2.0 * above * below / n
+    variance = (expected - 1.0) * (expected - 2.0) / (n - 1.0)
+    if not variance > 0.0:
+        return runs, expected, 1.0
+    return runs, expected, float(special.ndtr((runs - expected) / np.sqrt(variance)))

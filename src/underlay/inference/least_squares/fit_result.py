@@ -1,0 +1,324 @@
+"""What a fit hands back: numbers, how sure they are, how they were found, and what to beware of."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from underlay._arrays import FloatArray
+from underlay._files import write_atomic
+from underlay.data.curve import Curve
+from underlay.data.noise import NoiseModel
+from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.instrument_modulus import InstrumentModulus, instrument_moduli
+from underlay.inference.least_squares.last_word import Minimiser
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.provenance import provenance
+from underlay.inference.problem import Problem
+from underlay.mechanics.solver import Solver
+from underlay.quantities import field_quantities
+from underlay.scene.parameters import kind_of
+from underlay.scene.scene import Scene
+from underlay.units import format_quantity
+
+__all__ = ["Alternative", "Fit", "FitStatistics", "FitWarning"]
+
+
+@dataclass(frozen=True)
+class FitWarning:
+    """A reservation: `code` for programs, `message` for people."""
+
+    code: str
+    message: str
+
+    def __str__(self) -> str:
+        return self.message
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another optimum the data hardly reject.
+
+    Parameters
+    ----------
+    vector : FloatArray
+        In scaled coordinates, (k,).
+    values : mapping of name to float
+        Parameters (SI).
+    delta_chi_square : float
+        Chi-square above that of the best.
+    """
+
+    vector: FloatArray = field(repr=False)
+    values: Mapping[str, float]
+    delta_chi_square: float
+
+
+@dataclass(frozen=True)
+class FitStatistics:
+    """How well and how a fit was reached.
+
+    Parameters
+    ----------
+    points, parameters : int
+        Points fitted; free parameters, estimated noise not counted.
+    chi_square, reduced_chi_square : float
+        Sum of squares of the whitened residuals, and that over points minus parameters. Where the size of
+        the noise was estimated the second is one by construction.
+    log_likelihood, aic, bic : float
+        At the optimum, estimated sizes of noise counted as parameters.
+    evaluations, failures, laws_built : int
+        Models computed; those that did not exist; contact laws solved for.
+    seconds : float
+        Time taken.
+    success : bool
+        Whether the minimiser met its tolerance.
+    stopped : str
+        Why it stopped.
+    method, robust : str
+        Minimiser and loss.
+    law_method, law_reason : str
+        Contact law at the optimum and why it was taken.
+    law_error : float
+        Its estimated relative error of the force.
+    noise_estimated : bool
+        Whether the size of the noise came from the scatter about the fit.
+    """
+
+    points: int
+    parameters: int
+    chi_square: float
+    reduced_chi_square: float
+    log_likelihood: float
+    aic: float
+    bic: float
+    evaluations: int
+    failures: int
+    laws_built: int
+    seconds: float
+    success: bool
+    stopped: str
+    method: str
+    robust: str
+    law_method: str
+    law_reason: str
+    law_error: float
+    noise_estimated: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Least-squares result.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted.
+    vector : FloatArray
+        Optimum in scaled coordinates, (k,).
+    values, stderr : mapping of name to float
+        Parameters and standard errors (SI). An error is infinite where the data do not fix the parameter
+        or it lies on a bound; `no_error_bars` says which.
+    scaled_covariance : FloatArray
+        Covariance in scaled coordinates, (k, k); rows of parameters without error bars are zero.
+    covariance : FloatArray
+        The same in SI.
+    no_error_bars : mapping of name to str
+        Why a parameter has no error bar.
+    bounds_hit : mapping of name to str
+        Which bound a parameter lies on.
+    noises : tuple of Noise
+        Noise of every curve at the optimum.
+    residuals : tuple of FloatArray
+        Data minus model (N), one array (n,) per curve.
+    whitened : tuple of FloatArray
+        The same in standard deviations, model minus data, and independent where the noise is as assumed.
+    statistics : FitStatistics
+        How it was reached.
+    warnings : tuple of FitWarning
+        What to beware of.
+    alternatives : tuple of Alternative
+        Other optima within a rise of 11.6 in chi-square (99.9 %), as far as the starts found them.
+    """
+
+    problem: Problem = field(repr=False)
+    vector: FloatArray = field(repr=False)
+    values: Mapping[str, float]
+    stderr: Mapping[str, float]
+    scaled_covariance: FloatArray = field(repr=False)
+    covariance: FloatArray = field(repr=False)
+    no_error_bars: Mapping[str, str]
+    bounds_hit: Mapping[str, str]
+    noises: tuple[NoiseModel, ...]
+    residuals: tuple[FloatArray, ...] = field(repr=False)
+    whitened: tuple[FloatArray, ...] = field(repr=False)
+    statistics: FitStatistics = field(repr=False)
+    warnings: tuple[FitWarning, ...]
+    alternatives: tuple[Alternative, ...] = ()
+    _lmfit: Any = field(default=None, repr=False)
+
+    @cached_property
+    def lmfit(self) -> Any:
+        """lmfit's own `MinimizerResult`, in scaled coordinates, its names with ``_`` for dots and brackets.
+
+        Values are logarithms of ratios to the scene's own numbers, or shares of the curve's ranges; see
+        `Problem.vector`. Where the fit was made without lmfit it is asked now, begun at the optimum.
+        """
+        if self._lmfit is not None:
+            return self._lmfit
+        objective = Objective(self.problem, freeze(self.problem, self.vector, self.noises))
+        return Minimiser()(objective, self.vector).result
+
+    @cached_property
+    def diagnostics(self) -> tuple[ResidualDiagnostics, ...]:
+        """What the residuals look like, one per curve."""
+        return tuple(diagnose(own, force) for own, force in zip(self.whitened, self.residuals, strict=True))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The fitted parameters, in order."""
+        return self.problem.names
+
+    @property
+    def scenes(self) -> tuple[Scene, ...]:
+        """The fitted scene of every curve."""
+        return self.problem.scenes(self.vector)
+
+    @property
+    def scene(self) -> Scene:
+        """The fitted scene of the first curve."""
+        return self.scenes[0]
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """The curves."""
+        return self.problem.curves
+
+    @property
+    def solver(self) -> Solver:
+        """What built the contact laws."""
+        return self.problem.solver
+
+    @property
+    def instrument_moduli(self) -> dict[str, InstrumentModulus]:
+        """What the instrument's own software found in place of each fitted ``layer.E``, as far as files say."""
+        return instrument_moduli(self.problem, self.scenes, self.curves)
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Versions of what computed, and names, files and hashes of the curves."""
+        return provenance(self.curves)
+
+    @property
+    def law_reason(self) -> str:
+        """The contact law at the optimum and why it was taken."""
+        return f"{self.statistics.law_method}: {self.statistics.law_reason}"
+
+    @property
+    def sigmas(self) -> tuple[FloatArray, ...]:
+        """Standard deviation of the noise (N), one array (n,) per curve, at the optimum."""
+        physical = self.problem.physical(self.vector)
+        return tuple(
+            member.sigma(member.reading(physical), noise)
+            for member, noise in zip(self.problem.members, self.noises, strict=True)
+        )
+
+    @property
+    def correlations(self) -> pd.DataFrame:
+        """Correlation matrix of the parameters that have error bars."""
+        kept = [i for i, name in enumerate(self.names) if name not in self.no_error_bars]
+        names = [self.names[i] for i in kept]
+        covariance = self.scaled_covariance[np.ix_(kept, kept)]
+        deviation = np.sqrt(np.diag(covariance))
+        return pd.DataFrame(covariance / np.outer(deviation, deviation), index=names, columns=names)
+
+    def report(self) -> str:
+        """The result as text: values, errors, correlations, statistics, warnings."""
+        lines = ["parameter                     value and standard error"]
+        for name, value in self.values.items():
+            error = self.stderr[name]
+            kind = kind_of(name)
+            text = format_quantity(value, kind, error if math.isfinite(error) else None)
+            reason = self.no_error_bars.get(name) or self.bounds_hit.get(name, "")
+            lines.append(f"{name:<28}  {text}{f'  ({reason})' if reason else ''}")
+        strong = self._strong_correlations()
+        if strong:
+            lines.append(f"correlations above 0.9: {'; '.join(strong)}")
+        s = self.statistics
+        noise = "estimated from the scatter" if s.noise_estimated else "given or fitted"
+        lines += [
+            (
+                f"points {s.points}, chi-square {s.chi_square:.6g} (reduced {s.reduced_chi_square:.4g}, "
+                f"noise {noise}), AIC {s.aic:.6g}, BIC {s.bic:.6g}"
+            ),
+            f"law {self.law_reason} (estimated relative error {s.law_error:.1e})",
+            f"{s.method}: {s.stopped} {s.evaluations} evaluations, {s.seconds * 1e3:.1f} ms",
+        ]
+        lines += [
+            f"{name}: the instrument found {format_quantity(told.youngs, 'pressure')} (reduced "
+            f"{format_quantity(told.reduced, 'pressure')}, nu {told.nu:g}); ours {100.0 * told.difference:+.3g} %"
+            for name, told in self.instrument_moduli.items()
+        ]
+        lines += [f"warning: {warning.message}" for warning in self.warnings]
+        return "\n".join(lines)
+
+    def _strong_correlations(self) -> list[str]:
+        frame = self.correlations
+        matrix, names = frame.to_numpy(), list(frame.columns)
+        return [
+            f"{names[j]} and {names[i]} {matrix[i, j]:+.3f}"
+            for i in range(len(names))
+            for j in range(i)
+            if abs(matrix[i, j]) > 0.9
+        ]
+
+    def to_json(self, path: str | os.PathLike[str]) -> Path:
+        """Write the result as JSON, whole or not at all; SI units, null where there is no finite number.
+
+        Raises
+        ------
+        FileAccessError
+            If the file cannot be written.
+        """
+        document = {
+            "values": dict(self.values),
+            "stderr": dict(self.stderr),
+            "names": list(self.names),
+            "covariance": self.covariance.tolist(),
+            "no_error_bars": dict(self.no_error_bars),
+            "bounds_hit": dict(self.bounds_hit),
+            "noise": [
+                {name: getattr(noise, name) for name in field_quantities(noise)} for noise in self.noises
+            ],
+            "statistics": asdict(self.statistics),
+            "diagnostics": [asdict(entry) for entry in self.diagnostics],
+            "warnings": [asdict(warning) for warning in self.warnings],
+            "alternatives": [
+                {"values": dict(a.values), "delta_chi_square": a.delta_chi_square} for a in self.alternatives
+            ],
+            "scenes": [scene.parameters for scene in self.scenes],
+            "instrument_moduli": {name: asdict(told) for name, told in self.instrument_moduli.items()},
+            "provenance": self.provenance,
+        }
+        return write_atomic(path, json.dumps(_finite(document), indent=2, allow_nan=False) + "\n")
+
+
+def _finite(value: Any) -> Any:
+    """The same document with null in place of what JSON cannot hold."""
+    if isinstance(value, Mapping):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,198 @@
+"""What to beware of in a fit, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.file_facts import EVERYTHING, settle
+from underlay.inference.least_squares.diagnostics import ResidualDiagnostics
+from underlay.inference.least_squares.fit_result import Alternative, FitStatistics, FitWarning
+from underlay.inference.problem import Problem
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.scene.depth_doubt import depth_doubt
+from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity
+
+__all__ = ["too_deep", "warnings_of"]
+
+# A standard error of a factor e either way, or of the whole range of the curve, says nothing.
+_UNINFORMATIVE = 1.0
+_STRONG_CORRELATION = 0.99
+
+
+def warnings_of(
+    problem: Problem,
+    laws: Sequence[ContactLaw],
+    reasons: Mapping[str, str],
+    bounds_hit: Mapping[str, str],
+    covariance: FloatArray,
+    correlated: Sequence[ResidualDiagnostics | None],
+    statistics: FitStatistics,
+    alternatives: Sequence[Alternative],
+) -> tuple[FitWarning, ...]:
+    """Everything a reader of the numbers should know first.
+
+    `laws` are those behind the curves, one each; `reasons` and `bounds_hit` are those of `Fit`; `covariance`
+    is the scaled one, (k, k); `correlated` describes the residuals of the curves where they hang together.
+    """
+    warnings = []
+    if not statistics.success:
+        warnings.append(FitWarning("not-converged", f"the fit did not converge: {statistics.stopped}"))
+    for name, bound in bounds_hit.items():
+        warnings.append(FitWarning("bound", f"{name} ended on its {bound}: the data would have it beyond"))
+    for name, reason in reasons.items():
+        if name not in bounds_hit:
+            warnings.append(FitWarning("not-fixed", f"{name} has no error bar: {reason}"))
+    return (
+        *warnings,
+        *_unfixed(problem, covariance),
+        *_correlated(problem, covariance),
+        *_second_optima(alternatives),
+        *_residuals(correlated),
+        *_law_range(laws),
+        *_law_error(problem, covariance, statistics),
+        *_file_facts(problem),
+    )
+
+
+def _file_facts(problem: Problem) -> list[FitWarning]:
+    """Where a scene differs from what the file of its curve says, as far as the curve's notes do not say it."""
+    notes = [
+        note
+        for member in problem.members
+        for note in settle(member.scene, member.curve, overrule=EVERYTHING, free=member.entries).notes
+        if note not in member.curve.metadata.get("notes", ())
+    ]
+    return [FitWarning("file", note) for note in dict.fromkeys(notes)]
+
+
+def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
+    warnings = []
+    for coordinate, deviation in zip(problem.coordinates, np.sqrt(np.diag(covariance)), strict=True):
+        if deviation > _UNINFORMATIVE:
+            size = (
+                f"a factor of {np.exp(min(deviation, 700.0)):.3g}"
+                if coordinate.scale is None
+                else f"{deviation:.3g} times its natural range"
+            )
+            warnings.append(
+                FitWarning(
+                    "not-fixed",
+                    f"{coordinate.name} is not fixed by these data: its standard error is {size}; measure it "
+                    "otherwise and give it a prior, or see identifiability(problem)",
+                )
+            )
+    return warnings
+
+
+def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
+    """One warning for each group of parameters that strong correlations link."""
+    deviation = np.sqrt(np.diag(covariance))
+    product = np.outer(deviation, deviation)
+    known = product > 0.0
+    correlation = np.divide(covariance, product, out=np.zeros_like(product), where=known)
+    linked = np.abs(correlation) > _STRONG_CORRELATION
+    if not np.triu(linked, 1).any():
+        return []
+    # Who reaches whom over as many links as there are parameters; the first of those names the group.
+    reached = np.linalg.matrix_power(linked | np.eye(len(linked), dtype=bool), len(linked))
+    group = np.argmax(reached, axis=1)
+    warnings = []
+    for number in np.unique(group):
+        members = np.flatnonzero(group == number)
+        if len(members) < 2:
+            continue
+        block = np.triu(correlation[np.ix_(members, members)], 1)
+        i, j = np.unravel_index(int(np.argmax(np.abs(block))), block.shape)
+        *others, last = (problem.names[member] for member in members)
+        pair = f" of {problem.names[members[i]]} and {problem.names[members[j]]}" if len(others) > 1 else ""
+        warnings.append(
+            FitWarning(
+                "correlated",
+                f"{', '.join(others)} and {last} are known only together (correlation{pair} "
+                f"{block[i, j]:+.4f}); see identifiability(problem)",
+            )
+        )
+    return warnings
+
+
+def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:
+    warnings = []
+    for entry in alternatives:
+        values = ", ".join(
+            f"{name} {format_quantity(value, kind_of(name))}" for name, value in entry.values.items()
+        )
+        warnings.append(
+            FitWarning(
+                "second-optimum",
+                "another optimum explains the data nearly as well (chi-square "
+                f"{entry.delta_chi_square:.2g} higher): {values}; standard errors say nothing of it, "
+                "profile(fit, name, calibrate=99) does",
+            )
+        )
+    return warnings
+
+
+def _residuals(correlated: Sequence[ResidualDiagnostics | None]) -> list[FitWarning]:
+    warnings = []
+    for number, entry in enumerate(correlated):
+        if entry is not None:
+            which = f"curve {number + 1}: " if len(correlated) > 1 else ""
+            warnings.append(
+                FitWarning(
+                    "correlated-residuals",
+                    f"{which}the residuals hang together (lag-one correlation {entry.lag_one:.2f}, "
+                    f"{entry.runs} runs where {entry.expected_runs:.0f} are expected): {entry.points} points "
+                    f"tell as much as {entry.effective_points:.0f} independent ones, so the standard errors "
+                    f"are too small by a factor of about {entry.too_narrow_by:.1f}; use "
+                    "Noise(correlation_time=...), or the model is wrong",
+                )
+            )
+    return warnings
+
+
+def too_deep(problem: Problem, vector: FloatArray) -> tuple[FitWarning, ...]:
+    """One warning per curve whose tip goes deeper than the layer is thick, at a scaled `vector` (k,)."""
+    warnings = []
+    for scene, curve in zip(problem.scenes(vector), problem.curves, strict=True):
+        instrument = scene.instrument
+        bent = instrument.compliance * max(float(curve.force.max()) - instrument.baseline, 0.0)
+        doubt = depth_doubt(scene, float(curve.depth.max()) - instrument.contact_depth - bent)
+        if doubt is not None:
+            warnings.append(FitWarning("too-deep", doubt))
+    return tuple(warnings)
+
+
+def _law_range(laws: Sequence[ContactLaw]) -> list[FitWarning]:
+    """One warning per curve whose law, one of `laws`, leaves its range."""
+    warnings = []
+    for number, law in enumerate(laws, start=1):
+        if law.warnings:
+            which = f" on curve {number}" if len(laws) > 1 else ""
+            broken = "; ".join(str(entry) for entry in law.warnings)
+            text = f"{law.method} is used outside its range{which}: {broken}"
+            warnings.append(FitWarning("law-range", text))
+    return warnings
+
+
+def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatistics) -> list[FitWarning]:
+    """The law's relative error of the force moves a modulus by as much: compare it with its error."""
+    warnings = []
+    for coordinate, deviation in zip(problem.coordinates, np.sqrt(np.diag(covariance)), strict=True):
+        if (
+            coordinate.scale is None
+            and not coordinate.path.startswith("noise.")
+            and 0.0 < deviation < statistics.law_error
+        ):
+            warnings.append(
+                FitWarning(
+                    "law-error",
+                    f"the {statistics.law_method} law's own error, about {statistics.law_error:.1e} of the "
+                    f"force, is larger than the standard error of {coordinate.name} ({deviation:.1e} of it): "
+                    'use the solver "exact" with a smaller rtol, or fit(problem, refine=True)',
+                )
+            )
+    return warnings

@@ -1,0 +1,160 @@
+"""The way through a least-squares fit: compile, scan, descend, settle, judge.
+
+A problem is compiled into weighted residuals, of its points and of blocks of them. A scan of what is not linear
+finds starts from the data alone; the engine descends from each on the blocks and keeps the minima that may be
+the optimum; it settles each on all points, renewing the noise where that is learnt from the fit; and the best
+of them, confirmed by lmfit, is judged: standard errors, second optima, and what to beware of.
+
+Standard errors are those of the delta method: the inverse of J'J in scaled coordinates, times (dx/dq)^2.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import FitError, InputError
+from underlay.inference.least_squares.blocks import blocked_objective
+from underlay.inference.least_squares.candidates import candidates
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.judge import judge
+from underlay.inference.least_squares.last_word import LOSSES, METHODS, Minimiser
+from underlay.inference.least_squares.law_bias import law_bias
+from underlay.inference.least_squares.scan import scan
+from underlay.inference.least_squares.settle import confirmed, settle
+from underlay.inference.problem import Problem
+from underlay.mechanics.solvers import Exact
+
+__all__ = ["fit", "quick_fit"]
+
+_MAX_REFINEMENTS = 4
+_LAW_SHARE = 1.0 / 3.0  # of a standard error that the law's own error may move a parameter by
+_TIGHTEST, _LOOSEST = 1e-12, 1e-2
+# With one start there is nothing to choose from, and a step costs 1.2 times one on blocks with 1000 points, twice
+# with 3000.
+_FEW_POINTS = 2000
+
+
+def fit(
+    problem: Problem,
+    method: str = "leastsq",
+    robust: str | None = None,
+    *,
+    start: str = "scan",
+    refine: bool = False,
+) -> Fit:
+    """Fit the free parameters of a problem to its curves.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    method : {"leastsq", "least_squares"}
+        lmfit's minimiser that has the last word, begun at the optimum: Levenberg-Marquardt (MINPACK) or trust
+        region.
+    robust : {"soft_l1", "huber", "cauchy", "arctan"}, optional
+        Loss that makes outliers count less; uses ``"least_squares"``.
+    start : {"scan", "given"}
+        From the data alone (see `scan.py`), or from the scene's own values.
+    refine : bool
+        Fit again with the exact law and a smaller tolerance until the law's own error is below a third of
+        every standard error it would move.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputError
+        If a word is not one of these.
+    FitError
+        If no start has a contact law.
+    """
+    _check(method, robust, start)
+    lmfit = Minimiser("least_squares" if robust else method, robust)
+    found = _fit_once(problem, lmfit, start)
+    for _ in range(_MAX_REFINEMENTS if refine else 0):
+        worst = law_bias(found)
+        if worst <= _LAW_SHARE:
+            break
+        rtol = max(_TIGHTEST, found.statistics.law_error * _LAW_SHARE / worst * 0.3)
+        tighter = found.problem.revised(scenes=found.scenes, solver=Exact(min(rtol, _LOOSEST)))
+        found = _fit_once(tighter, lmfit, "given")
+    return found
+
+
+def quick_fit(problem: Problem, *, start: str = "scan") -> Fit:
+    """Fit as `fit` does, by the engine alone: for the thousands of fits of maps, redraws and rivals.
+
+    Parameters
+    ----------
+    problem, start
+        As in `fit`.
+
+    Raises
+    ------
+    FitError
+        If no start has a contact law.
+    """
+    return _fit_once(problem, None, start)
+
+
+def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
+    """Scan, descend, settle, judge; `Problem` has compiled."""
+    began = time.perf_counter()
+    robust = lmfit if lmfit is not None and lmfit.loss else None
+    places: Sequence[FloatArray] = [problem.start]
+    if start == "scan":
+        starts = [_inside(problem, place) for place in scan(problem)]
+        places = _descend(problem, starts, robust=robust is not None) or places
+    settled = [optimum for place in places if (optimum := settle(problem, place, robust)) is not None]
+    if not settled:
+        raise _no_law(problem)
+    best = min(settled, key=lambda optimum: optimum.loss) if len(settled) > 1 else settled[0]
+    others = [other.vector for other in settled if other is not best]
+    if lmfit is not None and robust is None:
+        best = confirmed(best, lmfit)
+    return judge(best, others, seconds=time.perf_counter() - began)
+
+
+def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) -> Sequence[FloatArray]:
+    """Places below the starts that may be the optimum, best first."""
+    if len(starts) <= 1 and problem.n_points <= _FEW_POINTS and not robust:
+        return starts
+    if any(member.forward.history is not None for member in problem.members):
+        # The scan takes the sample for elastic, and blocks of neighbouring depths have no time: every start of
+        # the scan is fitted to all points.
+        return starts
+    found = candidates(blocked_objective(problem, robust=robust), starts)
+    # Robust fits of different scale do not compare by their losses: only the best is taken further.
+    return [entry.vector for entry in (found[:1] if robust else found)] or starts
+
+
+def _no_law(problem: Problem) -> FitError:
+    """Why nothing could be computed: what the law says at the scene's own values."""
+    try:
+        problem.residuals(problem.start)
+    except InputError as error:
+        return FitError(f"no contact law at the start of the fit: {error}")
+    return FitError(
+        "no start of the scan has a contact law: pass start='given' to begin at the scene's values"
+    )
+
+
+def _check(method: str, robust: str | None, start: str) -> None:
+    for word, value, allowed in (("method", method, METHODS), ("start", start, ("scan", "given"))):
+        if value not in allowed:
+            raise InputError(f"unknown {word} {value!r}; known: {', '.join(allowed)}")
+    if robust is not None and robust not in LOSSES:
+        raise InputError(f"unknown robust loss {robust!r}; known: {', '.join(LOSSES)}, or None")
+
+
+def _inside(problem: Problem, vector: FloatArray) -> FloatArray:
+    """Start a little inside the bounds: on one, the transformed gradient of a bounded search is zero."""
+    low, high = problem.bounds.T
+    room = np.where(np.isfinite(high - low), 0.01 * np.minimum(high - low, 1.0), 0.01)
+    return np.asarray(np.minimum(np.maximum(vector, low + room), high - room))

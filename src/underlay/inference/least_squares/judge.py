@@ -1,0 +1,227 @@
+"""Judge an optimum: covariance, what has no error bar and why, second optima, statistics, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from underlay._arrays import FloatArray, read_only
+from underlay.inference.least_squares.diagnostics import correlated
+from underlay.inference.least_squares.fit_result import Alternative, Fit, FitStatistics
+from underlay.inference.least_squares.fit_warnings import too_deep, warnings_of
+from underlay.inference.least_squares.noise_estimate import noise_covariance
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.settle import Optimum
+from underlay.inference.problem import Problem
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity
+
+__all__ = ["judge"]
+
+# Closer than this to a bound (scaled coordinates) counts as on it; lmfit's bounded search approaches a bound
+# quadratically and stops about 1e-6 away.
+_ON_BOUND = 1e-4
+# A direction whose singular value is below this times the largest is lost in the rounding and in the
+# finite differences of the Jacobian.
+_SINGULAR = 1e-9
+# Two minima within this share of a standard error are one; a rise of chi-square beyond 3.4^2 is rejected
+# at 99.9 %.
+_SAME, _REJECTED = 0.3, 11.6
+# Two places with no higher hill of chi-square than this between them lie on one plateau or in one valley.
+_HILL = 0.01
+_ENGINE = "projected Levenberg-Marquardt"
+
+
+def judge(optimum: Optimum, others: Sequence[FloatArray] = (), *, seconds: float) -> Fit:
+    """Make the result of a fit from where it ended; `others` are optima of other starts."""
+    objective, vector = optimum.objective, optimum.vector
+    problem = objective.problem
+    physical = problem.physical(vector)
+    residuals, jacobian = objective.residuals(vector), objective.jacobian(vector)
+    bounds_hit = _bounds_hit(problem, vector, objective.active)
+    covariance, reasons = scaled_covariance(objective, jacobian, bounds_hit)
+    covariance *= robust_inflation(residuals, optimum.loss_function)
+    if problem.noise_entries:
+        entries = sorted(problem.noise_entries)
+        own = noise_covariance(problem, vector)
+        covariance[np.ix_(entries, entries)] = own if np.isfinite(own).all() else 0.0
+        if not np.isfinite(own).all():
+            reasons |= {problem.names[i]: "these data do not fix the noise: give it a prior" for i in entries}
+    slopes = problem.space.slopes(physical)
+    deviation_scaled = np.sqrt(np.diag(covariance))
+    deviation = deviation_scaled * np.abs(slopes)
+    stderr = {
+        name: float("inf") if name in reasons else float(error)
+        for name, error in zip(problem.names, deviation, strict=True)
+    }
+    forces = tuple(
+        read_only(member.force - model)
+        for member, model in zip(problem.members, objective.models(vector), strict=True)
+    )
+    ends = np.cumsum([len(member.force) for member in problem.members])
+    whitened = np.split(residuals, ends)[: len(forces)]
+    alternatives = _alternatives(objective, vector, residuals, deviation_scaled, others)
+    related = [correlated(own, force) for own, force in zip(whitened, forces, strict=True)]
+    laws = [member.law(physical) for member in problem.members]
+    law = max(laws, key=lambda law: law.error_estimate)
+    statistics = _statistics(optimum, whitened, law, seconds)
+    return Fit(
+        problem=problem,
+        vector=read_only(vector),
+        values=dict(zip(problem.names, physical.tolist(), strict=True)),
+        stderr=stderr,
+        scaled_covariance=read_only(covariance),
+        covariance=read_only(covariance * np.outer(slopes, slopes)),
+        no_error_bars=reasons,
+        bounds_hit=bounds_hit,
+        noises=objective.noise.models,
+        residuals=forces,
+        whitened=tuple(read_only(own) for own in whitened),
+        statistics=statistics,
+        warnings=(
+            *too_deep(problem, vector),
+            *warnings_of(problem, laws, reasons, bounds_hit, covariance, related, statistics, alternatives),
+        ),
+        alternatives=alternatives,
+        _lmfit=optimum.lmfit,
+    )
+
+
+def scaled_covariance(
+    objective: Objective, jacobian: FloatArray, bounds_hit: dict[str, str]
+) -> tuple[FloatArray, dict[str, str]]:
+    """Covariance (k, k) in scaled coordinates, and the parameters without error bars with the reason.
+
+    A parameter on a bound is taken as known there; a direction the data do not fix takes the error bars of
+    the parameters it is made of, and of no others.
+    """
+    names = objective.problem.names
+    reasons = {name: f"on its {bound}: no error bar there" for name, bound in bounds_hit.items()}
+    covariance = np.zeros((len(names), len(names)))
+    kept = [i for i in objective.active if names[i] not in reasons]
+    while kept:
+        _, singular, directions = np.linalg.svd(jacobian[:, kept], full_matrices=False)
+        lost = directions[singular <= _SINGULAR * singular[0]]
+        if not len(lost):
+            covariance[np.ix_(kept, kept)] = (directions.T / singular**2) @ directions
+            break
+        # A parameter that takes part in a lost direction by more than a hundredth is not fixed.
+        part = np.sqrt(np.square(lost).sum(axis=0))
+        gone = [i for i, weight in zip(kept, part, strict=True) if weight > 0.01]
+        for i in gone:
+            others = ", ".join(names[j] for j in gone if j != i)
+            reasons[names[i]] = (
+                f"not fixed by these data: only a combination with {others} acts"
+                if others
+                else "not fixed by these data: it does not change the model here"
+            )
+        kept = [i for i in kept if i not in gone]
+    return covariance, reasons
+
+
+def _alternatives(
+    objective: Objective,
+    vector: FloatArray,
+    residuals: FloatArray,
+    deviation: FloatArray,
+    others: Sequence[FloatArray],
+) -> tuple[Alternative, ...]:
+    """Other optima that the data hardly reject."""
+    base = float(residuals @ residuals)
+    found: list[Alternative] = []
+    for other in others:
+        known = [(vector, 0.0), *((entry.vector, entry.delta_chi_square) for entry in found)]
+        if any((np.abs(other - there) <= _SAME * (deviation + 1e-6)).all() for there, _ in known):
+            continue
+        rise = objective.square(other) - base
+        if rise < _REJECTED and not any(
+            _joined(objective, other, there, base + max(rise, at) + _HILL) for there, at in known
+        ):
+            found.append(Alternative(read_only(other), objective.problem.values(other), max(rise, 0.0)))
+    return tuple(sorted(found, key=lambda entry: entry.delta_chi_square))
+
+
+def robust_inflation(residuals: FloatArray, loss: str | None) -> float:
+    """Factor on the covariance of an M-estimator, E[psi^2] / E[psi']^2 over its residuals.
+
+    Huber (1981), Robust Statistics, eq. 7.6.8 (doi:10.1002/0471725250), with psi(r) = r rho'(r^2) of scipy's
+    losses; one for least squares.
+    """
+    if loss is None:
+        return 1.0
+    z = residuals * residuals
+    weight, slope = _LOSSES[loss](z)
+    return float(np.mean(z * weight * weight) / np.mean(slope) ** 2)
+
+
+def _huber(z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    inside = z <= 1.0
+    return np.where(inside, 1.0, 1.0 / np.sqrt(np.where(inside, 1.0, z))), np.where(inside, 1.0, 0.0)
+
+
+#: rho'(z) and d(r rho'(r^2))/dr of every loss, z = r^2.
+_LOSSES: dict[str, Callable[[FloatArray], tuple[FloatArray, FloatArray]]] = {
+    "soft_l1": lambda z: ((1.0 + z) ** -0.5, (1.0 + z) ** -1.5),
+    "huber": _huber,
+    "cauchy": lambda z: (1.0 / (1.0 + z), (1.0 - z) / (1.0 + z) ** 2),
+    "arctan": lambda z: (1.0 / (1.0 + z * z), (1.0 - 3.0 * z * z) / (1.0 + z * z) ** 2),
+}
+
+
+def _bounds_hit(problem: Problem, vector: FloatArray, active: list[int]) -> dict[str, str]:
+    hit = {}
+    for i in active:
+        coordinate, (low, high) = problem.coordinates[i], problem.bounds[i]
+        width = min(high - low, 1.0)
+        for side, end, value in (("lower", low, coordinate.low), ("upper", high, coordinate.high)):
+            if abs(vector[i] - end) < _ON_BOUND * width:
+                hit[coordinate.name] = f"{side} bound {format_quantity(value, kind_of(coordinate.path))}"
+    return hit
+
+
+def _joined(objective: Objective, one: FloatArray, other: FloatArray, top: float) -> bool:
+    """Whether one can go straight from one place to the other with sums of squares no higher than `top`."""
+    return all(objective.square(one + share * (other - one)) <= top for share in (0.5, 0.25, 0.75))
+
+
+def _statistics(
+    optimum: Optimum, whitened: list[FloatArray], law: ContactLaw, seconds: float
+) -> FitStatistics:
+    objective, problem = optimum.objective, optimum.objective.problem
+    n, k = problem.n_points, len(problem.names)
+    squares = [float(own @ own) for own in whitened]
+    log_likelihood, estimated = 0.0, 0
+    for member, noise, sigma, square in zip(
+        problem.members, objective.noise.models, objective.noise.sigmas, squares, strict=True
+    ):
+        points, size = len(member.force), 1.0
+        if member.scale_is_unknown:
+            # The likelihood is largest at S / n; sigma was estimated with n - k.
+            estimated += 1
+            size = max((square / points) ** 0.5, np.finfo(float).tiny)
+        normalisation = float(noise.log_normalisation(size * sigma, member.curve.time))
+        log_likelihood += normalisation - 0.5 * square / size**2
+    counted = k + estimated
+    return FitStatistics(
+        points=n,
+        parameters=k,
+        chi_square=sum(squares),
+        reduced_chi_square=sum(squares) / (n - k),
+        log_likelihood=log_likelihood,
+        aic=2.0 * counted - 2.0 * log_likelihood,
+        bic=counted * float(np.log(n)) - 2.0 * log_likelihood,
+        evaluations=objective.evaluations,
+        failures=objective.failures,
+        laws_built=problem.store.built,
+        seconds=seconds,
+        success=optimum.success,
+        stopped=optimum.message,
+        method=_ENGINE if optimum.minimiser is None else optimum.minimiser.method,
+        robust=optimum.loss_function or "none",
+        law_method=law.method,
+        law_reason=law.reason,
+        law_error=law.error_estimate,
+        noise_estimated=estimated > 0,
+    )

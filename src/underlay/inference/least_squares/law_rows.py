@@ -1,0 +1,112 @@
+"""The contact laws of the rows of a grid, asked all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError, RangeError
+from underlay.inference.model.forward import Forward
+from underlay.mechanics.contact_law import ContactLaw
+
+__all__ = ["LawRows", "Rows"]
+
+#: Every number of a scene by path: one for all rows of a grid, or one each, (r,).
+Rows: TypeAlias = Mapping[str, float | FloatArray]
+
+
+@dataclass(frozen=True)
+class LawRows:
+    """Laws of some rows: neighbours of equal ratios share one.
+
+    Parameters
+    ----------
+    b, c : FloatArray
+        Factors of P(w) = c P_ref(b w), each (r, 1, 1).
+    possible : ndarray of bool (r,)
+        Which rows have a law.
+    shared : list of (slice, law)
+        The rows that one law serves, in order.
+    """
+
+    b: FloatArray
+    c: FloatArray
+    possible: NDArray[np.bool_]
+    shared: list[tuple[slice, ContactLaw]]
+
+    @classmethod
+    def of(cls, forward: Forward, rows: Rows, deepest: float) -> Self:
+        """Find or build the laws for tip depths up to `deepest` (m)."""
+        similarity = forward.similarity
+        count = max(np.size(value) for value in rows.values())
+        # `factors` and `reduced` divide and multiply: arrays go through them as numbers do.
+        numbers: Any = rows
+        b, c = (np.broadcast_to(factor, count) for factor in similarity.factors(numbers))
+        depths = b * max(deepest, 0.0)
+        ratios = similarity.reduced(numbers)
+        keys = zip(*(np.broadcast_to(ratio, count).tolist() for ratio in ratios), strict=True)
+        possible = np.ones(count, dtype=bool)
+        shared: list[tuple[slice, ContactLaw]] = []
+        end = 0
+        for key, group in groupby(keys) if ratios else [((), [()] * count)]:
+            part = slice(end, end := end + len(list(group)))
+            law, possible[part] = _reaching(forward, key, depths[part])
+            if law is not None:
+                shared.append((part, law))
+        return cls(b[:, None, None], c[:, None, None], possible, shared)
+
+    def part(self, rows: slice) -> LawRows:
+        """Some of the rows."""
+        start, stop, _ = rows.indices(len(self.possible))
+        shared = [
+            (slice(max(part.start - start, 0), min(part.stop, stop) - start), law)
+            for part, law in self.shared
+            if part.start < stop and part.stop > start
+        ]
+        return LawRows(self.b[rows], self.c[rows], self.possible[rows], shared)
+
+    def force(self, depth: FloatArray) -> FloatArray:
+        """P (N), (r, c, n), at tip depths (m) of that shape or (1, c, n); zero where there is no law."""
+        return self._asked("force", depth) * self.c
+
+    def stiffness(self, depth: FloatArray) -> FloatArray:
+        """dP/dw (N/m), as `force`."""
+        return self._asked("stiffness", depth) * (self.b * self.c)
+
+    def _asked(self, what: str, depth: FloatArray) -> FloatArray:
+        w = self.b * depth
+        if not self.possible.all():
+            w *= self.possible[:, None, None]
+        counts = {part.stop - part.start for part, _ in self.shared}
+        if len(self.shared) > 1 and len(counts) == 1 and self.possible.all():
+            # All laws in one call: the calls, not their arithmetic, are what so few numbers cost.
+            laws = [law for _, law in self.shared]
+            together = laws[0].side_by_side(laws, what, w.reshape(len(laws), -1))
+            if together is not None:
+                return together.reshape(w.shape)
+        result = np.zeros_like(w)
+        for part, law in self.shared:
+            result[part] = getattr(law, what)(w[part])
+        return result
+
+
+def _reaching(
+    forward: Forward, ratios: tuple[float, ...], depths: FloatArray
+) -> tuple[ContactLaw | None, NDArray[np.bool_]]:
+    """Law that reaches as many of `depths` (m), (r,), as can be, and which those are."""
+    within = np.ones(len(depths), dtype=bool)
+    try:
+        return forward.laws.law(ratios, float(depths.max())), within
+    except RangeError as error:
+        within = depths <= (error.max_depth or -1.0)
+    except InputError:
+        within[:] = False
+    if not within.any():
+        return None, within
+    return forward.laws.law(ratios, float(depths[within].max())), within

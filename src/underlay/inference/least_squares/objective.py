@@ -1,0 +1,303 @@
+"""Weighted residuals of a problem with their analytic Jacobian: what the engine and lmfit ask.
+
+The noise is frozen: it is that of a current model, and a fit renews it from outside until nothing changes.
+(Weights that follow the parameters without the normalisation of the likelihood would pull the model towards
+large noise.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.data.noise import NoiseModel
+from underlay.errors import InputError
+from underlay.inference.least_squares.frozen_noise import FrozenNoise
+from underlay.inference.least_squares.projection import LinearDirections, Point
+from underlay.inference.model.members import Member
+from underlay.inference.problem import Problem
+
+__all__ = ["Objective"]
+
+# Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
+_FAR = 40.0
+
+
+@dataclass
+class Objective:
+    """Residuals and Jacobian at full scaled vectors, for frozen noise; counts what it is asked.
+
+    Prior measurements (`Prior.penalty`) follow the points as further residuals, one per informative prior.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is fitted.
+    noise : FrozenNoise
+        Of every curve.
+    held : frozenset of int
+        Entries of a vector that a search leaves alone.
+    members : tuple of Member, optional
+        Curves that stand for the problem's, such as their blocks.
+    evaluations, failures : int
+        Models asked, and how many did not exist.
+    """
+
+    problem: Problem
+    noise: FrozenNoise
+    held: frozenset[int] = frozenset()
+    members: tuple[Member, ...] = ()
+    evaluations: int = 0
+    failures: int = 0
+    _largest: float = field(default=1.0, repr=False)
+    _last_models: tuple[bytes, list[FloatArray]] = field(default=(b"", []), repr=False)
+    _last_columns: dict[bool, tuple[bytes, list[FloatArray]]] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        self.members = self.members or self.problem.members
+        noisy = self.problem.noise_entries
+        coordinates = self.problem.coordinates
+        #: Entries of a vector that a search varies: not the noise's, and not those held.
+        self.active = [i for i in range(len(coordinates)) if i not in noisy and i not in self.held]
+        self._informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
+        self._entries = [list(member.entries.values()) for member in self.members]
+        # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
+        self._one_law = not any(
+            member.forward.similarity.ratio_slopes(path)
+            for member in self.members
+            if not member.forward.laws.tabulated
+            for path in member.entries
+        )
+
+    @cached_property
+    def points(self) -> int:
+        """Number of points of all curves."""
+        return sum(len(member.force) for member in self.members)
+
+    @property
+    def has_measured_priors(self) -> bool:
+        """Whether a prior pulls, so that the size of the noise moves the optimum."""
+        return bool(self._informative)
+
+    # --- what lmfit and the results ask -----------------------------------------------------------------
+
+    def residuals(self, vector: FloatArray) -> FloatArray:
+        """Whitened (model - data) / sigma of all points, then the priors' residuals.
+
+        Where no law exists every residual is the root of the largest sum of squares seen: a minimiser
+        steps back.
+        """
+        if np.abs(vector).max(initial=0.0) > _FAR:
+            return self._refused()
+        physical = self.problem.physical(vector)
+        try:
+            models = self._models(physical)
+        except InputError:
+            return self._refused()
+        residuals = self._weighted(models, physical)
+        # The sum of squares is finite only if every entry is.
+        square = float(residuals @ residuals)
+        if not np.isfinite(square):
+            return self._refused()
+        self._largest = max(self._largest, square**0.5)
+        return residuals
+
+    def _refused(self) -> FloatArray:
+        self.failures += 1
+        return np.full(self.points + len(self._informative), self._largest)
+
+    def square(self, vector: FloatArray) -> float:
+        """Sum of squares of the residuals at (k,)."""
+        residuals = self.residuals(vector)
+        return float(residuals @ residuals)
+
+    def jacobian(self, vector: FloatArray, *, rough: bool = False) -> FloatArray:
+        """d residuals / d vector, (n + priors, k); `rough` as in `Forward.jacobian`."""
+        physical = self.problem.physical(vector)
+        return self._rows(self._columns(physical, rough=rough), physical).T
+
+    def normals(self, vector: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+        """J'J over the active entries of each curve, and of all with the priors, each (active, active)."""
+        physical = self.problem.physical(vector)
+        slopes, kept = self.problem.space.slopes(physical), np.ix_(self.active, self.active)
+        scale = np.outer(slopes, slopes)
+        parts = [
+            (self._normal([own], [entries]) * scale)[kept]
+            for own, entries in zip(
+                self._whitened_rows(self._columns(physical, rough=False)), self._entries, strict=True
+            )
+        ]
+        return parts, sum(parts, self._prior_point(vector, physical).normal[kept])
+
+    def exists(self, vector: FloatArray) -> bool:
+        """Whether there is a contact law at a vector (k,), and beside it for its derivatives."""
+        try:
+            self._columns(self.problem.physical(vector), rough=True)
+        except InputError:
+            return False
+        return True
+
+    def loss(self, vector: FloatArray) -> float:
+        """Minus twice the log-likelihood with the frozen noise, priors' residuals included, at (k,)."""
+        normalisation = sum(
+            float(noise.log_normalisation(sigma, member.curve.time))
+            for member, noise, sigma in self._curves()
+        )
+        return self.square(vector) - 2.0 * normalisation
+
+    def models(self, vector: FloatArray) -> list[FloatArray]:
+        """Instrument's force (N) of every curve at a vector (k,); raises InputError where no law exists."""
+        return self._models(self.problem.physical(vector))
+
+    # --- what the engine asks ---------------------------------------------------------------------------
+
+    def point(self, vector: FloatArray, low: FloatArray, high: FloatArray) -> Point | None:
+        """Place of the search at `vector` (k,), its linear parameters solved for within the bounds (k,).
+
+        None where there is no law.
+        """
+        if np.abs(vector).max(initial=0.0) > _FAR:
+            self.failures += 1
+            return None
+        physical = self.problem.physical(vector)
+        try:
+            columns, models = self._columns(physical, rough=True), self._models(physical)
+        except InputError:
+            self.failures += 1
+            return None
+        slopes, rows = self.problem.space.slopes(physical), self._whitened_rows(columns)
+        prior = self._prior_point(vector, physical)
+        normal = self._normal(rows, self._entries) * np.outer(slopes, slopes)
+        here = self._against(rows, models, slopes, normal, prior)
+        step = self._linear.step(here)
+        if step is not None and _within(vector + step.change, low, high):
+            # From the residuals, not from their products: a small sum of squares keeps its digits.
+            along = step.along * slopes
+            models = [
+                model + own @ along[entries]
+                for model, own, entries in zip(models, columns, self._entries, strict=True)
+            ]
+            normal = normal * np.outer(step.grown, step.grown)
+            prior = replace(prior, vector=vector + step.change)
+            here = self._against(rows, models, slopes * step.grown, normal, prior)
+        return here if np.isfinite(here.square) else None
+
+    @cached_property
+    def _linear(self) -> LinearDirections:
+        return LinearDirections.of(self.problem, set(self.active) - set(self._informative))
+
+    def _against(
+        self,
+        rows: list[FloatArray],
+        models: list[FloatArray],
+        slopes: FloatArray,
+        normal: FloatArray,
+        prior: Point,
+    ) -> Point:
+        """The models' residuals with their derivatives, and what the priors add."""
+        square, gradient = prior.square, np.zeros(len(slopes))
+        for own, entries, residuals in zip(
+            rows, self._entries, self._whitened_residuals(models), strict=True
+        ):
+            square += float(residuals @ residuals)
+            gradient[entries] += own @ residuals
+        return Point(prior.vector, square, gradient * slopes + prior.gradient, normal + prior.normal)
+
+    def _normal(self, rows: list[FloatArray], entries: list[list[int]]) -> FloatArray:
+        """J'J of the points (k, k), in SI."""
+        k = len(self.problem.coordinates)
+        total = np.zeros((k, k))
+        for own, which in zip(rows, entries, strict=True):
+            total[np.ix_(which, which)] += own @ own.T
+        return total
+
+    def _prior_point(self, vector: FloatArray, physical: FloatArray) -> Point:
+        """The same of the priors' residuals alone."""
+        k = len(vector)
+        if not self._informative:
+            return Point(vector, 0.0, np.zeros(k), np.zeros((k, k)))
+        values, slopes = self._penalties(physical)
+        rows = slopes * self.problem.space.slopes(physical)
+        return Point(vector, float(values @ values), values @ rows, rows.T @ rows)
+
+    # --- models, derivatives and their weights -----------------------------------------------------------
+
+    # MINPACK asks for its first point twice and lmfit for its last; the noise may change in between. So the
+    # last answers are kept without weights. And nearly every point whose force is asked is then asked for its
+    # derivatives, which bring the force along: where they cost no law they are computed at once.
+
+    def _models(self, physical: FloatArray) -> list[FloatArray]:
+        key = physical.tobytes()
+        if self._last_models[0] != key:
+            if self._one_law:
+                self._columns(physical, rough=False)
+            else:
+                self.evaluations += 1
+                self._last_models = key, [member.model(physical) for member in self.members]
+        return self._last_models[1]
+
+    def _columns(self, physical: FloatArray, *, rough: bool) -> list[FloatArray]:
+        """d force / d own entry (SI), (n, own), of every curve."""
+        key, wanted = physical.tobytes(), rough and not self._one_law
+        last, columns = self._last_columns.get(wanted, (b"", []))
+        if last != key:
+            both = [
+                member.forward.jacobian(member.values_at(physical), tuple(member.entries), rough=wanted)
+                for member in self.members
+            ]
+            columns = [own for _, own in both]
+            self._last_columns[wanted] = key, columns
+            if self._last_models[0] != key:
+                self.evaluations += 1
+                self._last_models = key, [reading.force for reading, _ in both]
+        return columns
+
+    def _weighted(self, models: list[FloatArray], physical: FloatArray) -> FloatArray:
+        """Residuals of all points and of the priors, (n + p,)."""
+        parts = self._whitened_residuals(models)
+        if self._informative:
+            parts.append(self._penalties(physical)[0])
+        return np.concatenate(parts) if len(parts) > 1 else parts[0]
+
+    def _rows(self, columns: list[FloatArray], physical: FloatArray) -> FloatArray:
+        """Derivatives of the residuals in the entries of a vector, (k, n + p)."""
+        slopes = self.problem.space.slopes(physical)
+        rows = np.zeros((len(slopes), self.points + len(self._informative)))
+        end = 0
+        for own, entries in zip(self._whitened_rows(columns), self._entries, strict=True):
+            rows[entries, end : end + own.shape[1]] = own * slopes[entries, None]
+            end += own.shape[1]
+        if self._informative:
+            rows[:, end:] = (self._penalties(physical)[1] * slopes).T
+        return rows
+
+    def _whitened_residuals(self, models: list[FloatArray]) -> list[FloatArray]:
+        return [
+            noise.whiten((model - member.force) / sigma, member.curve.time)
+            for model, (member, noise, sigma) in zip(models, self._curves(), strict=True)
+        ]
+
+    def _whitened_rows(self, columns: list[FloatArray]) -> list[FloatArray]:
+        return [
+            noise.whiten(own.T / sigma, member.curve.time)
+            for own, (member, noise, sigma) in zip(columns, self._curves(), strict=True)
+        ]
+
+    def _curves(self) -> Iterator[tuple[Member, NoiseModel, FloatArray]]:
+        return zip(self.members, self.noise.models, self.noise.sigmas, strict=True)
+
+    def _penalties(self, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residuals of the informative priors (p,) and their slopes in SI (p, k)."""
+        which = self._informative
+        values, slopes = np.zeros(len(which)), np.zeros((len(which), len(physical)))
+        for row, index in enumerate(which):
+            values[row], slopes[row, index] = self.problem.coordinates[index].prior.penalty(physical[index])
+        return values, slopes
+
+
+def _within(vector: FloatArray, low: FloatArray, high: FloatArray) -> bool:
+    return bool(((vector >= low) & (vector <= high)).all())

@@ -1,0 +1,287 @@
+"""A start from the data alone: scan what is not linear, solve for what is.
+
+Thickness, modulus ratio and contact depth are laid on a coarse grid of scale-free values; for each, the
+layer's modulus (which scales the force when the ratio is held), the baseline and its slope follow by linear
+least squares. Where the base's modulus is known, each thickness takes the ratio at which the layer's modulus
+and that ratio give it. The scene's own values are only one more grid point, so a start wrong by orders of
+magnitude, or the last curve's result, does not decide where a fit ends. Every local minimum of the grid is a
+start, and so are places thinner and thicker than the best: thin and stiffly backed can look like thick and stiff.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.least_squares.blocks import Blocks, blocked_forward
+from underlay.inference.least_squares.scan_curve import (
+    BASE_MODULUS,
+    CONTACT,
+    MODULUS,
+    THICKNESS,
+    GridFit,
+    ScanCurve,
+)
+from underlay.inference.model.coordinates import Coordinate
+from underlay.inference.model.members import Member
+from underlay.inference.problem import Problem
+from underlay.mechanics.indenters import FlatPunch
+from underlay.scene.scene import Scene
+
+__all__ = ["scan"]
+
+_SCAN_RTOL = 1e-2
+_BLOCKS = 16  # enough to tell a contact to a grid step
+# Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
+_RADIUS_RATIOS = (0.06, 4.6)
+_SHARES = np.linspace(0.0, 1.0, 9)
+# Base over layer; the contact is looked for with the middle one first.
+_MODULUS_RATIOS = np.array([0.02, 0.2, 1.5, 10.0, 100.0])
+_FIRST_RATIO = 10.0
+_CONTACT_STEPS = np.linspace(-0.2, 0.9, 12)
+# For the other ratios: about the contacts of all thicknesses with the first one.
+_FEWER_CONTACTS = 6
+# ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
+_RIVAL, _APART = np.log(2.7), np.log(1.6)
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """What one curve says to the grid: misfit (N^2) and values (SI) by path, each (thicknesses, moduli)."""
+
+    misfit: FloatArray
+    values: dict[str, FloatArray]
+
+    def best_along(self, axis: int) -> _Grid:
+        """The best of one axis, which then has one entry."""
+        which = np.expand_dims(np.argmin(self.misfit, axis=axis), axis)
+        values = {path: np.take_along_axis(value, which, axis) for path, value in self.values.items()}
+        return _Grid(np.take_along_axis(self.misfit, which, axis), values)
+
+
+def scan(problem: Problem, count: int = 3) -> list[FloatArray]:
+    """Local minima of the grid as starts (scaled vectors (k,)), best first, at most `count`.
+
+    Thickness and moduli that curves share are scanned together; what is a curve's own is chosen by it alone.
+    Empty if no grid point has a law.
+    """
+    curves = [_scanned(member, problem) for member in problem.members]
+    radii = [_radius_scale(m.scene, curve.blocks) for m, curve in zip(problem.members, curves, strict=True)]
+    grids = [
+        _grid_of(member, curve, problem, (min(radii), max(radii)))
+        for member, curve in zip(problem.members, curves, strict=True)
+    ]
+    total = np.sum([grid.misfit for grid in grids], axis=0)
+    minima = np.isfinite(total)
+    for axis in (0, 1):
+        beyond = np.full_like(np.take(total, [0], axis), np.inf)
+        padded = np.concatenate((beyond, total, beyond), axis)
+        before, after = np.delete(padded, [-1, -2], axis), np.delete(padded, [0, 1], axis)
+        minima &= (total <= before) & (total <= after)
+    # The thin end of the grid is a minimum only if it is the lowest: else the curve is only falling there.
+    if len(total) > 1:
+        minima[0] &= total[0] == total.min()
+    places = np.argwhere(minima)
+    ranked = places[np.argsort(total[minima], kind="stable")][:count]
+    chosen = [(int(i), int(j)) for i, j in ranked]
+    # With the base's modulus free the two basins are one valley.
+    one_base = not any(BASE_MODULUS in member.entries for member in problem.members)
+    if one_base and THICKNESS in grids[0].values:
+        chosen += _beside(total, np.log(grids[0].values[THICKNESS].max(axis=1)), chosen)
+    return [_vector(problem, curves, grids, place) for place in chosen]
+
+
+def _beside(
+    total: FloatArray, log_thickness: FloatArray, chosen: Sequence[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """Places a rival's distance thinner and thicker than the best, where none is chosen yet.
+
+    A second basin may be as narrow as the noise and stand between the points of the grid: then no local minimum
+    of the grid tells of it. Rivals were found 2.5 to 3 times thinner or thicker than the best.
+    """
+    added: list[tuple[int, int]] = []
+    for aim in (log_thickness[chosen[0][0]] + side * _RIVAL for side in (-1.0, 1.0)) if chosen else ():
+        near = int(np.argmin(np.abs(log_thickness - aim)))
+        known = [log_thickness[i] for i, _ in (*chosen, *added)]
+        if np.abs(log_thickness[near] - known).min() > _APART and np.isfinite(total[near]).any():
+            added.append((near, int(np.argmin(total[near]))))
+    return added
+
+
+def _vector(
+    problem: Problem, curves: Sequence[ScanCurve], grids: Sequence[_Grid], place: tuple[int, int]
+) -> FloatArray:
+    """Scaled vector of what each curve found; a shared parameter takes the mean."""
+    found: list[list[float]] = [[] for _ in problem.coordinates]
+    for member, curve, grid in zip(problem.members, curves, grids, strict=True):
+        values = {path: float(value[place]) for path, value in grid.values.items()}
+        values |= curve.linear({**member.base, **values})
+        for path, entry in member.entries.items():
+            if path in values:
+                coordinate = problem.coordinates[entry]
+                value = min(max(values[path], coordinate.low), coordinate.high)
+                if value > 0.0 or coordinate.scale is not None:
+                    found[entry].append(coordinate.scaled(value))
+    return np.array([float(np.mean(values)) if values else 0.0 for values in found])
+
+
+def _scanned(member: Member, problem: Problem) -> ScanCurve:
+    blocks = Blocks.of(member.curve, _BLOCKS)
+    free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
+    forward = blocked_forward(member, blocks, _SCAN_RTOL)
+    scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
+    return ScanCurve(forward, blocks, free, _contacts(free, blocks, member.base[CONTACT]), scales)
+
+
+def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[float, float]) -> _Grid:
+    """Best of one curve for every place of the shared grid."""
+    alone = len(problem.members) == 1
+    thicknesses = _thicknesses(curve.free, radii)
+    moduli_are_shared = alone or not {MODULUS, BASE_MODULUS}.isdisjoint(problem.shared)
+    # A grid that curves share is laid about the values of the first of them.
+    bases = _base_moduli(curve.free, problem.members[0].base if moduli_are_shared else member.base)
+    base_is_known = bases.size > 0 and BASE_MODULUS not in curve.free
+    asked = replace(curve, scales=True) if base_is_known else curve
+    shape = (max(bases.size, 1), max(thicknesses.size, 1))
+    fits = _fits(asked, member, thicknesses, bases)
+    misfit, contact, amplitude = (
+        part.reshape(shape).T for part in (fits.misfit, fits.contact, fits.amplitude)
+    )
+    values = {CONTACT: contact}
+    if asked.scales:
+        values[MODULUS] = amplitude * member.base[MODULUS]
+    if bases.size and not base_is_known:
+        values[BASE_MODULUS] = amplitude * bases
+    if thicknesses.size:
+        values[THICKNESS] = np.repeat(thicknesses[:, None], shape[0], axis=1)
+    grid = _Grid(misfit, values)
+    if base_is_known:
+        grid = _consistent(grid, np.log(bases / member.base[BASE_MODULUS]) + np.log(amplitude))
+    if not (alone or THICKNESS in problem.shared):
+        grid = grid.best_along(0)
+    return grid if moduli_are_shared else grid.best_along(1)
+
+
+def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: FloatArray) -> GridFit:
+    """What the curve says to every thickness on the first base, then on the second, and so on."""
+    rows: dict[str, float | FloatArray] = dict(member.base)
+    count, contacts = max(thicknesses.size, 1), curve.contacts
+    if thicknesses.size:
+        rows[THICKNESS] = np.tile(thicknesses, max(bases.size, 1))
+    if bases.size <= 1:
+        if bases.size:
+            rows[BASE_MODULUS] = float(bases[0])
+        laws = curve.laws(rows)
+        found = curve.best_contact(rows, laws, contacts)
+        return curve.refined(rows, laws, found) if len(contacts) > 1 else found
+    order = np.argsort(np.abs(np.log(bases / member.base[MODULUS] / _FIRST_RATIO)))
+    rows[BASE_MODULUS] = np.repeat(bases[order], count)
+    laws = curve.laws(rows)
+    first, others = slice(0, count), slice(count, None)
+    found = curve.best_contact(_part(rows, first), laws.part(first), contacts)
+    about = _about(contacts, found)
+    found = found.followed_by(curve.best_contact(_part(rows, others), laws.part(others), about))
+    if len(contacts) > 1:
+        found = curve.refined(rows, laws, found)
+    back = np.argsort(order)
+    return GridFit(
+        *(part.reshape(-1, count)[back].ravel() for part in (found.misfit, found.contact, found.amplitude))
+    )
+
+
+def _part(rows: Mapping[str, float | FloatArray], which: slice) -> dict[str, float | FloatArray]:
+    return {path: value[which] if isinstance(value, np.ndarray) else value for path, value in rows.items()}
+
+
+def _about(contacts: FloatArray, seen: GridFit) -> FloatArray:
+    """Contacts between those seen and a step of the grid beyond, two where a softer base would bend the curve."""
+    reached = seen.contact[np.isfinite(seen.misfit)]
+    if len(contacts) <= _FEWER_CONTACTS or not reached.size:
+        return contacts
+    step = contacts[1] - contacts[0]
+    low, high = max(reached.min() - step, contacts[0]), min(reached.max() + 2.0 * step, contacts[-1])
+    return np.linspace(low, high, _FEWER_CONTACTS)
+
+
+def _consistent(grid: _Grid, beyond: FloatArray) -> _Grid:
+    """What each thickness says where the base has the modulus that is known, between the ratios tried.
+
+    `beyond` (thicknesses, moduli) is the logarithm of the base's modulus that goes with the layer's, over the
+    known one.
+    """
+    usable = np.isfinite(grid.misfit)
+    below, above = beyond[:, :-1], beyond[:, 1:]
+    crosses = usable[:, :-1] & usable[:, 1:] & (below <= 0.0) & (above > 0.0)
+    share = np.where(crosses, -below / np.where(crosses, above - below, 1.0), 0.0)
+
+    def between(values: FloatArray) -> FloatArray:
+        """At the crossings, then at the ratios tried."""
+        inside = (1.0 - share) * values[:, :-1] + share * values[:, 1:]
+        return np.concatenate((inside, values), axis=1)
+
+    misfit = between(np.where(usable, grid.misfit, 0.0))
+    # A base beyond all that were tried is as good as rigid, or as none: the end tells the layer's modulus.
+    nearest = np.where(usable, np.abs(beyond), np.inf).argmin(axis=1)
+    alone = ~np.any(crosses, axis=1, keepdims=True)
+    ends = (np.arange(beyond.shape[1]) == nearest[:, None]) & usable & alone
+    misfit = np.where(np.concatenate((crosses, ends), axis=1), misfit, np.inf)
+    values = {path: between(value) for path, value in grid.values.items()}
+    values[MODULUS] = np.exp(between(np.log(grid.values[MODULUS])))
+    return _Grid(misfit, values).best_along(1)
+
+
+def _radius_scale(scene: Scene, blocks: Blocks) -> float:
+    """Contact radius (m) on a half-space at the curve's whole range of depth."""
+    travel = np.array([np.ptp(blocks.depth)])
+    limit = scene.indenter.max_radius
+    if np.isfinite(limit) and not isinstance(scene.indenter, FlatPunch):
+        travel = np.minimum(travel, scene.indenter.abel(np.array([limit])))
+    return float(scene.indenter.halfspace_radius(travel)[0])
+
+
+def _contacts(free: Mapping[str, Coordinate], blocks: Blocks, known: float) -> FloatArray:
+    if CONTACT not in free:
+        return np.array([known])
+    coordinate = free[CONTACT]
+    grid = blocks.depth[0] + _CONTACT_STEPS * float(np.ptp(blocks.depth))
+    low, high = coordinate.low, coordinate.high
+    if np.isfinite(low) and np.isfinite(high) and high - low < np.ptp(grid):
+        grid = np.linspace(low, high, len(grid))
+    inside = grid[(grid >= low) & (grid <= high)]
+    # Bounds beside the curve leave none: then the scene's own value is all there is to try.
+    return inside if len(inside) > 1 else np.array([coordinate.reference])
+
+
+def _thicknesses(free: Mapping[str, Coordinate], radii: tuple[float, float]) -> FloatArray:
+    """Thicknesses (m) to try, ascending; empty where it is not free."""
+    if THICKNESS not in free:
+        return np.zeros(0)
+    coordinate = free[THICKNESS]
+    lowest, highest = radii[0] / _RADIUS_RATIOS[1], radii[1] / _RADIUS_RATIOS[0]
+    low, high = coordinate.low, coordinate.high
+    narrow = low > 0.0 and np.isfinite(high) and high / low < highest / lowest
+    first, last = (low, high) if narrow else (lowest, highest)
+    grid = first * (last / first) ** _SHARES
+    inside = grid[(grid >= low) & (grid <= high)]
+    # The scene's own is one more, but not where a fit is hopeless: the law of so thin a layer is dear.
+    own = coordinate.reference
+    return np.unique(np.append(inside, own)) if own >= lowest or not inside.size else inside
+
+
+def _base_moduli(free: Mapping[str, Coordinate], base: Mapping[str, float]) -> FloatArray:
+    """Moduli (Pa) of the base to try under the scene's layer, ascending; empty where no ratio is free."""
+    if BASE_MODULUS not in base or not {MODULUS, BASE_MODULUS} & free.keys():
+        return np.zeros(0)
+    (softest, hardest), (lowest, highest) = (
+        (free[path].low, free[path].high) if path in free else (base[path], base[path])
+        for path in (MODULUS, BASE_MODULUS)
+    )
+    # No ratio but those that the bounds leave.
+    low, high = lowest / hardest, highest / softest if softest > 0.0 else np.inf
+    ratios, own = np.clip(_MODULUS_RATIOS, low, high), base[BASE_MODULUS] / base[MODULUS]
+    # The scene's own is one more where the others do not reach.
+    beyond = not ratios[0] <= own <= ratios[-1]
+    return base[MODULUS] * np.unique(np.append(ratios, own) if beyond else ratios)

@@ -1,0 +1,175 @@
+"""One curve at the points of a grid: every contact at once, linear parameters solved for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.least_squares.blocks import Blocks
+from underlay.inference.least_squares.law_rows import LawRows, Rows
+from underlay.inference.model.coordinates import Coordinate
+from underlay.inference.model.forward import Forward
+
+__all__ = ["BASE_MODULUS", "CONTACT", "MODULUS", "THICKNESS", "GridFit", "ScanCurve"]
+
+MODULUS, BASE_MODULUS, THICKNESS = "layer.E", "substrate.E", "layer.thickness"
+CONTACT = "instrument.contact_depth"
+_LINEAR = ("instrument.baseline", "instrument.baseline_slope")
+
+
+@dataclass(frozen=True)
+class GridFit:
+    """How well a curve goes with the rows of a grid, each (r,).
+
+    Parameters
+    ----------
+    misfit : FloatArray
+        Sum of squares (N^2); infinite where no law reaches.
+    contact : FloatArray
+        Best contact depth (m).
+    amplitude : FloatArray
+        Factor on the moduli that goes with it.
+    """
+
+    misfit: FloatArray
+    contact: FloatArray
+    amplitude: FloatArray
+
+    def followed_by(self, other: GridFit) -> GridFit:
+        """These rows and then those of another."""
+        return GridFit(*(np.concatenate(pair) for pair in self._beside(other)))
+
+    def better(self, other: GridFit) -> GridFit:
+        """Row by row the one that fits better."""
+        lower = other.misfit < self.misfit
+        return GridFit(*(np.where(lower, theirs, ours) for ours, theirs in self._beside(other)))
+
+    def _beside(self, other: GridFit) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        return (
+            (self.misfit, other.misfit),
+            (self.contact, other.contact),
+            (self.amplitude, other.amplitude),
+        )
+
+
+@dataclass(frozen=True)
+class ScanCurve:
+    """A curve and what is free of its scene.
+
+    Parameters
+    ----------
+    forward : Forward
+        Compiled for the depths of `blocks`.
+    blocks : Blocks
+        The curve.
+    free : mapping of path to Coordinate
+        Its free parameters.
+    contacts : FloatArray
+        Contact depths to try (m), (c,), in even steps; one where the contact is known.
+    scales : bool
+        Whether the layer's modulus is free and scales the force: alone, or with the base's at a fixed ratio.
+    """
+
+    forward: Forward
+    blocks: Blocks
+    free: Mapping[str, Coordinate]
+    contacts: FloatArray
+    scales: bool
+
+    def laws(self, rows: Rows) -> LawRows:
+        """Laws of the rows for every contact that is tried."""
+        return LawRows.of(self.forward, rows, float(self._travel(rows).max() - self.contacts[0]))
+
+    def best_contact(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> GridFit:
+        """Best of the contacts (m), (c,) or (r, c), of every row."""
+        forces = laws.force(self._travel(rows) - np.atleast_2d(contacts)[:, :, None])
+        basis = self._linear_basis
+        target = _project_out(self.blocks.force - self._fixed_offset(rows), basis)
+        shapes = _project_out(forces, basis)
+        amplitude = self._amplitudes(rows, target, shapes)
+        left = target - amplitude[..., None] * shapes
+        misfit = np.where(laws.possible[:, None], np.einsum("rcm,rcm->rc", left, left), np.inf)
+        chosen = np.arange(len(misfit)), np.argmin(misfit, axis=1)
+        return GridFit(misfit[chosen], np.broadcast_to(contacts, misfit.shape)[chosen], amplitude[chosen])
+
+    def refined(self, rows: Rows, laws: LawRows, found: GridFit) -> GridFit:
+        """The same after a Gauss-Newton step of each contact, where that is better."""
+        step = float(self.contacts[1] - self.contacts[0])
+        moved = found.contact + np.clip(self._towards(rows, laws, found), -step, step)
+        # Not before the first contact: the laws reach no deeper.
+        moved = np.clip(moved, self.contacts[0], self.free[CONTACT].high)
+        return found.better(self.best_contact(rows, laws, moved[:, None]))
+
+    def linear(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Baseline and slope, those that are free, that go best with the other numbers."""
+        columns = self._linear_columns()
+        if columns is None:
+            return {}
+        travel = self._travel(values) - values[CONTACT]
+        laws = LawRows.of(self.forward, values, float(travel.max()))
+        rest = self.blocks.force - self._fixed_offset(values) - laws.force(travel[None, None])[0, 0]
+        solved = np.linalg.lstsq(columns, rest, rcond=None)[0]
+        return dict(zip((path for path in _LINEAR if path in self.free), solved.tolist(), strict=True))
+
+    def _towards(self, rows: Rows, laws: LawRows, found: GridFit) -> FloatArray:
+        """Gauss-Newton step of the contact depth (m), (r,), everything linear solved for beside it."""
+        basis = self._linear_basis
+        tip = (self._travel(rows) - found.contact[:, None])[:, None]
+        force, stiffness = laws.force(tip)[:, 0], laws.stiffness(tip)[:, 0]
+        slope = _project_out(-found.amplitude[:, None] * stiffness, basis)
+        shape = _project_out(force, basis)
+        left = _project_out(self.blocks.force - self._fixed_offset(rows), basis) - (
+            found.amplitude[:, None] * shape
+        )
+        if self.scales:
+            power = np.einsum("rm,rm->r", shape, shape)
+            felt = power > 0.0
+            share = np.einsum("rm,rm->r", slope, shape) / np.where(felt, power, 1.0)
+            slope = slope - share[:, None] * shape
+        power = np.einsum("rm,rm->r", slope, slope)
+        acts = power > 0.0
+        step = np.einsum("rm,rm->r", slope, left) / np.where(acts, power, 1.0)
+        return np.where(acts, step, 0.0)
+
+    def _amplitudes(self, rows: Rows, target: FloatArray, shapes: FloatArray) -> FloatArray:
+        """Factor (r, c) on the layer's modulus that fits best, within its bounds; one if it is fixed."""
+        if not self.scales:
+            return np.ones(shapes.shape[:2])
+        power = np.einsum("rcm,rcm->rc", shapes, shapes)
+        # A contact beyond the last point gives no force at all: it explains nothing.
+        felt = power > 0.0
+        amplitude = np.where(felt, shapes @ target / np.where(felt, power, 1.0), 0.0)
+        start = np.reshape(rows[MODULUS], (-1, 1))
+        coordinate = self.free[MODULUS]
+        lowest = max(coordinate.low, 1e-12 * float(start.min()))
+        return np.asarray(np.clip(amplitude, lowest / start, coordinate.high / start))
+
+    def _travel(self, rows: Rows) -> FloatArray:
+        """Depth without the frame's share, which the measured force gives without knowing the sample."""
+        compliance = rows["instrument.compliance"]
+        return self.blocks.depth - compliance * self.blocks.force if compliance else self.blocks.depth
+
+    def _linear_columns(self) -> FloatArray | None:
+        columns = {_LINEAR[0]: np.ones_like(self.blocks.depth), _LINEAR[1]: self.blocks.depth}
+        free = [column for path, column in columns.items() if path in self.free]
+        return np.stack(free, axis=1) if free else None
+
+    @cached_property
+    def _linear_basis(self) -> FloatArray | None:
+        """Orthonormal columns (m, p) that span those of the linear parameters."""
+        columns = self._linear_columns()
+        # Columns are brought to unit length first: metres beside ones would cost digits.
+        return None if columns is None else np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
+
+    def _fixed_offset(self, rows: Rows) -> FloatArray:
+        baseline, slope = (0.0 if path in self.free else rows[path] for path in _LINEAR)
+        return np.asarray(baseline + slope * self.blocks.depth)
+
+
+def _project_out(rows: FloatArray, basis: FloatArray | None) -> FloatArray:
+    """What remains of `rows` (..., m) after a least-squares fit of the orthonormal columns `basis` (m, p)."""
+    return rows if basis is None else np.asarray(rows - (rows @ basis) @ basis.T)

@@ -1,0 +1,102 @@
+"""Settle on all points: search below a place, again while what is learnt of the noise changes the weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.least_squares.engine import Minimum, minimise
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.last_word import LastWord, Minimiser
+from underlay.inference.least_squares.noise_estimate import first_noises, renew
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.problem import Problem
+
+__all__ = ["Optimum", "confirmed", "settle"]
+
+_MAX_ROUNDS = 12
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Where a fit ended.
+
+    Parameters
+    ----------
+    objective : Objective
+        With the noise that is known there.
+    vector : FloatArray
+        Scaled, (k,).
+    success : bool
+        Whether the search met its tolerance.
+    message : str
+        Why it stopped.
+    minimiser : Minimiser, optional
+        lmfit's, where it had the last word.
+    lmfit : MinimizerResult, optional
+        What that says.
+    """
+
+    objective: Objective
+    vector: FloatArray
+    success: bool
+    message: str
+    minimiser: Minimiser | None = None
+    lmfit: Any = None
+
+    @property
+    def loss_function(self) -> str | None:
+        """Name of the robust loss; None for squares."""
+        return None if self.minimiser is None else self.minimiser.loss
+
+    @cached_property
+    def loss(self) -> float:
+        """Minus twice the log-likelihood."""
+        return self.objective.loss(self.vector)
+
+
+def settle(problem: Problem, vector: FloatArray, robust: Minimiser | None = None) -> Optimum | None:
+    """Fit all points from a scaled start (k,), by the engine or by lmfit with a robust loss.
+
+    None if there is no contact law at the start.
+    """
+    try:
+        objective = Objective(problem, freeze(problem, vector, first_noises(problem, vector)))
+    except InputError:
+        return None
+    if not objective.exists(vector):
+        return None
+    found = _searched(objective, vector, robust)
+    for _ in range(_MAX_ROUNDS):
+        renewal = renew(objective, found.vector, robust=robust is not None)
+        objective.noise = renewal.noise
+        found = replace(found, vector=renewal.vector)
+        if renewal.settled:
+            break
+        found = _searched(objective, found.vector, robust)
+    return found
+
+
+def _searched(objective: Objective, start: FloatArray, robust: Minimiser | None) -> Optimum:
+    if not objective.active:
+        return Optimum(objective, start, success=True, message="nothing to vary.")
+    if robust is not None:
+        return _by_lmfit(objective, robust, robust(objective, start))
+    found: Minimum | None = minimise(objective, start)
+    if found is None:
+        return Optimum(objective, start, success=False, message="no contact law beside the start")
+    return Optimum(objective, found.vector, found.success, found.message)
+
+
+def confirmed(optimum: Optimum, lmfit: Minimiser) -> Optimum:
+    """The same optimum in the words of lmfit, begun there; lmfit's own where that is better."""
+    if not optimum.objective.active:
+        return replace(optimum, minimiser=lmfit)
+    return _by_lmfit(optimum.objective, lmfit, lmfit(optimum.objective, optimum.vector))
+
+
+def _by_lmfit(objective: Objective, lmfit: Minimiser, said: LastWord) -> Optimum:
+    return Optimum(objective, said.vector, said.success, said.message, lmfit, said.result)

@@ -1,0 +1,134 @@
+"""Do depth, force and scene belong together? Mistakes of columns and units that a fit would follow blindly.
+
+Each refusal needs a mismatch that no material explains: deeper than the layer is thick, ten radii deep, a
+modulus ten times beyond its own bounds, or a force proportional to the depth from the first point on.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from underlay.data.foot import approach_of, foot_of
+from underlay.errors import CurveError, InputError
+from underlay.mechanics.indenters import FlatPunch
+from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay.data.curve import Curve
+    from underlay.inference.priors import Prior
+    from underlay.inference.problem import Problem
+    from underlay.scene.scene import Scene
+
+__all__ = ["require_plausible"]
+
+# A ball has been pressed 1.4 radii deep by real laboratories; by ten, none has a law.
+_RADII = 10.0
+# Beyond the force of every modulus within its bounds by this factor; the depth pressed is known to a factor of
+# two, which is one of three in a force ~ depth^1.5.
+_BEYOND = 10.0
+# Residual of a straight line through all points, as a share of the force: a contact leaves 3 % and more.
+_STRAIGHT = 1e-3
+_FROM_NOTHING = 0.05
+# What the force depends on monotonically, so that its extremes are at corners of their bounds.
+_MONOTONE = ("layer.E", "layer.thickness", "substrate.E", "indenter.radius")
+
+
+def require_plausible(problem: Problem) -> None:
+    """Refuse curves whose depth or force cannot be what the scene says.
+
+    Raises
+    ------
+    CurveError
+        With both numbers, and what to look at.
+    """
+    for member in problem.members:
+        priors = {path: problem.coordinates[entry].prior for path, entry in member.entries.items()}
+        _require_sizes(member.scene, member.curve, priors)
+
+
+def _require_sizes(scene: Scene, curve: Curve, priors: dict[str, Prior]) -> None:
+    try:
+        foot = foot_of(curve)
+    except CurveError:  # no contact: whoever judges the curve says so, with more to say about it
+        return
+    if not isinstance(scene.indenter, FlatPunch):
+        _refuse_deflection(curve)
+    pressed = float(foot.depth[-1] - foot.depth[foot.rise]) if foot.rise < len(foot.depth) else 0.0
+    pressed = max(
+        pressed, float(approach_of(curve).depth[-1] - foot.depth[min(foot.rise, len(foot.depth) - 1)])
+    )
+    if not pressed > 0.0:
+        return
+    _refuse_too_deep(scene, pressed, priors)
+    _refuse_beyond_bounds(scene, pressed, foot.peak, priors)
+
+
+def _refuse_deflection(curve: Curve) -> None:
+    """Refuse a force that is a spring's: the deflection was given for the depth."""
+    approach = approach_of(curve)
+    x, force = approach.depth, approach.force
+    if len(x) < 3 or not np.ptp(x) > 0.0:
+        return
+    slope, level = np.polyfit(x - x[0], force, 1)
+    span = float(np.ptp(force))
+    straight = float(np.std(force - level - slope * (x - x[0]))) < _STRAIGHT * span
+    if straight and slope > 0.0 and abs(float(force[0])) < _FROM_NOTHING * span:
+        raise CurveError(
+            f"the force is proportional to the depth ({slope:.4g} N/m) from the first point on, as no contact is: "
+            "the column given as depth looks like the deflection of the cantilever or frame; give the "
+            "indentation, or the travel less the deflection"
+        )
+
+
+def _refuse_too_deep(scene: Scene, pressed: float, priors: dict[str, Prior]) -> None:
+    for path, times, what in (
+        ("layer.thickness", 1.0, "thick"),
+        ("indenter.radius", _RADII, "in radius"),
+    ):
+        size = _bounds(path, scene, priors)[1]
+        if pressed > times * size:
+            part = path.partition(".")[0]
+            raise CurveError(
+                f"the depth or its unit looks wrong: pressed {format_quantity(pressed, 'length')} beyond contact "
+                f"where the {part} is {format_quantity(size, 'length')} {what}; is the depth in the unit that its "
+                f"column says (mm, um, nm), or does the scene need a larger {path.partition('.')[2]}?"
+            )
+
+
+def _refuse_beyond_bounds(scene: Scene, pressed: float, peak: float, priors: dict[str, Prior]) -> None:
+    """Refuse a force out of reach of every modulus within its bounds."""
+    low, high = _bounds("layer.E", scene, priors)
+    if "layer.E" not in priors or not (low > 0.0 and np.isfinite(high)):
+        return
+    ends = {path: _bounds(path, scene, priors) for path in _MONOTONE if path in scene.parameters}
+    ends = {path: pair for path, pair in ends.items() if path in priors}
+    if not all(pair[0] > 0.0 and np.isfinite(pair[1]) for pair in ends.values()):
+        return
+    forces = []
+    for corner in itertools.product(*ends.values()):
+        try:
+            law = scene.with_values(dict(zip(ends, corner, strict=True))).contact_law(pressed)
+            forces.append(float(law.force(pressed)))
+        except InputError:  # a corner of the bounds with no law says nothing
+            return
+    least, most = min(forces), max(forces)
+    if peak > _BEYOND * most or peak < least / _BEYOND:
+        side = "more" if peak > most else "less"
+        raise CurveError(
+            f"depth, force or a unit looks wrong: {format_quantity(pressed, 'length')} beyond contact the force is "
+            f"{format_quantity(peak, 'force')}, over ten times {side} than any layer.E within its bounds "
+            f"({format_quantity(low, 'pressure')} to {format_quantity(high, 'pressure')}) gives with this tip "
+            f"({format_quantity(least, 'force')} to {format_quantity(most, 'force')}); check the units of the "
+            "columns, which column is the depth, and the bounds"
+        )
+
+
+def _bounds(path: str, scene: Scene, priors: dict[str, Prior]) -> tuple[float, float]:
+    """Ends of what a number of the scene may be; infinite where the scene has none."""
+    if path in priors:
+        return priors[path].support
+    value = scene.parameters.get(path, np.inf)
+    return value, value

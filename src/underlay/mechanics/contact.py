@@ -1,0 +1,70 @@
+"""What a solver is given: an indenter, a kernel and a surface modulus, not the materials behind them.
+
+The frictionless contact problem sees the body under the indenter through two things alone: the elastic
+constant theta of its surface, and the kernel 1 - L(u) that says how the rest of the body changes the surface
+compliance with the wavenumber. So a solver works for every body that has a kernel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.kernel import SubstrateKernel
+from underlay.mechanics.materials import IsotropicLayer, Layer, Substrate, isotropic_layer
+
+__all__ = ["Contact"]
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One indenter on one body.
+
+    Parameters
+    ----------
+    indenter : Indenter
+        Its shape.
+    kernel : SubstrateKernel
+        1 - L(u) of the body, u the wavenumber times `thickness`.
+    theta : float
+        Elastic constant of the surface (Pa): E / (2 (1 - nu^2)) when isotropic.
+    thickness : float, default inf
+        Length that makes wavenumbers dimensionless (m): the thickness of the top layer; inf where nothing is
+        under it.
+    isotropic : IsotropicLayer or None
+        The body in engineering constants, where it is an isotropic layer on an isotropic or rigid base; None
+        for any other body. Formulas from the literature need it; a solver of the contact problem does not.
+    """
+
+    indenter: Indenter
+    kernel: SubstrateKernel
+    theta: float
+    thickness: float = np.inf
+    isotropic: IsotropicLayer | None = None
+
+    @classmethod
+    def of(cls, indenter: Indenter, layer: Layer, substrate: Substrate | None) -> Self:
+        """Contact with a layer bonded to a substrate; None continues the layer."""
+        material, thickness, base = layer.material, layer.thickness, substrate
+        if base is None or thickness == np.inf:
+            thickness, base = np.inf, material
+        return cls(
+            indenter,
+            SubstrateKernel(material, base),
+            material.theta,
+            thickness,
+            isotropic_layer(material, base),
+        )
+
+    @property
+    def layered(self) -> bool:
+        """Whether something under the surface differs from it."""
+        return not self.kernel.uniform and bool(np.isfinite(self.thickness))
+
+    def varpi(self, depth: FloatArray) -> FloatArray:
+        """Half-space contact radius over thickness at depths (m), same shape; zero without a layer."""
+        return self.indenter.halfspace_radius(depth) / self.thickness

@@ -1,0 +1,151 @@
+"""What a sample answers to a depth, in time or without it.
+
+A `Response` turns indentation depths into forces. A `ContactLaw` is the response that ignores time. A sample
+that remembers is a law behind a `History`: the force is then made of the elastic forces of all earlier depths,
+
+    P(t) = H[P_el(w(.))](t),   e.g.  P(t) = int_0^t e(t - s) dP_el(w(s))      (Lee and Radok 1960),
+
+with H *linear* in the elastic force. So whatever changes that force by a small amount changes the response by H
+of that amount: derivatives in the law's numbers and in the contact point go through the same operator.
+
+To add a memory: a frozen dataclass that derives from `History`, its numbers declared in its fields.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, TypeAlias
+
+import numpy as np
+
+from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay.errors import InputError
+from underlay.quantities import Part, numbers_of, replace_values
+
+__all__ = ["Elastic", "History", "Remembered", "Response", "checked_times"]
+
+#: A function of depths (m), (n,): the elastic force (N), or a derivative of it.
+Elastic: TypeAlias = Callable[[FloatArray], FloatArray]
+
+# Central difference: truncation 1e-10 of the derivative, rounding of the force 1e-11.
+_STEP = 1e-5
+
+
+class Response(ABC):
+    """Force against depth and, where the sample remembers, time."""
+
+    max_depth: float
+
+    @abstractmethod
+    def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
+        """Force (N), shape of `depth` (m); `time` (s), (n,), where the response depends on it."""
+
+    @abstractmethod
+    def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
+        """Stiffness dP/dw (N/m) against a sudden change of depth, shape of `depth` (m)."""
+
+
+class History(Part, ABC):
+    """What a sample makes of its earlier depths; its numbers stand under ``history.``.
+
+    A concrete class names itself in `model`; scene files know it by that name.
+    """
+
+    parts: ClassVar[tuple[str, ...]] = ("history",)
+    #: Name in scene files.
+    model: ClassVar[str] = ""
+
+    @classmethod
+    def models(cls) -> Iterator[type[History]]:
+        """Every concrete history there is, wherever it was defined."""
+        for child in cls.__subclasses__():
+            if child.model:
+                yield child
+            yield from child.models()
+
+    @abstractmethod
+    def force(self, elastic: Elastic, depth: FloatArray, time: FloatArray) -> FloatArray:
+        """Force (N), (n,), of a history of depths.
+
+        Parameters
+        ----------
+        elastic : callable
+            Elastic force (N) at depths (m), zero before contact. The result must be linear in it.
+        depth : FloatArray
+            Depths since contact (m), (n,), negative before it.
+        time : FloatArray
+            Their times (s), (n,), increasing.
+        """
+
+    def slopes(
+        self, paths: Sequence[str], elastic: Elastic, depth: FloatArray, time: FloatArray
+    ) -> Mapping[str, FloatArray]:
+        """d force / d number, (n,), at its own `paths` (``history.time``); by differences unless overridden."""
+        numbers, found = numbers_of(self, "history"), {}
+        for path in paths:
+            value, known = numbers[path]
+            step = _STEP * (abs(value) or known.natural_scale)
+            up, down = (
+                replace_values(self, {path: value + sign * step}, "history").force(elastic, depth, time)
+                for sign in (1.0, -1.0)
+            )
+            found[path] = (up - down) / (2.0 * step)
+        return found
+
+
+@dataclass(frozen=True)
+class Remembered(Response):
+    """A law seen through a history.
+
+    Parameters
+    ----------
+    law : Response
+        The elastic law.
+    history : History
+        What the sample remembers.
+    """
+
+    law: Response
+    history: History
+
+    @property
+    def max_depth(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
+        """Largest depth (m)."""
+        return self.law.max_depth
+
+    def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
+        """Force (N), (n,), at depths (m) and times (s), (n,).
+
+        Raises
+        ------
+        InputError
+            If the times are missing, do not increase, or do not match the depths.
+        RangeError
+            If the law does not reach the deepest point.
+        """
+        w = as_finite(depth, "depth")
+        return np.asarray(self.history.force(self.law.force, w, checked_times(time, w)))
+
+    def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
+        """Stiffness of the elastic law (N/m): at once the sample answers elastically."""
+        return self.law.stiffness(depth, time)
+
+
+def checked_times(time: ArrayLike | None, depth: FloatArray) -> FloatArray:
+    """Times (s), (n,), of depths (n,) for a sample that remembers.
+
+    Raises
+    ------
+    InputError
+        If they are missing, do not increase, or do not match.
+    """
+    if time is None:
+        raise InputError("this sample remembers: its force needs the times of the depths; pass time (s)")
+    t = as_finite(time, "time")
+    if t.shape != depth.shape or depth.ndim != 1:
+        raise InputError(f"a history needs one time for each depth, (n,); got {t.shape} and {depth.shape}")
+    if not (np.diff(t) > 0.0).all():
+        raise InputError("the times of a history must increase from point to point")
+    return t

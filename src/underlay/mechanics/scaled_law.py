@@ -1,0 +1,77 @@
+"""One law seen through the factors of similarity: what a fit in which the ratios stay put asks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+from underlay._arrays import FloatArray
+from underlay.mechanics.contact_law import ContactLaw
+
+__all__ = ["ScaledLaw"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScaledLaw(ContactLaw):
+    """The law of a similar contact: P(w) = c P_ref(b w), a(w) = s a_ref(b w).
+
+    Parameters
+    ----------
+    law : ContactLaw
+        The reference.
+    b, c, s : float
+        Factors of depth, force and contact radius.
+    """
+
+    law: ContactLaw
+    b: float
+    c: float
+    s: float
+
+    @classmethod
+    def of(cls, law: ContactLaw, b: float, c: float, s: float) -> Self:
+        """See `law` through these factors, all positive."""
+        return cls(
+            method=law.method,
+            reason=law.reason,
+            max_depth=law.max_depth / b,
+            error_estimate=law.error_estimate,
+            warnings=law.warnings,
+            law=law,
+            b=b,
+            c=c,
+            s=s,
+        )
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """That of the reference, in depths (m) of this contact."""
+        return self.law.domain[0] / self.b, self.max_depth
+
+    @property
+    def nodes(self) -> int | None:
+        """Those of the reference."""
+        return self.law.nodes
+
+    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray | None:
+        """As the reference: the slope goes with the force."""
+        return self.law.ratio_slope(self.b * depth, force)
+
+    @property
+    def _beyond(self) -> str:
+        return self.law._beyond  # noqa: SLF001  the law this one is a picture of
+
+    def _force(self, depth: FloatArray) -> FloatArray:
+        return self.c * self.law._force(self.b * depth)  # noqa: SLF001  as above
+
+    def _contact_radius(self, depth: FloatArray) -> FloatArray:
+        return self.s * self.law._contact_radius(self.b * depth)  # noqa: SLF001  as above
+
+    def _stiffness(self, depth: FloatArray) -> FloatArray:
+        return (self.b * self.c) * self.law._stiffness(self.b * depth)  # noqa: SLF001  as above
+
+    def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
+        both = self.law._force_and_stiffness(self.b * depth)  # noqa: SLF001  as above
+        both[0] *= self.c
+        both[1] *= self.b * self.c
+        return both

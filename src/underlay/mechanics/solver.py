@@ -1,0 +1,162 @@
+"""What builds a contact law: the seam at which a solver is plugged in.
+
+To add one, derive a frozen dataclass from `Solver` and implement `build`; its fields are what can be asked of
+it. It can then be computed, fitted, sampled, mapped and reported wherever a ``solver=`` is taken. The other
+methods say what callers may rely on; the defaults promise nothing.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from typing import Any, ClassVar
+
+import numpy as np
+
+from underlay._arrays import FloatArray, finite
+from underlay.errors import LawError, UnderlayError
+from underlay.mechanics.contact import Contact
+from underlay.mechanics.contact_law import ContactLaw
+
+__all__ = ["Scaling", "Solver"]
+
+
+class Scaling(Enum):
+    """How the laws of a solver follow from one another when the numbers of a contact change."""
+
+    #: Nothing is known: a law has constants of its own, e.g. an energy of adhesion.
+    NONE = "none"
+    #: Lengths and moduli are the only units: P = theta h^2 F(w/h; ratios of lengths and of moduli).
+    DIMENSIONS = "dimensions"
+    #: For a power-law shape also P = theta A h^(lambda+1) F(w/(A h^lambda); ratios of moduli): what every
+    #: solution of the contact problem of linear elasticity keeps.
+    POWER_LAW = "power law"
+
+
+class Solver(ABC):
+    """Builds the contact law of a contact.
+
+    Examples
+    --------
+    A law twice as stiff as Hertz's, usable wherever a ``solver=`` is taken:
+
+    >>> from dataclasses import dataclass, replace
+    >>> import underlay as ul
+    >>> @dataclass(frozen=True)
+    ... class TwiceHertz(ul.Solver):
+    ...     def build(self, contact, max_depth):
+    ...         stiffer = replace(contact, theta=2.0 * contact.theta)
+    ...         return ul.HalfSpace().build(stiffer, max_depth)
+    >>> tip, gel = ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e4, 0.5))
+    >>> law, hertz = (ul.contact_law(tip, gel, max_depth=1e-4, solver=s) for s in (TwiceHertz(), "halfspace"))
+    >>> float(law.force(1e-4) / hertz.force(1e-4))
+    2.0
+    """
+
+    #: See `Scaling`; what is claimed here saves laws, and is not checked.
+    scaling: ClassVar[Scaling] = Scaling.NONE
+    #: Whether its laws depend on what is under the surface.
+    sees_base: ClassVar[bool] = True
+    #: Whether what a law says of itself (error, warnings) depends on the depth it was built for.
+    judges_range: ClassVar[bool] = True
+
+    @abstractmethod
+    def build(self, contact: Contact, max_depth: float) -> ContactLaw:
+        """Build the law for depths up to `max_depth` (m), which is zero where no contact is asked for.
+
+        Raises
+        ------
+        RangeError
+            If the law does not reach so deep; with the depth that it reaches.
+        InputError
+            If there is no law for this contact.
+        """
+
+    @property
+    def name(self) -> str:
+        """How it is called in tables and messages."""
+        return type(self).__name__
+
+    @property
+    def label(self) -> str:
+        """Its name with what tells it from others of that name."""
+        return self.name
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """What was asked of it, by name: its fields, where it is a dataclass."""
+        own: object = self
+        return {field.name: getattr(self, field.name) for field in fields(own)} if is_dataclass(own) else {}
+
+    @property
+    def tolerance(self) -> float:
+        """Relative error against the exact contact problem that its laws keep; zero: no such promise."""
+        return 0.0
+
+    def with_tolerance(self, rtol: float) -> Solver:
+        """Return the same solver at another tolerance, where it has one."""
+        del rtol
+        return self
+
+    def for_differences(self, rtol: float) -> Solver:
+        """Return a solver whose laws may be subtracted: of one kind, and smooth within `rtol`."""
+        del rtol
+        return self
+
+    # --- many contacts -----------------------------------------------------------------------------------
+
+    def has_table(self, contact: Contact) -> bool:
+        """Whether laws of contacts that differ from this one in a ratio of moduli are read off a table."""
+        del contact
+        return False
+
+    def table_number(self, contact: Contact, depth: float) -> int:
+        """Number of the range of tables that reaches `depth` (m)."""
+        del contact, depth
+        return 0
+
+    def tabulated(self, contact: Contact, ratio: float, depth: float) -> ContactLaw | None:
+        """Law read off a table, for `depth` (m) and to the end of the table's range; None: there is none.
+
+        `ratio` is Young's modulus of the base over that of the layer, in place of the contact's own.
+        """
+        del contact, ratio, depth
+        return None
+
+    def has_batches(self, contact: Contact) -> bool:
+        """Whether many contacts like this one, with other moduli, may be solved by `ExactBatch` at once."""
+        del contact
+        return False
+
+    def ranges(self, contact: Contact, depth: FloatArray) -> FloatArray:
+        """Numbers of the ranges that depths (m), (sets,), belong to: those of one range share a law."""
+        del contact
+        return np.ceil(np.log2(np.maximum(depth, np.finfo(float).tiny)))
+
+    def law(self, contact: Contact, max_depth: float) -> ContactLaw:
+        """Build a law and see that it is one: what callers use.
+
+        Raises
+        ------
+        LawError
+            If `build` fails with an error that is not underlay's, or hands back something else.
+        UnderlayError
+            As `build` does.
+        """
+        deepest = finite(max_depth, "max_depth", "m")
+        try:
+            law = self.build(contact, deepest)
+        except UnderlayError:
+            raise
+        except Exception as error:
+            raise LawError(
+                f"the solver {self.name} failed for depths up to {deepest:.6g} m: "
+                f"{type(error).__name__}: {error}"
+            ) from error
+        if not isinstance(law, ContactLaw):
+            raise LawError(
+                f"the solver {self.name} must build a ContactLaw; for depths up to {deepest:.6g} m it gave "
+                f"{law!r:.80}"
+            )
+        return law

@@ -1,0 +1,294 @@
+"""One declaration for each number of a test: what it is, what it may be, what it does to the force.
+
+A number is declared where it lives, in its dataclass::
+
+    @dataclass(frozen=True)
+    class Hyperboloid(Indenter):
+        half_angle: float = field(metadata=quantity("angle", "half-angle of the {part}", bounds=(0.0, 0.5 * np.pi)))
+
+and nowhere else: scene files, priors, scaled coordinates, tables, plots and messages read it from there, through
+its path. A path begins with the part of the test (`Part.parts`) and ends with the field; a field that holds
+several numbers has each under its index: ``layer.E``, ``substrate.layers[0].E``, ``layer.relaxation.times[1]``.
+The *name* of a parameter in a joint problem may add the number of its curve in brackets, ``layer.E[1]``.
+
+A number that is not declared is known by the last word of its field's name (``tip_radius`` is a length), and
+dimensionless where that says nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import Field, dataclass, fields, is_dataclass, replace
+from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
+
+import numpy as np
+
+from underlay.errors import ParameterError
+
+__all__ = [
+    "Number",
+    "Part",
+    "Quantity",
+    "curve_of",
+    "declared",
+    "field_quantities",
+    "inlined",
+    "kind_of",
+    "numbers_of",
+    "path_of",
+    "quantity",
+    "quantity_of",
+    "replace_values",
+]
+
+Whole = TypeVar("Whole")
+
+_ANY = (-np.inf, np.inf)
+_POSITIVE = (0.0, np.inf)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What one number of a test is.
+
+    Parameters
+    ----------
+    kind : str
+        Physical kind, one of `underlay.units.KINDS`: it gives the unit.
+    label : str
+        What it is called in a sentence; ``{part}`` stands for the part it belongs to.
+    symbol : str
+        Its letter in a formula (TeX).
+    bounds : (float, float)
+        Open ends of what is physically possible (SI).
+    natural_scale : float
+        Size (SI) of a change that shows, where neither the curve nor a prior gives one.
+    linear : bool
+        Whether the force reading is linear in it.
+    scales : {"force", "length"} or None
+        Whether it is a scale of the force (a modulus) or of the lengths of the contact (a thickness, a radius).
+    many : bool
+        Whether the field holds several such numbers.
+    """
+
+    kind: str
+    label: str = ""
+    symbol: str = ""
+    bounds: tuple[float, float] = _ANY
+    natural_scale: float = 0.1
+    linear: bool = False
+    scales: Literal["force", "length"] | None = None
+    many: bool = False
+
+    @property
+    def is_scale(self) -> bool:
+        """Whether it is positive by nature, without an upper end: its ratios are what matters."""
+        return self.bounds == _POSITIVE
+
+
+def quantity(
+    kind: str,
+    label: str = "",
+    *,
+    symbol: str = "",
+    bounds: tuple[float, float] = _ANY,
+    natural_scale: float = 0.1,
+    linear: bool = False,
+    scales: Literal["force", "length"] | None = None,
+    many: bool = False,
+) -> Mapping[str, Any]:
+    """Metadata of a dataclass field that is a number of the test; see `Quantity` for what is said."""
+    declaration = Quantity(kind, label, symbol, bounds, natural_scale, linear, scales, many)
+    return {"quantity": declaration}
+
+
+def inlined() -> Mapping[str, Any]:
+    """Metadata of a field whose numbers stand under the path of its owner: ``layer.E``, the material's."""
+    return {"inlined": True}
+
+
+class Part:
+    """A part of a test that holds numbers: an indenter, a material, a noise model.
+
+    `parts` says under which first words of a path its numbers may stand. Classes that derive from it, wherever
+    they are defined, are found by `declared`.
+    """
+
+    parts: ClassVar[tuple[str, ...]] = ()
+
+
+def field_quantities(part: Any) -> dict[str, Quantity]:
+    """Declaration of every number among the fields of a dataclass or one of its instances, by field name.
+
+    Fields of other kinds (materials, words) are left out; of an instance, so is what holds no number now.
+    """
+    return {
+        entry.name: quantity_of(entry)
+        for entry in (fields(part) if is_dataclass(part) else ())
+        if "quantity" in entry.metadata or _is_number(entry, part)
+    }
+
+
+def quantity_of(entry: Field[Any]) -> Quantity:
+    """Declaration of a field, or what its name says of it."""
+    declaration = entry.metadata.get("quantity")
+    return declaration if isinstance(declaration, Quantity) else _by_word(entry.name)
+
+
+def _is_number(entry: Field[Any], part: Any) -> bool:
+    """Whether an undeclared field is a number: by its value, or of a class by its annotation."""
+    if isinstance(part, type):
+        return entry.type in (float, "float")
+    return isinstance(getattr(part, entry.name), float)
+
+
+_LENGTH = Quantity("length", bounds=_POSITIVE, scales="length")
+#: What the last word of a field's name says of a number that is not declared.
+_WORDS: Mapping[str, Quantity] = {
+    "radius": _LENGTH,
+    "thickness": _LENGTH,
+    "length": _LENGTH,
+    "width": _LENGTH,
+    "height": Quantity("length"),
+    "depth": Quantity("length"),
+    "angle": Quantity("angle"),
+    "time": Quantity("time", bounds=_POSITIVE),
+    "modulus": Quantity("pressure", bounds=_POSITIVE, scales="force"),
+    "force": Quantity("force"),
+    "stiffness": Quantity("stiffness"),
+    "compliance": Quantity("compliance", bounds=_POSITIVE),
+}
+_UNKNOWN = Quantity("dimensionless")
+
+
+def _by_word(name: str) -> Quantity:
+    return _WORDS.get(name.rpartition("_")[2], _UNKNOWN)
+
+
+_INDEX = re.compile(r"\[(\d{1,6})\]")
+_LAST_INDEX = re.compile(r"^(?P<rest>.+)\[(?P<number>\d{1,6})\]$")
+
+
+def declared(name: str) -> Quantity:
+    """Declaration of a parameter by its path or name alone, when no scene is at hand.
+
+    Where two kinds of one part use a field name (the exponent of a shape, say), the first that was defined
+    answers; `Scene.quantities` knows which it is.
+    """
+    words = _INDEX.sub("", name).split(".")
+    for kind in _kinds(words[0]):
+        known = field_quantities(kind).get(words[-1])
+        if known is not None:
+            return known
+    return _by_word(words[-1])
+
+
+def _kinds(part: str) -> Iterator[type[Part]]:
+    """Every dataclass whose numbers may stand under this first word of a path."""
+    waiting = Part.__subclasses__()
+    while waiting:
+        kind = waiting.pop(0)
+        waiting += kind.__subclasses__()
+        if part in kind.parts and hasattr(kind, "__dataclass_fields__"):
+            yield kind
+
+
+def kind_of(name: str) -> str:
+    """Physical kind of a parameter by its path or name, e.g. ``"pressure"`` for ``"layer.E[1]"``."""
+    return declared(name).kind
+
+
+def path_of(name: str) -> str:
+    """Path of a parameter, without the number of the curve that it may be the own one of."""
+    return _apart(name)[0]
+
+
+def curve_of(name: str) -> int | None:
+    """Number of the curve whose own a parameter is, or None: 1 of ``"layer.E[1]"``."""
+    return _apart(name)[1]
+
+
+def _apart(name: str) -> tuple[str, int | None]:
+    """The last index is the curve's, unless the field holds several numbers and has no other index."""
+    match = _LAST_INDEX.match(name)
+    if match is None or (declared(name).many and not match["rest"].endswith("]")):
+        return name, None
+    return match["rest"], int(match["number"])
+
+
+# --- the numbers of a scene, by their paths --------------------------------------------------------------
+
+
+class Number(NamedTuple):
+    """A number of a scene: its value (SI) and what its dataclass declares of it."""
+
+    value: float
+    quantity: Quantity
+
+
+def numbers_of(whole: Any, prefix: str = "") -> dict[str, Number]:
+    """Every number of a scene, or of one part whose path is `prefix`, by its path."""
+    return dict(_walk(whole, prefix))
+
+
+def _walk(part: Any, prefix: str) -> Iterator[tuple[str, Number]]:
+    for entry in fields(part):
+        value, path = getattr(part, entry.name), _path(prefix, entry)
+        if isinstance(value, float):
+            yield path, Number(value, quantity_of(entry))
+        elif is_dataclass(value):
+            yield from _walk(value, path)
+        elif isinstance(value, tuple):
+            for index, item in enumerate(value):
+                if is_dataclass(item):
+                    yield from _walk(item, f"{path}[{index}]")
+                elif "quantity" in entry.metadata:
+                    yield f"{path}[{index}]", Number(float(item), quantity_of(entry))
+        elif isinstance(value, int) and "quantity" in entry.metadata:
+            yield path, Number(float(value), quantity_of(entry))
+
+
+def _path(prefix: str, entry: Field[Any]) -> str:
+    if entry.metadata.get("inlined"):
+        return prefix
+    return f"{prefix}.{entry.name}" if prefix else entry.name
+
+
+def replace_values(whole: Whole, values: Mapping[str, float], prefix: str = "") -> Whole:
+    """Return the scene, or the part whose path is `prefix`, with the numbers at the given paths replaced (SI).
+
+    Raises
+    ------
+    ParameterError
+        If a path is not one of the scene's.
+    """
+    known = numbers_of(whole, prefix)
+    for path in values:
+        if path not in known:
+            raise ParameterError(f"there is no number {path!r} here, but {', '.join(sorted(known))}")
+    changed: Whole = _replaced(whole, prefix, {path: float(value) for path, value in values.items()})
+    return changed
+
+
+def _replaced(part: Any, prefix: str, values: Mapping[str, float]) -> Any:
+    """Return the part with new numbers; itself where none of `values` is one of its own."""
+    changed = {}
+    for entry in fields(part):
+        old, path = getattr(part, entry.name), _path(prefix, entry)
+        new = old
+        if is_dataclass(old):
+            new = _replaced(old, path, values)
+        elif isinstance(old, tuple):
+            items = (
+                _replaced(item, f"{path}[{index}]", values)
+                if is_dataclass(item)
+                else values.get(f"{path}[{index}]", item)
+                for index, item in enumerate(old)
+            )
+            new = tuple(items)
+        elif path in values:
+            new = values[path]
+        if new is not old and new != old:
+            changed[entry.name] = new
+    return replace(part, **changed) if changed else part

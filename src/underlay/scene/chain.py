@@ -1,0 +1,192 @@
+"""The links between what an instrument reads and what the sample feels, in order.
+
+    depth reading d -> [contact point: d - d0] -> [frame: w + C P(w) = d - d0] -> depth w
+    force P(w)      -> [baseline: + F0] -> [its slope: + s d] -> force reading F
+
+Each link says its step and its derivative once, for one set of numbers or for many: a number is a float, or an
+array (sets, 1) beside readings (n,). A link that a scene does not call for is absent and runs no code. With the
+stiffness S = dP/dw, whatever changes w at fixed d - d0 is divided by 1 + C S, and
+
+    dF/dd0 = -S / (1 + C S),   dF/dC = -P S / (1 + C S),   dF/dF0 = 1,   dF/ds = d.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Self, TypeAlias
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.mechanics.response import Response
+
+__all__ = ["Baseline", "BaselineSlope", "Chain", "ContactPoint", "ForceLink", "Frame"]
+
+#: One number, or one for each set, (sets, 1).
+PerSet: TypeAlias = float | FloatArray
+
+# Newton from the stiff side on a convex function converges monotonically; 50 is far beyond need.
+_MAX_STEPS = 50
+
+
+@dataclass(frozen=True)
+class ContactPoint:
+    """The reading `depth` (m) at first contact."""
+
+    path: ClassVar[str] = "instrument.contact_depth"
+
+    depth: PerSet
+
+    def travel(self, reading: FloatArray) -> FloatArray:
+        """Travel since contact (m) at depth readings (m)."""
+        return reading - self.depth
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame or cantilever of this `compliance` (m/N), which takes its share of the travel."""
+
+    path: ClassVar[str] = "instrument.compliance"
+
+    compliance: float
+
+    def tip_depth(self, response: Response, travel: FloatArray) -> FloatArray:
+        """Solve w + C P(w) = s for w (m), s the travel since contact (m).
+
+        P is convex in w for every law here, so Newton's method from w = s descends monotonically to the root.
+        """
+        w = np.array(travel, dtype=np.float64)
+        touching = w > 0.0
+        s = w[touching]
+        # The start must be inside the range of the law; the root is below it whenever a root exists there.
+        x = np.minimum(s, response.max_depth)
+        for _ in range(_MAX_STEPS):
+            excess = x + self.compliance * response.force(x) - s
+            step = excess * self.share(response.stiffness(x))
+            x = np.where(step < x, x - step, 0.5 * x)
+            if (np.abs(step) <= 4.0 * np.finfo(float).eps * s).all():
+                break
+        w[touching] = x
+        return w
+
+    def share(self, stiffness: FloatArray) -> FloatArray:
+        """The sample's share of a small travel, 1 / (1 + C S), at stiffness S (N/m)."""
+        return np.asarray(1.0 / (1.0 + self.compliance * stiffness))
+
+    def slope(self, force: FloatArray, stiffness: FloatArray) -> FloatArray:
+        """dP/dC at a given travel, - P S / (1 + C S), for force P (N) and stiffness S (N/m)."""
+        return -force * stiffness * self.share(stiffness)
+
+
+class ForceLink(ABC):
+    """A step from the contact's force to the reading, linear in its number."""
+
+    path: ClassVar[str]
+
+    @abstractmethod
+    def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
+        """Force after the step (N) of a force before it (N), at depth readings (m)."""
+
+    @classmethod
+    @abstractmethod
+    def slope(cls, depth: FloatArray) -> FloatArray:
+        """d force / d number at depth readings (m), (n,); the same whatever the number."""
+
+
+@dataclass(frozen=True)
+class Baseline(ForceLink):
+    """A reading of `force` (N) without contact, at zero of the depth axis."""
+
+    path: ClassVar[str] = "instrument.baseline"
+
+    force: PerSet
+
+    def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
+        """F + F0."""
+        del depth
+        return force + self.force
+
+    @classmethod
+    def slope(cls, depth: FloatArray) -> FloatArray:
+        """One."""
+        return np.ones(depth.shape)
+
+
+@dataclass(frozen=True)
+class BaselineSlope(ForceLink):
+    """A baseline that changes by `stiffness` (N/m) along the depth axis."""
+
+    path: ClassVar[str] = "instrument.baseline_slope"
+
+    stiffness: PerSet
+
+    def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
+        """F + s d."""
+        return force + self.stiffness * depth
+
+    @classmethod
+    def slope(cls, depth: FloatArray) -> FloatArray:
+        """The readings."""
+        return depth
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The links a scene calls for.
+
+    Parameters
+    ----------
+    contact : ContactPoint or None
+        First link of the depth.
+    frame : Frame or None
+        Second link of the depth; of one set of numbers only.
+    offsets : tuple of ForceLink
+        Links of the force, in order.
+    """
+
+    contact: ContactPoint | None
+    frame: Frame | None
+    offsets: tuple[ForceLink, ...]
+
+    @classmethod
+    def of(cls, values: Mapping[str, PerSet], free: Collection[str] = ()) -> Self:
+        """Links of the numbers of a scene by path: those that are not zero, and those that are free."""
+
+        def called(path: str) -> bool:
+            value = values[path]
+            return path in free or (bool(value) if isinstance(value, float) else bool(np.any(value)))
+
+        frame = values[Frame.path]
+        if called(Frame.path) and not isinstance(frame, float):
+            raise InputError("a frame's compliance is solved for one set of numbers at a time")
+        return cls(
+            ContactPoint(values[ContactPoint.path]) if called(ContactPoint.path) else None,
+            Frame(float(frame)) if called(Frame.path) else None,
+            tuple(link(values[link.path]) for link in (Baseline, BaselineSlope) if called(link.path)),
+        )
+
+    def travel(self, depth: FloatArray) -> FloatArray:
+        """Travel since contact (m) at depth readings (m)."""
+        return depth if self.contact is None else self.contact.travel(depth)
+
+    def tip_depth(self, response: Response, depth: FloatArray) -> FloatArray:
+        """Depth of the tip into the sample (m) at depth readings (m)."""
+        travel = self.travel(depth)
+        return travel if self.frame is None else self.frame.tip_depth(response, travel)
+
+    def reading(self, force: FloatArray, depth: FloatArray) -> FloatArray:
+        """Force reading (N) of contact forces (N) at depth readings (m)."""
+        for link in self.offsets:
+            force = link.reading(force, depth)
+        return force
+
+    def at_fixed_travel(self, slope: FloatArray, stiffness: FloatArray) -> FloatArray:
+        """Derivative of the force where the travel is given, from that where the tip's depth is: shared."""
+        return slope if self.frame is None else slope * self.frame.share(stiffness)
+
+    def offset_slopes(self, depth: FloatArray) -> dict[str, FloatArray]:
+        """d force / d number, (n,), of every link of the force, by path."""
+        return {link.path: link.slope(depth) for link in self.offsets}

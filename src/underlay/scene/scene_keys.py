@@ -1,0 +1,148 @@
+"""Every key that a scene file may hold, read off the declarations that check it.
+
+What a key means is the sentence of the docstring, or of the field, that declares it: there is no second list.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import types
+from collections.abc import Iterator
+from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
+
+import numpy as np
+
+from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
+from underlay.scene.instrument import Instrument
+from underlay.scene.scene_file import EQUIVALENT_CONES
+from underlay.scene.scene_schema import (
+    CurveSection,
+    FieldInfo,
+    NoiseSection,
+    SimulateSection,
+    SolverSection,
+    ThicknessSection,
+    free_parameter_schema,
+    kind_of_field,
+    schema_of,
+)
+from underlay.units import KINDS
+
+__all__ = ["SceneKey", "scene_keys"]
+
+_WORDS = {str: "text", int: "a whole number", float: "a number", bool: "true or false", dict: "a table"}
+#: Keys that choose what a section is, rather than being a number of it.
+_CHOICES = {
+    ("indenter", "shape"): "the tip; what else it needs is listed by shape",
+    ("substrate", "rigid"): "true for a base that does not deform, in place of its moduli",
+}
+_FIT = {
+    "prior": "density of what is known before; bounds alone are a flat one",
+    "min": "lower bound",
+    "max": "upper bound",
+    "mean": "of a normal prior",
+    "sd": "standard deviation of a normal or half-normal prior",
+    "median": "of a lognormal prior",
+    "relative_sd": "of a lognormal prior, as a share of the median",
+}
+
+
+class SceneKey(NamedTuple):
+    """One key: its section, name, what it takes, its default (empty if it must be given) and its meaning."""
+
+    section: str
+    key: str
+    takes: str
+    default: str
+    meaning: str
+
+
+def scene_keys() -> list[SceneKey]:
+    """Return every key there is, section by section."""
+    return list(_all())
+
+
+def _all() -> Iterator[SceneKey]:
+    shapes = {shape.shape: shape for shape in Indenter.shapes() if shape.__module__.startswith("underlay.")}
+    names = ", ".join(sorted([*shapes, *EQUIVALENT_CONES]))
+    yield SceneKey("indenter", "shape", f"one of {names}", "", _CHOICES["indenter", "shape"])
+    for name, shape in sorted(shapes.items()):
+        yield from _of_class(shape, "indenter", f" ({name})")
+    yield from _of_class(Isotropic, "layer", "")
+    yield from _of_class(TransverselyIsotropic, "layer", " (transversely isotropic)", seen=("E", "nu"))
+    yield from _of_model(ThicknessSection.model_fields, "layer")
+    yield SceneKey("substrate", "rigid", "true or false", "false", _CHOICES["substrate", "rigid"])
+    yield from _of_class(Isotropic, "substrate", "")
+    yield from _of_class(TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu"))
+    yield from _of_class(Instrument, "instrument", "")
+    for name, field in free_parameter_schema("dimensionless").model_fields.items():
+        own = name in ("prior", "relative_sd")
+        takes = _takes(field) if own else "a quantity of the parameter's kind"
+        yield SceneKey("fit", f"PARAMETER.{name}", takes, "none", _FIT[name])
+    for section, model in (
+        ("solver", SolverSection),
+        ("noise", NoiseSection),
+        ("curve", CurveSection),
+        ("simulate", SimulateSection),
+    ):
+        yield from _of_model(model.model_fields, section)
+
+
+def _of_class(kind: type[Any], section: str, remark: str, seen: tuple[str, ...] = ()) -> Iterator[SceneKey]:
+    said = _described(kind)
+    for name, field in schema_of(kind).model_fields.items():
+        if name not in seen:
+            meaning = said.get(name, _first_sentence(kind))
+            yield SceneKey(section, f"{name}{remark}", _takes(field), _default(field), meaning)
+
+
+def _of_model(fields: dict[str, FieldInfo], section: str) -> Iterator[SceneKey]:
+    for name, field in fields.items():
+        yield SceneKey(section, name, _takes(field), _default(field), field.description or "")
+
+
+def _takes(field: FieldInfo) -> str:
+    kind = kind_of_field(field)
+    if kind is not None:
+        example = KINDS[kind].example
+        return f"a number, {example}" if kind == "dimensionless" else f'{kind}, "{example}"'
+    kinds = _members(field.annotation)
+    if get_origin(kinds[0]) is list:
+        return f"a list of {', '.join(get_args(get_args(kinds[0])[0]))}"
+    if get_origin(kinds[0]) is Literal:
+        return f"one of {', '.join(get_args(kinds[0]))}"
+    return _WORDS.get(get_origin(kinds[0]) or kinds[0], "text")
+
+
+def _members(annotation: Any) -> list[Any]:
+    if get_origin(annotation) in (Union, types.UnionType):
+        return [member for member in get_args(annotation) if member is not type(None)]
+    return [annotation]
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return ""
+    value = field.default
+    if value is None or (isinstance(value, float) and not np.isfinite(value)):
+        return "none"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _described(kind: type[Any]) -> dict[str, str]:
+    """First sentence of what a numpydoc docstring says of each parameter."""
+    found = re.search(r"\nParameters\n-+\n(.*?)(?:\n\n\S|\Z)", inspect.getdoc(kind) or "", re.DOTALL)
+    if found is None:
+        return {}
+    said: dict[str, str] = {}
+    for names, text in re.findall(r"^(\S[^:\n]*) :[^\n]*\n((?:[ ]{4}.*\n?)+)", found.group(1), re.MULTILINE):
+        words = " ".join(text.split())
+        for name in names.split(","):
+            said[name.strip()] = words
+    return said
+
+
+def _first_sentence(kind: type[Any]) -> str:
+    return " ".join((inspect.getdoc(kind) or "").split("\n\n")[0].split())

@@ -1,0 +1,114 @@
+"""The engine: where its search ends, what it solves for, and lmfit's word on it."""
+
+import lmfit
+import numpy as np
+import pytest
+
+import underlay as ul
+from support.inverse import ambiguous, exact_curve, layer_on, measured, problem
+from underlay.data.noise import Noise
+from underlay.inference.least_squares.engine import Search, minimise
+from underlay.inference.least_squares.fitting import quick_fit
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.priors import Normal
+
+E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
+BASELINE = "instrument.baseline"
+CASES = {
+    "rigid": (ul.RIGID, [E, H, C], {}),
+    "base": (ul.Isotropic(4e6, 0.3), [E, BASE, C, BASELINE], {}),
+    "prior": (ul.RIGID, {E: None, H: Normal(5e-4, 2e-5), C: None}, {}),
+    "relative": (ul.RIGID, [E, C], {"relative": 0.01}),
+    "correlated": (ul.RIGID, [E, H, C], {"correlation_time": 0.01}),
+}
+
+
+def posed(case):
+    """A problem with a known noise."""
+    base, free, more = CASES[case]
+    scene = layer_on(base, baseline=2e-3)
+    curve = measured(scene, level=0.003, **more)
+    return problem(
+        scene, free, curve, noise=Noise(force=0.003 * float(np.ptp(scene.force(curve.depth))), **more)
+    )
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_place_of_the_search_says_what_the_residuals_say(case):
+    p = posed(case)
+    objective = Objective(p, freeze(p, p.start, p.noises(p.start)))
+    vector = np.linspace(0.02, 0.05, len(p.names))
+    low, high = np.full((2, len(vector)), 9.0) * np.array([[-1.0], [1.0]])
+    point = objective.point(vector, low, high)
+    # Wherever the linear parameters were taken to, the residuals there have these products: to the rounding of
+    # a sum of squares, and J to the differences of laws.
+    residuals, jacobian = objective.residuals(point.vector), objective.jacobian(point.vector)
+    assert point.square == pytest.approx(residuals @ residuals, rel=1e-9)
+    scale = np.sqrt(np.diag(jacobian.T @ jacobian))
+    assert np.abs(point.gradient - jacobian.T @ residuals).max() < 1e-6 * (scale * point.square**0.5).max()
+    assert np.abs(point.normal - jacobian.T @ jacobian).max() < 1e-6 * (scale**2).max()
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_engine_ends_where_lmfit_does(case):
+    p = posed(case)
+    alone, confirmed = quick_fit(p), ul.fit(p)
+    deviation = np.sqrt(np.diag(confirmed.scaled_covariance))
+    # The last step is of hundredths of a standard error and off by its own share again; lmfit goes on to 1e-8.
+    assert (np.abs(alone.vector - confirmed.vector) < 2e-3 * deviation).all()
+    assert alone.statistics.chi_square == pytest.approx(confirmed.statistics.chi_square, rel=1e-7)
+    assert alone.statistics.method != confirmed.statistics.method
+
+
+def test_lmfits_own_result_is_handed_over():
+    p = posed("rigid")
+    found = ul.fit(p)
+    result = found.lmfit
+    assert isinstance(result, lmfit.minimizer.MinimizerResult)
+    assert list(result.params) == ["layer_E", "layer_thickness", "instrument_contact_depth"]
+    assert [result.params[name].value for name in result.params] == pytest.approx(found.vector, rel=1e-12)
+    assert result.chisqr == pytest.approx(found.statistics.chi_square, rel=1e-9)
+    assert "layer_thickness" in lmfit.fit_report(result)
+    # A fit by the engine alone asks for it when it is asked.
+    assert quick_fit(p).lmfit.chisqr == pytest.approx(result.chisqr, rel=1e-7)
+
+
+def test_bounds_hold_every_place_that_is_asked_for():
+    scene = layer_on(ul.RIGID)
+    p = problem(scene, {E: (0.9e6, 1.02e6), H: (4e-4, 5.02e-4), C: (-1e-4, 1e-4)}, measured(scene, rng=4))
+    asked = []
+    objective = Objective(p, freeze(p, p.start, [Noise(force=1e-4)]))
+    models = objective._columns
+    objective._columns = lambda physical, **how: asked.append(np.array(physical)) or models(physical, **how)
+    minimise(objective, p.start)
+    low, high = np.array([[c.low, c.high] for c in p.coordinates]).T
+    assert len(asked) > 2
+    # The exponential of a bound's logarithm is the bound to rounding.
+    slack = 1e-12 * (high - low)
+    assert all(((x >= low - slack) & (x <= high + slack)).all() for x in asked)
+
+
+def test_what_is_held_stays():
+    p = posed("base")
+    objective = Objective(p, freeze(p, p.start, p.noises(p.start)), held=frozenset({0, 3}))
+    start = np.array([0.1, 0.0, 0.0, 0.02])
+    found = minimise(objective, start)
+    assert found.vector[[0, 3]] == pytest.approx(start[[0, 3]], abs=0.0)
+    assert found.success
+
+
+def test_a_search_cut_short_says_so():
+    scene = layer_on(ul.RIGID)
+    p = problem(scene.with_values({E: 3e6, H: 3e-4}), [E, H, C], exact_curve(scene))
+    objective = Objective(p, freeze(p, p.start, [Noise(force=1e-6)]))
+    short = minimise(objective, p.start, Search(steps=2))
+    assert not short.success
+    assert "2 steps" in short.message
+
+
+def test_both_optima_are_found_without_lmfit():
+    p = ambiguous()
+    alone, confirmed = quick_fit(p), ul.fit(p)
+    assert len(alone.alternatives) == len(confirmed.alternatives) == 1
+    assert alone.values[E] == pytest.approx(confirmed.values[E], abs=1e-2 * confirmed.stderr[E])

@@ -1,0 +1,147 @@
+"""Every command line that the README prints, run word for word beside the files that it speaks of."""
+
+import re
+import shlex
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+import underlay as ul
+from test_help import examples
+from underlay.cli.app import main
+from underlay.data.curve_csv import curve_csv
+from underlay.scene.accuracy_cost import accuracy_cost
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+SAMPLES = ROOT / "data_samples"
+#: What is not run here, and why: a cluster of machines, the user's own shell, and a command that needs words.
+EXCEPTED = ("--scheduler", "--install-completion", "CURVE")
+
+
+def commands():
+    """Every `underlay ...` of a shell block, and every one in the text that names a file."""
+    blocks = re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
+    lines = [line for block in blocks for line in block.splitlines()]
+    prose = re.sub(r"```.*?```", "", README, flags=re.DOTALL)
+    lines += [" ".join(code.split()) for code in re.findall(r"`(underlay\s[^`]+)`", prose)]
+    lines = [line.removeprefix(".venv/bin/") for line in lines]
+    # `underlay --help` promises some of them too: those are run by its test.
+    promised = {example.values[0] for example in examples()}
+    for line in dict.fromkeys(lines):
+        words = shlex.split(line, comments=True)
+        if words[:1] == ["underlay"] and shlex.join(words) not in {
+            shlex.join(shlex.split(p)) for p in promised
+        }:
+            yield pytest.param(words, id=" ".join(words[1:4]))
+
+
+def readme_scene():
+    return next(
+        block for block in re.findall(r"```toml\n(.*?)```", README, re.DOTALL) if "[indenter]" in block
+    )
+
+
+def run(words, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", list(map(str, words)))
+    code = 0
+    try:
+        main()
+    except SystemExit as stop:
+        code = stop.code or 0
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Return a folder with the scene that the README prints, a curve of it, and its map."""
+    (tmp_path / "scene.toml").write_text(readme_scene(), encoding="utf-8")
+    scene = ul.load_scene(tmp_path / "scene.toml")
+    made = SAMPLES / "cartilage_on_bone.csv"
+    depth = ul.read(made).depth[::8] * 0.3
+    curve = ul.synthesize(scene.with_values({"layer.E": 1.3e6}), depth, ul.Noise(force=2e-5), 1)
+    text = curve_csv(curve, [])
+    (tmp_path / "curve.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "curves").mkdir()
+    (tmp_path / "curves" / "site-0001.csv").write_text(text, encoding="utf-8")
+    manifest = re.search(r"```text\n(file,.*?)```", README, re.DOTALL).group(1)
+    (tmp_path / "manifest.csv").write_text(manifest, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("words", list(commands()))
+def test_readme_command_works_as_printed(words, folder, monkeypatch, capsys):
+    if any(word.startswith(EXCEPTED) for word in words):
+        pytest.skip("needs other machines, the user's shell or the reader's words")
+    # How often each law is timed changes nothing but the time.
+    monkeypatch.setitem(accuracy_cost.__kwdefaults__, "rounds", 1)
+    code, _, err = run(words, monkeypatch, capsys)
+    assert code == 0, err
+    for flag in ("--output", "--new-scene", "--new-notebook"):
+        if flag in words:
+            assert (folder / words[words.index(flag) + 1]).exists()
+
+
+def test_the_readme_prints_the_commands_that_matter():
+    printed = set(re.findall(r"underlay (\w+)", README))
+    assert printed >= {"fit", "simulate", "identify", "plan", "sample", "map", "accuracy", "effects"}
+
+
+@pytest.mark.parametrize(
+    "sample", ["cartilage_on_bone", "chiaro_cell", "gel_on_glass", "soft_film_on_softer_base"]
+)
+def test_commands_answer_for_every_sample_scene(sample, tmp_path, monkeypatch, capsys):
+    scene = tmp_path / "scene.toml"
+    shutil.copy(SAMPLES / f"{sample}.toml", scene)
+    code, out, err = run(["underlay", "effects", scene], monkeypatch, capsys)
+    assert code == 0, err
+    assert "by default" in out
+    code, out, err = run(
+        ["underlay", "plan", scene, "--radii", "5 um:50 um:2", "--depths", "1 um:2 um:2"], monkeypatch, capsys
+    )
+    assert code == 0, err
+    assert "1% of the force" in out
+    code, out, err = run(["underlay", "identify", scene], monkeypatch, capsys)
+    assert code == 0, err
+
+
+def test_depth_and_noise_come_from_the_curve_that_the_scene_names(tmp_path, monkeypatch, capsys):
+    scene = tmp_path / "scene.toml"
+    text = (SAMPLES / "cartilage_on_bone.toml").read_text(encoding="utf-8")
+    scene.write_text(text + '\n[curve]\nfile = "curve.csv"\n', encoding="utf-8")
+    shutil.copy(SAMPLES / "cartilage_on_bone.csv", tmp_path / "curve.csv")
+    grid = ["--radii", "0.5 mm:2 mm:2", "--depths", "0.1 mm:0.2 mm:2"]
+    code, named, err = run(["underlay", "effects", scene], monkeypatch, capsys)
+    assert code == 0, err
+    # Readings go to 0.3 mm and contact was at 14 um.
+    assert "at 0.28" in named
+    assert "by default" not in named
+    shutil.copy(SAMPLES / "cartilage_on_bone.toml", scene)
+    code, given, err = run(
+        ["underlay", "effects", scene, "--curve", tmp_path / "curve.csv"], monkeypatch, capsys
+    )
+    assert code == 0, err
+    sizes = [
+        line.split()[2] for line in (named, given) for line in line.splitlines() if "finite thickness" in line
+    ]
+    assert sizes[0] == sizes[1]
+    code, out, err = run(
+        ["underlay", "plan", scene, "--curve", tmp_path / "curve.csv", *grid], monkeypatch, capsys
+    )
+    assert code == 0, err
+    # The sample was made with 0.6 mN of white noise.
+    assert 0.5 < float(re.search(r"noise ([\d.]+) mN, as the curve scatters", out).group(1)) < 0.7
+
+
+def test_a_named_curve_that_is_not_there_is_said(tmp_path, monkeypatch, capsys):
+    scene = tmp_path / "scene.toml"
+    text = (SAMPLES / "cartilage_on_bone.toml").read_text(encoding="utf-8")
+    scene.write_text(text + '\n[curve]\nfile = "gone.csv"\n', encoding="utf-8")
+    code, _, err = run(["underlay", "effects", scene], monkeypatch, capsys)
+    assert code == 2
+    assert "gone.csv" in err
+    assert err.count("\n") == 1

@@ -1,0 +1,124 @@
+"""Starts and their candidates: blocks, the scan's agreement with a known base, which minima are kept."""
+
+import numpy as np
+import pytest
+
+import underlay as ul
+from support.inverse import exact_curve, layer_on, measured, problem
+from underlay.data.curve import Curve
+from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.blocks import Blocks, blocked_objective
+from underlay.inference.least_squares.candidates import candidates
+from underlay.inference.least_squares.scan import scan
+from underlay.inference.plain_hertz import plain_hertz_fit
+from underlay.inference.problem import Problem
+
+E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
+BASELINE = "instrument.baseline"
+
+
+@pytest.mark.parametrize("points", [20, 32, 33, 1000])
+def test_blocks_are_the_medians_or_averages_of_neighbours(points):
+    rng = np.random.default_rng(points)
+    curve = Curve(rng.permutation(np.linspace(0.0, 1.0, points)), rng.standard_normal(points))
+    order = np.argsort(curve.depth)
+    groups = np.array_split(order, min(32, points))
+    for middle, averages in ((np.median, False), (np.mean, True)):
+        blocks = Blocks.of(curve, 32, averages=averages)
+        # Sums of the same numbers in another order: a few roundings.
+        assert blocks.force == pytest.approx([middle(curve.force[g]) for g in groups], rel=1e-12, abs=1e-14)
+        assert blocks.depth == pytest.approx([middle(curve.depth[g]) for g in groups], rel=1e-12, abs=1e-14)
+
+
+@pytest.mark.parametrize("indenter", [ul.Paraboloid(1e-3), ul.Sphere(1e-3), ul.Cone(1.2)])
+@pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(4e6, 0.3), ul.Isotropic(3e5, 0.3)])
+def test_blocked_derivatives_are_those_of_its_residuals(indenter, base):
+    scene = layer_on(base, indenter=indenter, baseline=2e-3)
+    free = [E, H, C, BASELINE, *([] if base is ul.RIGID else [BASE])]
+    p = problem(scene, free)
+    blocked = blocked_objective(p, robust=False)
+    vector = np.full(len(free), 0.01)
+    jacobian = blocked.jacobian(vector, rough=True)
+    for k, step in enumerate(1e-3 * np.eye(len(free))):
+        change = blocked.residuals(vector + step) - blocked.residuals(vector - step)
+        # Laws to 1e-3: their differences over 2e-3 are within a few hundredths of the largest derivative.
+        assert np.abs(change / 2e-3 - jacobian[:, k]).max() < 0.05 * np.abs(jacobian[:, k]).max(), free[k]
+
+
+def test_linear_parameters_are_at_their_best_wherever_it_is_asked():
+    scene = layer_on(ul.Isotropic(4e6, 0.3), baseline=2e-3)
+    p = problem(scene, [E, H, C, BASE, BASELINE])
+    blocked = blocked_objective(p, robust=False)
+    wide = np.full(5, 5.0)
+    point = blocked.point(np.array([0.7, 0.1, 0.02, 0.7, 0.3]), -wide, wide)
+    # Both moduli together, and the baseline: the gradient vanishes along them, up to the rounding of the solution.
+    scale = np.sqrt(np.diag(point.normal) * point.square)
+    gradient = point.gradient
+    assert abs(gradient[0] + gradient[3]) < 1e-4 * scale[0]
+    assert abs(gradient[4]) < 1e-9 * scale[4]
+    ratio = point.vector[3] - point.vector[0]
+    assert ratio == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(4e6, 0.3)])
+def test_a_rough_fit_ends_within_a_fraction_of_a_standard_error(base):
+    scene = layer_on(base)
+    p = problem(scene, [E, H, C], measured(scene, points=1000))
+    found = fit(p)
+    deviation = np.sqrt(np.diag(found.scaled_covariance))
+    (rough,) = candidates(blocked_objective(p, robust=False), [found.vector + np.array([0.4, 0.3, 0.01])])
+    # Averages of 31 points lose little of what 1000 tell; the law is coarse to 1e-3 of the force.
+    assert (np.abs(rough.vector - found.vector) < 0.5 * deviation).all()
+
+
+def test_one_place_is_kept_once():
+    scene = layer_on(ul.RIGID)
+    p = problem(scene, [E, H, C])
+    start = fit(p).vector
+    near = [
+        start + offset for offset in (np.zeros(3), np.array([0.05, 0.04, 0.0]), np.array([-0.1, -0.1, 0.0]))
+    ]
+    assert len(candidates(blocked_objective(p, robust=False), near)) == 1
+
+
+@pytest.mark.parametrize("modulus", [4e6, 1e8, 2e5])
+def test_the_scan_agrees_with_a_base_that_is_known(modulus):
+    scene = layer_on(ul.Isotropic(modulus, 0.3))
+    start = scene.with_values({E: 1e3 * scene.parameters[E]})
+    p = Problem(start, exact_curve(scene), [E, C])
+    best = p.values(scan(p)[0])
+    # Between ratios up to seven apart the straight line is off by a few tens of per cent.
+    assert abs(np.log(best[E] / 1e6)) < 0.5
+    assert abs(best[C] - 1e-5) < 0.05 * 1.8e-4
+
+
+def test_plain_hertz_finds_what_made_the_curve():
+    scene = ul.Scene(
+        ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45)), instrument=ul.Instrument(1e-5, 2e-3)
+    )
+    curve = exact_curve(scene)
+    found = plain_hertz_fit(curve.depth, curve.force, 1e-3, 0.45, E=3e6)
+    assert found == pytest.approx({"E": 1e6, "contact_depth": 1e-5, "baseline": 2e-3}, rel=1e-5)
+
+
+@pytest.mark.parametrize("replica", range(10))
+def test_a_second_basin_between_the_points_of_the_grid_is_found(replica):
+    # A layer on a base four times stiffer, whose modulus is known: 2.7 times thinner and softer fits nearly as
+    # well, and its basin shadows the true one on the coarse grid.
+    scene = ul.Scene(
+        ul.Paraboloid(1e-3),
+        ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4),
+        ul.Isotropic(4e6, 0.3),
+        ul.Instrument(contact_depth=1e-5),
+    )
+    noise = ul.Noise(force=0.002 * float(scene.force(2e-4)))
+    depth = np.linspace(-5e-5, 2e-4, 200)
+    curve = ul.synthesize(scene, depth, noise, np.random.default_rng([0, replica]))
+    free = ("layer.E", "layer.thickness", "instrument.contact_depth")
+    start = scene.with_values({"layer.E": 3e6, "instrument.contact_depth": 0.0})
+    blind, told = (
+        ul.fit(ul.Problem(start, curve, free, noise)),
+        ul.fit(ul.Problem(scene, curve, free, noise), start="given"),
+    )
+    # The same optimum to the tolerance of the minimiser, or a better one.
+    assert blind.statistics.chi_square <= told.statistics.chi_square + 1e-3

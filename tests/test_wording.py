@@ -1,0 +1,91 @@
+"""What the command line says: no message of the library reaches it with an argument of Python in it."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import underlay
+from underlay.cli.wording import spoken
+
+PACKAGE = Path(underlay.__file__).parent
+#: Builders of messages: errors, and the warnings of a fit or of the library.
+BUILDERS = re.compile(r"\w*(Error|Warning)$|^warn$|^_refusal$")
+#: An argument given by name, a call, or a name of the library: what no scene file and no flag is written with.
+PYTHON = re.compile(
+    r"\b[a-z_]\w*=(?=[\w'\"{(.])|\b(?:ul\.)?[a-z_]\w*\((?:[a-z_.]+(?:, ?[\w=.]+)*)?\)|\bRIGID\b|=\{"
+)
+#: Wherever these are, the command line does not come: arguments that only Python can give.
+PYTHON_ONLY = {
+    "inference/remedy.py",
+    "report/problem_source.py",
+    "report/render.py",
+    "mechanics/profile.py",
+}
+#: Written so on the command line too.
+FLAGS = re.compile(r"--[a-z-]+ [a-z_]+=\S+|--noise \w+=")
+#: Formulas and functions of mathematics.
+MATHEMATICS = re.compile(r"\b(sqrt|ln|exp|cos|tan|atan|log|int|max|min)\([^)]*\)")
+
+
+def text_of(node):
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if isinstance(node, ast.JoinedStr):
+        return "".join(part.value if isinstance(part, ast.Constant) else "X" for part in node.values)
+    if isinstance(node, ast.BinOp):
+        return (text_of(node.left) or "") + (text_of(node.right) or "")
+    return None
+
+
+def messages():
+    """(file, text) of every string handed to an error or a warning, and of every `_beyond`."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        name = path.relative_to(PACKAGE).as_posix()
+        if name in PYTHON_ONLY or name.startswith("cli/wording"):
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            found = []
+            if isinstance(node, ast.Call):
+                called = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+                if BUILDERS.match(called):
+                    found = [text_of(argument) for argument in node.args]
+            elif isinstance(node, ast.FunctionDef) and node.name == "_beyond":
+                found = [text_of(inner) for inner in ast.walk(node) if not isinstance(inner, ast.Expr)]
+            for text in found:
+                if text and " " in text:
+                    yield pytest.param(text, id=f"{name}:{node.lineno}")
+
+
+@pytest.mark.parametrize("text", list(messages()))
+def test_no_python_reaches_the_command_line(text):
+    said = MATHEMATICS.sub("", FLAGS.sub("", spoken(text)))
+    assert not PYTHON.search(said), said
+
+
+def test_the_words_of_python_are_found():
+    for text in (
+        "use method='exact'",
+        "pass resume=True to go on",
+        "see plan()",
+        "is RIGID",
+        "columns={'a': 1}",
+    ):
+        assert PYTHON.search(text), text
+
+
+@pytest.mark.parametrize(
+    ("python", "words"),
+    [
+        ('the series ends; use solver="exact" or less depth', 'name = "exact" in [solver]'),
+        (
+            "curve.chain.h5 exists: pass resume=True to continue it, or another name",
+            "continue it with --resume",
+        ),
+        ("layer.E is not fixed; see identifiability(problem)", "see underlay identify"),
+        ("nothing of it, profile(fit, name, calibrate=99) does", "underlay sample does"),
+    ],
+)
+def test_what_it_says_instead(python, words):
+    assert words in spoken(python)
