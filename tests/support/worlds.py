@@ -33,7 +33,7 @@ class Clean:
         return float(np.abs(self.force).max())
 
 
-def nothing(clean, rng):
+def nothing(clean, _rng):
     return np.zeros_like(clean.depth)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +24,7 @@ from underlay.inference.least_squares.instrument_modulus import InstrumentModulu
 from underlay.inference.least_squares.last_word import Minimiser
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.provenance import provenance
+from underlay.inference.least_squares.stated import StatedInterval, Statements, Verdict
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.quantities import field_quantities
@@ -149,6 +150,8 @@ class Fit:
         What to beware of.
     alternatives : tuple of Alternative
         Other optima within a rise of 11.6 in chi-square (99.9 %), as far as the starts found them.
+    state : callable
+        Makes what the fit states of itself, when that is asked for.
     """
 
     problem: Problem = field(repr=False)
@@ -164,6 +167,7 @@ class Fit:
     whitened: tuple[FloatArray, ...] = field(repr=False)
     statistics: FitStatistics = field(repr=False)
     warnings: tuple[FitWarning, ...]
+    state: Callable[[Fit], Statements] = field(repr=False)
     alternatives: tuple[Alternative, ...] = ()
     _lmfit: Any = field(default=None, repr=False)
 
@@ -178,6 +182,46 @@ class Fit:
             return self._lmfit
         objective = Objective(self.problem, freeze(self.problem, self.vector, self.noises))
         return Minimiser()(objective, self.vector).result
+
+    @cached_property
+    def _statements(self) -> Statements:
+        return self.state(self)
+
+    def interval(self, name: str, level: float = 0.95) -> StatedInterval:
+        """Return the interval of a parameter: the one that every headline, table, page and file prints.
+
+        Where the noise was stated it is the quadratic one if the profile agrees with it at both ends, else the
+        profile's. Without a stated noise correlated noise, a drifting law and a jump at contact are weighed and
+        averaged over (see `inference/misfit`). It is computed when it is first asked for, and kept.
+
+        Parameters
+        ----------
+        name : str
+            One of `names`.
+        level : float, default 0.95
+            Confidence.
+
+        Returns
+        -------
+        StatedInterval
+            Its ends are infinite where the data leave them open.
+
+        Raises
+        ------
+        InputError
+            If the name is not fitted, or the level is not between 0 and 0.999.
+        """
+        return self._statements.interval(name, level)
+
+    @property
+    def verdict(self) -> Verdict:
+        """``"good"``, ``"doubtful"`` or ``"model wrong"``, with reasons."""
+        return self._statements.verdict
+
+    @property
+    def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
+        """d ln(value) / d ln(input): by fitted parameter, and by number of the scene taken as known."""
+        return self._statements.sensitivity
 
     @cached_property
     def diagnostics(self) -> tuple[ResidualDiagnostics, ...]:
@@ -293,6 +337,9 @@ class Fit:
         document = {
             "values": dict(self.values),
             "stderr": dict(self.stderr),
+            "intervals": {name: asdict(self.interval(name)) for name in self.names},
+            "verdict": asdict(self.verdict),
+            "sensitivity": {name: dict(row) for name, row in self.sensitivity.items()},
             "names": list(self.names),
             "covariance": self.covariance.tolist(),
             "no_error_bars": dict(self.no_error_bars),

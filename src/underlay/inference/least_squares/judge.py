@@ -13,6 +13,7 @@ from underlay.inference.least_squares.fit_warnings import too_deep, warnings_of
 from underlay.inference.least_squares.noise_estimate import noise_covariance
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.settle import Optimum
+from underlay.inference.least_squares.stated import Statements
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.parameters import kind_of
@@ -34,8 +35,17 @@ _HILL = 0.01
 _ENGINE = "projected Levenberg-Marquardt"
 
 
-def judge(optimum: Optimum, others: Sequence[FloatArray] = (), *, seconds: float) -> Fit:
-    """Make the result of a fit from where it ended; `others` are optima of other starts."""
+def judge(
+    optimum: Optimum,
+    others: Sequence[FloatArray] = (),
+    *,
+    seconds: float,
+    state: Callable[[Fit], Statements],
+) -> Fit:
+    """Make the result of a fit from where it ended.
+
+    `others` are optima of other starts; `state` makes what the fit will state of itself.
+    """
     objective, vector = optimum.objective, optimum.vector
     problem = objective.problem
     physical = problem.physical(vector)
@@ -84,6 +94,7 @@ def judge(optimum: Optimum, others: Sequence[FloatArray] = (), *, seconds: float
             *too_deep(problem, vector),
             *warnings_of(problem, laws, reasons, bounds_hit, covariance, related, statistics, alternatives),
         ),
+        state=state,
         alternatives=alternatives,
         _lmfit=optimum.lmfit,
     )

@@ -11,31 +11,26 @@ every optimum found takes part by its own weight.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import special
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError
+from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
-from underlay.inference.misfit.linearised import Linearised, Part, drift_columns, jump_columns
+from underlay.inference.misfit.descent import Combination, descend
+from underlay.inference.misfit.linearised import DRIFTS, JUMPS
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.sizes import Sizes
-from underlay.inference.model.forward import Forward
-from underlay.inference.model.members import Member
+from underlay.inference.misfit.valley import Valley
 from underlay.inference.problem import Problem
+from underlay.scene.chain import ContactPoint
 
 __all__ = ["Averaged", "average"]
 
-_CONTACT = "instrument.contact_depth"
-_MOST_BLOCKS, _LEAST_IN_CONTACT = 400, 50
-# Approach that is used, in depths of contact.
-_APPROACH = 2.0
 _MOST_PASSES = 3
-_MOST_STEPS = 12
-# A step below this share of a standard deviation moves no interval.
-_SETTLED = 0.02
 # Below this probability of no jump other contacts are tried, at these shares of the depth of contact.
 _JUMP_LIKELY = 0.5
 _CONTACTS = (-0.08, -0.04, 0.04, 0.08)
@@ -49,10 +44,13 @@ class Averaged:
 
     Parameters
     ----------
+    blocked : Blocked
+        What was averaged.
     optima : sequence of (FloatArray, Competition)
         Scaled vector (k,) of every optimum and the weights about it, heaviest first.
     """
 
+    blocked: Blocked
     optima: Sequence[tuple[FloatArray, Competition]]
 
     @property
@@ -83,6 +81,47 @@ class Averaged:
             parts[0].degrees,
         )
 
+    @cached_property
+    def valley(self) -> Valley:
+        """Profiles under the heaviest combination, every parameter free; raises InputError without a law."""
+        free = self.blocked.released()
+        combination = _combination(self.competition)
+        return Valley(free, combination, descend(free, self.vector, combination))
+
+    def deviation(self, index: int) -> float:
+        """Standard deviation of an entry under the heaviest combination."""
+        kept = np.zeros(self.competition.weights.shape, dtype=bool)
+        kept[self.competition.heaviest] = True
+        return float(np.sqrt(self.competition.covariance(kept)[0, index, index]))
+
+    def least_z(self, level: float) -> float:
+        """Standard deviations from the optimum to an end, were the heaviest combination the only one."""
+        return float(special.stdtrit(self.competition.degrees, 0.5 + 0.5 * level))
+
+    @property
+    def drifts(self) -> list[float]:
+        """Relative change of the law from contact to the deepest point, one per curve, of the likeliest drift."""
+        return [
+            float(own[:DRIFTS] @ (1.0 / np.arange(1, DRIFTS + 1))) * scatter / peak
+            for own, scatter, peak in self._misfits
+        ]
+
+    @property
+    def jumps(self) -> list[float]:
+        """Force (N) that sets in about contact, one per curve, of the likeliest jump."""
+        return [float(own[DRIFTS:].sum()) / JUMPS**0.5 * scatter for own, scatter, _ in self._misfits]
+
+    @property
+    def _misfits(self) -> list[tuple[FloatArray, float, float]]:
+        """Columns of drift and jump, scatter (N) and largest contact force (N) of every curve."""
+        competition, curves = self.competition, self.blocked.curves
+        own = competition.shift[competition.heaviest][competition.parameters :]
+        physical = self.blocked.problem.physical(self.vector)
+        return [
+            (part, curve.member.scatter, curve.largest_force(physical))
+            for part, curve in zip(np.split(own, len(curves)), curves, strict=True)
+        ]
+
     @property
     def exact_law(self) -> float:
         """Probability that the law does not drift with depth."""
@@ -99,7 +138,13 @@ class Averaged:
         return float(self.shares @ [competition.white for _, competition in self.optima])
 
 
-def average(problem: Problem, vector: FloatArray, sizes: Sizes | None = None) -> Averaged:
+def average(
+    problem: Problem,
+    vector: FloatArray,
+    others: Sequence[FloatArray] = (),
+    held: frozenset[int] = frozenset(),
+    sizes: Sizes | None = None,
+) -> Averaged:
     """Average a fit over what its residuals may be.
 
     Parameters
@@ -108,6 +153,10 @@ def average(problem: Problem, vector: FloatArray, sizes: Sizes | None = None) ->
         What was fitted; its noise is of unknown size.
     vector : FloatArray
         Optimum of the fit with white noise, scaled coordinates (k,).
+    others : sequence of FloatArray
+        Further optima of it, which take part.
+    held : frozenset of int
+        Entries that stay where they are: on a bound, or without effect on the curve.
     sizes : Sizes, optional
         What is weighed.
 
@@ -117,172 +166,39 @@ def average(problem: Problem, vector: FloatArray, sizes: Sizes | None = None) ->
         If there is no contact law at the vector.
     """
     sizes = sizes or Sizes()
-    blocked = _Blocked.of(problem, vector)
+    blocked = Blocked.of(problem, vector, held)
     first = _settled(blocked, vector, sizes)
-    optima = [first]
+    optima = [first, *(_settled(blocked, other, sizes) for other in others)]
     if first[1].no_jump < _JUMP_LIKELY:
         optima += [_settled(blocked, start, sizes) for start in _other_contacts(problem, blocked, first[0])]
-    return Averaged(_distinct(optima))
+    return Averaged(blocked, _distinct(optima))
 
 
-@dataclass(frozen=True)
-class _Blocked:
-    """A problem whose curves are taken in blocks."""
-
-    problem: Problem
-    curves: list[_BlockedCurve]
-
-    @classmethod
-    def of(cls, problem: Problem, vector: FloatArray) -> _Blocked:
-        physical = problem.physical(vector)
-        return cls(problem, [_BlockedCurve.of(member, physical) for member in problem.members])
-
-    def linearised(self, vector: FloatArray) -> Linearised:
-        """Model about a scaled vector (k,); raises InputError where there is no law."""
-        physical = self.problem.physical(vector)
-        slopes = self.problem.space.slopes(physical)
-        precision, pull = np.zeros(len(vector)), np.zeros(len(vector))
-        for i, coordinate in enumerate(self.problem.coordinates):
-            if coordinate.prior.informative:
-                value, slope = coordinate.prior.penalty(float(physical[i]))
-                precision[i] = (slope * slopes[i]) ** 2
-                pull[i] = value * slope * slopes[i]
-        return Linearised([curve.part(physical, slopes) for curve in self.curves], precision, pull)
-
-
-@dataclass(frozen=True)
-class _BlockedCurve:
-    """One curve in blocks: its model at their depths, their forces (N) and times (s), each (n,)."""
-
-    member: Member
-    forward: Forward
-    force: FloatArray
-    time: FloatArray
-
-    @classmethod
-    def of(cls, member: Member, physical: FloatArray) -> _BlockedCurve:
-        curve, contact = member.curve, member.values_at(physical)[_CONTACT]
-        deepest = float(curve.depth.max()) - contact
-        used = curve.depth >= contact - _APPROACH * deepest
-        depth, force = curve.depth[used], curve.force[used]
-        time = np.arange(len(curve.depth), dtype=np.float64) if curve.time is None else curve.time
-        in_contact = int(np.count_nonzero(depth > contact))
-        size = max(1, min(-(-len(depth) // _MOST_BLOCKS), in_contact // _LEAST_IN_CONTACT))
-        # Whole blocks from the deep end: what is left over is far before contact.
-        start = len(depth) % size
-
-        def means(values: FloatArray) -> FloatArray:
-            return np.asarray(values[start:].reshape(-1, size).mean(axis=1))
-
-        forward = replace(member.forward, depth=means(depth))
-        return cls(member, forward, means(force), means(time[used]))
-
-    def part(self, physical: FloatArray, slopes: FloatArray) -> Part:
-        values = self.member.values_at(physical)
-        entries = list(self.member.entries.values())
-        reading, own = self.forward.jacobian(values, tuple(self.member.entries), rough=True)
-        columns = np.zeros((len(self.force), len(physical)))
-        columns[:, entries] = own * slopes[entries]
-        depth = self.forward.depth - values[_CONTACT] - values["instrument.compliance"] * reading.contact
-        scatter = self.member.scatter
-        return Part(
-            (reading.force - self.force) / scatter,
-            columns / scatter,
-            drift_columns(reading.contact, depth),
-            jump_columns(depth),
-            self.time,
-        )
-
-
-def _settled(blocked: _Blocked, vector: FloatArray, sizes: Sizes) -> tuple[FloatArray, Competition]:
+def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> tuple[FloatArray, Competition]:
     """Optimum of the heaviest combination, from a start, and the weights about it."""
     competition = Competition.of(blocked.linearised(vector), sizes)
     for _ in range(_MOST_PASSES):
         chosen = competition.heaviest
-        vector = _descend(blocked, vector, competition.noises[chosen[0]], sizes.scales_of(chosen[1]))
+        vector = descend(blocked, vector, _combination(competition)).vector
         competition = Competition.of(blocked.linearised(vector), sizes)
         if competition.heaviest == chosen:
             break
     return vector, competition
 
 
-def _descend(
-    blocked: _Blocked,
-    vector: FloatArray,
-    noise: tuple[float, float] | None,
-    sizes: tuple[float, float],
-) -> FloatArray:
-    """Optimum of one combination: Levenberg-Marquardt, drift and jump solved for at every step."""
-    low, high = blocked.problem.bounds.T
-    scale = Sizes.scale(sizes, len(vector), len(blocked.curves))
-    here, damping = _place(blocked, vector, noise, scale), 1e-6
-    for _ in range(_MOST_STEPS):
-        step = here.step(damping)
-        target = np.clip(vector + step, low, high)
-        try:
-            there = _place(blocked, target, noise, scale)
-        except InputError:
-            there = None
-        if there is None or not there.square < here.square:
-            if here.gain(target - vector) < _SETTLED**2:
-                break
-            damping = max(10.0 * damping, 1e-3)
-            continue
-        settled = here.square - there.square < _SETTLED**2 * here.variance
-        vector, here, damping = target, there, 0.1 * damping
-        if settled:
-            break
-    return vector
+def _combination(competition: Competition) -> Combination:
+    noise, column = competition.heaviest
+    return Combination(competition.noises[noise], competition.sizes.scales_of(column))
 
 
-@dataclass(frozen=True)
-class _Place:
-    """One combination at one vector: N, c and S, drift and jump solved for, and s^2."""
-
-    normal: FloatArray
-    gradient: FloatArray
-    square: float
-    variance: float
-
-    def step(self, damping: float) -> FloatArray:
-        """Damped Gauss-Newton step (k,)."""
-        diagonal = np.diag(self.normal)
-        return np.asarray(-np.linalg.solve(self.normal + np.diag(damping * diagonal), self.gradient))
-
-    def gain(self, step: FloatArray) -> float:
-        """By how much a step should lower S, in s^2."""
-        return float(-(2.0 * self.gradient + self.normal @ step) @ step) / self.variance
-
-
-def _place(
-    blocked: _Blocked, vector: FloatArray, noise: tuple[float, float] | None, scale: FloatArray
-) -> _Place:
-    model = blocked.linearised(vector)
-    k = len(vector)
-    gram, _ = model.gram(noise)
-    gram = gram * np.outer(np.r_[scale, 1.0], np.r_[scale, 1.0])
-    misfit = gram[k:-1, k:-1] + np.eye(len(gram) - 1 - k)
-    # The Schur complement of drift and jump, residuals and derivatives together.
-    kept = np.r_[np.arange(k), -1]
-    cross = gram[k:-1][:, kept]
-    reduced = gram[np.ix_(kept, kept)] - cross.T @ np.linalg.solve(misfit, cross)
-    variance = float(reduced[-1, -1]) / (model.readings - k)
-    return _Place(
-        reduced[:k, :k] + variance * np.diag(model.precision),
-        reduced[:k, -1] + variance * model.pull,
-        float(reduced[-1, -1]) + variance * model.offset,
-        variance,
-    )
-
-
-def _other_contacts(problem: Problem, blocked: _Blocked, vector: FloatArray) -> list[FloatArray]:
+def _other_contacts(problem: Problem, blocked: Blocked, vector: FloatArray) -> list[FloatArray]:
     """Starts with the contact point elsewhere, inside the bounds; none where it is known."""
     physical = problem.physical(vector)
     starts = []
     for share in _CONTACTS:
         moved = np.array(vector)
         for curve in blocked.curves:
-            entry = curve.member.entries.get(_CONTACT)
+            entry = curve.member.entries.get(ContactPoint.path)
             if entry is not None:
                 scale = problem.coordinates[entry].scale or 1.0
                 moved[entry] += share * float(curve.forward.depth.max() - physical[entry]) / scale
