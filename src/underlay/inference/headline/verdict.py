@@ -19,7 +19,7 @@ _EXACT, _SMOOTH = 0.01, 0.1
 # Half of an interval of ln E that fixes nothing.
 _WIDE = 0.5
 # Warnings of the fit that make its numbers doubtful. Correlated residuals do not where they are averaged over.
-_DOUBTS = ("not-converged", "bound", "second-optimum", "law-range", "too-deep", "file", "over-whitened")
+_DOUBTS = ("not-converged", "bound", "law-range", "too-deep", "file", "over-whitened")
 
 
 def verdict(fit: Fit, averaged: Averaged | None, intervals: Mapping[str, StatedInterval]) -> Verdict:
@@ -28,6 +28,8 @@ def verdict(fit: Fit, averaged: Averaged | None, intervals: Mapping[str, StatedI
     doubts = [] if averaged is None else _of_the_contact(averaged)
     doubts += _of_the_intervals(fit, intervals)
     counted = _DOUBTS if averaged is not None else (*_DOUBTS, "correlated-residuals")
+    if fit.alternatives:
+        doubts.append("other values explain the data as well, or nearly")
     doubts += [warning.message for warning in fit.warnings if warning.code in counted]
     word = MODEL_WRONG if wrong else DOUBTFUL if doubts else GOOD
     return Verdict(word, (*wrong, *doubts))

@@ -19,6 +19,7 @@ from underlay._files import write_atomic
 from underlay.data.curve import Curve
 from underlay.data.noise import NoiseModel
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
+from underlay.inference.least_squares.fit_parts import Alternative, FitStatistics, FitWarning
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.instrument_modulus import InstrumentModulus, instrument_moduli
 from underlay.inference.least_squares.last_word import Minimiser
@@ -33,88 +34,6 @@ from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
 __all__ = ["Alternative", "Fit", "FitStatistics", "FitWarning"]
-
-
-@dataclass(frozen=True)
-class FitWarning:
-    """A reservation: `code` for programs, `message` for people."""
-
-    code: str
-    message: str
-
-    def __str__(self) -> str:
-        return self.message
-
-
-@dataclass(frozen=True, eq=False)
-class Alternative:
-    """Another optimum the data hardly reject.
-
-    Parameters
-    ----------
-    vector : FloatArray
-        In scaled coordinates, (k,).
-    values : mapping of name to float
-        Parameters (SI).
-    delta_chi_square : float
-        Chi-square above that of the best.
-    """
-
-    vector: FloatArray = field(repr=False)
-    values: Mapping[str, float]
-    delta_chi_square: float
-
-
-@dataclass(frozen=True)
-class FitStatistics:
-    """How well and how a fit was reached.
-
-    Parameters
-    ----------
-    points, parameters : int
-        Points fitted; free parameters, estimated noise not counted.
-    chi_square, reduced_chi_square : float
-        Sum of squares of the whitened residuals, and that over points minus parameters. Where the size of
-        the noise was estimated the second is one by construction.
-    log_likelihood, aic, bic : float
-        At the optimum, estimated sizes of noise counted as parameters.
-    evaluations, failures, laws_built : int
-        Models computed; those that did not exist; contact laws solved for.
-    seconds : float
-        Time taken.
-    success : bool
-        Whether the minimiser met its tolerance.
-    stopped : str
-        Why it stopped.
-    method, robust : str
-        Minimiser and loss.
-    law_method, law_reason : str
-        Contact law at the optimum and why it was taken.
-    law_error : float
-        Its estimated relative error of the force.
-    noise_estimated : bool
-        Whether the size of the noise came from the scatter about the fit.
-    """
-
-    points: int
-    parameters: int
-    chi_square: float
-    reduced_chi_square: float
-    log_likelihood: float
-    aic: float
-    bic: float
-    evaluations: int
-    failures: int
-    laws_built: int
-    seconds: float
-    success: bool
-    stopped: str
-    method: str
-    robust: str
-    law_method: str
-    law_reason: str
-    law_error: float
-    noise_estimated: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,11 +219,11 @@ class Fit:
             lines.append(f"correlations above 0.9: {'; '.join(strong)}")
         s = self.statistics
         noise = "estimated from the scatter" if s.noise_estimated else "given or fitted"
+        chi_square = f"chi-square {s.chi_square:.6g} (reduced {s.reduced_chi_square:.4g}), "
+        if s.noise_estimated:
+            chi_square = ""  # n - k and 1 by construction
         lines += [
-            (
-                f"points {s.points}, chi-square {s.chi_square:.6g} (reduced {s.reduced_chi_square:.4g}, "
-                f"noise {noise}), AIC {s.aic:.6g}, BIC {s.bic:.6g}"
-            ),
+            (f"points {s.points}, {chi_square}noise {noise}, AIC {s.aic:.6g}, BIC {s.bic:.6g}"),
             f"law {self.law_reason} (estimated relative error {s.law_error:.1e})",
             f"{s.method}: {s.stopped} {s.evaluations} evaluations, {s.seconds * 1e3:.1f} ms",
         ]
