@@ -51,17 +51,20 @@ def averaged_interval(fit: Fit, averaged: Averaged, name: str, level: float) -> 
         return _of_the_profile_alone(fit, averaged, index, level)
     tails = (0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level)
     low, middle, high = (averaged.mixture.quantile(index, tail) for tail in tails)
+    # The profile is of one optimum: what is carried along it are the ends that belong to that.
     centre, deviation = float(averaged.vector[index]), averaged.deviation(index)
-    heights = [abs(end - centre) / deviation for end in (low, high)]
-    straight = low < centre < high and not held
-    if straight and all(
-        averaged.valley.agrees(index, end, z, _UNLIKE) for end, z in zip((low, high), heights, strict=True)
-    ):
-        return _stated(fit, index, level, np.array([low, middle, high]), "averaged")
+    own = averaged.competition.mixture
+    ends = [centre + own.quantile(index, tail) for tail in (tails[0], tails[2])]
+    heights = [abs(end - centre) / deviation for end in ends]
+    valley = averaged.valley
+    if ends[0] < centre < ends[1] and not held:
+        straight = all(valley.agrees(index, q, z, _UNLIKE) for q, z in zip(ends, heights, strict=True))
+        if straight:
+            return _stated(fit, index, level, np.array([low, middle, high]), "averaged")
     least = averaged.least_z(level)
-    ends = [
-        averaged.valley.end(index, side, max(z, least)) for side, z in zip((-1.0, 1.0), heights, strict=True)
-    ]
+    ends = [valley.end(index, side, max(z, least)) for side, z in zip((-1.0, 1.0), heights, strict=True)]
+    if len(averaged.optima) > 1:
+        ends = [min(ends[0], low), max(ends[1], high)]
     middle = min(max(middle, ends[0]), ends[1])
     return _stated(fit, index, level, np.array([ends[0], middle, ends[1]]), "averaged profile")
 

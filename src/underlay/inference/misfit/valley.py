@@ -22,8 +22,8 @@ from underlay.inference.misfit.descent import Combination, Place, descend
 
 __all__ = ["Valley"]
 
-_STEP = 0.5  # in z
-_STEEPEST = 1.2
+_STEP = 0.8  # in z
+_STEEPEST = 1.6
 _GROWTH = 2.0
 _FIRST = 0.25  # the longest first step, in a scaled coordinate
 # As far as a profile is walked, in a scaled coordinate: a factor 1.6e5, or twelve times the range of the curve.
