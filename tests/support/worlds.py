@@ -110,8 +110,9 @@ WORLDS = {
 }
 
 
-def disturbed(clean, world, rng):
-    """Curve of a world."""
+def disturbed(clean, world, rng, noise=0.003):
+    """Curve of a world, with white noise beside the disturbance unless that is a noise itself."""
     disturbance, white = WORLDS[world]
+    white = noise if white else 0.0
     noise = white * clean.top * rng.standard_normal(len(clean.depth))
     return ul.Curve(clean.depth, clean.force + disturbance(clean, rng) + noise, time=clean.time)

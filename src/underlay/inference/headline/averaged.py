@@ -61,10 +61,9 @@ def averaged_interval(fit: Fit, averaged: Averaged, name: str, level: float) -> 
         straight = all(valley.agrees(index, q, z, _UNLIKE) for q, z in zip(ends, heights, strict=True))
         if straight:
             return _stated(fit, index, level, np.array([low, middle, high]), "averaged")
+    # Bent: both what other noises allow and what the likeliest allows far out belong to the interval.
     least = averaged.least_z(level)
-    ends = [valley.end(index, side, max(z, least)) for side, z in zip((-1.0, 1.0), heights, strict=True)]
-    if len(averaged.optima) > 1:
-        ends = [min(ends[0], low), max(ends[1], high)]
+    ends = [min(valley.end(index, -1.0, least), low), max(valley.end(index, 1.0, least), high)]
     middle = min(max(middle, ends[0]), ends[1])
     return _stated(fit, index, level, np.array([ends[0], middle, ends[1]]), "averaged profile")
 

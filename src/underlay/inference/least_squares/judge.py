@@ -9,7 +9,7 @@ import numpy as np
 from underlay._arrays import FloatArray, read_only
 from underlay.inference.least_squares.diagnostics import correlated
 from underlay.inference.least_squares.fit_result import Alternative, Fit, FitStatistics
-from underlay.inference.least_squares.fit_warnings import too_deep, warnings_of
+from underlay.inference.least_squares.fit_warnings import over_correlated, too_deep, warnings_of
 from underlay.inference.least_squares.noise_estimate import noise_covariance
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.settle import Optimum
@@ -92,6 +92,7 @@ def judge(
         statistics=statistics,
         warnings=(
             *too_deep(problem, vector),
+            *over_correlated(objective.noise.models, whitened),
             *warnings_of(problem, laws, reasons, bounds_hit, covariance, related, statistics, alternatives),
         ),
         state=state,

@@ -27,8 +27,8 @@ class StatedInterval:
         Ends (SI); -inf or inf where the data leave that side open.
     kind : str
         Why this wide: ``"quadratic"`` (the standard error, which was checked at both ends), ``"profile"``
-        (likelihood profile), ``"averaged"`` (over what the residuals may be), ``"averaged profile"`` (the same,
-        carried along the profile of the most likely noise).
+        (likelihood profile), ``"averaged"`` (over what the residuals may be), ``"averaged profile"`` (the same, and
+        as far as the profile under the most likely noise reaches).
     """
 
     name: str

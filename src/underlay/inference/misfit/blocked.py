@@ -15,6 +15,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.misfit.linearised import Linearised, Part, drift_columns, jump_columns
 from underlay.inference.model.forward import Forward
+from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.scene.chain import ContactPoint
@@ -24,6 +25,7 @@ __all__ = ["Blocked", "BlockedCurve"]
 _MOST_BLOCKS, _LEAST_IN_CONTACT = 400, 50
 # Approach that is used, in depths of contact.
 _APPROACH = 2.0
+_COARSE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,8 @@ class Blocked:
         return cls(problem, tuple(BlockedCurve.of(member, physical) for member in problem.members), held)
 
     def released(self) -> Blocked:
-        """Return the same with nothing held."""
-        return replace(self, held=frozenset())
+        """Return the same with nothing held, and with coarse laws, whose errors cancel between its places."""
+        return replace(self, curves=tuple(curve.coarse() for curve in self.curves), held=frozenset())
 
     def linearised(self, vector: FloatArray) -> Linearised:
         """Model about a scaled vector (k,); raises InputError where there is no law."""
@@ -102,6 +104,12 @@ class BlockedCurve:
 
         forward = replace(member.forward, depth=means(depth))
         return cls(member, forward, means(force), means(time[used]))
+
+    def coarse(self) -> BlockedCurve:
+        """Return the same with laws of a tenth of a thousandth of the force, of its own store."""
+        laws = self.forward.laws
+        laws = replace(laws, solver=laws.solver.with_tolerance(_COARSE), store=LawStore())
+        return replace(self, forward=replace(self.forward, laws=laws))
 
     def largest_force(self, physical: FloatArray) -> float:
         """Largest contact force (N) at a physical vector (k,)."""

@@ -1,9 +1,8 @@
 """The profile of a parameter under one combination of noise, drift and jump.
 
 Where the model is far from linear over an interval (a thickness that is free, a base that might be rigid) the
-interval of the linearised model is carried along this profile: its ends, in standard deviations of the linearised
-model, are z of the profile, T = z^2 the rise of the whitened sum of squares with all other parameters, the drift
-and the jump fitted again. In a linear model that changes nothing.
+interval of the linearised model is not enough. Here the parameter is held, and all others, the drift and the jump
+are fitted again: T = z^2 is the rise of the whitened sum of squares over its variance.
 """
 
 from __future__ import annotations
@@ -26,9 +25,10 @@ _STEP = 0.8  # in z
 _STEEPEST = 1.6
 _GROWTH = 2.0
 _FIRST = 0.25  # the longest first step, in a scaled coordinate
-# As far as a profile is walked, in a scaled coordinate: a factor 1.6e5, or twelve times the range of the curve.
-_FARTHEST = 12.0
-_MOST_STEPS = 40
+# As far as a profile is walked, in a scaled coordinate: a factor of 150, or five times the range of the curve.
+_FARTHEST = 5.0
+_MOST_STEPS = 18
+_SHORTEST = 0.02
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ class Valley:
             begin = _ahead(vectors, index, step) if gone else vectors[0] + direction * step * tangent
             place = self.held(index, here + direction * (gone + step), begin)
             height = 0.0 if place is None else max(self.z(place), heights[-1])
-            if place is None or (height - heights[-1] > _STEEPEST and step > 1e-3):
-                if step < 1e-4:
+            if place is None or (height - heights[-1] > _STEEPEST and step > _SHORTEST):
+                if step < _SHORTEST:
                     break
                 step *= 0.3
                 continue
