@@ -61,14 +61,15 @@ class Blocked:
         physical = self.problem.physical(vector)
         slopes = np.array(self.problem.space.slopes(physical))
         precision, pull = np.zeros(len(vector)), np.zeros(len(vector))
-        # What is held has no derivative, and a prior of its own, so that the algebra keeps its shape.
-        slopes[list(self.held)], precision[list(self.held)] = 0.0, 1.0
+        slopes[list(self.held)] = 0.0
         for i, coordinate in enumerate(self.problem.coordinates):
             if coordinate.prior.informative and i not in self.held:
                 value, slope = coordinate.prior.penalty(float(physical[i]))
                 precision[i] = (slope * slopes[i]) ** 2
                 pull[i] = value * slope * slopes[i]
-        return Linearised([curve.part(physical, slopes) for curve in self.curves], precision, pull)
+        return Linearised(
+            [curve.part(physical, slopes) for curve in self.curves], precision, pull, tuple(self.held)
+        )
 
 
 @dataclass(frozen=True)

@@ -78,11 +78,14 @@ class Linearised:
         what these happen to be.
     precision, pull : FloatArray
         Of the priors: 1 / sd^2 and (value - mean) / sd^2 of every coordinate, (k,); zero where there is none.
+    held : tuple of int
+        Entries that stay where they are; their derivatives are zero.
     """
 
     parts: Sequence[Part]
     precision: FloatArray
     pull: FloatArray
+    held: tuple[int, ...] = ()
 
     @property
     def readings(self) -> int:
@@ -111,4 +114,6 @@ class Linearised:
                 log_determinant += whitener.log_determinant
             places = np.r_[np.arange(k), k + own * number + np.arange(own), -1]
             gram[np.ix_(places, places)] += columns.T @ columns
+        # One on the diagonal, and nothing beside: the algebra keeps its shape, and the shift of these is zero.
+        gram[list(self.held), list(self.held)] += 1.0
         return gram, log_determinant
