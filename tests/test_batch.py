@@ -233,13 +233,8 @@ def count_fits(monkeypatch):
 SCRIPT = """
 import sys
 sys.path[:0] = {path!r}
-import time
 from support.maps import *
-import underlay as ul
-from underlay.inference.batch import work as batch_work
-row = batch_work.CurveFitter._row
-batch_work.CurveFitter._row = lambda self, place: time.sleep(0.02) or row(self, place)
-curves = [made_curve(i) for i in range({count})]
+curves = [SlowCurve(made_curve(i)) for i in range({count})]
 fit(curves, made_manifest({count}), workers={workers}, output={output!r}, resume=True)
 """
 
@@ -448,8 +443,8 @@ def test_bad_input_is_refused_before_any_work(curves, manifest, tmp_path, monkey
         ul.fit_many(curves, SCENE, workers=0)
     with pytest.raises(InputError, match="workers"):
         run(curves, workers=-1)
-    with pytest.raises(InputError, match="no 'methd'"):
-        ul.MapOptions(solver={"methd": "exact"})
+    with pytest.raises(InputError, match="did you mean"):
+        ul.fit_many(curves, SCENE, FREE, workers=0, options=ul.MapOptions(solver="exat"))
     with pytest.raises(InputError, match="time_limit"):
         ul.MapOptions(time_limit=0.0)
     with pytest.raises(InputError, match="improper"):

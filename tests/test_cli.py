@@ -183,7 +183,6 @@ def test_files_that_are_not_there(run, tmp_path):
         ("fit", CURVE, "--scene", tmp_path / "none.toml"),
         ("fit", tmp_path, "--scene", SCENE),
         ("fit", CURVE, "--scene", SCENE, "--output", CURVE),
-        ("simulate", SCENE),
     ):
         code, _, err = run(*words)
         assert code == 2

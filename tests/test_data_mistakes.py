@@ -231,6 +231,6 @@ def test_a_map_says_the_same_of_each_curve(curve, put, tmp_path):
 
 def test_the_command_fits_an_unloading(curve, put, tmp_path, capsys):
     path, scene = put(curve.depth, curve.force, 'segment = "unloading"')
-    fit_command(path, scene, tmp_path / "out")
+    fit_command(path, scene, output=tmp_path / "out")
     assert "Layer modulus 0.6199" in capsys.readouterr().out
     assert (tmp_path / "out" / "curve.fit.json").is_file()

@@ -30,6 +30,7 @@ EFFECTS = (
     "true sphere",
     "instrument compliance",
     "baseline",
+    "adhesion",
     "history",
 )
 PLAIN = Scene(Paraboloid(1e-3), Layer(GEL))
@@ -212,7 +213,7 @@ def test_the_command_prints_and_writes_the_table(tmp_path):
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [([], "--max-depth"), (["--max-depth", "-1 um"], "positive"), (["--max-depth", "1 kPa"], "length")],
+    [(["--max-depth", "-1 um"], "positive"), (["--max-depth", "1 kPa"], "length")],
 )
 def test_the_command_refuses_in_one_line(tmp_path, options, words):
     scene = tmp_path / "gel.toml"

@@ -120,7 +120,7 @@ def test_identical_materials_and_an_infinite_layer_are_a_half_space(name):
     deepest = depth_at(shape, 2.0)
     w = deepest * np.array([1e-6, 0.1, 1.0])
     half = HalfspaceLaw(
-        solver="halfspace",
+        method="halfspace",
         reason="",
         max_depth=deepest,
         error_estimate=0.0,

@@ -266,7 +266,8 @@ def test_law_is_sampled_mapped_and_compared():
     posterior = ul.sample(problem, walkers=16, max_steps=2000, rng=0)
     mean = posterior.summary().loc["layer.E"]
     assert abs(float(mean["median"]) - fit.values["layer.E"]) < fit.stderr["layer.E"]
-    table = ul.fit_many([THIN_CURVE], THIN, FREE, noise=ul.Noise(force=1e-7), solver=Winkler(), workers=0)
+    options = ul.MapOptions(noise=ul.Noise(force=1e-7), solver=Winkler())
+    table = ul.fit_many([THIN_CURVE], THIN, FREE, workers=0, options=options)
     assert table.loc[0, "layer.E"] == pytest.approx(fit.values["layer.E"], rel=1e-6)
     assert table.loc[0, "law"] == "winkler"
     found = ul.compare(problem, [Winkler(), "exact"])

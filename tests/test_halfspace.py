@@ -154,5 +154,5 @@ def test_bad_shapes(make, message):
 
 
 def test_negative_force_has_no_depth():
-    with pytest.raises(InputError, match="zero or more"):
+    with pytest.raises(InputError, match="0 N or more"):
         law_of(ul.Paraboloid(1e-3)).depth(-1.0)

@@ -51,6 +51,17 @@ def test_a_curve_of_a_map_is_that_of_the_whole_file(path):
     np.testing.assert_array_equal(read(path, test=7).force, whole[6].force)
 
 
+def test_a_map_packed_again_without_its_folders_reads(path, tmp_path):
+    again = tmp_path / "again.jpk-force-map"
+    with zipfile.ZipFile(path) as before, zipfile.ZipFile(again, "w") as after:
+        for name in before.namelist():
+            if not name.endswith("/"):
+                after.writestr(name, before.read(name))
+    for place, expected in zip(curves_of_jpk_map(again), read_all(path), strict=True):
+        np.testing.assert_array_equal(read_from_map(place).force, expected.force)
+    assert len(read_all(again)) == COUNT
+
+
 def test_what_a_curve_costs_does_not_grow_with_the_map(path, tmp_path):
     double = tmp_path / "double.jpk-force-map"
     double.write_bytes(afm_files.jpk_map(2 * COUNT))

@@ -316,7 +316,7 @@ def test_result_holds_what_it_claims(tmp_path):
     found = fit(problem(scene, [E, H, C], measured(scene)))
     assert found.scene.parameters[E] == found.values[E]
     assert found.residuals[0] == pytest.approx(
-        found.curves[0].force - found.scene.force(found.curves[0].depth, **found.solver),
+        found.curves[0].force - found.scene.force(found.curves[0].depth, solver=found.solver),
         abs=2e-6 * np.ptp(found.curves[0].force),
     )
     s = found.statistics

@@ -141,7 +141,7 @@ def test_depth_radius_round_trip_and_derivatives(data):
     assert (np.diff(depth) > 0.0).all()
     assert relative(tip.halfspace_radius(depth), a) < 1e-10
     law = HalfspaceLaw(
-        solver="halfspace", reason="", max_depth=depth[-1], error_estimate=0.0, indenter=tip, theta=1.0
+        method="halfspace", reason="", max_depth=depth[-1], error_estimate=0.0, indenter=tip, theta=1.0
     )
     middle, step = 0.5 * depth[-1], 1e-6 * depth[-1]
     slope = (law.force(middle + step) - law.force(middle - step)) / (2 * step)

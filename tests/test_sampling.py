@@ -339,7 +339,7 @@ def test_a_start_outside_the_prior_is_refused():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"walkers": 3}, "3 walkers are too few for 2 parameters: at least 4"),
+        ({"walkers": 3}, "3 walkers are too few for 2 parameters: at least 6"),
         ({"max_steps": 2}, "max_steps must be at least"),
         ({"rng": -1}, "rng must be a seed"),
         ({"rng": "today"}, "rng must be a seed"),

@@ -198,8 +198,26 @@ def test_a_listed_key_is_one_that_is_accepted(tmp_path):
             if entry.section == section and "a table" not in entry.takes and entry.key != "format":
                 example = re.search(r'"[^"]+"|0\.45', entry.takes)
                 value = values.get(entry.key) or example.group(0)
-                text = SCENE.split("[noise]", maxsplit=1)[0] + f"\n[{section}]\n{entry.key} = {value}\n"
+                # The numbers of a solver go with its name.
+                name = {"order": "asymptotic", "form": "asymptotic", "rtol": "exact"}.get(entry.key)
+                named = f'name = "{name}"\n' if name else ""
+                text = (
+                    SCENE.split("[noise]", maxsplit=1)[0] + f"\n[{section}]\n{named}{entry.key} = {value}\n"
+                )
                 read_scene_file(write(tmp_path, text))
+
+
+def test_formats_shows_the_signs_that_the_scene_turns(run, tmp_path):
+    lines = [f"{0.1 * i:.3f},{-0.01 * i:.4f}" for i in range(30)]
+    (tmp_path / "c.csv").write_text("\n".join(["depth (um),force (uN)", *lines]) + "\n", encoding="utf-8")
+    scene = write(tmp_path, SCENE.split("[noise]", maxsplit=1)[0] + '\n[curve]\nflip = ["force"]\n')
+    code, out, err = run("formats", tmp_path / "c.csv")
+    assert code == 0, err
+    assert "-0.29 uN" in out
+    code, out, err = run("formats", tmp_path / "c.csv", "--scene", scene)
+    assert code == 0, err
+    assert "-0.29 uN" not in out
+    assert "0.29 uN" in out
 
 
 def test_a_starter_holds_what_the_file_knows_and_is_refused_until_filled_in(run, tmp_path):
@@ -261,10 +279,10 @@ SLOW = ul.TransverselyIsotropic(E=1e6, E_axial=1e8, nu=0.3, nu_axial=0.2, G_axia
 def test_a_layer_whose_displacements_hardly_decay_is_refused_before_it_is_computed():
     # E_axial/E = 100 and G/E = 0.01 made 9417 x 7160 nodes a contact radius at a/h = 10: 4 GB, over a minute.
     with pytest.raises(RangeError, match=r"nodes at a/h = .*E_axial and G_axial"):
-        ul.contact_law(ul.FlatPunch(1e-2), ul.Layer(SLOW, 1e-3), ul.RIGID, max_depth=1e-4, method="exact")
+        ul.contact_law(ul.FlatPunch(1e-2), ul.Layer(SLOW, 1e-3), ul.RIGID, max_depth=1e-4, solver="exact")
     with pytest.raises(RangeError, match="nodes"):
         ul.contact_law(ul.Paraboloid(1e-2), ul.Layer(SLOW, 1e-3), ul.RIGID, max_depth=1e-3)
-    small = ul.contact_law(ul.FlatPunch(1e-4), ul.Layer(SLOW, 1e-3), ul.RIGID, max_depth=1e-5, method="exact")
+    small = ul.contact_law(ul.FlatPunch(1e-4), ul.Layer(SLOW, 1e-3), ul.RIGID, max_depth=1e-5, solver="exact")
     assert small.force(1e-5) > 0.0
 
 

@@ -59,7 +59,13 @@ from .inference.sampling.model_comparison import (
 )
 from .inference.sampling.posterior import Posterior as Posterior
 from .inference.sampling.run import sample as sample
-from .mechanics.contact import Contact as Contact
+from .mechanics.adhesion.dmt import DMT as DMT
+from .mechanics.adhesion.jkr import JKR as JKR
+from .mechanics.adhesion.maugis import Maugis as Maugis
+from .mechanics.contact import (
+    Adhesion as Adhesion,
+    Contact as Contact,
+)
 from .mechanics.contact_law import ContactLaw as ContactLaw
 from .mechanics.indenters import (
     Cone as Cone,

@@ -36,6 +36,7 @@ __all__ = [
     "inlined",
     "kind_of",
     "numbers_of",
+    "one_of",
     "path_of",
     "quantity",
     "quantity_of",
@@ -106,6 +107,11 @@ def quantity(
 def inlined() -> Mapping[str, Any]:
     """Metadata of a field whose numbers stand under the path of its owner: ``layer.E``, the material's."""
     return {"inlined": True}
+
+
+def one_of(*words: str) -> Mapping[str, Any]:
+    """Metadata of a field that is one of these words."""
+    return {"words": words}
 
 
 class Part:

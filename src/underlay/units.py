@@ -58,6 +58,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "voltage": Kind("V", ("mV", "V"), "2 V"),
         "sensitivity": Kind("m/V", ("nm/V", "um/V", "m/V"), "60 nm/V"),
         "current sensitivity": Kind("m/A", ("nm/nA", "um/nA"), "60 nm/nA"),
+        "surface energy": Kind("J/m^2", ("uJ/m^2", "mJ/m^2", "J/m^2"), "5 mJ/m^2"),
         "dimensionless": Kind("", ("",), "0.45"),
     }
 )
@@ -83,7 +84,16 @@ _QUOTIENTS = {
     ("length", "current"): "current sensitivity",
 }
 _SIMPLE = re.compile(r"([pnumkMG]?)(m|Pa|N|s|Hz|V|A)")
-_NAMED = {"": ("dimensionless", 1.0), "deg": ("angle", math.pi / 180.0), "rad": ("angle", 1.0)}
+_NAMED = {
+    "": ("dimensionless", 1.0),
+    "deg": ("angle", math.pi / 180.0),
+    "rad": ("angle", 1.0),
+    "J/m^2": ("surface energy", 1.0),
+    "mJ/m^2": ("surface energy", 1e-3),
+    "uJ/m^2": ("surface energy", 1e-6),
+}
+#: A kind whose units may be written as those of another: J/m^2 is N/m.
+_ALSO = {"surface energy": "stiffness"}
 
 # Sizes of a quantity, in SI, whose fifth powers (forces of profiles, products of moduli and lengths) still are
 # ordinary doubles. Nothing measured comes near either; a slip of an exponent does.
@@ -212,7 +222,7 @@ def unit_factor(unit: str, kind: str) -> float:
         meant = f"; did you mean {same[0]}?" if same else ";"
         raise UnitError(f"unknown unit {unit!r} for {_article(kind)}{meant} allowed: {_offer(wanted)}")
     found, factor = known
-    if found != kind:
+    if found not in (kind, _ALSO.get(kind)):
         raise UnitError(f"{unit!r} is a unit of {found}, but {_article(kind)} is needed: {_offer(wanted)}")
     return factor
 

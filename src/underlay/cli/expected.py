@@ -19,12 +19,12 @@ from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.from_files import read_for
 from underlay.inference.model.noise_start import scatter
-from underlay.scene.depth_doubt import depth_doubt
+from underlay.mechanics.depth_doubt import DeeperThanLayer
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, SimulatedDepths
 from underlay.units import format_quantity, parse_quantity
 
-__all__ = ["deepest_point", "expected_depths", "expected_noise", "measured_curve"]
+__all__ = ["deepest_point", "doubt_depth", "expected_depths", "expected_noise", "measured_curve"]
 
 # The default test: a contact as wide as the layer is thick, where the substrate is felt and strains are small;
 # a tenth of that depth, on a half-space, of a tip's radius; a cone has no length of its own.
@@ -66,10 +66,15 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
         )
     if not depth > 0.0:
         raise InputError(f"the deepest point since contact must be positive; got {depth:.6g} m")
-    doubt = depth_doubt(file.scene, depth)
-    if doubt is not None:
-        say_warnings([doubt])
+    doubt_depth(file.scene, depth)
     return depth
+
+
+def doubt_depth(scene: Scene, depth: float) -> None:
+    """Warn where a depth since contact (m) is more than the layer's thickness."""
+    doubt = DeeperThanLayer.of(depth, scene.layer.thickness)
+    if doubt is not None:
+        say_warnings([str(doubt)])
 
 
 def expected_noise(file: SceneFile, deepest: float, curve: Curve | None = None) -> Noise:

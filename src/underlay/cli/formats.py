@@ -18,6 +18,7 @@ from underlay.cli.options import OutputFolder
 from underlay.data.curve import Curve
 from underlay.data.readers import FORMATS, read_all
 from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.data.signs import flipped
 from underlay.errors import InputError
 from underlay.report import plots
 from underlay.scene.scene_file import PLACE, read_scene_file
@@ -62,7 +63,9 @@ def formats(
     if output is not None:
         require_writable_folder(output)
     stated = {} if scene is None else dict(read_scene_file(scene).curve)
-    curves = read_all(file, **{key: stated[key] for key in _READING if key in stated})
+    read = read_all(file, **{key: stated[key] for key in _READING if key in stated})
+    # The signs are shown as they are: only what the scene turns is turned.
+    curves = [flipped(curve, stated.get("flip") or ()) for curve in read]
     chosen = _chosen(curves, test if test is not None else stated.get("test"), file)
     say_table(pd.DataFrame([_row(number, curve) for number, curve in chosen]), _title(file, chosen[0][1]))
     say_warnings([str(note) for _, curve in chosen for note in curve.metadata.get("notes", ())])

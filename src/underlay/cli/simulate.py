@@ -14,7 +14,7 @@ import typer
 from underlay._arrays import positive
 from underlay._files import write_atomic
 from underlay.cli.console import say
-from underlay.cli.expected import deepest_point, expected_depths
+from underlay.cli.expected import deepest_point, doubt_depth, expected_depths
 from underlay.cli.named_quantities import named_quantities
 from underlay.cli.options import ScenePath, Seed
 from underlay.data.curve import Curve
@@ -87,6 +87,8 @@ def simulate(
     file = read_scene_file(scene)
     if file.simulate is None:
         file = replace(file, simulate=expected_depths(file, deepest_point(file, None)))
+    else:
+        doubt_depth(file.scene, file.simulate.max_depth - file.scene.instrument.contact_depth)
     curve = _made(file, seed, noise or [], offset or [], sampling_rate)
     command = _command(scene, output, seed, noise or [], offset or [], sampling_rate)
     truth = {"command": command, "seed": seed, "truth": dict(curve.truth or {})}

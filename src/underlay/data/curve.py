@@ -224,7 +224,7 @@ class Curve:
         return whole.select(labels == label)
 
 
-def check_fittable(curve: Curve, contact_depth: float | None = None) -> None:
+def check_fittable(curve: Curve, contact_depth: float | None = None, *, withdrawn: bool = False) -> None:
     """Refuse a curve that no contact law can be fitted to.
 
     Parameters
@@ -232,7 +232,9 @@ def check_fittable(curve: Curve, contact_depth: float | None = None) -> None:
     curve : Curve
         The points that would be fitted, usually ``curve.loading()``.
     contact_depth : float, optional
-        Depth reading at contact (m), where it is known and not fitted.
+        Depth reading (m) beyond which there is contact, where it is known and not fitted.
+    withdrawn : bool, default False
+        Whether the tip may be withdrawn all along, as a sample that sticks is fitted.
 
     Raises
     ------
@@ -253,7 +255,7 @@ def check_fittable(curve: Curve, contact_depth: float | None = None) -> None:
             )
     steps = np.diff(curve.depth)
     comes_back = curve.segment is not None and bool((curve.segment == UNLOADING).all())
-    if not ((steps < 0.0) if comes_back else (steps > 0.0)).any():
+    if not (steps if withdrawn else (steps < 0.0) if comes_back else (steps > 0.0)).any():
         raise CurveError(
             f"{_named(curve)}: the depth never increases; check which column is the depth, and its sign"
         )

@@ -202,7 +202,10 @@ def _doubts(
         )
     dip = -float(beyond.force.min())
     if dip > _ADHESION * peak:
-        yield f"adhesion: the force dips by {100.0 * dip / peak:.0f} % of its peak while the indenter goes in"
+        yield (
+            f"adhesion: the force dips by {100.0 * dip / peak:.0f} % of its peak while the indenter goes in; fit "
+            "it with adhesion, JKR(work) or [adhesion] in a scene file"
+        )
     yield from _shape_doubts(curve, scene, deepest)
 
 

@@ -7,17 +7,66 @@ compliance with the wavenumber. So a solver works for every body that has a kern
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.materials import IsotropicLayer, Layer, Substrate, isotropic_layer
+from underlay.quantities import Part
 
-__all__ = ["Contact"]
+__all__ = ["Adhesion", "BuildsElastic", "Contact"]
+
+
+class BuildsElastic(Protocol):
+    """What a model of adhesion asks of a solver: its accuracy, and the law without adhesion."""
+
+    sees_base: ClassVar[bool]
+
+    @property
+    def name(self) -> str:
+        """How it is called."""
+
+    @property
+    def tolerance(self) -> float:
+        """Relative error against the exact contact problem; zero: no such promise."""
+
+    def law(self, contact: Contact, max_depth: float) -> ContactLaw:
+        """Law of a contact up to `max_depth` (m)."""
+
+
+class Adhesion(Part, ABC):
+    """What holds tip and surface together; its numbers stand under ``adhesion.``.
+
+    A concrete class names itself in `model`; scene files know it by that name.
+    """
+
+    parts: ClassVar[tuple[str, ...]] = ("adhesion",)
+    #: Name in scene files.
+    model: ClassVar[str] = ""
+
+    @classmethod
+    def models(cls) -> Iterator[type[Adhesion]]:
+        """Every concrete model of adhesion there is, wherever it was defined."""
+        for child in cls.__subclasses__():
+            if child.model:
+                yield child
+            yield from child.models()
+
+    @property
+    def short_ranged(self) -> Adhesion:
+        """The same with an attraction of no range, for a model that has one: what JKR would say."""
+        return self
+
+    @abstractmethod
+    def law(self, contact: Contact, max_depth: float, solver: BuildsElastic) -> ContactLaw:
+        """Law of a contact that sticks, for depths up to `max_depth` (m); `solver` says how the body is solved."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +87,9 @@ class Contact:
     isotropic : IsotropicLayer or None
         The body in engineering constants, where it is an isotropic layer on an isotropic or rigid base; None
         for any other body. Formulas from the literature need it; a solver of the contact problem does not.
+    adhesion : Adhesion or None
+        What holds tip and surface together; None where nothing does. Solvers know nothing of it: the law of a
+        contact with adhesion is built by `Adhesion.law`.
     """
 
     indenter: Indenter
@@ -45,6 +97,7 @@ class Contact:
     theta: float
     thickness: float = np.inf
     isotropic: IsotropicLayer | None = None
+    adhesion: Adhesion | None = None
 
     @classmethod
     def of(cls, indenter: Indenter, layer: Layer, substrate: Substrate | None) -> Self:

@@ -11,9 +11,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError, LawError, RangeError, UnderlayError
@@ -116,12 +119,24 @@ class ContactLaw(Response, ABC):
         """Smallest and largest depth (m) of the law; up to the smallest there is no contact."""
         return 0.0, self.max_depth
 
+    def warned(self, doubt: object) -> Self:
+        """Return the same law with one more entry among its `warnings`."""
+        law = copy(self)
+        # Not `replace`: a law of one's own may be made in another way than from its fields.
+        object.__setattr__(law, "warnings", (*self.warnings, doubt))
+        return law
+
     def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray | None:
         """dP/d ln k (N) at depths (m) where the force (N) is `force`, k the ratio of the base's modulus.
 
         None where the law does not know it; a caller then takes differences.
         """
         del depth, force
+        return None
+
+    def work_slope(self, depth: FloatArray) -> FloatArray | None:
+        """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,); None where the law does not know it."""
+        del depth
         return None
 
     @abstractmethod
@@ -172,7 +187,7 @@ class ContactLaw(Response, ABC):
                 f"{self.max_depth:.6g} m: {self._beyond}",
                 max_depth=self.max_depth,
             )
-        touching = flat > self.domain[0]
+        touching = self._touching(np.atleast_1d(w)).ravel()
         if touching.all():
             return self._answer(primitive, flat, rows).reshape((*rows, *w.shape))[()]
         as_finite(w, "depth")
@@ -180,6 +195,10 @@ class ContactLaw(Response, ABC):
         if touching.any():
             values[..., touching] = self._answer(primitive, flat[touching], rows)
         return values.reshape((*rows, *w.shape))[()]
+
+    def _touching(self, depth: FloatArray) -> NDArray[np.bool_]:
+        """Where there is contact, at depths (..., n) in the order in which they are reached."""
+        return depth > self.domain[0]
 
     def _answer(
         self, primitive: Callable[[FloatArray], FloatArray], depth: FloatArray, rows: tuple[int, ...]

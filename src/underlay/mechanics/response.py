@@ -46,6 +46,14 @@ class Response(ABC):
     def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Stiffness dP/dw (N/m) against a sudden change of depth, shape of `depth` (m)."""
 
+    def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray | None:
+        """Depth w (m) with w + `compliance` P(w) = `travel` (m), (n,), where the law knows better than Newton.
+
+        None: the caller solves for it, which works wherever the force increases with depth.
+        """
+        del travel, compliance
+        return None
+
 
 class History(Part, ABC):
     """What a sample makes of its earlier depths; its numbers stand under ``history.``.

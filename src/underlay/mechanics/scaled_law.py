@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
-from underlay._arrays import FloatArray
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import ArrayLike, FloatArray
 from underlay.mechanics.contact_law import ContactLaw
 
 __all__ = ["ScaledLaw"]
@@ -56,6 +59,23 @@ class ScaledLaw(ContactLaw):
     def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray | None:
         """As the reference: the slope goes with the force."""
         return self.law.ratio_slope(self.b * depth, force)
+
+    def work_slope(self, depth: FloatArray) -> FloatArray | None:
+        """As the reference: the slope goes with the force."""
+        slope = self.law.work_slope(self.b * depth)
+        return None if slope is None else self.c * slope
+
+    def depth(self, force: ArrayLike) -> FloatArray:
+        """See `ContactLaw.depth`; the reference's own inverse."""
+        return np.asarray(self.law.depth(np.asarray(force, dtype=np.float64) / self.c) / self.b)
+
+    def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray | None:
+        """As the reference: b w + (b c C) P_ref = b s."""
+        w = self.law.tip_depth(self.b * travel, self.b * self.c * compliance)
+        return None if w is None else w / self.b
+
+    def _touching(self, depth: FloatArray) -> NDArray[np.bool_]:
+        return self.law._touching(self.b * depth)  # noqa: SLF001  as below
 
     @property
     def _beyond(self) -> str:

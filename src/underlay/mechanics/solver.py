@@ -18,6 +18,7 @@ from underlay._arrays import FloatArray, finite
 from underlay.errors import LawError, UnderlayError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.depth_doubt import DeeperThanLayer
 
 __all__ = ["Scaling", "Solver"]
 
@@ -135,7 +136,7 @@ class Solver(ABC):
         return np.ceil(np.log2(np.maximum(depth, np.finfo(float).tiny)))
 
     def law(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build a law and see that it is one: what callers use.
+        """Build a law and see that it is one, with a warning where it is to go deeper than the layer is thick.
 
         Raises
         ------
@@ -145,6 +146,8 @@ class Solver(ABC):
             As `build` does.
         """
         deepest = finite(max_depth, "max_depth", "m")
+        if contact.adhesion is not None:
+            return contact.adhesion.law(contact, deepest, self)
         try:
             law = self.build(contact, deepest)
         except UnderlayError:
@@ -159,4 +162,5 @@ class Solver(ABC):
                 f"the solver {self.name} must build a ContactLaw; for depths up to {deepest:.6g} m it gave "
                 f"{law!r:.80}"
             )
-        return law
+        doubt = DeeperThanLayer.of(deepest, contact.thickness)
+        return law if doubt is None else law.warned(doubt)

@@ -84,7 +84,7 @@ class _ToTolerance(Solver):
 
     def has_table(self, contact: Contact) -> bool:
         """Tables are for power-law tips on an isotropic layer."""
-        return _is_rounded_power_law(contact.indenter) and _is_isotropic_layer(contact)
+        return _is_rounded_power_law(contact.indenter) and _is_plain_layer(contact)
 
     def table_number(self, contact: Contact, depth: float) -> int:
         """See `curve_family`."""
@@ -97,7 +97,7 @@ class _ToTolerance(Solver):
     def has_batches(self, contact: Contact) -> bool:
         """Batches are for power-law tips and spheres on an isotropic layer."""
         tip = contact.indenter
-        return (_is_rounded_power_law(tip) or isinstance(tip, Sphere)) and _is_isotropic_layer(contact)
+        return (_is_rounded_power_law(tip) or isinstance(tip, Sphere)) and _is_plain_layer(contact)
 
     def ranges(self, contact: Contact, depth: FloatArray) -> FloatArray:
         """Both the range that a law is solved for and that of its table."""
@@ -109,8 +109,10 @@ def _is_rounded_power_law(tip: Indenter) -> bool:
     return isinstance(tip, PowerLawShape) and not isinstance(tip, FlatPunch)
 
 
-def _is_isotropic_layer(contact: Contact) -> bool:
-    return contact.isotropic is not None and bool(np.isfinite(contact.thickness))
+def _is_plain_layer(contact: Contact) -> bool:
+    """Whether it is an isotropic layer on its base and nothing sticks."""
+    isotropic = contact.isotropic is not None and bool(np.isfinite(contact.thickness))
+    return isotropic and contact.adhesion is None
 
 
 @dataclass(frozen=True)
@@ -328,8 +330,8 @@ def as_solver(given: AnySolver) -> Solver:
         return given
     if isinstance(given, type) or not callable(getattr(given, "build", None)):
         raise InputError(
-            "a solver is a name, one of Auto, Exact, Asymptotic, HalfSpace and Published, or an object with "
-            f"build(contact, max_depth); got {given!r:.80}"
+            "a solver is a name, one of Auto, Exact, Asymptotic, HalfSpace and Published, or an object "
+            f"with a method build; got {given!r:.80}"
         )
     return _Own(given)
 

@@ -47,6 +47,9 @@ def _scene_rows(scene: Scene) -> pd.DataFrame:
         rows.append({"part": "substrate", "quantity": "material", "value": "rigid, bonded to the layer"})
     elif scene.substrate is not None:
         rows += _numbers("substrate", scene.substrate)
+    if scene.adhesion is not None:
+        rows.append({"part": "adhesion", "quantity": "model", "value": scene.adhesion.model})
+        rows += _numbers("adhesion", scene.adhesion)
     if scene.history is not None:
         rows.append({"part": "history", "quantity": "model", "value": scene.history.model.replace("_", " ")})
         rows += _numbers("history", scene.history)

@@ -56,8 +56,12 @@ class Frame:
     def tip_depth(self, response: Response, travel: FloatArray) -> FloatArray:
         """Solve w + C P(w) = s for w (m), s the travel since contact (m).
 
-        P is convex in w for every law here, so Newton's method from w = s descends monotonically to the root.
+        P is convex in w for every law without adhesion, so Newton's method from w = s descends monotonically to
+        the root. A law that jumps says itself where it goes.
         """
+        own = response.tip_depth(travel, self.compliance)
+        if own is not None:
+            return own
         w = np.array(travel, dtype=np.float64)
         touching = w > 0.0
         s = w[touching]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import pandas as pd
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._files import write_atomic
 from underlay.errors import InputError
-from underlay.mechanics.contact import Contact
+from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
@@ -46,6 +46,8 @@ class Scene:
         What reads depth and force; ideal by default.
     history : History, optional
         What the sample remembers of earlier depths; without one it is elastic and no time is asked for.
+    adhesion : Adhesion, optional
+        What holds tip and surface together: ``JKR(work)``, ``DMT(work)``; without one nothing does.
 
     Raises
     ------
@@ -65,6 +67,7 @@ class Scene:
     substrate: Substrate | None = None
     instrument: Instrument = Instrument()
     history: History | None = None
+    adhesion: Adhesion | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.indenter, Indenter):
@@ -75,13 +78,10 @@ class Scene:
             raise InputError(f"substrate must be a material, RIGID or None; got {self.substrate!r}")
         if not isinstance(self.instrument, Instrument):
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
+        if not isinstance(self.adhesion, Adhesion | None):
+            raise InputError(f"adhesion must be JKR(work), DMT(work) or None; got {self.adhesion!r}")
         if not isinstance(self.history, History | None):
             raise InputError(f"history must be a History or None; got {self.history!r}")
-        if self.history is not None and self.instrument.compliance:
-            raise InputError(
-                "a frame's compliance beside a history is not simulated: take it out of the depth first "
-                "(depth - compliance * force) and set instrument.compliance to 0"
-            )
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
                 f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
@@ -92,11 +92,28 @@ class Scene:
                 'a layer on a substrate needs its thickness: give layer.thickness, e.g. "1.5 mm" in a scene '
                 "file, or leave the substrate out for a half-space"
             )
+        self._check_history()
+
+    def _check_history(self) -> None:
+        """Refuse what a sample that remembers is not simulated with."""
+        if self.history is None:
+            return
+        if self.adhesion is not None:
+            raise InputError(
+                "adhesion beside a history is not simulated: how fast a sticking edge moves through a sample that "
+                "remembers is another problem; leave one of them out"
+            )
+        if self.instrument.compliance:
+            raise InputError(
+                "a frame's compliance beside a history is not simulated: take it out of the depth first "
+                "(depth - compliance * force) and set instrument.compliance to 0"
+            )
 
     @property
     def contact(self) -> Contact:
         """What a solver is given."""
-        return Contact.of(self.indenter, self.layer, self.substrate)
+        contact = Contact.of(self.indenter, self.layer, self.substrate)
+        return contact if self.adhesion is None else replace(contact, adhesion=self.adhesion)
 
     def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
         """Build the law of this contact for tip depths up to `max_depth` (m); see `contact_law`."""

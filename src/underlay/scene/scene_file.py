@@ -18,9 +18,9 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Optional sections: ``[instrument]``, ``[history]`` (model, and its numbers), ``[solver]`` (name, rtol, order,
-form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and ``[simulate]`` (depths of a made
-curve). A new indenter or history needs no change here.
+Optional sections: ``[instrument]``, ``[history]`` and ``[adhesion]`` (model, and its numbers), ``[solver]`` (name,
+rtol, order, form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and
+``[simulate]`` (depths of a made curve). A new indenter, history or model of adhesion needs no change here.
 """
 
 from __future__ import annotations
@@ -37,6 +37,8 @@ import numpy as np
 from underlay._documents import parse_toml
 from underlay._door import FileKind, printable, read_text, understood
 from underlay.errors import InputError, UnderlayError, UnderlayWarning
+from underlay.mechanics.adhesion import MODELS
+from underlay.mechanics.contact import Adhesion
 from underlay.mechanics.indenters import Cone, Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
 from underlay.mechanics.response import History
@@ -210,6 +212,7 @@ _SECTIONS = (
     "substrate",
     "instrument",
     "history",
+    "adhesion",
     "fit",
     "solver",
     "noise",
@@ -235,6 +238,7 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
         substrate=_substrate(document),
         instrument=_build(Instrument, "instrument", _table(document, "instrument")),
         history=_history(document),
+        adhesion=_adhesion(document),
     )
     return SceneFile(
         draft=scene,
@@ -350,6 +354,18 @@ def _history(document: Mapping[str, Any]) -> History | None:
         )
     history: History = _build(models[name], "history", table)
     return history
+
+
+def _adhesion(document: Mapping[str, Any]) -> Adhesion | None:
+    if "adhesion" not in document:
+        return None
+    table = dict(_table(document, "adhesion"))
+    models = {kind.model: kind for kind in (*MODELS, *Adhesion.models())}
+    name = table.pop("model", None)
+    if name not in models:
+        raise InputError(f"[adhesion] model: {name!r} is not known; allowed: {', '.join(sorted(models))}")
+    adhesion: Adhesion = _build(models[name], "adhesion", table)
+    return adhesion
 
 
 #: Keys that [solver] had once, and what to write now.

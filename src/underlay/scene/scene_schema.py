@@ -54,8 +54,10 @@ def schema_of(kind: type[Any]) -> type[BaseModel]:
     """Pydantic model of a section, from the dataclass it describes and what that declares of its numbers."""
     definitions: dict[str, Any] = {}
     for field in fields(kind):
-        if not field.metadata.get("inlined"):
-            default = ... if field.default is MISSING else field.default
+        default = ... if field.default is MISSING else field.default
+        if "words" in field.metadata:
+            definitions[field.name] = (Literal[field.metadata["words"]], default)
+        elif not field.metadata.get("inlined"):
             definitions[field.name] = (Annotated[Any, _quantity(quantity_of(field).kind)], default)
     return create_model(kind.__name__, __config__=ConfigDict(extra="forbid"), **definitions)
 

@@ -10,6 +10,7 @@ import numpy as np
 import tomlkit
 
 from underlay.errors import InputError
+from underlay.mechanics.contact import Adhesion
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Rigid
 from underlay.mechanics.response import History
@@ -37,7 +38,7 @@ def _name(part: Any) -> dict[str, Any]:
     """The key by which a scene file knows which kind of a part it is."""
     if isinstance(part, Indenter):
         return {"shape": part.shape}
-    if isinstance(part, History):
+    if isinstance(part, History | Adhesion):
         if not part.model:
             raise InputError(f"{type(part).__name__} has no name in scene files: give its class a `model`")
         return {"model": part.model}
@@ -50,6 +51,8 @@ def _keys(part: Any) -> Iterator[tuple[str, Any]]:
         value = getattr(part, entry.name)
         if entry.metadata.get("inlined"):
             yield from _keys(value)
+        elif "words" in entry.metadata and value != entry.default:
+            yield entry.name, value
         elif entry.name in known and (np.ndim(value) or value != entry.default):
             yield entry.name, _value(value, KINDS[known[entry.name].kind].si)
 

@@ -199,7 +199,7 @@ class SeparableModel:
             _MODULUS in member.entries
             and member.forward.history is None
             and set(problem.names) <= _SEPARABLE
-            and member.forward.similarity.moduli == (_MODULUS,)
+            and member.forward.similarity.force_scales == (_MODULUS,)
             and not any(coordinate.prior.informative for coordinate in problem.coordinates)
             and isinstance(noise, Noise)
             and not (noise.follows_force or noise.correlation)

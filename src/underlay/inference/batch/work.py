@@ -195,9 +195,14 @@ class CurveFitter:
         if found is None:
             return None
         paths = [coordinate.path for coordinate in self._separable.coordinates]
+        fitted = dict(zip(paths, found.values.tolist(), strict=True))
+        known = values | fitted
+        pressed = float(curve.depth.max()) - known["instrument.contact_depth"]
+        if pressed > known.get("layer.thickness", np.inf):
+            return None  # deeper than the layer is thick: the thorough way says what that means
         noise, n, k = found.noise, len(curve), len(paths)
         return _Found(
-            dict(zip(paths, found.values.tolist(), strict=True)),
+            fitted,
             dict(zip(paths, np.sqrt(np.diag(found.covariance)).tolist(), strict=True)),
             found.law_method,
             found.sum_of_squares / noise**2 / (n - k),

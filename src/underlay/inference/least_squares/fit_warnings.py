@@ -13,7 +13,7 @@ from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, ov
 from underlay.inference.least_squares.fit_result import Alternative, FitStatistics, FitWarning
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.scene.depth_doubt import depth_doubt
+from underlay.mechanics.depth_doubt import DeeperThanLayer
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
@@ -161,9 +161,10 @@ def too_deep(problem: Problem, vector: FloatArray) -> tuple[FitWarning, ...]:
     for scene, curve in zip(problem.scenes(vector), problem.curves, strict=True):
         instrument = scene.instrument
         bent = instrument.compliance * max(float(curve.force.max()) - instrument.baseline, 0.0)
-        doubt = depth_doubt(scene, float(curve.depth.max()) - instrument.contact_depth - bent)
+        pressed = float(curve.depth.max()) - instrument.contact_depth - bent
+        doubt = DeeperThanLayer.of(pressed, scene.layer.thickness)
         if doubt is not None:
-            warnings.append(FitWarning("too-deep", doubt))
+            warnings.append(FitWarning("too-deep", str(doubt)))
     return tuple(warnings)
 
 
@@ -185,12 +186,13 @@ def over_correlated(noises: Sequence[NoiseModel], whitened: Sequence[FloatArray]
 
 
 def _law_range(laws: Sequence[ContactLaw]) -> list[FitWarning]:
-    """One warning per curve whose law, one of `laws`, leaves its range."""
+    """One warning per curve whose law, one of `laws`, leaves its range; `too_deep` speaks of the curve's depth."""
     warnings = []
     for number, law in enumerate(laws, start=1):
-        if law.warnings:
+        left = [str(entry) for entry in law.warnings if not isinstance(entry, DeeperThanLayer)]
+        if left:
             which = f" on curve {number}" if len(laws) > 1 else ""
-            broken = "; ".join(str(entry) for entry in law.warnings)
+            broken = "; ".join(left)
             text = f"{law.method} is used outside its range{which}: {broken}"
             warnings.append(FitWarning("law-range", text))
     return warnings
@@ -210,7 +212,7 @@ def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatisti
                     "law-error",
                     f"the {statistics.law_method} law's own error, about {statistics.law_error:.1e} of the "
                     f"force, is larger than the standard error of {coordinate.name} ({deviation:.1e} of it): "
-                    'use the solver "exact" with a smaller rtol, or fit(problem, refine=True)',
+                    'use the solver "exact" with a smaller rtol',
                 )
             )
     return warnings

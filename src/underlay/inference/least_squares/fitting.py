@@ -133,9 +133,8 @@ def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) ->
     """Places below the starts that may be the optimum, best first."""
     if len(starts) <= 1 and problem.n_points <= _FEW_POINTS and not robust:
         return starts
-    if any(member.forward.history is not None for member in problem.members):
-        # The scan takes the sample for elastic, and blocks of neighbouring depths have no time: every start of
-        # the scan is fitted to all points.
+    if any(member.forward.history is not None or member.scene.adhesion for member in problem.members):
+        # Blocks of neighbouring depths have no time, and no jump: every start is fitted to all points.
         return starts
     found = candidates(blocked_objective(problem, robust=robust), starts)
     # Robust fits of different scale do not compare by their losses: only the best is taken further.

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
+from underlay.inference.least_squares.adhesion_warnings import about_adhesion
 from underlay.inference.least_squares.diagnostics import correlated
 from underlay.inference.least_squares.fit_result import Alternative, Fit, FitStatistics
 from underlay.inference.least_squares.fit_warnings import over_correlated, too_deep, warnings_of
@@ -93,6 +94,7 @@ def judge(
         warnings=(
             *too_deep(problem, vector),
             *over_correlated(objective.noise.models, whitened),
+            *about_adhesion(problem, vector),
             *warnings_of(problem, laws, reasons, bounds_hit, covariance, related, statistics, alternatives),
         ),
         state=state,

@@ -67,7 +67,7 @@ class Objective:
         self._entries = [list(member.entries.values()) for member in self.members]
         # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
         self._one_law = not any(
-            member.forward.similarity.ratio_slopes(path)
+            member.forward.similarity.ratio_slopes(path, member.base)
             for member in self.members
             if not member.forward.laws.tabulated
             for path in member.entries

@@ -119,11 +119,11 @@ class LinearDirections:
 
 
 def _common_moduli(members: Sequence[Member]) -> set[int]:
-    """Entries that carry all moduli of all curves, in one factor; empty where there are none."""
+    """Entries that carry all moduli (and works of adhesion) of all curves in one factor; or none."""
     found: list[set[int]] = []
     for member in members:
         gives = bool(member.base["instrument.compliance"]) or "instrument.compliance" in member.entries
-        moduli = member.forward.similarity.moduli
+        moduli = member.forward.similarity.force_scales
         if gives or any(path not in member.entries for path in moduli):
             return set()
         found.append({member.entries[path] for path in moduli})

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.inference.least_squares.adhesive_start import adhesive_starts
 from underlay.inference.least_squares.blocks import Blocks, blocked_forward
 from underlay.inference.least_squares.scan_curve import (
     BASE_MODULUS,
@@ -66,8 +67,10 @@ def scan(problem: Problem, count: int = 3) -> list[FloatArray]:
     """Local minima of the grid as starts (scaled vectors (k,)), best first, at most `count`.
 
     Thickness and moduli that curves share are scanned together; what is a curve's own is chosen by it alone.
-    Empty if no grid point has a law.
+    Empty if no grid point has a law. Where something sticks, the pull-off tells more: see `adhesive_start.py`.
     """
+    if any(member.scene.adhesion for member in problem.members):
+        return adhesive_starts(problem, count)
     curves = [_scanned(member, problem) for member in problem.members]
     radii = [_radius_scale(m.scene, curve.blocks) for m, curve in zip(problem.members, curves, strict=True)]
     grids = [

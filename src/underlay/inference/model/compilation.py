@@ -13,7 +13,7 @@ from underlay.errors import CurveError, InputError, ParameterError
 from underlay.inference.model.acting import require_acting
 from underlay.inference.model.coordinates import Coordinate, Spans, make_coordinate
 from underlay.inference.model.forward import Forward
-from underlay.inference.model.laws import LawStore
+from underlay.inference.model.laws import LawStore, quiet_law
 from underlay.inference.model.members import Member
 from underlay.inference.model.noise_start import noise_start
 from underlay.inference.priors import Given, Prior
@@ -92,7 +92,7 @@ def _check_tests(tests: Sequence[tuple[Scene, Curve]]) -> None:
     for number, (scene, curve) in enumerate(tests):
         _require(scene, Scene, number)
         _require(curve, Curve, number)
-        check_fittable(curve)
+        check_fittable(curve, withdrawn=scene.adhesion is not None)
         for key, what in _identities(curve):
             if key in seen:
                 raise CurveError(
@@ -198,7 +198,9 @@ def _member(
     noisy = {path.partition(".")[2]: index for path, index in entries.items() if path in of_noise}
     _check_history(scene, curve, mechanical)
     if ContactPoint.path not in mechanical:
-        check_fittable(curve, scene.instrument.contact_depth)
+        # A tip that sticks is in contact down to the pull-off, which the scene's own numbers place.
+        begins = 0.0 if scene.adhesion is None else quiet_law(scene, solver, 0.0).domain[0]
+        check_fittable(curve, scene.instrument.contact_depth + begins, withdrawn=scene.adhesion is not None)
     noise.check(noisy, len(curve), curve.time)
     forward = Forward.compile(scene, curve.depth, tuple(mechanical), solver, store, curve.time)
     return Member(scene, curve, forward, noise, scene.parameters, mechanical, noisy)

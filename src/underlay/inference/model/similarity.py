@@ -6,7 +6,8 @@ For a power-law shape Phi = A r^lambda on a layer of thickness h the force is
 
 with F a function of the shape exponent, the Poisson's ratios and the ratios of the moduli alone: (5.2) and
 (5.3) divided by theta A h^(lambda+1) and A h^lambda. For any other shape all lengths scale together,
-P(w) = theta h^2 F(w / h; ratios, R / h).
+P(w) = theta h^2 F(w / h; ratios, R / h). A work of adhesion counts as dgamma / (theta A^2 h^(2 lambda - 1)), or
+as dgamma / (theta h).
 
 So a law built once at reference values serves others through two factors, P(w) = c P_ref(b w), and its
 logarithmic derivatives follow without a new law:
@@ -57,6 +58,8 @@ class Similarity:
         The shape exponent, where a power law is used.
     values : mapping
         Every number of the reference (SI).
+    energies : tuple of str
+        Works of adhesion: they count relative to force times length over area.
     """
 
     scene: Scene
@@ -67,12 +70,14 @@ class Similarity:
     shape: tuple[str, ...]
     exponent: float | None
     values: Mapping[str, float]
+    energies: tuple[str, ...] = ()
 
     def reduced(self, values: Mapping[str, float]) -> tuple[float, ...]:
         """Values of the ratio-like parameters, in the order of `ratio_paths`."""
         E, s = self._modulus_ratio(values), self.length_ratio(values)
         return (
             *(values[path] / E for path in self.moduli[1:]),
+            *(values[path] / self._energy_ratio(values) for path in self.energies),
             *(values[path] / s for path in self.lengths),
             *(values[path] for path in self.direct),
         )
@@ -80,7 +85,12 @@ class Similarity:
     @property
     def ratio_paths(self) -> tuple[str, ...]:
         """Paths that a reference law is built with."""
-        return (*self.moduli[1:], *self.lengths, *self.direct)
+        return (*self.moduli[1:], *self.energies, *self.lengths, *self.direct)
+
+    @property
+    def force_scales(self) -> tuple[str, ...]:
+        """Paths of which one factor on all is a factor on the force; none where nothing scales."""
+        return (*self.moduli, *self.energies) if self.moduli else ()
 
     def factors(self, values: Mapping[str, float]) -> tuple[float, float]:
         """(b, c) of P(w) = c P_ref(b w)."""
@@ -97,22 +107,37 @@ class Similarity:
         if path == self.length:
             return (-1.0, 2.0) if self.exponent is None else (-self.exponent, self.exponent + 1.0)
         if path in self.shape:
-            up, down = dict(values), dict(values)
-            up[path] *= 1.0 + _ANGLE_STEP
-            down[path] *= 1.0 - _ANGLE_STEP
-            A = np.log(self._coefficient_ratio(up) / self._coefficient_ratio(down)) / (2.0 * _ANGLE_STEP)
-            return -float(A), float(A)
+            A = self._coefficient_slope(path, values)
+            return -A, A
         return 0.0, 0.0
 
-    def ratio_slopes(self, path: str) -> dict[str, float]:
-        """d(ln k)/d(ln p) of the moduli and length ratios, dk/dp of the direct ones, where not zero."""
+    def ratio_slopes(self, path: str, values: Mapping[str, float]) -> dict[str, float]:
+        """d(ln k)/d(ln p) of the scaled ratios, dk/dp of the direct ones, where not zero."""
         if path in self.moduli[:1]:
-            return dict.fromkeys(self.moduli[1:], -1.0)
-        if path in self.moduli or path in self.lengths or path in self.direct:
+            return dict.fromkeys((*self.moduli[1:], *self.energies), -1.0)
+        if path in self.ratio_paths:
             return {path: 1.0}
         if path == self.length:
-            return dict.fromkeys(self.lengths, -1.0)
+            power = 1.0 if self.exponent is None else 2.0 * self.exponent - 1.0
+            return dict.fromkeys(self.lengths, -1.0) | dict.fromkeys(self.energies, -power)
+        if path in self.shape and self.energies:
+            return dict.fromkeys(self.energies, -2.0 * self._coefficient_slope(path, values))
         return {}
+
+    def _coefficient_slope(self, path: str, values: Mapping[str, float]) -> float:
+        """d(ln A)/d(ln p)."""
+        up, down = dict(values), dict(values)
+        up[path] *= 1.0 + _ANGLE_STEP
+        down[path] *= 1.0 - _ANGLE_STEP
+        change = self._coefficient_ratio(up) / self._coefficient_ratio(down)
+        return float(np.log(change)) / (2.0 * _ANGLE_STEP)
+
+    def _energy_ratio(self, values: Mapping[str, float]) -> float:
+        """Works of adhesion over those of the reference that give a similar contact."""
+        E, s = self._modulus_ratio(values), self.length_ratio(values)
+        if self.exponent is None:
+            return E * s
+        return E * self._coefficient_ratio(values) ** 2 * float(s ** (2.0 * self.exponent - 1.0))
 
     def _modulus_ratio(self, values: Mapping[str, float]) -> float:
         return values["layer.E"] / self.values["layer.E"] if self.moduli else 1.0
@@ -145,15 +170,19 @@ def compile_similarity(
     ratios = tuple(path for path in materials if known[path].scales is None)
     thickness = ("layer.thickness",) if layered else ()
     shape = tuple(path for path in values if path.startswith("indenter."))
+    adhesion = tuple(path for path in values if path.startswith("adhesion."))
+    energies = tuple(path for path in adhesion if known[path].kind == "surface energy")
+    ranges = tuple(path for path in adhesion if path not in energies)
     direct: tuple[str, ...] = ratios
     lengths: tuple[str, ...] = ()
     through_coefficient: tuple[str, ...] = ()
     length: str | None = None
     exponent: float | None = None
     if scaling is Scaling.NONE:
-        return Similarity(scene, (), (*materials, *shape), (), None, (), None, values)
+        return Similarity(scene, (), (*materials, *shape, *adhesion), (), None, (), None, values)
     if (
         scaling is Scaling.POWER_LAW
+        and not ranges
         and isinstance(scene.indenter, PowerLawShape)
         and "indenter.exponent" not in set(free)
     ):
@@ -162,10 +191,11 @@ def compile_similarity(
         length = "layer.thickness" if layered else None
     elif _is_made_of_lengths(scene.indenter):
         length, lengths = ("layer.thickness", shape) if layered else (shape[0], shape[1:])
+        lengths = (*lengths, *ranges)
     else:
-        direct = (*ratios, *shape, *thickness)
+        direct = (*ratios, *shape, *thickness, *ranges)
     return Similarity(
-        scene, ("layer.E", *moduli), direct, lengths, length, through_coefficient, exponent, values
+        scene, ("layer.E", *moduli), direct, lengths, length, through_coefficient, exponent, values, energies
     )
 
 

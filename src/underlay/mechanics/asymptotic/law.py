@@ -69,7 +69,8 @@ class AsymptoticLaw(ContactLaw):
     error_depth : float
         Depth (m) up to which `error_estimate` holds: the one the law was built for.
     max_radius_depth : float
-        Largest depth (m) at which `contact_radius` may be asked: beyond, its series decreases.
+        Largest depth (m) at which `contact_radius` may be asked: beyond, its series decreases or passes the
+        end of the indenter's shape.
     series : ContactSeries
         The curve (w, P, a)(s).
     series_end : float
@@ -97,7 +98,8 @@ class AsymptoticLaw(ContactLaw):
         if not (depth <= self.max_radius_depth).all():
             raise RangeError(
                 f"contact radius at depth {depth.max():.6g} m: the series of the {self.form} form of order "
-                f'{self.order} decreases beyond {self.max_radius_depth:.6g} m; use the solver "exact"',
+                f"{self.order} decreases or passes the end of the indenter's shape beyond "
+                f'{self.max_radius_depth:.6g} m; use the solver "exact"',
                 max_depth=self.max_radius_depth,
             )
         return self.series.radius(self.series.parameter(depth, self.series_end))

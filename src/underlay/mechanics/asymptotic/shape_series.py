@@ -80,10 +80,17 @@ class ShapeSeries(ContactSeries):
 
     @cached_property
     def radius_end(self) -> float:
-        """Where the expanded contact radius of the compliance form stops increasing."""
-        last = self.end
-        if not self.by_force or self.c >= 0.0:
+        """Where the expanded contact radius of the compliance form stops increasing, or passes the shape's end."""
+        last, widest = self.end, self.shape.max_radius
+        if not self.by_force or self.c == 0.0:
             return last
+        if self.c > 0.0:
+            if not np.isfinite(widest) or self.radius(np.array([last]))[0] <= widest:
+                return last
+            inside = widest * np.finfo(float).eps
+            return float(
+                optimize.brentq(lambda s: float(self.radius(np.array([s]))[0]) - widest, inside, last)
+            )
         grid = min(last, 8.0 * self.thickness) * np.geomspace(1e-4, 1.0, _STEPS)
         radius = self.radius(grid)
         if (np.diff(radius) > 0.0).all():

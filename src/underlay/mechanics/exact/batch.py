@@ -7,7 +7,6 @@ with the materials, so one matrix product builds every kernel and one batched so
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, pi
 from typing import Self
 
 import numpy as np
@@ -27,7 +26,9 @@ from underlay.mechanics.exact.master_curve import (
     Factor,
     Stretch,
     chebyshev_angles,
+    growth_beyond,
     in_powers,
+    reach,
     truncation_error,
 )
 from underlay.mechanics.exact.nodes import Resolution, curve_terms
@@ -40,6 +41,7 @@ __all__ = ["ExactBatch", "thickness_derivative"]
 
 # 400 MB of products of cosines, that every set shares.
 _MOST_PRODUCTS = 50_000_000
+_MARGIN = 1.06
 
 
 @dataclass(frozen=True)
@@ -107,8 +109,11 @@ class ExactBatch:
         problem = ContactProblem.of(indenter, thickness, inner, outer)
         top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / thickness
         solved = solve_curve(problem, top, rtol)
-        terms = min(curve_terms(problem.pair, top, problem.measure.exponent, rtol), MOST_TERMS)
-        targets = Stretch.to(top, 0.0).v(np.cos(chebyshev_angles(terms)))
+        terms = min(curve_terms(problem.pair, top, problem.measure.exponent, rtol) + 1, MOST_TERMS)
+        # The radii of a power law go a little further, with a term more, for sets whose contact is narrower: a
+        # polynomial soon errs beyond its points.
+        margin = _MARGIN if indenter is problem.measure else 1.0
+        targets = Stretch.to(margin * top, 0.0).v(np.cos(chebyshev_angles(terms)))
         eps = targets * solved.curve.factor(Factor.RADIUS, targets)
         resolution = Resolution.choose(problem.pair, solved.eps, rtol)
         u, weights = resolution.wavenumber_rule()
@@ -142,15 +147,20 @@ class ExactBatch:
         varpi, logarithms = contact_factors(punch, self.indenter, self.measure, np.minimum(lengths, thickest))
         # As in MasterCurve.through, for every set at once.
         radii = self.eps.size
-        reach = np.arcsinh(varpi[:, -1:]) * (2.0 / (1.0 + cos(0.5 * pi / radii)))
-        reach = np.maximum(reach, np.arcsinh(self.top))
-        angles = np.arccos(2.0 / reach * np.arcsinh(varpi) - 1.0)
+        spans = np.arcsinh(varpi[:, -1:]) * reach(radii)
+        angles = np.arccos(2.0 / spans * np.arcsinh(varpi) - 1.0)
         basis = np.cos(angles[..., None] * np.arange(radii))
         coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
-        errors = SHARE_OF_NODES * self.rtol + truncation_error(coefficients)
+        growth = growth_beyond(np.arcsinh(self.top) / spans[:, 0], radii)
+        errors = SHARE_OF_NODES * self.rtol + growth * truncation_error(coefficients)
         errors = np.where(lengths[:, 0] > thickest, np.inf, errors)
         return CurveBatch(
-            self.measure, self.top, reach, np.zeros_like(reach), in_powers(coefficients), errors
+            self.measure,
+            self.top,
+            spans,
+            np.zeros_like(spans),
+            in_powers(coefficients),
+            errors,
         )
 
     def _punch(self, inner: PlaneConstants, outer: PlaneConstants | None) -> PunchSolution:

@@ -16,7 +16,7 @@ v = 1/softness.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from itertools import pairwise
 from math import asinh, cos, log1p, pi
@@ -33,10 +33,12 @@ __all__ = [
     "Stretch",
     "chebyshev_angles",
     "chebyshev_coefficients",
+    "growth_beyond",
     "in_powers",
     "monomials",
     "piecewise",
     "polynomial",
+    "reach",
     "truncation_error",
 ]
 
@@ -156,6 +158,19 @@ def truncation_error(coefficients: FloatArray) -> FloatArray:
     return np.asarray(3.0 * last * rate / (1.0 - rate))
 
 
+def reach(count: int) -> float:
+    """Length of the interval of `count` Chebyshev points over that up to the last, at z = cos(pi/2n)."""
+    return 2.0 / (1.0 + cos(0.5 * pi / count))
+
+
+def growth_beyond(share: FloatArray, count: int) -> FloatArray:
+    """How much the error of an interpolant of `count` terms grows at `share` times the length of its interval.
+
+    The first term left out grows as the Chebyshev polynomial that it is; inside the interval it is one.
+    """
+    return np.asarray(np.cosh(count * np.arccosh(np.maximum(2.0 * share - 1.0, 1.0))))
+
+
 @dataclass(frozen=True)
 class MasterCurve:
     """The three factors against varpi.
@@ -200,16 +215,14 @@ class MasterCurve:
         logarithms : ndarray (n, 3)
             Of the factors.
         """
-        # The last Chebyshev point stands at z = cos(pi/2n): points that go beyond it lengthen the interval.
-        stretch = Stretch.to(top, softness)
-        reach = Stretch.to(float(varpi[-1]), softness).length * 2.0 / (1.0 + cos(0.5 * pi / varpi.size))
-        if reach > stretch.length:
-            stretch = Stretch(reach, softness)
+        stretch = Stretch(Stretch.to(float(varpi[-1]), softness).length * reach(varpi.size), softness)
         angles = np.arccos(stretch.z(varpi))
         basis = np.cos(np.multiply.outer(angles, np.arange(varpi.size)))
-        return cls.of_pieces(
+        curve = cls.of_pieces(
             stretch, [-1.0, 1.0], [np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)]
         )
+        growth = growth_beyond(np.array(Stretch.to(top, softness).length / stretch.length), varpi.size)
+        return replace(curve, error_estimate=curve.error_estimate * float(growth))
 
     @classmethod
     def of_pieces(

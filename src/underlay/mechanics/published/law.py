@@ -16,13 +16,16 @@ from underlay.mechanics.indenters import Sphere
 from underlay.mechanics.published.correction import ELASTIC, PublishedCorrection
 from underlay.mechanics.published.factor import Factor
 from underlay.mechanics.published.layer_contact import LayerContact, tip_of
-from underlay.mechanics.published.limits import OutOfRange
+from underlay.mechanics.published.limits import Limit, OutOfRange
+from underlay.mechanics.published.quantities import DEPTH_OVER_RADIUS
 from underlay.mechanics.published.registry import fitting_correction
 
 __all__ = ["PublishedLaw", "published_law"]
 
 # Where a formula is watched for a force that stops growing. The factors are smooth in the contact size.
 _WATCHED_DEPTHS = 200
+# The paraboloid that stands for a true sphere has a contact as wide as the sphere at d = R, and wider below.
+_WITHIN_RADIUS = Limit(DEPTH_OVER_RADIUS, 0.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,9 +114,10 @@ def published_law(name: str | PublishedCorrection, contact: Contact, max_depth: 
     correction = fitting_correction(name, contact.indenter)
     test = _layer_contact(correction, contact)
     deepest = positive(max_depth, "max_depth", "m")
-    out_of_range = tuple(
-        broken for limit in correction.limits if (broken := limit.broken_by(test, deepest)) is not None
-    )
+    limits = correction.limits
+    if isinstance(contact.indenter, Sphere) and _WITHIN_RADIUS not in limits:
+        limits = (*limits, _WITHIN_RADIUS)
+    out_of_range = tuple(broken for limit in limits if (broken := limit.broken_by(test, deepest)) is not None)
     error = correction.measured_error.up_to(test, deepest) + _sphere_excess(contact, test, deepest)
     law = PublishedLaw(
         method=correction.name,
@@ -138,7 +142,7 @@ def published_law(name: str | PublishedCorrection, contact: Contact, max_depth: 
 
 def _layer_contact(correction: PublishedCorrection, contact: Contact) -> LayerContact:
     name = correction.name
-    if not contact.layered:
+    if not np.isfinite(contact.thickness):
         raise InputError(
             f"{name} needs a layer of finite thickness on a substrate; the law without one is the solver "
             '"halfspace"'

@@ -1,0 +1,11 @@
+"""Adhesion on a layer: JKR, DMT and Maugis-Dugdale, all from the flat punch that the exact law solves."""
+
+from underlay.mechanics.adhesion.dmt import DMT
+from underlay.mechanics.adhesion.jkr import JKR
+from underlay.mechanics.adhesion.maugis import Maugis
+from underlay.mechanics.contact import Adhesion
+
+__all__ = ["DMT", "JKR", "MODELS", "Maugis"]
+
+#: The models there are here; scene files know them, and any other class that derives from `Adhesion`.
+MODELS: tuple[type[Adhesion], ...] = (JKR, DMT, Maugis)

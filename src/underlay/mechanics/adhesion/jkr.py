@@ -1,0 +1,243 @@
+"""Johnson, Kendall and Roberts on any layer: the whole curve, explicit in the contact radius.
+
+Formula: let go of f(1) = 0 in the contact problem; with the radius a and the depth w given, the solution is
+f = f_el + (w - w_el(a)) g, g the flat punch's. At the edge the surface is the layer's: the energy set free by
+a shrinking contact is G = theta f(1)^2/(pi a), and G = dgamma gives
+
+    w(a) = w_el(a) - q,   P(a) = P_el(a) - 4 theta a kappa q,   q = sqrt(pi a dgamma/theta)/g(1),
+
+and with d(eps kappa)/d eps = g(1)^2
+
+    dP/da = 4 theta (a kappa dw/da - g(1)^2 q),   dP/d ln dgamma at fixed w = -2 pi a dgamma/(dw/da).
+
+On a half-space g = kappa = 1: Johnson, Kendall and Roberts (1971), Proc. R. Soc. A 324, 301. The flat punch
+(w_el = P_el = 0): Kendall (1971), J. Phys. D 4, 1186.
+
+Assumes what the elastic law assumes, and an attraction whose range is short against the gap outside of the
+contact; `maugis` says how short. The contact ends where its branch has no neighbour any more: dw/da = 0 when
+the depth is given, dP/da = 0 when the force is, dP/da + k dw/da = 0 behind a spring k.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+
+from underlay._arrays import FloatArray, positive
+from underlay.errors import InputError, RangeError
+from underlay.mechanics.adhesion.adhesive_law import STATES, AdhesiveLaw
+from underlay.mechanics.adhesion.branch import AdhesiveBranch, BranchPoint
+from underlay.mechanics.adhesion.punch_law import adhesive_punch_law
+from underlay.mechanics.adhesion.radius_relation import (
+    HalfspaceRelation,
+    RadiusRelation,
+    largest_radius,
+    solve_relation,
+)
+from underlay.mechanics.contact import Adhesion, BuildsElastic, Contact
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.indenters import FlatPunch
+from underlay.quantities import one_of, quantity
+
+__all__ = ["JKR", "WORK", "JKRBranch", "elastic_tolerance", "jkr_branch"]
+
+#: Declaration of a work of adhesion.
+WORK = quantity("surface energy", "work of adhesion", symbol=r"\Delta\gamma", bounds=(0.0, np.inf))
+
+# The half-space is a closed form: only interpolation has an error.
+_HALFSPACE_RTOL = 1e-9
+# Of the reference radius: the branch's end is at 0.3 of it and more for every shape tried.
+_SMALLEST = 1e-3
+# The radius is widened by this until the contact is wide enough.
+_WIDEN = 1.4
+
+
+@dataclass(frozen=True)
+class JKR(Adhesion):
+    """Short-ranged adhesion of Johnson, Kendall and Roberts, on whatever is under the surface.
+
+    Parameters
+    ----------
+    work : float
+        Work of adhesion (J/m^2), positive: the energy it takes to separate one square metre.
+    branch : str, default "separating"
+        Which states a law takes. ``"separating"``: the tip was pressed in and is withdrawn; there is contact
+        down to the pull-off. ``"approaching"``: there is none before the tip touches at depth zero and jumps
+        in. ``"cycle"``: depths are asked in the order in which they are reached; contact begins at zero and
+        ends at the pull-off.
+
+    Examples
+    --------
+    >>> import underlay as ul
+    >>> tip, gel = ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e4, 0.5))
+    >>> law = ul.Scene(tip, gel, adhesion=ul.JKR(work=1e-3)).contact_law(1e-5)
+    >>> round(law.pull_off_force / (3.141592653589793 * 1e-3 * 1e-3), 9)  # over pi R work
+    1.5
+    """
+
+    model: ClassVar[str] = "jkr"
+
+    work: float = field(metadata=WORK)
+    branch: str = field(default="separating", metadata=one_of(*STATES))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "work", positive(self.work, "work of adhesion", "J/m^2"))
+        if self.branch not in STATES:
+            raise InputError(f"unknown branch {self.branch!r} of adhesion; known: {', '.join(STATES)}")
+
+    def law(self, contact: Contact, max_depth: float, solver: BuildsElastic) -> ContactLaw:
+        """Build the law for depths up to `max_depth` (m); it reaches the zero-load radius in any case.
+
+        Raises
+        ------
+        InputError
+            If `solver` is neither the exact law nor the half-space.
+        RangeError
+            If the contact would be wider than 20 thicknesses, or reach the end of the indenter's shape.
+        """
+        deepest, rtol = max(max_depth, 0.0), elastic_tolerance(solver)
+        body = contact if solver.sees_base else replace(contact, thickness=np.inf)
+        if isinstance(contact.indenter, FlatPunch):
+            return adhesive_punch_law(body, self.work, deepest, rtol)
+        branch = jkr_branch(body, self.work, deepest, rtol)
+        path = branch.path(0.0, rtol)
+        reason = f"JKR on the {'exact contact problem' if body.layered else 'half-space'}"
+        if body.layered:
+            reason += f", solved for a/h up to {branch.end / body.thickness:.3g}"
+        for jump in path.jumps:
+            if jump.inner:
+                reason += (
+                    f"; withdrawn, the contact jumps at depth {jump.at:.4g} m from radius {jump.outer:.4g} m to "
+                    f"{jump.inner:.4g} m"
+                )
+        return AdhesiveLaw(
+            method="exact" if body.layered else "halfspace",
+            reason=reason,
+            max_depth=deepest,
+            error_estimate=branch.relation.error_estimate + rtol,
+            branch=branch,
+            path=path,
+            rtol=rtol,
+            states=self.branch,
+        )
+
+
+@dataclass(frozen=True)
+class JKRBranch(AdhesiveBranch):
+    """Every equilibrium of one contact, by its radius.
+
+    Parameters
+    ----------
+    relation : RadiusRelation
+        The elastic contact.
+    work : float
+        Work of adhesion dgamma (J/m^2).
+    end, reference : float
+        Largest radius (m), and that of zero depth on a half-space; see `AdhesiveBranch`.
+    """
+
+    relation: RadiusRelation
+    work: float
+    end: float
+    reference: float
+
+    @property
+    def start(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
+        """Far below the end of every branch (m)."""
+        return _SMALLEST * self.reference
+
+    @property
+    def nodes(self) -> int | None:  # type: ignore[override]  # as above
+        """Those of the elastic solution."""
+        return self.relation.nodes
+
+    def at(self, radius: FloatArray) -> BranchPoint:
+        """States at radii (m), (n,), positive and at most `end`; explicit."""
+        theta, elastic = self.relation.theta, self.relation.at(radius)
+        q = np.sqrt(np.pi * radius * self.work / theta) / elastic.edge
+        slope = elastic.depth_slope - q * (0.5 / radius - elastic.edge_rate)
+        stiffness = 4.0 * theta * radius * elastic.kappa
+        force_slope = stiffness * slope - 4.0 * theta * elastic.edge**2 * q
+        return BranchPoint(elastic.depth - q, elastic.force - stiffness * q, slope, force_slope)
+
+    def work_slope(self, radius: FloatArray, radius_slope: FloatArray) -> FloatArray:
+        """See `AdhesiveBranch`: - 2 pi a dgamma da/dw."""
+        return -2.0 * np.pi * self.work * radius * radius_slope
+
+
+def elastic_tolerance(solver: BuildsElastic) -> float:
+    """Relative error of a solver that adhesion can stand on.
+
+    Raises
+    ------
+    InputError
+        If it is neither the exact law nor the half-space: adhesion pulls at the edge of the contact, of which
+        corrections of the force say nothing.
+    """
+    if solver.tolerance > 0.0:
+        return solver.tolerance
+    if not solver.sees_base:
+        return _HALFSPACE_RTOL
+    raise InputError(
+        f"adhesion stands on the exact contact problem or on the half-space, not on {solver.name}: its formula "
+        "says nothing of the edge of the contact; use the solver 'exact', 'auto' or 'halfspace'"
+    )
+
+
+def jkr_branch(contact: Contact, work: float, max_depth: float, rtol: float) -> JKRBranch:
+    """Equilibria from a vanishing contact to one at `max_depth` (m) and under no tension.
+
+    Raises
+    ------
+    RangeError
+        If no solution is that wide.
+    """
+    measure = depth_measure(contact.indenter)
+    widest = largest_radius(contact)
+    # H(a) = sqrt(pi a work/theta) for the power law of the apex.
+    drop = float(np.sqrt(np.pi * work / contact.theta)) / measure.abel_coefficient
+    reference = min(drop ** (1.0 / (measure.exponent - 0.5)), widest)
+    end = _halfspace_end(contact, work, max_depth, reference, widest)
+    while True:
+        relation = solve_relation(contact, end, rtol)
+        branch = JKRBranch(relation, work, end, reference)
+        last = branch.at(np.array([end]))
+        # On a film that folds the widest contact is beyond the fold, where depth and force increase again.
+        grows = last.depth_slope[0] > 0.0 and last.force_slope[0] > 0.0
+        if grows and last.depth[0] >= max_depth and last.force[0] >= 0.0:
+            return branch
+        if end >= widest:
+            raise _too_wide(contact, float(last.depth[0]), float(last.force[0]), max_depth)
+        end = min(_WIDEN * end, widest)
+
+
+def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: float, widest: float) -> float:
+    """Radius (m) that is wide enough on a half-space of the layer."""
+    halfspace = HalfspaceRelation(contact.indenter, contact.theta)
+    end = min(1.2 * reference, widest)
+    while end < widest:
+        here = JKRBranch(halfspace, work, end, reference).at(np.array([end]))
+        if here.depth[0] >= max_depth and here.force[0] >= 0.0:
+            break
+        end = min(1.1 * end, widest)
+    return end
+
+
+def _too_wide(contact: Contact, depth: float, force: float, asked: float) -> RangeError:
+    shape = contact.indenter.max_radius <= largest_radius(contact)
+    why = (
+        "the contact reaches the end of the indenter's shape; use a larger radius"
+        if shape
+        else "the contact radius is 20 thicknesses; use a thicker layer or the half-space law of the substrate"
+    )
+    if force < 0.0:
+        return RangeError(
+            f"adhesion alone draws the tip in until {why}, or declare a smaller work of adhesion"
+        )
+    return RangeError(
+        f"depth {asked:.6g} m is beyond the largest that works here, {depth:.6g} m: there {why}",
+        max_depth=depth,
+    )

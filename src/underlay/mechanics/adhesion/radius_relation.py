@@ -1,0 +1,229 @@
+"""What the contact radius decides: the elastic depth and force, and the flat punch's factors.
+
+For a contact of radius a (the notation of `punch_solution`, eps = a/h),
+
+    w_el(a), P_el(a)      depth and force of the contact without adhesion, f(1) = 0,
+    kappa(eps)            int_0^1 g dx, the flat punch's stiffness over that on a half-space,
+    g(1; eps)             the flat punch's solution at the edge: what adhesion pulls on.
+
+They hang together exactly, for every kernel:
+
+    d(eps kappa)/d eps = g(1)^2,     dP_el/da = 4 theta a kappa dw_el/da.
+
+On a half-space g = kappa = 1. On a layer the logarithms of the four, over those of the half-space, are smooth
+in eps and become Chebyshev series. This module is the only one of `adhesion` that knows the exact solver.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.mechanics.contact import Contact
+from underlay.mechanics.exact.contact_curve import LARGEST_EPS, contact_factors, depth_measure
+from underlay.mechanics.exact.master_curve import (
+    Factor,
+    Stretch,
+    chebyshev_angles,
+    chebyshev_coefficients,
+    truncation_error,
+)
+from underlay.mechanics.exact.nodes import Pair, Resolution, series_terms
+from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.indenters import Indenter, PowerLawShape
+from underlay.mechanics.kernel import one_minus_L
+
+__all__ = [
+    "AtRadius",
+    "HalfspaceRelation",
+    "RadiusRelation",
+    "kernel_rule",
+    "largest_radius",
+    "punch_factors",
+    "solve_relation",
+]
+
+# Of the tolerance asked: nodes and truncation both stay below, and derivatives lose a digit.
+_SHARE = 0.03
+_FINEST = 1e-12
+_MOST_TERMS = 400
+
+
+class AtRadius(NamedTuple):
+    """The elastic contact of given radii, each entry (n,)."""
+
+    depth: FloatArray
+    """w_el (m)."""
+    depth_slope: FloatArray
+    """dw_el/da (dimensionless)."""
+    force: FloatArray
+    """P_el (N)."""
+    kappa: FloatArray
+    """The flat punch's factor kappa."""
+    edge: FloatArray
+    """g(1)."""
+    edge_rate: FloatArray
+    """d ln g(1)/da (1/m)."""
+
+
+class RadiusRelation(ABC):
+    """Elastic contact against its radius, up to `end` (m)."""
+
+    theta: float
+    end: float
+    error_estimate: float
+    nodes: int | None
+
+    @abstractmethod
+    def at(self, radius: FloatArray) -> AtRadius:
+        """Contact at radii (m), (n,), positive and at most `end`."""
+
+
+@dataclass(frozen=True)
+class HalfspaceRelation(RadiusRelation):
+    """On a half-space: w = H(a), P = 4 theta (a H - int_0^a H ds) (2.13), (3.2).
+
+    Parameters
+    ----------
+    indenter : Indenter
+        Its shape.
+    theta : float
+        Elastic constant of the surface (Pa).
+    """
+
+    indenter: Indenter
+    theta: float
+    error_estimate: float = 0.0
+    nodes: int | None = None
+
+    @property
+    def end(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
+        """End of the indenter's shape (m)."""
+        return self.indenter.max_radius
+
+    def at(self, radius: FloatArray) -> AtRadius:
+        """See `RadiusRelation`; closed forms."""
+        depth, one = self.indenter.abel(radius), np.ones_like(radius)
+        if isinstance(self.indenter, PowerLawShape):
+            exponent = self.indenter.exponent
+            work = depth * radius * (exponent / (exponent + 1.0))
+        else:
+            work = depth * radius - self.indenter.abel_moments(radius)[0]
+        slope = self.indenter.abel_slope(radius)
+        return AtRadius(depth, slope, 4.0 * self.theta * work, one, one, np.zeros_like(radius))
+
+
+@dataclass(frozen=True)
+class LayerRelation(RadiusRelation):
+    """On a layer: the half-space's times factors.
+
+    Parameters
+    ----------
+    halfspace : HalfspaceRelation
+        Of the layer's material.
+    thickness : float
+        Of the layer (m).
+    end : float
+        Largest radius (m).
+    stretch : Stretch
+        Of eps.
+    coefficients : ndarray (terms, 4)
+        Chebyshev coefficients of ln(w_el/H), ln(P_el/P_half), ln kappa and ln g(1).
+    error_estimate : float
+        Of the logarithms.
+    nodes : int
+        Radial nodes of the solution.
+    """
+
+    halfspace: HalfspaceRelation
+    thickness: float
+    end: float
+    stretch: Stretch
+    coefficients: FloatArray
+    error_estimate: float
+    nodes: int | None
+
+    @property
+    def theta(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
+        """That of the layer (Pa)."""
+        return self.halfspace.theta
+
+    def at(self, radius: FloatArray) -> AtRadius:
+        """See `RadiusRelation`."""
+        eps = radius / self.thickness
+        cosine = self.stretch.z(eps)
+        basis = np.polynomial.chebyshev.chebvander(cosine, self.coefficients.shape[0] - 1)
+        factors = np.exp(basis @ self.coefficients)
+        slopes = basis[:, :-1] @ np.polynomial.chebyshev.chebder(self.coefficients)
+        rates = slopes * (self.stretch.dz(eps) / self.thickness)[:, None]
+        half = self.halfspace.at(radius)
+        depth = half.depth * factors[:, 0]
+        depth_slope = half.depth_slope * factors[:, 0] + depth * rates[:, 0]
+        return AtRadius(
+            depth, depth_slope, half.force * factors[:, 1], factors[:, 2], factors[:, 3], rates[:, 3]
+        )
+
+
+def largest_radius(contact: Contact) -> float:
+    """Largest contact radius (m) there is a solution for: the end of the shape, or 20 thicknesses."""
+    return min(contact.indenter.max_radius, LARGEST_EPS * contact.thickness if contact.layered else np.inf)
+
+
+def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelation:
+    """Solve for contact radii up to `radius` (m), at most `largest_radius`, at relative error `rtol`."""
+    halfspace = HalfspaceRelation(contact.indenter, contact.theta)
+    if not contact.layered:
+        return halfspace
+    inner, outer = contact.kernel.constants
+    pair, measure = Pair.of(inner, outer), depth_measure(contact.indenter)
+    last, fine = radius / contact.thickness, max(_SHARE * rtol, _FINEST)
+    resolution = Resolution.choose(pair, last, fine)
+    stretch, terms = Stretch.to(last, pair.softness), series_terms(pair, last, fine)
+    while True:
+        angles = chebyshev_angles(terms)
+        eps = stretch.v(np.cos(angles))
+        punch = PunchSolution.solve(inner, outer, eps, resolution)
+        varpi, logarithms = contact_factors(punch, contact.indenter, measure, contact.thickness)
+        half = halfspace.at(eps * contact.thickness)
+        measured = varpi * contact.thickness
+        depth = measure.abel(measured)
+        scale = 4.0 * contact.theta * measure.exponent / (measure.exponent + 1.0)
+        force = np.log(scale * measured * depth / half.force) + logarithms[:, Factor.FORCE]
+        edge = np.log1p(punch.rho @ punch.rule.weights)
+        columns = (np.log(depth / half.depth), force, logarithms[:, Factor.STIFFNESS], edge)
+        coefficients = chebyshev_coefficients(np.column_stack(columns), angles)
+        error = float(truncation_error(coefficients))
+        if error <= fine or 2 * terms > _MOST_TERMS:
+            return LayerRelation(
+                halfspace, contact.thickness, radius, stretch, coefficients, error + fine, resolution.radial
+            )
+        terms += terms // 2
+
+
+def punch_factors(contact: Contact, radius: float, rtol: float) -> tuple[float, float]:
+    """(kappa, g(1)) at one contact radius (m)."""
+    if not contact.layered:
+        return 1.0, 1.0
+    inner, outer = contact.kernel.constants
+    eps = radius / contact.thickness
+    resolution = Resolution.choose(Pair.of(inner, outer), eps, rtol)
+    punch = PunchSolution.solve(inner, outer, np.array([eps]), resolution)
+    return float(punch.kappa[0]), 1.0 + float(punch.rho[0] @ punch.rule.weights)
+
+
+def kernel_rule(contact: Contact, radius: float, rtol: float) -> tuple[FloatArray, FloatArray]:
+    """Wavenumbers k (1/m) and weights c with (2/(pi h)) K(x/h, y/h) = sum c cos(kx) cos(ky), x, y <= `radius`.
+
+    Empty where nothing is under the surface.
+    """
+    if not contact.layered:
+        return np.empty(0), np.empty(0)
+    inner, outer = contact.kernel.constants
+    resolution = Resolution.choose(Pair.of(inner, outer), radius / contact.thickness, rtol)
+    u, weights = resolution.wavenumber_rule()
+    strength = (2.0 / (np.pi * contact.thickness)) * weights * one_minus_L(u, inner, outer)
+    return u / contact.thickness, strength

@@ -1,0 +1,195 @@
+"""Adhesion in scenes: files, effects, fits; and that nothing of it runs where nothing sticks."""
+
+import sys
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+import underlay as ul
+from underlay.inference.least_squares import adhesive_start
+from underlay.mechanics.response import History
+from underlay.quantities import quantity
+
+SCENE = ul.Scene(
+    ul.Paraboloid(1e-5),
+    ul.Layer(ul.Isotropic(5e3, 0.45), 8e-6),
+    ul.RIGID,
+    instrument=ul.Instrument(contact_depth=2e-7),
+    adhesion=ul.JKR(work=2e-4),
+)
+PULL = 9.55e-9  # N, its pull-off
+FREE = {
+    "layer.E": ul.LogUniform(1e1, 1e7),
+    "adhesion.work": ul.LogUniform(1e-7, 1.0),
+    "instrument.contact_depth": (-2e-6, 2e-6),
+}
+DEPTH = np.linspace(2e-6, -1e-6, 150)
+
+
+def made(scene=SCENE, depth=DEPTH, share=0.02, seed=1):
+    return ul.synthesize(scene, depth, ul.Noise(force=share * PULL), rng=seed)
+
+
+@pytest.mark.parametrize(
+    "adhesion", [ul.JKR(2e-4), ul.JKR(2e-4, branch="cycle"), ul.DMT(1e-3), ul.Maugis(1e-3, 2e-8)]
+)
+def test_scene_files(adhesion, tmp_path):
+    scene = replace(SCENE, adhesion=adhesion)
+    assert ul.load_scene(scene.save(tmp_path / "scene.toml")) == scene
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('model = "jkr"', "work"),
+        ('model = "jkr"\nwork = "-1 mJ/m^2"', "work of adhesion"),
+        ('model = "jkr"\nwork = "1 mN"', "surface energy"),
+        ('model = "jkr"\nwork = "1 mJ/m^2"\nbranch = "off"', "separating"),
+        ('model = "glue"\nwork = "1 mJ/m^2"', "dmt, jkr, maugis"),
+    ],
+)
+def test_scene_files_that_are_refused(text, message, tmp_path):
+    path = replace(SCENE, adhesion=None).save(tmp_path / "scene.toml")
+    path.write_text(f"{path.read_text()}\n[adhesion]\n{text}\n")
+    with pytest.raises(ul.InputError, match=message):
+        ul.load_scene(path)
+
+
+def test_works_may_be_written_as_a_force_over_a_length(tmp_path):
+    path = replace(SCENE, adhesion=None).save(tmp_path / "scene.toml")
+    for unit in ("0.2 mJ/m^2", "0.2 mN/m", "2e-4 J/m**2"):
+        text = path.read_text().partition("[adhesion]")[0]
+        path.write_text(f'{text}\n[adhesion]\nmodel = "jkr"\nwork = "{unit}"\n')
+        assert ul.load_scene(path).adhesion.work == pytest.approx(2e-4, rel=1e-15)
+
+
+def test_effects():
+    table = SCENE.effects(1e-6).set_index("effect")
+    bare = replace(SCENE, adhesion=None)
+    at = 1e-6 + SCENE.instrument.contact_depth
+    expected = 100.0 * (float(SCENE.force(at)) / float(bare.force(at)) - 1.0)
+    assert table.loc["adhesion", "size_percent"] == pytest.approx(expected)
+    assert table.loc["adhesion", "simulated"]
+    assert not bare.effects(1e-6).set_index("effect").loc["adhesion", "simulated"]
+
+
+def test_the_ledger_says_whether_jkr_will_do():
+    scene = ul.Scene(ul.Paraboloid(1e-5), ul.Layer(ul.Isotropic(5e3, 0.45)), adhesion=ul.Maugis(2e-4, 1e-7))
+    row = scene.effects(1e-6).set_index("effect").loc["range of attraction"]
+    assert "(c - a)/a" in row["note"]
+    assert 0.0 < abs(row["size_percent"]) < 10.0
+
+
+@dataclass(frozen=True)
+class _Half(History):
+    share: float = field(default=0.5, metadata=quantity("dimensionless", "share"))
+
+    def force(self, elastic, depth, time):
+        del time
+        return self.share * elastic(depth)
+
+
+def test_adhesion_beside_a_memory_is_refused():
+    with pytest.raises(ul.InputError, match="adhesion beside a history"):
+        replace(SCENE, history=_Half())
+
+
+def test_not_one_line_runs_where_nothing_sticks():
+    """Counted: every call of a function of `mechanics.adhesion` during a fit, with adhesion and without."""
+
+    # Loaded before: what a module runs when it is imported is not counted.
+    places = ("mechanics/adhesion", adhesive_start.__name__.rpartition(".")[2])
+
+    def calls(scene):
+        count = 0
+
+        def watch(frame, event, _):
+            nonlocal count
+            name = frame.f_code.co_filename.replace("\\", "/")
+            count += event == "call" and any(place in name for place in places)
+
+        curve = made(scene, np.linspace(-5e-7, 2e-6, 60))
+        free = [path for path in FREE if path in scene.parameters]
+        before = sys.getprofile()
+        sys.setprofile(watch)
+        try:
+            ul.fit(ul.Problem(scene, curve, free))
+            ul.simulate(scene, curve.depth)
+        finally:
+            sys.setprofile(before)
+        return count
+
+    assert calls(replace(SCENE, adhesion=None)) == 0
+    assert calls(SCENE) > 0
+
+
+@pytest.mark.parametrize("tip", [ul.Paraboloid(1e-5), ul.Sphere(2e-5), ul.Cone(1.2)], ids=str)
+@pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(2e4, 0.3)], ids=["rigid", "elastic"])
+def test_derivatives(tip, base):
+    scene = replace(SCENE, indenter=tip, substrate=base)
+    paths = [p for p in scene.parameters if p not in ("instrument.compliance", "layer.nu", "substrate.nu")]
+    problem = ul.Problem(scene, made(scene, np.linspace(-1e-7, 1.5e-6, 40)), paths, solver=ul.Exact(1e-9))
+    forward, values = problem.members[0].forward, scene.parameters
+    found = forward.jacobian(values, paths)[1]
+    for column, path in enumerate(paths):
+        step = 1e-4 * abs(values[path]) if values[path] else 1e-13
+        up, down = (forward.force(values | {path: values[path] + sign * step}) for sign in (1.0, -1.0))
+        wanted = (up - down) / (2.0 * step)
+        np.testing.assert_allclose(found[:, column], wanted, atol=2e-4 * np.abs(wanted).max(), err_msg=path)
+
+
+@pytest.mark.parametrize("factor", [1.0, 40.0, 0.02])
+def test_a_fit_of_the_unloading_does_not_need_a_good_start(factor):
+    start = SCENE.with_values(
+        {"layer.E": 5e3 * factor, "adhesion.work": 2e-4 / factor, "instrument.contact_depth": 0.0}
+    )
+    fit = ul.fit(ul.Problem(start, made(), FREE))
+    for path in FREE:
+        assert abs(fit.values[path] - SCENE.parameters[path]) < 4.0 * fit.stderr[path], path
+    assert fit.stderr["layer.E"] < 0.01 * fit.values["layer.E"]
+    assert not [w for w in fit.warnings if w.code == "pull-off"]
+
+
+def test_both_branches_in_one_fit():
+    scene = replace(SCENE, adhesion=ul.JKR(2e-4, branch="cycle"))
+    curve = made(scene, np.concatenate((DEPTH[::-2], DEPTH[::2])))
+    fit = ul.fit(ul.Problem(scene.with_values({"layer.E": 2e4, "adhesion.work": 1e-3}), curve, FREE))
+    for path in FREE:
+        assert abs(fit.values[path] - scene.parameters[path]) < 4.0 * fit.stderr[path], path
+    # Force and depth alone: going in, the tip feels nothing before it touches.
+    going_in = np.arange(len(curve)) < len(DEPTH) // 2
+    away = going_in & (curve.depth < 1.9e-7)
+    assert (fit.problem.members[0].forward.force(scene.parameters)[away] == 0.0).all()
+
+
+def test_a_fit_behind_a_cantilever():
+    scene = replace(SCENE, instrument=ul.Instrument(contact_depth=2e-7, compliance=10.0))
+    depth = np.linspace(2e-6, -1.5e-6, 150)
+    fit = ul.fit(ul.Problem(scene, made(scene, depth), FREE))
+    for path in FREE:
+        assert abs(fit.values[path] - scene.parameters[path]) < 4.0 * fit.stderr[path], path
+
+
+def test_many_parameter_sets_are_one_by_one():
+    problem = ul.Problem(SCENE, made(), FREE, ul.Noise(force=0.02 * PULL))
+    vectors = np.array([[0.0, 0.0, 0.0], [0.02, -0.01, 0.001], [0.3, 0.2, -0.01]])
+    together = problem.log_likelihood(vectors)
+    np.testing.assert_array_equal(together, [problem.log_likelihood(vector) for vector in vectors])
+    alone = ul.Problem(SCENE, made(), ["instrument.contact_depth"], ul.Noise(force=0.02 * PULL))
+    np.testing.assert_allclose(
+        alone.log_likelihood(np.zeros((2, 1))), problem.log_likelihood(np.zeros(3)), rtol=1e-9
+    )
+
+
+def test_a_curve_cut_off_before_the_pull_off_says_what_is_known():
+    fit = ul.fit(ul.Problem(SCENE, made(depth=np.linspace(2e-6, 1e-7, 150)), FREE), start="given")
+    said = [w.message for w in fit.warnings if w.code == "pull-off"]
+    assert len(said) == 1
+    assert "before the pull-off" in said[0]
+
+
+def test_data_below_the_pull_off():
+    curve = made(depth=np.linspace(-1e-6, -2e-6, 30))
+    with pytest.raises(ul.CurveError, match="no point beyond contact"):
+        ul.Problem(SCENE, curve, ["layer.E", "adhesion.work"])
