@@ -12,6 +12,7 @@ from underlay.inference.headline.plain import ends_of
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.stated import StatedInterval
 from underlay.inference.misfit.averaging import Averaged, average
+from underlay.inference.misfit.valley import FARTHEST
 
 __all__ = ["averaged_fit", "averaged_interval"]
 
@@ -78,6 +79,8 @@ def _of_the_profile_alone(fit: Fit, averaged: Averaged, index: int, level: float
 
 def _stated(fit: Fit, index: int, level: float, q: FloatArray, kind: str) -> StatedInterval:
     name = fit.names[index]
+    # Further than a profile is walked an end of a linearised model means nothing: that side is open.
+    q = np.where(np.abs(q - q[1]) > FARTHEST, [-np.inf, q[1], np.inf], q)
     inside = np.where(np.isfinite(q), q, q[1])
     low, high = ends_of(fit, index, inside[[0, 2]])
     value, _ = ends_of(fit, index, inside[[1, 1]])

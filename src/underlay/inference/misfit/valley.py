@@ -19,14 +19,14 @@ from underlay.errors import InputError
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.descent import Combination, Place, descend
 
-__all__ = ["Valley"]
+__all__ = ["FARTHEST", "Valley"]
 
 _STEP = 0.8  # in z
 _STEEPEST = 1.6
 _GROWTH = 2.0
 _FIRST = 0.25  # the longest first step, in a scaled coordinate
-# As far as a profile is walked, in a scaled coordinate: a factor of 150, or five times the range of the curve.
-_FARTHEST = 5.0
+#: As far as a profile is walked, in a scaled coordinate: a factor of 150, or five times the range of the curve.
+FARTHEST = 5.0
 _MOST_STEPS = 18
 _SHORTEST = 0.02
 
@@ -45,7 +45,8 @@ class Valley:
 
     def held(self, index: int, q: float, start: FloatArray) -> Place | None:
         """Best place with an entry at `q`, from a scaled vector (k,); None where there is no law."""
-        begin = np.array(start)
+        here = self.optimum.vector
+        begin = np.clip(start, here - FARTHEST, here + FARTHEST)
         begin[index] = q
         low, high = self.blocked.problem.bounds.T
         try:
@@ -56,7 +57,7 @@ class Valley:
     def agrees(self, index: int, q: float, z: float, within: float) -> bool:
         """Whether the profile's z at `q` is the one expected, to a share `within`."""
         low, high = self.blocked.problem.bounds[index]
-        if not low <= q <= high:
+        if not low <= q <= high or abs(q - float(self.optimum.vector[index])) > FARTHEST:
             return False
         gone = q - float(self.optimum.vector[index])
         place = self.held(index, q, self.optimum.vector + self._tangent(index) * gone)
@@ -72,7 +73,7 @@ class Valley:
         """
         here = float(self.optimum.vector[index])
         bound = self.blocked.problem.bounds[index][1 if direction > 0.0 else 0]
-        room = min(abs(bound - here), _FARTHEST)
+        room = min(abs(bound - here), FARTHEST)
         vectors, heights = [self.optimum.vector], [0.0]
         tangent = self._tangent(index)
         step = min(_STEP * self._deviation(index), _FIRST)
