@@ -17,7 +17,8 @@ from underlay.inference.least_squares.objective import Objective
 from underlay.inference.priors import HalfNormal, LogNormal, Normal
 from underlay.inference.problem import Problem
 from underlay.inference.profiles import delta_chi_square_at, p_value_at, profile
-from underlay.inference.profiling.calibration import Draws, draw_delta_chi_squares
+from underlay.inference.profiling.calibration import Draws
+from underlay.inference.profiling.drawing import draw_delta_chi_squares
 from underlay.inference.profiling.redraw import redrawn
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))

@@ -70,10 +70,9 @@ def test_what_cannot_be_advised_is_said(fit):
 
 
 def test_the_summary_says_which_tip_would_fix_what_is_open(fit):
-    profiles = {name: ul.profile(fit, name) for name in (E, H)}
-    text = words.summary(fit, profiles)
-    assert np.isinf(profiles[H].interval().high)
-    low = profiles[H].interval().low
+    text = words.summary(fit)
+    assert np.isinf(fit.interval(H).high)
+    low = fit.interval(H).low
     assert "the data set no upper end" in text
     expected = ul.remedy(fit, H, value=2.0 * low).sentence
     assert f"Layer thickness, were it {2e3 * low:.4g} mm: {expected}." in text

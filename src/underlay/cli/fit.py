@@ -71,7 +71,9 @@ def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
     A second optimum is not among it: it stands beside the headline.
     """
     reader = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
-    fitted = [str(warning) for warning in result.warnings if warning.code != "second-optimum"]
+    from underlay.report.intervals import standing
+
+    fitted = [str(warning) for warning in standing(result) if warning.code != "second-optimum"]
     return [*reader, *fitted, *notes]
 
 
@@ -79,11 +81,17 @@ def show_fit(result: Fit, name: str) -> None:
     """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
     from underlay.report.open_ends import advice, rivals
     from underlay.report.tables import correlated_pairs, fit_table
-    from underlay.report.words import headline
+    from underlay.report.words import headline, stands_on, verdict_sentence
     from underlay.units import format_quantity
 
     say("")
-    for sentence in (headline(result), *advice(result), *rivals(result)):
+    for sentence in (
+        headline(result),
+        *rivals(result),
+        verdict_sentence(result),
+        *filter(None, [stands_on(result)]),
+        *advice(result),
+    ):
         say(spoken(sentence))
     say_table(fit_table(result), f"Fit of {name}")
     for path, told in result.instrument_moduli.items():

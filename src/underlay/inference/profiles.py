@@ -16,19 +16,19 @@ for two crossings and fails where one does not exist.
 
 from __future__ import annotations
 
-import numpy as np
-
-from underlay._arrays import FloatArray, read_only
+from underlay._arrays import FloatArray
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.inference.profiling.calibrated_profile import calibrated
-from underlay.inference.profiling.calibration import Calibration, Draws, p_value_at, require_draws
+from underlay.inference.profiling.calibration import Calibration, Draws, require_draws
 from underlay.inference.profiling.constrained import delta_chi_square_at, index_of
+from underlay.inference.profiling.drawing import p_value_at
 from underlay.inference.profiling.interval import Interval
 from underlay.inference.profiling.noise_profile import noise_profile
 from underlay.inference.profiling.profile_result import LikelihoodProfile, interval_threshold
-from underlay.inference.profiling.walk import HIGHEST, Walk
+from underlay.inference.profiling.walk import HIGHEST
+from underlay.inference.profiling.walked import walked
 
 __all__ = [
     "Calibration",
@@ -41,8 +41,6 @@ __all__ = [
     "profile",
 ]
 
-# A fit found to be this much worse (in t) than a point of its own profile was not the optimum.
-_BETTER = 1e-3
 # z that a profile is walked to where its threshold is not known beforehand.
 _HIGHEST_CALIBRATED = 6.0
 
@@ -83,48 +81,21 @@ def profile(
     fit = least_squares_fit(problem) if isinstance(problem, Problem) else problem
     if name in fit.names and name.startswith("noise.") and not calibrate:
         return noise_profile(fit, name)
-    index = index_of(fit, name)
+    index_of(fit, name)
     if calibrate:
         require_draws(calibrate, level, seed)
-    walked = _walked(fit, name, index, _HIGHEST_CALIBRATED if calibrate else HIGHEST)
-    return calibrated(walked, level, calibrate, seed) if calibrate else walked
+    found = _walked(fit, name, _HIGHEST_CALIBRATED if calibrate else HIGHEST)
+    return calibrated(found, level, calibrate, seed) if calibrate else found
 
 
-def _walked(fit: Fit, name: str, index: int, highest: float) -> LikelihoodProfile:
-    below, above = _both_sides(fit, index, fit.vector, highest)
-    better = min((below.deepest, above.deepest), key=lambda basin: basin[0])
-    if better[0] < -_BETTER:
+def _walked(fit: Fit, name: str, highest: float) -> LikelihoodProfile:
+    found, better = walked(fit, name, highest)
+    if better is not None:
         # The walk met a lower minimum: begin again from there.
-        again = _refit(fit, better[1])
+        again = _refit(fit, better)
         if again.statistics.chi_square < fit.statistics.chi_square:
-            return _walked(again, name, index, highest)
-    branches = []
-    for other in fit.alternatives:
-        left, right = _both_sides(fit, index, other.vector, highest)
-        branches.append(_joined(fit, name, left, right))
-    return _joined(fit, name, below, above, tuple(branches))
-
-
-def _both_sides(fit: Fit, index: int, vector: FloatArray, highest: float) -> list[Walk]:
-    """Walk down and up from an optimum."""
-    return [Walk.start(fit, index, vector).go(side, highest).with_bottoms() for side in (-1.0, 1.0)]
-
-
-def _joined(
-    fit: Fit, name: str, below: Walk, above: Walk, branches: tuple[LikelihoodProfile, ...] = ()
-) -> LikelihoodProfile:
-    index = fit.names.index(name)
-    vectors = np.array([*below.vectors[:0:-1], *above.vectors])
-    rise = np.maximum(np.array([*below.delta_chi_squares[:0:-1], *above.delta_chi_squares]), 0.0)
-    return LikelihoodProfile(
-        name=name,
-        fit=fit,
-        values=read_only(fit.problem.coordinates[index].physical(vectors[:, index])),
-        delta_chi_square=read_only(rise),
-        vectors=read_only(vectors),
-        ends=(below.reason, above.reason),
-        branches=branches,
-    )
+            return _walked(again, name, highest)
+    return found
 
 
 def _refit(fit: Fit, vector: FloatArray) -> Fit:

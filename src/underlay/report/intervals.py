@@ -1,37 +1,30 @@
-"""95 % intervals of fitted parameters, in the coordinates in which the fit was made."""
+"""Intervals of fitted parameters as they are printed: those of `Fit.interval`, and words where there is none."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-from scipy import special
-
 if TYPE_CHECKING:
-    from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.profiles import LikelihoodProfile
+    from underlay.inference.least_squares.fit_result import Fit, FitWarning
 
-__all__ = ["Estimate", "estimates"]
-
-# In scaled coordinates: an uncertain factor of e, or of the whole range of the curve, fixes nothing.
-_NOTHING = 1.0
+__all__ = ["Estimate", "estimates", "is_averaged", "standing"]
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One fitted parameter with its 95 % interval (SI).
+    """One fitted parameter with its interval (SI).
 
     Parameters
     ----------
     name, path : str
         As in `Fit`; the path lacks the number of the curve.
     value, low, high : float
-        Optimum and ends; infinite ends where there is no error bar.
+        Middle and ends; infinite ends where the data leave them open.
+    kind : str
+        As in `StatedInterval`.
     not_fixed : str
-        Why the data do not fix it; empty where they do.
+        Why the data do not fix it; empty where they set an end.
     """
 
     name: str
@@ -39,62 +32,39 @@ class Estimate:
     value: float
     low: float
     high: float
+    kind: str
     not_fixed: str
 
 
-def estimates(
-    result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None, level: float = 0.95
-) -> list[Estimate]:
-    """Return every parameter with its interval at `level`.
-
-    Parameters
-    ----------
-    result : Fit
-        The fit.
-    profiles : mapping of name to LikelihoodProfile, optional
-        Profile likelihoods, whose intervals are taken where there is one: they can be open at one side.
-    level : float
-        Confidence.
-
-    Returns
-    -------
-    list of Estimate
-        Without a profile the interval is symmetric in the scaled coordinate: a modulus has an interval in
-        ratios, so that it never goes below zero. Student's t where the size of the noise was estimated, the
-        normal distribution where it was given.
-    """
-    s = result.statistics
-    freedom = max(s.points - s.parameters, 1)
-    half = 0.5 * (1.0 + level)
-    times = float(special.stdtrit(freedom, half) if s.noise_estimated else special.ndtri(half))
-    deviations = np.sqrt(np.diag(result.scaled_covariance))
+def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
+    """Return every parameter with its interval at `level`: the one of `Fit.interval`."""
     rows = []
-    for i, coordinate in enumerate(result.problem.coordinates):
-        name = coordinate.name
-        if profiles and name in profiles:
-            rows.append(_from_profile(profiles[name], coordinate.path, result.values[name], level))
-            continue
-        deviation = float(deviations[i])
-        reason = result.bounds_hit.get(name, "")
-        reason = f"it ended on its {reason}" if reason else result.no_error_bars.get(name, "")
-        if not reason and deviation > _NOTHING:
+    for coordinate in result.problem.coordinates:
+        known = result.interval(coordinate.name, level)
+        reason = ""
+        if known.low == -float("inf") and known.high == float("inf"):
+            bound = result.bounds_hit.get(coordinate.name)
             reason = (
-                f"its standard error is a factor of {math.exp(min(deviation, 50.0)):.2g}"
-                if coordinate.scale is None
-                else "its standard error is larger than its whole range"
+                f"it ended on its {bound}"
+                if bound
+                else result.no_error_bars.get(coordinate.name, "the data bound it neither below nor above")
             )
-        if reason:
-            low, high = -math.inf, math.inf
-        else:
-            ends = coordinate.physical(result.vector[i] + times * deviation * np.array([-1.0, 1.0]))
-            low, high = float(ends[0]), float(ends[1])
-        rows.append(Estimate(name, coordinate.path, result.values[name], low, high, reason))
+        rows.append(
+            Estimate(coordinate.name, coordinate.path, known.value, known.low, known.high, known.kind, reason)
+        )
     return rows
 
 
-def _from_profile(walk: LikelihoodProfile, path: str, value: float, level: float) -> Estimate:
-    found = walk.interval(level)
-    low = found.low if found.low_reason == "data" else -math.inf
-    high = found.high if found.high_reason == "data" else math.inf
-    nothing = "the data bound it neither below nor above" if math.isinf(low) and math.isinf(high) else ""
-    return Estimate(walk.name, path, value, low, high, nothing)
+def is_averaged(result: Fit) -> bool:
+    """Whether the printed intervals are averaged over what the residuals may be."""
+    return any(result.interval(name).kind.startswith("averaged") for name in result.names)
+
+
+def standing(result: Fit) -> list[FitWarning]:
+    """Warnings that hold for the printed intervals.
+
+    Those that are averaged over correlated noise are not too narrow for it; what is said of standard errors is not
+    said of them.
+    """
+    spared = {"correlated-residuals"} if is_averaged(result) else set()
+    return [warning for warning in result.warnings if warning.code not in spared]

@@ -107,9 +107,14 @@ def map_summary(table: pd.DataFrame) -> str:
     sentences = [f"**{_sentence(name, fitted[name])}**" for name in sample_parameters(table) if len(fitted)]
     doubtful = int((fitted["verdict"] == "doubtful").sum())
     counts = f"{len(fitted)} of {len(table)} curves were fitted"
+    # What a single fit weighs (see `Fit.interval`) would cost a map three times its fits.
+    cheap = (
+        "Errors and verdicts of a map are the quick ones: standard errors of white noise, and doubts of the fit. "
+        "Fit a site by itself for the interval that averages over correlated noise and a wrong law."
+    )
     if doubtful:
         counts += f", {doubtful} of them with reservations"
-    return "\n\n".join([" ".join(sentences), f"{counts}."])
+    return "\n\n".join([" ".join(sentences), f"{counts}.", cheap])
 
 
 def _sentence(name: str, values: pd.Series) -> str:

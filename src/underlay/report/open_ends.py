@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from underlay.errors import UnderlayError
@@ -16,7 +15,6 @@ from underlay.units import format_quantity
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Alternative, Fit
-    from underlay.inference.profiles import LikelihoodProfile
 
 __all__ = ["advice", "rival_name", "rivals"]
 
@@ -24,24 +22,21 @@ _LEVEL = 0.95
 _ORDINALS = ("second", "third", "fourth", "fifth", "sixth", "seventh")
 
 
-def rivals(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None) -> list[str]:
+def rivals(result: Fit) -> list[str]:
     """Return one sentence per other optimum that explains the data, or nearly does; most often none.
-
-    `profiles`, by name of the parameter, are those the intervals of the headline come from, if any.
 
     Examples
     --------
     ``"A second optimum explains these data as well: layer modulus 0.3311 MPa, layer thickness 0.2276 mm;
-    chi-square higher by 3.6. The intervals above are those of the best alone;
-    ul.profile(fit, name, calibrate=99) gives honest ones."``
+    chi-square higher by 3.6. The intervals above reach over it too; ul.profile(fit, name, calibrate=99) says
+    how far they can be trusted."``
     """
     return [
-        _rival_sentence(result, other, rival_name(place), profiles or {})
-        for place, other in enumerate(result.alternatives)
+        _rival_sentence(result, other, rival_name(place)) for place, other in enumerate(result.alternatives)
     ]
 
 
-def advice(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None) -> list[str]:
+def advice(result: Fit) -> list[str]:
     """Return one sentence per parameter of the sample that stays open: which second tip would fix it.
 
     Examples
@@ -50,7 +45,7 @@ def advice(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None)
     jointly, would fix it to 4.3 %."``
     """
     sentences = []
-    for entry in estimates(result, profiles):
+    for entry in estimates(result):
         is_open = entry.not_fixed or math.isinf(entry.low) or math.isinf(entry.high)
         if not is_open or not is_of_the_sample(entry.name):
             continue
@@ -73,23 +68,17 @@ def rival_name(place: int) -> str:
     return _ORDINALS[place] if place < len(_ORDINALS) else f"{place + 2}th"
 
 
-def _rival_sentence(
-    result: Fit, other: Alternative, name: str, profiles: Mapping[str, LikelihoodProfile]
-) -> str:
+def _rival_sentence(result: Fit, other: Alternative, name: str) -> str:
     shown = [path for path in other.values if is_of_the_sample(path)] or list(other.values)
     numbers = ", ".join(
         f"{label(path)} {format_quantity(other.values[path], kind_of(path))}" for path in shown
     )
     nearly = "" if other.delta_chi_square <= interval_threshold(result, _LEVEL) else "nearly "
-    reach, mended = "are those of the best alone", False
-    if profiles:
-        intervals = {path: profiles[path].interval(_LEVEL) for path in shown if path in profiles}
-        inside = all(part.low <= other.values[path] <= part.high for path, part in intervals.items())
-        reach = "reach over it too" if inside else "stop short of it"
-        mended = all(part.calibrated for part in intervals.values())
+    inside = all(other.values[path] in result.interval(path, _LEVEL) for path in shown)
+    reach = "reach over it too" if inside else "stop short of it"
     # With two optima intervals from chi-square hold the truth less often than they say.
-    help_for_it = "" if mended else "; ul.profile(fit, name, calibrate=99) gives honest ones"
     return (
         f"A {name} optimum explains these data {nearly}as well: {numbers}; chi-square higher by "
-        f"{other.delta_chi_square:.2g}. The intervals above {reach}{help_for_it}."
+        f"{other.delta_chi_square:.2g}. The intervals above {reach}; ul.profile(fit, name, calibrate=99) says how "
+        "far they can be trusted."
     )

@@ -15,7 +15,7 @@ from underlay._text import one_line
 from underlay.data.noise import NoiseModel
 from underlay.inference.least_squares.provenance import version_record
 from underlay.quantities import numbers_of
-from underlay.report.intervals import estimates
+from underlay.report.intervals import estimates, standing
 from underlay.report.labels import label
 from underlay.report.open_ends import rival_name
 from underlay.report.words import quantity_with_interval, strong_pairs
@@ -25,7 +25,6 @@ from underlay.units import format_quantity, human_unit
 if TYPE_CHECKING:
     from underlay.inference.identifiability import Identifiability
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.profiles import LikelihoodProfile
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
@@ -48,22 +47,26 @@ def fit_table(result: Fit) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``parameter``, ``value``, ``standard error``, ``unit``, ``relative`` (per cent) and ``at bound``. Where
-        the file of the curve says what the instrument found: ``instrument's own``, in the same unit and for the
-        same Poisson's ratio, and ``difference`` of ours from it (per cent).
+        ``parameter``, ``value``, its 95 % interval ``low`` to ``high`` (infinite where open), ``unit``, half of
+        the interval in per cent of the value, ``interval`` (its kind, as in `StatedInterval`) and ``at bound``.
+        Where the file of the curve says what the instrument found: ``instrument's own``, in the same unit and
+        for the same Poisson's ratio, and ``difference`` of the least-squares value from it (per cent).
     """
     told = result.instrument_moduli
     rows = []
-    for name, value in result.values.items():
-        unit, factor = human_unit(value, kind_of(name))
-        error = result.stderr[name]
+    for name in result.names:
+        known = result.interval(name)
+        unit, factor = human_unit(known.value, kind_of(name))
+        half = 0.5 * (known.high - known.low)
         rows.append(
             {
                 "parameter": name,
-                "value": value / factor,
-                "standard error": error / factor,
+                "value": known.value / factor,
+                "low": known.low / factor,
+                "high": known.high / factor,
                 "unit": unit,
-                "relative (%)": 100.0 * abs(error / value) if value else np.nan,
+                "half width (%)": 100.0 * abs(half / known.value) if known.value else np.nan,
+                "interval": known.kind,
                 "at bound": result.bounds_hit.get(name, ""),
             }
         )
@@ -83,15 +86,14 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["parameters", "correlation"])
 
 
-def interval_table(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None) -> pd.DataFrame:
+def interval_table(result: Fit) -> pd.DataFrame:
     """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
 
-    Intervals are those of `profiles`, by name of the parameter, where there are some. Another optimum the data
-    hardly reject has a column of its own.
+    Another optimum the data hardly reject has a column of its own.
     """
     told = result.instrument_moduli
     rows = []
-    for entry in estimates(result, profiles):
+    for entry in estimates(result):
         kind = kind_of(entry.path)
         others = {
             f"{rival_name(place)} optimum": format_quantity(other.values[entry.name], kind)
@@ -111,7 +113,7 @@ def interval_table(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None
                     if told
                     else {}
                 ),
-                "standard error": _error_text(result, entry.name, entry.value, kind),
+                "interval": entry.kind,
                 "before the test": _prior_text(result, entry.name, kind),
                 "path": entry.name,
             }
@@ -127,18 +129,6 @@ def _instrument_text(result: Fit, name: str) -> str:
         f"{format_quantity(own.youngs, 'pressure')} at nu = {own.nu:g} (reduced: "
         f"{format_quantity(own.reduced, 'pressure')}; {100.0 * own.difference:+.2g} %)"
     )
-
-
-def _error_text(result: Fit, name: str, value: float, kind: str) -> str:
-    """In per cent of a quantity that is positive by nature; an offset near zero has no meaningful per cent."""
-    error = result.stderr[name]
-    if not math.isfinite(error):
-        return "none"
-    coordinate = next(entry for entry in result.problem.coordinates if entry.name == name)
-    if coordinate.scale is None:
-        return f"{100.0 * error / value:.2g} %"
-    unit, factor = human_unit(error, kind)
-    return f"{error / factor:.2g} {unit}".rstrip()
 
 
 def _prior_text(result: Fit, name: str, kind: str) -> str:
@@ -158,10 +148,16 @@ def diagnostics_table(result: Fit) -> pd.DataFrame:
     s = result.statistics
     which_law = "contact law" if len(result.curves) == 1 else "contact law, of the curve where it errs most"
     rows = {
+        "verdict": str(result.verdict),
         "points, parameters": f"{s.points}, {s.parameters}",
         "noise": "; ".join(_noise_text(noise) for noise in result.noises)
         + (" (estimated from the scatter)" if s.noise_estimated else " (given or fitted)"),
-        "chi-square": f"{s.chi_square:.6g} (reduced {s.reduced_chi_square:.4g})",
+        # Where the noise is estimated from the scatter both are n - k and 1 by construction.
+        **(
+            {}
+            if s.noise_estimated
+            else {"chi-square": f"{s.chi_square:.6g} (reduced {s.reduced_chi_square:.4g})"}
+        ),
         "AIC, BIC": f"{s.aic:.6g}, {s.bic:.6g}",
         which_law: f"{s.law_method}: {s.law_reason}",
         "its estimated error": f"{s.law_error:.1e} of the force",
@@ -196,7 +192,7 @@ def reservations_table(result: Fit) -> pd.DataFrame:
         for curve in result.curves
         for note in curve.metadata.get("notes", ())
     ]
-    rows += [{"from": "the fit", "reservation": warning.message} for warning in result.warnings]
+    rows += [{"from": "the fit", "reservation": warning.message} for warning in standing(result)]
     return labelled_table(rows or [{"from": "the fit", "reservation": "none"}])
 
 

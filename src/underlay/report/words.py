@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from underlay._arrays import ArrayLike
 from underlay._text import one_line
+from underlay.inference.headline.known_inputs import FORCE
 from underlay.report.distinct_scenes import distinct_scenes
-from underlay.report.intervals import Estimate, estimates
+from underlay.report.intervals import Estimate, estimates, is_averaged, standing
 from underlay.report.labels import is_of_the_sample, label, start
 from underlay.report.markdown import markdown_text
 from underlay.report.open_ends import advice, rivals
@@ -20,22 +20,26 @@ from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
-    from underlay.inference.profiles import LikelihoodProfile
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = [
     "headline",
+    "known_together",
     "noted",
     "posterior_summary",
     "quantity_with_interval",
+    "stands_on",
     "strong_pairs",
     "summary",
+    "verdict_sentence",
 ]
 
 #: Above this, two parameters are not known one by one, only together.
 STRONG = 0.9
 #: Confidence of the intervals in a sentence.
 _LEVEL = 0.95
+# A standard error of the logarithm above which a parameter is badly known by itself.
+_BADLY = 0.05
 # A change of the force below this is not worth a sentence.
 _NOTICEABLE = 0.01
 
@@ -67,26 +71,48 @@ def headline(result: Fit) -> str:
     return " ".join(_sentence(entry) for entry in estimates(result) if is_of_the_sample(entry.name))
 
 
-def summary(result: Fit, profiles: Mapping[str, LikelihoodProfile] | None = None) -> str:
-    """Return the result as Markdown: the numbers, their rivals, what holds them together, the substrate, doubts.
-
-    Intervals are those of `profiles`, by name of the parameter, where there are some.
-    """
-    found = [entry for entry in estimates(result, profiles) if is_of_the_sample(entry.name)]
+def summary(result: Fit) -> str:
+    """Return the result as Markdown: numbers, verdict, inputs, rivals, what holds together, substrate, doubts."""
+    found = [entry for entry in estimates(result) if is_of_the_sample(entry.name)]
     lines = [f"**{_sentence(entry)}**" for entry in found]
-    paragraphs = [" ".join(lines), *advice(result, profiles), *rivals(result, profiles)]
+    paragraphs = [" ".join(lines), f"**{verdict_sentence(result)}**", stands_on(result)]
+    paragraphs += [*advice(result), *rivals(result)]
     paragraphs += [
         f"{start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): "
         f"if one is wrong, so is the other."
-        for first, second, value in strong_pairs(result)
+        for first, second, value in known_together(result)
         if is_of_the_sample(first) and is_of_the_sample(second)
     ]
-    paragraphs += [
-        text
-        for text in (_substrate_sentence(result), _narrowness_sentence(result), _reservation_sentence(result))
-        if text
-    ]
-    return "\n\n".join(paragraphs)
+    paragraphs += [_substrate_sentence(result), _width_sentence(result), _narrowness_sentence(result)]
+    paragraphs.append(_reservation_sentence(result))
+    return "\n\n".join(text for text in paragraphs if text)
+
+
+def verdict_sentence(result: Fit) -> str:
+    """Return the verdict with its reasons: ``"Verdict: good."``."""
+    return f"Verdict: {markdown_text(one_line(result.verdict))}."
+
+
+def stands_on(result: Fit) -> str:
+    """Return what 1 % in each number taken as known does to the first modulus or other value; "" if nothing.
+
+    Examples
+    --------
+    ``"1 % more in indenter radius changes layer modulus by -0.39 %, ... no residual shows such an error: where one
+    of these is uncertain, free it with a Normal prior."``
+    """
+    for name, moved in result.sensitivity.items():
+        told = [
+            f"{path if path == FORCE else label(path)} by {share:+.2g} %"
+            for path, share in moved.items()
+            if abs(share) >= _NOTICEABLE
+        ]
+        if told:
+            return (
+                f"What {label(name)} stands on: 1 % more in the following moves it, in {'; in '.join(told)}. No "
+                "residual shows such an error: free what is uncertain with a Normal prior of its uncertainty."
+            )
+    return ""
 
 
 def posterior_summary(posterior: Posterior) -> str:
@@ -127,6 +153,19 @@ def strong_pairs(result: Fit) -> list[tuple[str, str, float]]:
     return sorted(pairs, key=lambda pair: -abs(pair[2]))
 
 
+def known_together(result: Fit) -> list[tuple[str, str, float]]:
+    """Those of `strong_pairs` that are badly known one by one, and well if the other were known."""
+    index = {name: i for i, name in enumerate(result.names)}
+    pairs = []
+    for first, second, value in strong_pairs(result):
+        errors = [
+            math.sqrt(float(result.scaled_covariance[index[name], index[name]])) for name in (first, second)
+        ]
+        if max(errors) > _BADLY and max(errors) * math.sqrt(max(1.0 - value * value, 0.0)) < _BADLY:
+            pairs.append((first, second, value))
+    return pairs
+
+
 def _with_level(text: str) -> str:
     return f"{text[:-1]}, 95 %)" if text.endswith(")") else text
 
@@ -136,9 +175,9 @@ def _sentence(entry: Estimate) -> str:
         return f"{start(label(entry.name))} is not fixed by this test ({entry.not_fixed})."
     kind, words = kind_of(entry.path), start(label(entry.name))
     if math.isinf(entry.high):
-        return f"{words} is at least {format_quantity(entry.low, kind)} (95 %); the data set no upper end."
+        return f"{words} is more than {format_quantity(entry.low, kind)} (95 %); the data set no upper end."
     if math.isinf(entry.low):
-        return f"{words} is at most {format_quantity(entry.high, kind)} (95 %); the data set no lower end."
+        return f"{words} is less than {format_quantity(entry.high, kind)} (95 %); the data set no lower end."
     return f"{words} {_with_level(quantity_with_interval(entry.value, entry.low, entry.high, kind))}."
 
 
@@ -177,7 +216,18 @@ def _range(values: ArrayLike, digits: int) -> str:
     return low if low == high else f"{low} to {high}"
 
 
+def _width_sentence(result: Fit) -> str:
+    if not is_averaged(result):
+        return ""
+    return (
+        "No noise was stated: the intervals are averaged over white and correlated noise, a law that drifts with "
+        "depth and a force that sets in at contact, each by its probability."
+    )
+
+
 def _narrowness_sentence(result: Fit) -> str:
+    if is_averaged(result):
+        return ""
     worst = max((d.too_narrow_by for d in result.diagnostics if d.correlated), default=0.0)
     if not worst:
         return ""
@@ -188,7 +238,7 @@ def _narrowness_sentence(result: Fit) -> str:
 
 
 def _reservation_sentence(result: Fit) -> str:
-    count = len(result.warnings)
+    count = len(standing(result))
     if not count:
         return ""
     return f"There {'is one reservation' if count == 1 else f'are {count} reservations'}, listed below."

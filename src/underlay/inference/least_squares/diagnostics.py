@@ -19,12 +19,14 @@ from scipy import fft, special
 
 from underlay._arrays import FloatArray
 
-__all__ = ["ResidualDiagnostics", "correlated", "diagnose"]
+__all__ = ["ResidualDiagnostics", "correlated", "diagnose", "over_whitened"]
 
 # A thousand honest curves in a row would raise one false alarm.
 _SIGNIFICANT = 1e-3
 # Below this loss of points the errors are too small by less than 10 %.
 _HARMLESS = 0.8
+# Lag-one correlation of residuals that alternate enough to matter.
+_ALTERNATING = -0.2
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,11 @@ class ResidualDiagnostics:
     def correlated(self) -> bool:
         """Whether the residuals hang together, and enough to matter."""
         return self.runs_probability < _SIGNIFICANT and self.effective_points < _HARMLESS * self.points
+
+
+def over_whitened(whitened: FloatArray) -> bool:
+    """Whether residuals (n,) alternate more than independent ones: too much correlation was taken out."""
+    return bool(_runs(whitened)[2] > 1.0 - _SIGNIFICANT and _autocorrelation(whitened)[1] < _ALTERNATING)
 
 
 def diagnose(whitened: FloatArray, force_residuals: FloatArray) -> ResidualDiagnostics:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -19,11 +19,13 @@ from underlay._files import write_atomic
 from underlay.data.curve import Curve
 from underlay.data.noise import NoiseModel
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
+from underlay.inference.least_squares.fit_parts import Alternative, FitStatistics, FitWarning
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.instrument_modulus import InstrumentModulus, instrument_moduli
 from underlay.inference.least_squares.last_word import METHODS, Minimiser
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.provenance import provenance
+from underlay.inference.least_squares.stated import StatedInterval, Statements, Verdict
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.quantities import field_quantities
@@ -32,88 +34,6 @@ from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
 __all__ = ["Alternative", "Fit", "FitStatistics", "FitWarning"]
-
-
-@dataclass(frozen=True)
-class FitWarning:
-    """A reservation: `code` for programs, `message` for people."""
-
-    code: str
-    message: str
-
-    def __str__(self) -> str:
-        return self.message
-
-
-@dataclass(frozen=True, eq=False)
-class Alternative:
-    """Another optimum the data hardly reject.
-
-    Parameters
-    ----------
-    vector : FloatArray
-        In scaled coordinates, (k,).
-    values : mapping of name to float
-        Parameters (SI).
-    delta_chi_square : float
-        Chi-square above that of the best.
-    """
-
-    vector: FloatArray = field(repr=False)
-    values: Mapping[str, float]
-    delta_chi_square: float
-
-
-@dataclass(frozen=True)
-class FitStatistics:
-    """How well and how a fit was reached.
-
-    Parameters
-    ----------
-    points, parameters : int
-        Points fitted; free parameters, estimated noise not counted.
-    chi_square, reduced_chi_square : float
-        Sum of squares of the whitened residuals, and that over points minus parameters. Where the size of
-        the noise was estimated the second is one by construction.
-    log_likelihood, aic, bic : float
-        At the optimum, estimated sizes of noise counted as parameters.
-    evaluations, failures, laws_built : int
-        Models computed; those that did not exist; contact laws solved for.
-    seconds : float
-        Time taken.
-    success : bool
-        Whether the minimiser met its tolerance.
-    stopped : str
-        Why it stopped.
-    method, robust : str
-        Minimiser and loss.
-    law_method, law_reason : str
-        Contact law at the optimum and why it was taken.
-    law_error : float
-        Its estimated relative error of the force.
-    noise_estimated : bool
-        Whether the size of the noise came from the scatter about the fit.
-    """
-
-    points: int
-    parameters: int
-    chi_square: float
-    reduced_chi_square: float
-    log_likelihood: float
-    aic: float
-    bic: float
-    evaluations: int
-    failures: int
-    laws_built: int
-    seconds: float
-    success: bool
-    stopped: str
-    method: str
-    robust: str
-    law_method: str
-    law_reason: str
-    law_error: float
-    noise_estimated: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +69,8 @@ class Fit:
         What to beware of.
     alternatives : tuple of Alternative
         Other optima within a rise of 11.6 in chi-square (99.9 %), as far as the starts found them.
+    state : callable
+        Makes what the fit states of itself, when that is asked for.
     """
 
     problem: Problem = field(repr=False)
@@ -164,6 +86,7 @@ class Fit:
     whitened: tuple[FloatArray, ...] = field(repr=False)
     statistics: FitStatistics = field(repr=False)
     warnings: tuple[FitWarning, ...]
+    state: Callable[[Fit], Statements] = field(repr=False)
     alternatives: tuple[Alternative, ...] = ()
     _lmfit: Any = field(default=None, repr=False)
 
@@ -179,6 +102,46 @@ class Fit:
         objective = Objective(self.problem, freeze(self.problem, self.vector, self.noises))
         method = self.statistics.method
         return Minimiser(method if method in METHODS else METHODS[0])(objective, self.vector).result
+
+    @cached_property
+    def _statements(self) -> Statements:
+        return self.state(self)
+
+    def interval(self, name: str, level: float = 0.95) -> StatedInterval:
+        """Return the interval of a parameter: the one that every headline, table, page and file prints.
+
+        Where the noise was stated it is the quadratic one if the profile agrees with it at both ends, else the
+        profile's. Without a stated noise correlated noise, a drifting law and a jump at contact are weighed and
+        averaged over (see `inference/misfit`). It is computed when it is first asked for, and kept.
+
+        Parameters
+        ----------
+        name : str
+            One of `names`.
+        level : float, default 0.95
+            Confidence.
+
+        Returns
+        -------
+        StatedInterval
+            Its ends are infinite where the data leave them open.
+
+        Raises
+        ------
+        InputError
+            If the name is not fitted, or the level is not between 0 and 0.999.
+        """
+        return self._statements.interval(name, level)
+
+    @property
+    def verdict(self) -> Verdict:
+        """``"good"``, ``"doubtful"`` or ``"model wrong"``, with reasons."""
+        return self._statements.verdict
+
+    @property
+    def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
+        """d ln(value) / d ln(input): by fitted parameter, and by number of the scene taken as known."""
+        return self._statements.sensitivity
 
     @cached_property
     def diagnostics(self) -> tuple[ResidualDiagnostics, ...]:
@@ -257,11 +220,11 @@ class Fit:
             lines.append(f"correlations above 0.9: {'; '.join(strong)}")
         s = self.statistics
         noise = "estimated from the scatter" if s.noise_estimated else "given or fitted"
+        chi_square = f"chi-square {s.chi_square:.6g} (reduced {s.reduced_chi_square:.4g}), "
+        if s.noise_estimated:
+            chi_square = ""  # n - k and 1 by construction
         lines += [
-            (
-                f"points {s.points}, chi-square {s.chi_square:.6g} (reduced {s.reduced_chi_square:.4g}, "
-                f"noise {noise}), AIC {s.aic:.6g}, BIC {s.bic:.6g}"
-            ),
+            (f"points {s.points}, {chi_square}noise {noise}, AIC {s.aic:.6g}, BIC {s.bic:.6g}"),
             f"law {self.law_reason} (estimated relative error {s.law_error:.1e})",
             f"{s.method}: {s.stopped} {s.evaluations} evaluations, {s.seconds * 1e3:.1f} ms",
         ]
@@ -294,6 +257,9 @@ class Fit:
         document = {
             "values": dict(self.values),
             "stderr": dict(self.stderr),
+            "intervals": {name: asdict(self.interval(name)) for name in self.names},
+            "verdict": asdict(self.verdict),
+            "sensitivity": {name: dict(row) for name, row in self.sensitivity.items()},
             "names": list(self.names),
             "covariance": self.covariance.tolist(),
             "no_error_bars": dict(self.no_error_bars),

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.data.noise import NoiseModel
 from underlay.inference.file_facts import EVERYTHING, settle
-from underlay.inference.least_squares.diagnostics import ResidualDiagnostics
+from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, over_whitened
 from underlay.inference.least_squares.fit_result import Alternative, FitStatistics, FitWarning
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
@@ -16,7 +17,7 @@ from underlay.mechanics.depth_doubt import DeeperThanLayer
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
-__all__ = ["too_deep", "warnings_of"]
+__all__ = ["over_correlated", "too_deep", "warnings_of"]
 
 # A standard error of a factor e either way, or of the whole range of the curve, says nothing.
 _UNINFORMATIVE = 1.0
@@ -164,6 +165,23 @@ def too_deep(problem: Problem, vector: FloatArray) -> tuple[FitWarning, ...]:
         doubt = DeeperThanLayer.of(pressed, scene.layer.thickness)
         if doubt is not None:
             warnings.append(FitWarning("too-deep", str(doubt)))
+    return tuple(warnings)
+
+
+def over_correlated(noises: Sequence[NoiseModel], whitened: Sequence[FloatArray]) -> tuple[FitWarning, ...]:
+    """One warning per curve whose noise is taken for more correlated than its whitened residuals (n,) are."""
+    warnings = []
+    for number, (noise, own) in enumerate(zip(noises, whitened, strict=True), start=1):
+        if noise.correlation and over_whitened(own):
+            which = f"curve {number}: " if len(noises) > 1 else ""
+            warnings.append(
+                FitWarning(
+                    "over-whitened",
+                    f"{which}the whitened residuals alternate: the noise is taken for more correlated than it is, "
+                    "as where white noise lies on the correlated; the values follow the noise. Leave the noise "
+                    "out: white and correlated noise are then weighed together",
+                )
+            )
     return tuple(warnings)
 
 

@@ -26,6 +26,7 @@ from underlay.inference.least_squares.last_word import LOSSES, METHODS, Minimise
 from underlay.inference.least_squares.law_bias import law_bias
 from underlay.inference.least_squares.scan import scan
 from underlay.inference.least_squares.settle import confirmed, settle
+from underlay.inference.least_squares.stated import Statements
 from underlay.inference.problem import Problem
 from underlay.mechanics.solvers import Exact
 
@@ -121,7 +122,14 @@ def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
         # Where the engine settled, lmfit moves nothing by 2e-3 of a standard error (tests/test_engine.py):
         # `Fit.lmfit` asks it when that is read, and nobody waits for what he does not read.
         best = replace(best, minimiser=lmfit) if best.success else confirmed(best, lmfit)
-    return judge(best, others, seconds=time.perf_counter() - began)
+    return judge(best, others, seconds=time.perf_counter() - began, state=_stated)
+
+
+def _stated(found: Fit) -> Statements:
+    # Most fits of a map are never asked; what answers is loaded with the first that is.
+    from underlay.inference.headline.statements import Headline  # noqa: PLC0415
+
+    return Headline(found)
 
 
 def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) -> Sequence[FloatArray]:

@@ -10,10 +10,11 @@ from underlay._arrays import FloatArray, read_only
 from underlay.inference.least_squares.adhesion_warnings import about_adhesion
 from underlay.inference.least_squares.diagnostics import correlated
 from underlay.inference.least_squares.fit_result import Alternative, Fit, FitStatistics
-from underlay.inference.least_squares.fit_warnings import too_deep, warnings_of
+from underlay.inference.least_squares.fit_warnings import over_correlated, too_deep, warnings_of
 from underlay.inference.least_squares.noise_estimate import noise_covariance
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.settle import Optimum
+from underlay.inference.least_squares.stated import Statements
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.parameters import kind_of
@@ -35,8 +36,17 @@ _HILL = 0.01
 _ENGINE = "projected Levenberg-Marquardt"
 
 
-def judge(optimum: Optimum, others: Sequence[FloatArray] = (), *, seconds: float) -> Fit:
-    """Make the result of a fit from where it ended; `others` are optima of other starts."""
+def judge(
+    optimum: Optimum,
+    others: Sequence[FloatArray] = (),
+    *,
+    seconds: float,
+    state: Callable[[Fit], Statements],
+) -> Fit:
+    """Make the result of a fit from where it ended.
+
+    `others` are optima of other starts; `state` makes what the fit will state of itself.
+    """
     objective, vector = optimum.objective, optimum.vector
     problem = objective.problem
     physical = problem.physical(vector)
@@ -83,9 +93,11 @@ def judge(optimum: Optimum, others: Sequence[FloatArray] = (), *, seconds: float
         statistics=statistics,
         warnings=(
             *too_deep(problem, vector),
+            *over_correlated(objective.noise.models, whitened),
             *about_adhesion(problem, vector),
             *warnings_of(problem, laws, reasons, bounds_hit, covariance, related, statistics, alternatives),
         ),
+        state=state,
         alternatives=alternatives,
         _lmfit=optimum.lmfit,
     )

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from underlay.inference.profiling.calibration import Calibration, Draws, draw_delta_chi_squares
+from underlay.inference.profiling.calibration import Calibration, Draws
+from underlay.inference.profiling.drawing import draw_delta_chi_squares
 from underlay.inference.profiling.profile_result import LikelihoodProfile
 
 __all__ = ["calibrated"]

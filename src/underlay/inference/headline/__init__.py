@@ -1,0 +1,1 @@
+"""What a fit states to people: `statements.py` is the way in."""

@@ -1,0 +1,89 @@
+"""The interval without a stated noise: averaged over noise, drift and jump, carried along a profile where bent."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.headline.plain import ends_of
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.stated import StatedInterval
+from underlay.inference.misfit.averaging import Averaged, average
+from underlay.inference.misfit.valley import FARTHEST
+
+__all__ = ["averaged_fit", "averaged_interval"]
+
+# The profile at an end of the linearised model may be off by this share of z before it is walked.
+_UNLIKE = 0.12
+
+
+def averaged_fit(fit: Fit) -> Averaged | None:
+    """Average a fit over what its residuals may be; None where its noise was stated, or nothing can be averaged."""
+    problem = fit.problem
+    stated = any(not m.scale_is_unknown or m.noise.correlation for m in problem.members)
+    if stated or problem.noise_entries or fit.statistics.robust != "none":
+        return None
+    held = frozenset(
+        i for i, name in enumerate(problem.names) if name in fit.no_error_bars or name in fit.bounds_hit
+    )
+    if len(held) == len(problem.names):
+        return None
+    try:
+        return average(problem, fit.vector, [other.vector for other in fit.alternatives], held)
+    except (InputError, np.linalg.LinAlgError):
+        # No law beside the optimum, or residuals of rounding alone: the plain interval is what there is.
+        return None
+
+
+def averaged_interval(fit: Fit, averaged: Averaged, name: str, level: float) -> StatedInterval:
+    """Interval of a parameter, noise and misfit averaged over.
+
+    Raises
+    ------
+    InputError
+        If there is no law where a profile begins.
+    """
+    index = fit.names.index(name)
+    held = averaged.blocked.held
+    if index in held:
+        return _of_the_profile_alone(fit, averaged, index, level)
+    tails = (0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level)
+    low, middle, high = (averaged.mixture.quantile(index, tail) for tail in tails)
+    # The profile is of one optimum: what is carried along it are the ends that belong to that.
+    centre, deviation = float(averaged.vector[index]), averaged.deviation(index)
+    own = averaged.competition.mixture
+    ends = [centre + own.quantile(index, tail) for tail in (tails[0], tails[2])]
+    heights = [abs(end - centre) / deviation for end in ends]
+    valley = averaged.valley
+    if ends[0] < centre < ends[1] and not held:
+        straight = all(valley.agrees(index, q, z, _UNLIKE) for q, z in zip(ends, heights, strict=True))
+        if straight:
+            return _stated(fit, index, level, np.array([low, middle, high]), "averaged")
+    # Bent: both what other noises allow and what the likeliest allows far out belong to the interval.
+    least = averaged.least_z(level)
+    ends = [min(valley.end(index, -1.0, least), low), max(valley.end(index, 1.0, least), high)]
+    middle = min(max(middle, ends[0]), ends[1])
+    return _stated(fit, index, level, np.array([ends[0], middle, ends[1]]), "averaged profile")
+
+
+def _of_the_profile_alone(fit: Fit, averaged: Averaged, index: int, level: float) -> StatedInterval:
+    """Interval of a parameter on a bound, or that hardly acts: the profile under the heaviest combination."""
+    z = averaged.least_z(level)
+    ends = [averaged.valley.end(index, side, z) for side in (-1.0, 1.0)]
+    middle = float(averaged.valley.optimum.vector[index])
+    return _stated(fit, index, level, np.array([ends[0], middle, ends[1]]), "averaged profile")
+
+
+def _stated(fit: Fit, index: int, level: float, q: FloatArray, kind: str) -> StatedInterval:
+    name = fit.names[index]
+    # Further than a profile is walked an end of a linearised model means nothing: that side is open.
+    q = np.where(np.abs(q - q[1]) > FARTHEST, [-np.inf, q[1], np.inf], q)
+    inside = np.where(np.isfinite(q), q, q[1])
+    low, high = ends_of(fit, index, inside[[0, 2]])
+    value, _ = ends_of(fit, index, inside[[1, 1]])
+    low = low if math.isfinite(q[0]) else -math.inf
+    high = high if math.isfinite(q[2]) else math.inf
+    return StatedInterval(name, level, value, low, high, kind)

@@ -1,0 +1,86 @@
+"""The interval where the noise was stated: quadratic where the profile agrees with it, else the profile's."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import stats
+
+from underlay._arrays import FloatArray
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.stated import StatedInterval
+from underlay.inference.profiling.profile_result import interval_threshold
+from underlay.inference.profiling.walk import Walk
+from underlay.inference.profiling.walked import walked
+
+__all__ = ["ends_of", "plain_interval", "quadratic_interval"]
+
+# The rise at a quadratic end may be off by this share of the threshold: an end then moves by half of it.
+_UNLIKE = 0.2
+# In z: a profile is walked a little beyond its threshold, so that an end lies between two steps.
+_BEYOND = 0.1
+
+
+def plain_interval(fit: Fit, name: str, level: float) -> StatedInterval:
+    """Interval of a parameter from the likelihood of the stated noise.
+
+    Raises
+    ------
+    InputError
+        If the level is not between 0 and 0.999.
+    """
+    threshold = interval_threshold(fit, level)
+    quadratic = quadratic_interval(fit, name, level)
+    if name.startswith("noise.") or fit.statistics.robust != "none":
+        # Nothing walks these: the likelihood of noise is another, and a robust loss has none.
+        return quadratic
+    in_doubt = quadratic.is_open or bool(fit.alternatives) or bool(fit.bounds_hit) or bool(fit.no_error_bars)
+    if not in_doubt and all(_agrees(fit, name, end, threshold) for end in (quadratic.low, quadratic.high)):
+        return quadratic
+    profile, _ = walked(fit, name, math.sqrt(threshold) + _BEYOND)
+    found = profile.interval(level)
+    return StatedInterval(
+        name,
+        level,
+        fit.values[name],
+        found.low if found.low_reason == "data" else -math.inf,
+        found.high if found.high_reason == "data" else math.inf,
+        "profile",
+    )
+
+
+def quadratic_interval(fit: Fit, name: str, level: float) -> StatedInterval:
+    """Interval symmetric in the scaled coordinate: a modulus has one in ratios, which never goes below zero.
+
+    Student's t where the size of the noise was estimated, the normal distribution where it was given. Open
+    where there is no error bar.
+    """
+    s = fit.statistics
+    half = 0.5 * (1.0 + level)
+    freedom = max(s.points - s.parameters, 1)
+    times = float(stats.t.ppf(half, freedom) if s.noise_estimated else stats.norm.ppf(half))
+    index = fit.names.index(name)
+    deviation = math.sqrt(float(fit.scaled_covariance[index, index]))
+    low, high = -math.inf, math.inf
+    # In scaled coordinates: an uncertain factor of e, or of the whole range of the curve, fixes nothing.
+    if name not in fit.no_error_bars and name not in fit.bounds_hit and 0.0 < deviation <= 1.0:
+        low, high = ends_of(fit, index, fit.vector[index] + times * deviation * np.array([-1.0, 1.0]))
+    return StatedInterval(name, level, fit.values[name], low, high, "quadratic")
+
+
+def ends_of(fit: Fit, index: int, q: FloatArray) -> tuple[float, float]:
+    """Values (SI) of two scaled ends of an entry."""
+    low, high = fit.problem.coordinates[index].physical(q)
+    return float(low), float(high)
+
+
+def _agrees(fit: Fit, name: str, value: float, threshold: float) -> bool:
+    """Whether the profile at a quadratic end has risen as far as it should."""
+    index = fit.names.index(name)
+    coordinate = fit.problem.coordinates[index]
+    if not coordinate.low <= value <= coordinate.high:
+        return False
+    walk = Walk.start(fit, index, fit.vector)
+    found = walk.follow(coordinate.scaled(value))
+    return found is not None and abs(walk.delta_chi_square(found) - threshold) <= _UNLIKE * threshold

@@ -1,0 +1,66 @@
+"""What a fit states of itself: intervals, verdict, and what the numbers stand on. Computed when asked, and once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from underlay.errors import InputError
+from underlay.inference.headline.averaged import averaged_fit, averaged_interval
+from underlay.inference.headline.known_inputs import sensitivity
+from underlay.inference.headline.plain import plain_interval
+from underlay.inference.headline.verdict import verdict
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.stated import StatedInterval, Statements, Verdict
+from underlay.inference.misfit.averaging import Averaged
+
+__all__ = ["Headline"]
+
+
+@dataclass(frozen=True, eq=False)
+class Headline(Statements):
+    """Statements of one fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    """
+
+    fit: Fit
+    _intervals: dict[tuple[str, float], StatedInterval] = field(default_factory=dict, init=False)
+
+    def interval(self, name: str, level: float) -> StatedInterval:
+        """Interval of a parameter; see `Fit.interval`."""
+        if name not in self.fit.names:
+            raise InputError(f"{name!r} is not free here; free are {', '.join(self.fit.names)}")
+        if not 0.0 < level <= 0.999:
+            raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
+        if (name, level) not in self._intervals:
+            self._intervals[name, level] = self._found(name, level)
+        return self._intervals[name, level]
+
+    def _found(self, name: str, level: float) -> StatedInterval:
+        if self.averaged is None:
+            return plain_interval(self.fit, name, level)
+        try:
+            return averaged_interval(self.fit, self.averaged, name, level)
+        except InputError:
+            # The optimum under correlated noise lies where there is no law to walk from.
+            return plain_interval(self.fit, name, level)
+
+    @cached_property
+    def averaged(self) -> Averaged | None:
+        """The fit averaged over what its residuals may be; None where its noise was stated."""
+        return averaged_fit(self.fit)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether the fit is to be believed."""
+        return verdict(self.fit, self.averaged, {name: self.interval(name, 0.95) for name in self.fit.names})
+
+    @cached_property
+    def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
+        """d ln(value) / d ln(input)."""
+        return sensitivity(self.fit)

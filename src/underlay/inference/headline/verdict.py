@@ -1,0 +1,64 @@
+"""Whether a fit is to be believed: by the weights of what its residuals may be, not by a test."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.stated import StatedInterval, Verdict
+from underlay.inference.misfit.averaging import Averaged
+from underlay.units import format_quantity
+
+__all__ = ["DOUBTFUL", "GOOD", "MODEL_WRONG", "verdict"]
+
+GOOD, DOUBTFUL, MODEL_WRONG = "good", "doubtful", "model wrong"
+
+# Probabilities of an exact law and of no jump below which they are given up.
+_EXACT, _SMOOTH = 0.01, 0.1
+# Half of an interval of ln E that fixes nothing.
+_WIDE = 0.5
+# Warnings of the fit that make its numbers doubtful. Correlated residuals do not where they are averaged over.
+_DOUBTS = ("not-converged", "bound", "law-range", "too-deep", "file", "over-whitened")
+
+
+def verdict(fit: Fit, averaged: Averaged | None, intervals: Mapping[str, StatedInterval]) -> Verdict:
+    """Verdict of a fit, with the reasons."""
+    wrong = [] if averaged is None else _of_the_law(averaged)
+    doubts = [] if averaged is None else _of_the_contact(averaged)
+    doubts += _of_the_intervals(fit, intervals)
+    counted = _DOUBTS if averaged is not None else (*_DOUBTS, "correlated-residuals")
+    if fit.alternatives:
+        doubts.append("other values explain the data as well, or nearly")
+    doubts += [warning.message for warning in fit.warnings if warning.code in counted]
+    word = MODEL_WRONG if wrong else DOUBTFUL if doubts else GOOD
+    return Verdict(word, (*wrong, *doubts))
+
+
+def _of_the_law(averaged: Averaged) -> list[str]:
+    if averaged.exact_law >= _EXACT:
+        return []
+    change = max(averaged.drifts, key=abs)
+    size = f"{100.0 * change:+.2g} % from contact to full depth"
+    return [f"the apparent modulus changes by {size}; E is that at contact"]
+
+
+def _of_the_contact(averaged: Averaged) -> list[str]:
+    if averaged.no_jump >= _SMOOTH:
+        return []
+    return [f"a force of {format_quantity(max(averaged.jumps, key=abs), 'force')} at contact"]
+
+
+def _of_the_intervals(fit: Fit, intervals: Mapping[str, StatedInterval]) -> list[str]:
+    reasons = []
+    for coordinate in fit.problem.coordinates:
+        if coordinate.scale is not None or coordinate.name.startswith(("noise.", "instrument.")):
+            continue
+        known = intervals[coordinate.name]
+        if known.is_open:
+            reasons.append(f"{coordinate.name} is not fixed: the data leave it open")
+        elif 0.5 * math.log(known.high / known.low) > _WIDE:
+            reasons.append(
+                f"{coordinate.name} is not fixed: its ends are a factor of {known.high / known.low:.2g} apart"
+            )
+    return reasons

@@ -1,0 +1,94 @@
+"""What a fit states to people: intervals, a verdict with its reasons, and what the numbers stand on."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+__all__ = ["StatedInterval", "Statements", "Verdict"]
+
+
+@dataclass(frozen=True)
+class StatedInterval:
+    """The interval of a parameter, the one that every headline, table, page and file prints.
+
+    Parameters
+    ----------
+    name : str
+        The parameter.
+    level : float
+        Confidence, e.g. 0.95.
+    value : float
+        What stands in the middle (SI): the optimum of the fit, or the median where noise and misfit are averaged
+        over, which may lie elsewhere.
+    low, high : float
+        Ends (SI); -inf or inf where the data leave that side open.
+    kind : str
+        Why this wide: ``"quadratic"`` (the standard error, which was checked at both ends), ``"profile"``
+        (likelihood profile), ``"averaged"`` (over what the residuals may be), ``"averaged profile"`` (the same, and
+        as far as the profile under the most likely noise reaches).
+    """
+
+    name: str
+    level: float
+    value: float
+    low: float
+    high: float
+    kind: str
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the data leave a side open."""
+        return math.isinf(self.low) or math.isinf(self.high)
+
+    def __contains__(self, value: float) -> bool:
+        return self.low <= value <= self.high
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a fit is to be believed.
+
+    Parameters
+    ----------
+    word : str
+        ``"good"``, ``"doubtful"`` or ``"model wrong"``.
+    reasons : tuple of str
+        Why, in words; empty where it is good.
+
+    A verdict equals its word: ``fit.verdict == "good"``.
+    """
+
+    word: str
+    reasons: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.word}: {'; '.join(self.reasons)}" if self.reasons else self.word
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, str):
+            return self.word == other
+        return isinstance(other, Verdict) and (self.word, self.reasons) == (other.word, other.reasons)
+
+    def __hash__(self) -> int:
+        return hash(self.word)
+
+
+class Statements(ABC):
+    """What can be stated of one fit; computed when it is asked for, and once."""
+
+    @abstractmethod
+    def interval(self, name: str, level: float) -> StatedInterval:
+        """Interval of a parameter; raises InputError for a name or a level that is none."""
+
+    @property
+    @abstractmethod
+    def verdict(self) -> Verdict:
+        """Whether the fit is to be believed."""
+
+    @property
+    @abstractmethod
+    def sensitivity(self) -> Mapping[str, Mapping[str, float]]:
+        """d ln(value) / d ln(input), by fitted parameter and by number taken as known."""

@@ -1,0 +1,229 @@
+"""A fit whose noise nobody stated: what the curve says when its residuals may be more than white noise.
+
+The curve is taken in blocks (neighbouring readings of a real instrument shake together, and no noise model of
+few numbers holds at full rate), its approach cut to twice the depth of contact (a long quiet approach tells of a
+noise that is not the noise in contact). About the white fit all combinations of noise, drift and jump are weighed
+(`Competition`), the fit is moved to the optimum of the heaviest, and they are weighed again there, until it stays.
+A jump moves the contact point of the white fit: where one is likely, the fit is also begun at other contacts, and
+every optimum found takes part by its own weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import special
+
+from underlay._arrays import FloatArray
+from underlay.inference.misfit.blocked import Blocked
+from underlay.inference.misfit.competition import Competition
+from underlay.inference.misfit.descent import Combination, descend
+from underlay.inference.misfit.linearised import DRIFTS, JUMPS
+from underlay.inference.misfit.mixture import Mixture
+from underlay.inference.misfit.sizes import Sizes
+from underlay.inference.misfit.valley import Valley
+from underlay.inference.problem import Problem
+from underlay.scene.chain import ContactPoint
+
+__all__ = ["Averaged", "average"]
+
+_MOST_PASSES = 3
+# Below this probability of no jump other contacts are tried, at these shares of the depth of contact.
+_JUMP_LIKELY = 0.5
+_CONTACTS = (-0.08, -0.04, 0.04, 0.08)
+# Optima nearer than this, in standard deviations, are one; one lighter than this share does not count.
+_APART, _LIGHTER = 0.3, 1e-4
+
+
+@dataclass(frozen=True)
+class Averaged:
+    """What a curve says of the parameters, noise and misfit averaged over.
+
+    Parameters
+    ----------
+    blocked : Blocked
+        What was averaged.
+    optima : sequence of (FloatArray, Competition)
+        Scaled vector (k,) of every optimum and the weights about it, heaviest first.
+    """
+
+    blocked: Blocked
+    optima: Sequence[tuple[FloatArray, Competition]]
+
+    @property
+    def vector(self) -> FloatArray:
+        """Scaled vector of the heaviest combination's optimum, (k,)."""
+        return self.optima[0][0]
+
+    @property
+    def competition(self) -> Competition:
+        """The weights about it."""
+        return self.optima[0][1]
+
+    @cached_property
+    def shares(self) -> FloatArray:
+        """Probability of every optimum."""
+        totals = np.array([_total(competition) for _, competition in self.optima])
+        shares = np.exp(totals - totals.max())
+        return np.asarray(shares / shares.sum())
+
+    @cached_property
+    def mixture(self) -> Mixture:
+        """Distribution of the scaled vector, all optima in it."""
+        parts = [competition.mixture for _, competition in self.optima]
+        return Mixture(
+            np.concatenate([s * part.weights for s, part in zip(self.shares, parts, strict=True)]),
+            np.concatenate([v + part.shift for (v, _), part in zip(self.optima, parts, strict=True)]),
+            np.concatenate([part.deviation for part in parts]),
+            parts[0].degrees,
+        )
+
+    @cached_property
+    def valley(self) -> Valley:
+        """Profiles under the heaviest combination, every parameter free; raises InputError without a law."""
+        free = self.blocked.released()
+        combination = _combination(self.competition)
+        return Valley(free, combination, descend(free, self.vector, combination))
+
+    def deviation(self, index: int) -> float:
+        """Standard deviation of an entry under the heaviest combination."""
+        kept = np.zeros(self.competition.weights.shape, dtype=bool)
+        kept[self.competition.heaviest] = True
+        return float(np.sqrt(self.competition.covariance(kept)[0, index, index]))
+
+    def least_z(self, level: float) -> float:
+        """Standard deviations from the optimum to an end, were the heaviest combination the only one."""
+        return float(special.stdtrit(self.competition.degrees, 0.5 + 0.5 * level))
+
+    @property
+    def drifts(self) -> list[float]:
+        """Relative change of the law from contact to the deepest point, one per curve, of the likeliest drift."""
+        return [
+            float(own[:DRIFTS] @ (1.0 / np.arange(1, DRIFTS + 1))) * scatter / peak
+            for own, scatter, peak in self._misfits
+        ]
+
+    @property
+    def jumps(self) -> list[float]:
+        """Force (N) that sets in about contact, one per curve, of the likeliest jump."""
+        return [float(own[DRIFTS:].sum()) / JUMPS**0.5 * scatter for own, scatter, _ in self._misfits]
+
+    @property
+    def _misfits(self) -> list[tuple[FloatArray, float, float]]:
+        """Columns of drift and jump, scatter (N) and largest contact force (N) of every curve."""
+        competition, curves = self.competition, self.blocked.curves
+        own = competition.shift[competition.heaviest][competition.parameters :]
+        physical = self.blocked.problem.physical(self.vector)
+        return [
+            (part, curve.member.scatter, curve.largest_force(physical))
+            for part, curve in zip(np.split(own, len(curves)), curves, strict=True)
+        ]
+
+    @property
+    def exact_law(self) -> float:
+        """Probability that the law does not drift with depth."""
+        return float(self.shares @ [competition.exact_law for _, competition in self.optima])
+
+    @property
+    def no_jump(self) -> float:
+        """Probability that no force sets in at contact beside the law's."""
+        return float(self.shares @ [competition.no_jump for _, competition in self.optima])
+
+    @property
+    def white(self) -> float:
+        """Probability that the noise is white."""
+        return float(self.shares @ [competition.white for _, competition in self.optima])
+
+
+def average(
+    problem: Problem,
+    vector: FloatArray,
+    others: Sequence[FloatArray] = (),
+    held: frozenset[int] = frozenset(),
+    sizes: Sizes | None = None,
+) -> Averaged:
+    """Average a fit over what its residuals may be.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted; its noise is of unknown size.
+    vector : FloatArray
+        Optimum of the fit with white noise, scaled coordinates (k,).
+    others : sequence of FloatArray
+        Further optima of it, which take part.
+    held : frozenset of int
+        Entries that stay where they are: on a bound, or without effect on the curve.
+    sizes : Sizes, optional
+        What is weighed.
+
+    Raises
+    ------
+    InputError
+        If there is no contact law at the vector.
+    """
+    sizes = sizes or Sizes()
+    blocked = Blocked.of(problem, vector, held)
+    first = _settled(blocked, vector, sizes)
+    optima = [first, *(_settled(blocked, other, sizes) for other in others)]
+    if first[1].no_jump < _JUMP_LIKELY:
+        optima += [_settled(blocked, start, sizes) for start in _other_contacts(problem, blocked, first[0])]
+    return Averaged(blocked, _distinct(optima))
+
+
+def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> tuple[FloatArray, Competition]:
+    """Optimum of the heaviest combination, from a start, and the weights about it."""
+    competition = Competition.of(blocked.linearised(vector), sizes)
+    for _ in range(_MOST_PASSES):
+        chosen = competition.heaviest
+        vector = descend(blocked, vector, _combination(competition)).vector
+        competition = Competition.of(blocked.linearised(vector), sizes)
+        if competition.heaviest == chosen:
+            break
+    return vector, competition
+
+
+def _combination(competition: Competition) -> Combination:
+    noise, column = competition.heaviest
+    return Combination(competition.noises[noise], competition.sizes.scales_of(column))
+
+
+def _other_contacts(problem: Problem, blocked: Blocked, vector: FloatArray) -> list[FloatArray]:
+    """Starts with the contact point elsewhere, inside the bounds; none where it is known."""
+    physical = problem.physical(vector)
+    starts = []
+    for share in _CONTACTS:
+        moved = np.array(vector)
+        for curve in blocked.curves:
+            entry = curve.member.entries.get(ContactPoint.path)
+            if entry is not None:
+                scale = problem.coordinates[entry].scale or 1.0
+                moved[entry] += share * float(curve.forward.depth.max() - physical[entry]) / scale
+        low, high = problem.bounds.T
+        if (moved != vector).any() and (moved >= low).all() and (moved <= high).all():
+            starts.append(moved)
+    return starts
+
+
+def _distinct(
+    optima: Sequence[tuple[FloatArray, Competition]],
+) -> list[tuple[FloatArray, Competition]]:
+    """Optima that are not one another's, heaviest first."""
+    ranked = sorted(optima, key=lambda entry: -_total(entry[1]))
+    kept: list[tuple[FloatArray, Competition]] = []
+    for vector, competition in ranked:
+        if kept and _total(competition) < _total(kept[0][1]) + np.log(_LIGHTER):
+            break
+        deviation = competition.mixture.deviation.min(axis=0)
+        if all((np.abs(vector - other) > _APART * deviation).any() for other, _ in kept):
+            kept.append((vector, competition))
+    return kept
+
+
+def _total(competition: Competition) -> float:
+    """Logarithm of the evidence of all combinations."""
+    top = float(competition.log_evidence.max())
+    return top + float(np.log(np.exp(competition.log_evidence - top).sum()))

@@ -1,0 +1,136 @@
+"""A problem whose curves are taken in blocks, and its model about a vector.
+
+Neighbouring readings of a real instrument shake together, and no noise model of few numbers holds at full rate; a
+long quiet approach tells of a noise that is not the noise in contact. A sample that remembers keeps all its
+readings: blocks of depths have no history.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.misfit.linearised import Linearised, Part, drift_columns, jump_columns
+from underlay.inference.model.forward import Forward
+from underlay.inference.model.laws import LawStore
+from underlay.inference.model.members import Member
+from underlay.inference.problem import Problem
+from underlay.scene.chain import ContactPoint
+
+__all__ = ["Blocked", "BlockedCurve"]
+
+_MOST_BLOCKS, _LEAST_IN_CONTACT = 400, 50
+# Approach that is used, in depths of contact.
+_APPROACH = 2.0
+_COARSE = 1e-4
+
+
+@dataclass(frozen=True)
+class Blocked:
+    """A problem whose curves are taken in blocks.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was fitted.
+    curves : tuple of BlockedCurve
+        Its curves.
+    held : frozenset of int
+        Entries of a vector that stay where they are.
+    """
+
+    problem: Problem
+    curves: tuple[BlockedCurve, ...]
+    held: frozenset[int] = frozenset()
+
+    @classmethod
+    def of(cls, problem: Problem, vector: FloatArray, held: frozenset[int] = frozenset()) -> Blocked:
+        """Take the curves in blocks, their contact where it is at a scaled vector (k,)."""
+        physical = problem.physical(vector)
+        return cls(problem, tuple(BlockedCurve.of(member, physical) for member in problem.members), held)
+
+    def released(self) -> Blocked:
+        """Return the same with nothing held, and with coarse laws, whose errors cancel between its places."""
+        return replace(self, curves=tuple(curve.coarse() for curve in self.curves), held=frozenset())
+
+    def linearised(self, vector: FloatArray) -> Linearised:
+        """Model about a scaled vector (k,); raises InputError where there is no law."""
+        physical = self.problem.physical(vector)
+        slopes = np.array(self.problem.space.slopes(physical))
+        precision, pull = np.zeros(len(vector)), np.zeros(len(vector))
+        slopes[list(self.held)] = 0.0
+        for i, coordinate in enumerate(self.problem.coordinates):
+            if coordinate.prior.informative and i not in self.held:
+                value, slope = coordinate.prior.penalty(float(physical[i]))
+                precision[i] = (slope * slopes[i]) ** 2
+                pull[i] = value * slope * slopes[i]
+        return Linearised(
+            [curve.part(physical, slopes) for curve in self.curves], precision, pull, tuple(self.held)
+        )
+
+
+@dataclass(frozen=True)
+class BlockedCurve:
+    """One curve in blocks: its model at their depths, their forces (N) and times (s), each (n,)."""
+
+    member: Member
+    forward: Forward
+    force: FloatArray
+    time: FloatArray
+
+    @classmethod
+    def of(cls, member: Member, physical: FloatArray) -> BlockedCurve:
+        """Take a curve in blocks, its contact where it is at a physical vector (k,)."""
+        curve, contact = member.curve, member.values_at(physical)[ContactPoint.path]
+        deepest = float(curve.depth.max()) - contact
+        if not deepest > 0.0:
+            raise InputError("a curve that never touches has no residuals in contact")
+        used = curve.depth >= contact - _APPROACH * deepest
+        depth, force = curve.depth[used], curve.force[used]
+        time = np.arange(len(curve.depth), dtype=np.float64)
+        if curve.time is not None and (np.diff(curve.time) > 0.0).all():
+            time = curve.time
+        if member.forward.history is not None:
+            return cls(member, member.forward, curve.force, time)
+        in_contact = int(np.count_nonzero(depth > contact))
+        size = max(1, min(-(-len(depth) // _MOST_BLOCKS), in_contact // _LEAST_IN_CONTACT))
+        # Whole blocks from the deep end: what is left over is far before contact.
+        start = len(depth) % size
+
+        def means(values: FloatArray) -> FloatArray:
+            return np.asarray(values[start:].reshape(-1, size).mean(axis=1))
+
+        forward = replace(member.forward, depth=means(depth))
+        return cls(member, forward, means(force), means(time[used]))
+
+    def coarse(self) -> BlockedCurve:
+        """Return the same with laws of a tenth of a thousandth of the force, of its own store."""
+        laws = self.forward.laws
+        laws = replace(laws, solver=laws.solver.with_tolerance(_COARSE), store=LawStore())
+        return replace(self, forward=replace(self.forward, laws=laws))
+
+    def largest_force(self, physical: FloatArray) -> float:
+        """Largest contact force (N) at a physical vector (k,)."""
+        return float(np.abs(self.forward.reading(self.member.values_at(physical)).contact).max())
+
+    def part(self, physical: FloatArray, slopes: FloatArray) -> Part:
+        """Model about a physical vector (k,), whose slopes are dx/dq (k,); raises InputError without a law."""
+        values = self.member.values_at(physical)
+        entries = list(self.member.entries.values())
+        reading, own = self.forward.jacobian(values, tuple(self.member.entries), rough=True)
+        columns = np.zeros((len(self.force), len(physical)))
+        columns[:, entries] = own * slopes[entries]
+        depth = (
+            self.forward.depth - values[ContactPoint.path] - values["instrument.compliance"] * reading.contact
+        )
+        scatter = self.member.scatter
+        return Part(
+            (reading.force - self.force) / scatter,
+            columns / scatter,
+            drift_columns(reading.contact, depth),
+            jump_columns(depth),
+            self.time,
+        )

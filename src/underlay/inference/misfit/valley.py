@@ -1,0 +1,132 @@
+"""The profile of a parameter under one combination of noise, drift and jump.
+
+Where the model is far from linear over an interval (a thickness that is free, a base that might be rigid) the
+interval of the linearised model is not enough. Here the parameter is held, and all others, the drift and the jump
+are fitted again: T = z^2 is the rise of the whitened sum of squares over its variance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import interpolate
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.misfit.blocked import Blocked
+from underlay.inference.misfit.descent import Combination, Place, descend
+
+__all__ = ["FARTHEST", "Valley"]
+
+_STEP = 0.8  # in z
+_STEEPEST = 1.6
+_GROWTH = 2.0
+_FIRST = 0.25  # the longest first step, in a scaled coordinate
+#: As far as a profile is walked, in a scaled coordinate: a factor of 150, or five times the range of the curve.
+FARTHEST = 5.0
+_MOST_STEPS = 18
+_SHORTEST = 0.02
+
+
+@dataclass(frozen=True)
+class Valley:
+    """One combination and its optimum."""
+
+    blocked: Blocked
+    combination: Combination
+    optimum: Place
+
+    def z(self, place: Place) -> float:
+        """Root of the rise of a place above the optimum."""
+        return math.sqrt(max(place.square - self.optimum.square, 0.0) / self.optimum.variance)
+
+    def held(self, index: int, q: float, start: FloatArray) -> Place | None:
+        """Best place with an entry at `q`, from a scaled vector (k,); None where there is no law."""
+        here = self.optimum.vector
+        begin = np.clip(start, here - FARTHEST, here + FARTHEST)
+        begin[index] = q
+        low, high = self.blocked.problem.bounds.T
+        try:
+            return descend(self.blocked, np.clip(begin, low, high), self.combination, held=index)
+        except InputError:
+            return None
+
+    def agrees(self, index: int, q: float, z: float, within: float) -> bool:
+        """Whether the profile's z at `q` is the one expected, to a share `within`."""
+        low, high = self.blocked.problem.bounds[index]
+        if not low <= q <= high or abs(q - float(self.optimum.vector[index])) > FARTHEST:
+            return False
+        gone = q - float(self.optimum.vector[index])
+        place = self.held(index, q, self.optimum.vector + self._tangent(index) * gone)
+        return place is not None and abs(self.z(place) - z) <= within * z
+
+    def end(self, index: int, direction: float, z: float) -> float:
+        """Where the profile first reaches `z`, going one way: scaled; infinite where it does not.
+
+        Raises
+        ------
+        InputError
+            If there is no law at the optimum.
+        """
+        here = float(self.optimum.vector[index])
+        bound = self.blocked.problem.bounds[index][1 if direction > 0.0 else 0]
+        room = min(abs(bound - here), FARTHEST)
+        vectors, heights = [self.optimum.vector], [0.0]
+        tangent = self._tangent(index)
+        step = min(_STEP * self._deviation(index), _FIRST)
+        for _ in range(_MOST_STEPS):
+            gone = abs(float(vectors[-1][index]) - here)
+            step = min(step, room - gone)
+            if step <= 1e-9 * (1.0 + gone):
+                break
+            begin = _ahead(vectors, index, step) if gone else vectors[0] + direction * step * tangent
+            place = self.held(index, here + direction * (gone + step), begin)
+            height = 0.0 if place is None else max(self.z(place), heights[-1])
+            if place is None or (height - heights[-1] > _STEEPEST and step > _SHORTEST):
+                if step < _SHORTEST:
+                    break
+                step *= 0.3
+                continue
+            vectors.append(place.vector)
+            heights.append(height)
+            if height >= z:
+                return _crossing(np.array([v[index] for v in vectors]), np.array(heights), z)
+            slope = (heights[-1] - heights[-2]) / step
+            step = min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
+        return direction * math.inf
+
+    @cached_property
+    def _covariance(self) -> FloatArray:
+        return np.asarray(np.linalg.pinv(self.optimum.normal) * self.optimum.variance)
+
+    def _deviation(self, index: int) -> float:
+        own = float(self._covariance[index, index])
+        return math.sqrt(own) if own > 0.0 else 1.0
+
+    def _tangent(self, index: int) -> FloatArray:
+        """d others / d entry along the profile at the optimum."""
+        column = self._covariance[index]
+        tangent = column / column[index] if column[index] > 0.0 else np.zeros(len(column))
+        tangent[index] = 1.0
+        return np.asarray(tangent)
+
+
+def _ahead(vectors: list[FloatArray], index: int, step: float) -> FloatArray:
+    """Where the others would be, along the last step."""
+    moved = vectors[-1] - vectors[-2]
+    return np.asarray(vectors[-1] + moved * (step / abs(float(moved[index]))))
+
+
+def _crossing(q: FloatArray, z: FloatArray, height: float) -> float:
+    """Where z reaches a height between the last two places."""
+    fraction = (height - z[-2]) / (z[-1] - z[-2])
+    if len(q) < 3:
+        return float(q[-2] + fraction * (q[-1] - q[-2]))
+    distance = np.abs(q - q[0])
+    inside = interpolate.PchipInterpolator(distance, z)
+    roots = [root for root in inside.solve(height, extrapolate=False) if root >= distance[-2]]
+    reached = roots[0] if roots else distance[-2] + fraction * (distance[-1] - distance[-2])
+    return float(q[0] + np.sign(q[-1] - q[0]) * reached)

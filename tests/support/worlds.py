@@ -1,0 +1,118 @@
+"""Disturbances that real curves carry, on any scene: what a fit with white noise does not expect.
+
+A disturbance is a function of (clean, rng) that returns force to add to a noiseless curve. Sizes are shares of the
+largest contact force, so that one function serves any scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import underlay as ul
+
+
+@dataclass(frozen=True)
+class Clean:
+    """A noiseless curve: depth since contact and time of every reading, contact force, and the scene."""
+
+    scene: ul.Scene
+    depth: np.ndarray
+    time: np.ndarray
+    force: np.ndarray
+
+    @classmethod
+    def of(cls, scene, deepest, points=240, approach=0.4):
+        depth = np.linspace(-approach * deepest, deepest, points)
+        law = scene.contact_law(deepest)
+        return cls(scene, depth, np.linspace(0.0, 1.0, points), law.force(depth))
+
+    @property
+    def top(self):
+        return float(np.abs(self.force).max())
+
+
+def nothing(clean, _rng):
+    return np.zeros_like(clean.depth)
+
+
+def ornstein_uhlenbeck(clean, rng, size, tau):
+    z = rng.standard_normal(len(clean.time))
+    rho = np.exp(-np.diff(clean.time) / tau)
+    for i in range(1, len(z)):
+        z[i] = rho[i - 1] * z[i - 1] + np.sqrt(1.0 - rho[i - 1] ** 2) * z[i]
+    return size * clean.top * z
+
+
+def correlated(clean, rng):
+    return ornstein_uhlenbeck(clean, rng, 0.005, 0.03)
+
+
+def slow(clean, rng):
+    return ornstein_uhlenbeck(clean, rng, 0.006, 0.08)
+
+
+def walk(clean, rng):
+    steps = rng.standard_normal(len(clean.depth))
+    return 0.015 * clean.top * np.cumsum(steps) / np.sqrt(len(steps))
+
+
+def fringes(clean, rng):
+    span = np.ptp(clean.depth)
+    period = span * rng.uniform(0.06, 0.14) / 0.21
+    return 0.01 * clean.top * np.sin(2.0 * np.pi * (clean.depth / period + rng.uniform()))
+
+
+def slope(clean, rng):
+    return 0.03 * rng.standard_normal() * clean.top * (clean.time - clean.time.mean())
+
+
+def drag(clean, rng):
+    size = 0.02 * rng.uniform(0.5, 1.5) * clean.top
+    gap = np.maximum(-clean.depth, 0.0)
+    return size / (1.0 + gap / (0.05 * clean.depth.max()))
+
+
+def adhesion(clean, rng):
+    size = -0.02 * rng.uniform(0.5, 1.5) * clean.top
+    return np.where(clean.depth > -0.033 * clean.depth.max(), size, 0.0)
+
+
+def stiffening(clean, rng):
+    share = np.maximum(clean.depth, 0.0) / clean.depth.max()
+    return clean.force * abs(rng.standard_normal()) * 0.15 * share
+
+
+def relaxation(clean, rng):
+    """Lee and Radok: the force of a layer that loses 20 to 60 % of its modulus while it is pressed."""
+    share, tau = rng.uniform(0.2, 0.6), np.exp(rng.uniform(np.log(0.05), np.log(2.0)))
+    dP = np.diff(clean.force, prepend=clean.force[0])
+    lost = np.zeros_like(dP)
+    for i in range(1, len(dP)):
+        decay = np.exp(-(clean.time[i] - clean.time[i - 1]) / tau)
+        lost[i] = decay * lost[i - 1] + decay**0.5 * dP[i]
+    return share * (lost - clean.force)
+
+
+#: Disturbance and the white noise beside it, as a share of the largest force.
+WORLDS = {
+    "clean": (nothing, 0.003),
+    "AR(1)": (correlated, 0.0),
+    "AR(1) and white": (slow, 0.003),
+    "random walk": (walk, 0.003),
+    "fringes": (fringes, 0.003),
+    "slope of the baseline": (slope, 0.003),
+    "drag step": (drag, 0.003),
+    "adhesion": (adhesion, 0.003),
+    "stiffening": (stiffening, 0.003),
+    "relaxation": (relaxation, 0.003),
+}
+
+
+def disturbed(clean, world, rng, noise=0.003):
+    """Curve of a world, with white noise beside the disturbance unless that is a noise itself."""
+    disturbance, white = WORLDS[world]
+    white = noise if white else 0.0
+    noise = white * clean.top * rng.standard_normal(len(clean.depth))
+    return ul.Curve(clean.depth, clean.force + disturbance(clean, rng) + noise, time=clean.time)

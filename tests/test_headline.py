@@ -1,0 +1,172 @@
+"""The interval, the verdict and the inputs that a fit states: laws first, then what the data leave open."""
+
+import json
+import math
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import underlay as ul
+from support.inverse import ambiguous
+from support.worlds import Clean, disturbed
+from underlay.errors import InputError
+from underlay.inference.headline.known_inputs import FORCE
+from underlay.inference.headline.plain import quadratic_interval
+from underlay.inference.least_squares.stated import Verdict
+
+E, H, C = "layer.E", "layer.thickness", "instrument.contact_depth"
+NOISE = ul.Noise(force=1e-4)
+
+
+def scene(**changes):
+    values = {"radius": 1e-3, "E": 1e6, "nu": 0.45, "thickness": 1.5e-3} | changes
+    layer = ul.Layer(ul.Isotropic(values["E"], values["nu"]), values["thickness"])
+    return ul.Scene(ul.Paraboloid(values["radius"]), layer, ul.RIGID)
+
+
+def curve(noise=NOISE, seed=1, made=None):
+    return ul.synthesize(made or scene(), np.linspace(-3e-5, 1.2e-4, 200), noise, seed)
+
+
+def fitted(noise=NOISE, free=(E, C), **changes):
+    return ul.fit(ul.Problem(scene(**changes), curve(), free, noise))
+
+
+def test_a_stated_noise_and_a_linear_parameter_have_the_quadratic_interval():
+    fit = fitted()
+    found = fit.interval(E)
+    assert found.kind == "quadratic"
+    assert found == fit.interval(E)
+    half = stats.norm.ppf(0.975) * fit.stderr[E] / fit.values[E]
+    assert math.log(found.high / found.value) == pytest.approx(half, rel=1e-9)
+    assert found.low * found.high == pytest.approx(found.value**2, rel=1e-12)
+    with pytest.raises(FrozenInstanceError):
+        found.low = 0.0
+
+
+def test_the_interval_is_the_profiles_where_the_quadratic_one_is_not_good():
+    # A base that might be rigid: its modulus has a lower end and no upper one.
+    base = ul.Isotropic(1e9, 0.3)
+    made = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), base)
+    noise = ul.Noise(force=1e-2)
+    problem = ul.Problem(made, curve(noise, made=made), [E, "substrate.E"], noise)
+    fit = ul.fit(problem)
+    found = fit.interval("substrate.E")
+    assert found.kind == "profile"
+    walked = ul.profile(fit, "substrate.E").interval()
+    assert walked.low_reason == "data"
+    assert walked.high_reason != "data"
+    # Both read a monotone cubic through steps of half a unit of z.
+    assert found.low == pytest.approx(walked.low, rel=1e-2)
+    assert found.high == math.inf
+    assert found.is_open
+    assert fit.verdict == "doubtful"
+
+
+def test_levels_are_nested_and_names_are_checked():
+    fit = fitted(noise=None)
+    narrow, wide = fit.interval(E, 0.68), fit.interval(E, 0.99)
+    assert wide.low < narrow.low < narrow.value < narrow.high < wide.high
+    with pytest.raises(InputError, match="not free here; free are"):
+        fit.interval("layer.nu")
+    with pytest.raises(InputError, match="level must be above 0"):
+        fit.interval(E, 1.0)
+
+
+def test_without_a_stated_noise_the_interval_is_averaged():
+    fit = fitted(noise=None)
+    found, plain = fit.interval(E), quadratic_interval(fit, E, 0.95)
+    assert found.kind == "averaged"
+    assert fit.verdict == "good"
+    ratio = math.log(found.high / found.low) / math.log(plain.high / plain.low)
+    assert ratio > 0.8
+    assert 1e6 in found
+
+
+def test_a_wide_interval_is_carried_along_the_profile_and_may_stay_open():
+    # A thick layer barely touched shows no base.
+    made = scene(thickness=2e-2)
+    data = curve(ul.Noise(force=1e-3), made=made)
+    fit = ul.fit(ul.Problem(made, data, {E: None, H: (1e-4, 1.0), C: None}))
+    found = fit.interval(H)
+    assert found.kind == "averaged profile"
+    assert found.high == math.inf
+    assert found.low < made.layer.thickness
+    assert made.layer.material.E in fit.interval(E)
+
+
+def test_two_optima_are_inside_one_interval():
+    fit = ul.fit(ambiguous())
+    (other,) = fit.alternatives
+    for name in (E, H):
+        assert fit.values[name] in fit.interval(name)
+        assert other.values[name] in fit.interval(name)
+    assert fit.verdict == "doubtful"
+
+
+@pytest.mark.parametrize(("world", "word"), [("stiffening", "model wrong"), ("drag step", "doubtful")])
+def test_the_verdict_says_what_disturbs(world, word):
+    rng = np.random.default_rng(4)
+    clean = Clean.of(scene(), 1.5e-4)
+    disturbance = {"stiffening": lambda: clean.force * 0.3 * np.maximum(clean.depth, 0.0) / 1.5e-4}
+    data = disturbed(clean, "clean" if world in disturbance else world, rng)
+    if world in disturbance:
+        data = ul.Curve(data.depth, data.force + disturbance[world](), time=data.time)
+    fit = ul.fit(ul.Problem(scene(), data, [E, C, "instrument.baseline"]))
+    assert fit.verdict == word
+    said = {"model wrong": "the apparent modulus changes by", "doubtful": "at contact"}[word]
+    assert said in str(fit.verdict)
+    if word == "model wrong":
+        # 30 % at full depth were added.
+        size = float(str(fit.verdict).split("changes by ")[1].split(" %")[0])
+        assert 15.0 < size < 50.0
+
+
+def test_a_verdict_equals_its_word_and_its_like():
+    assert Verdict("good") == "good"
+    assert Verdict("doubtful", ("a", "b")) == Verdict("doubtful", ("a", "b"))
+    assert Verdict("doubtful", ("a",)) != Verdict("doubtful")
+    assert str(Verdict("doubtful", ("a", "b"))) == "doubtful: a; b"
+
+
+def test_noise_taken_for_more_correlated_than_it_is_is_said():
+    depth, time = np.linspace(0.0, 1e-4, 400), np.linspace(0.0, 4.0, 400)
+    data = ul.synthesize(scene(), depth, NOISE, 3, time=time)
+    noise = ul.Noise(force=1e-4, correlation_time=0.5)
+    fit = ul.fit(ul.Problem(scene(), data, [E], noise))
+    assert "over-whitened" in {warning.code for warning in fit.warnings}
+    assert fit.verdict == "doubtful"
+    right = ul.synthesize(scene(), depth, noise, 3, time=time)
+    fit = ul.fit(ul.Problem(scene(), right, [E], noise))
+    assert "over-whitened" not in {warning.code for warning in fit.warnings}
+
+
+def test_sensitivity_is_that_of_a_fit_with_the_other_input():
+    fit = fitted(free=(E, C))
+    told = fit.sensitivity[E]
+    # All forces p per cent larger: E p per cent larger, exactly.
+    assert told[FORCE] == pytest.approx(1.0, abs=1e-6)
+    for path, field, value in (("indenter.radius", "radius", 1e-3), ("layer.nu", "nu", 0.45)):
+        step = 1e-3
+        up, down = (
+            ul.fit(ul.Problem(scene(**{field: value * (1 + s)}), curve(), (E, C), NOISE)).values[E]
+            for s in (step, -step)
+        )
+        # Gauss and Newton leave out curvature times residual, here 1e-3 of the signal.
+        assert told[path] == pytest.approx(math.log(up / down) / (2.0 * step), rel=2e-2)
+    # Of a half-space E is known to be R^-1/2 with the contact point known.
+    half = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45)))
+    alone = ul.fit(ul.Problem(half, curve(made=half), [E], NOISE))
+    assert alone.sensitivity[E]["indenter.radius"] == pytest.approx(-0.5, abs=1e-6)
+
+
+def test_the_file_holds_what_is_printed(tmp_path):
+    fit = fitted(noise=None)
+    written = json.loads(fit.to_json(tmp_path / "fit.json").read_text(encoding="utf-8"))
+    known = fit.interval(E)
+    assert written["intervals"][E]["low"] == known.low
+    assert written["intervals"][E]["kind"] == known.kind
+    assert written["verdict"] == {"word": "good", "reasons": []}
+    assert written["sensitivity"][E][FORCE] == pytest.approx(1.0, abs=1e-6)
