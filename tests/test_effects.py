@@ -10,11 +10,13 @@ from typer.testing import CliRunner
 from support.call_counter import count_calls
 from underlay.cli.app import app
 from underlay.errors import InputError
-from underlay.mechanics import kernel, materials
+from underlay.mechanics import materials
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, Sphere
+from underlay.mechanics.kernel import one_layer
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 from underlay.mechanics.response import Remembered
 from underlay.mechanics.solvers import Auto
+from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.report import plots
 from underlay.scene.chain import Baseline, Frame
 from underlay.scene.effects import effect_sizes
@@ -31,6 +33,7 @@ EFFECTS = (
     "instrument compliance",
     "baseline",
     "adhesion",
+    "relaxation",
     "history",
 )
 PLAIN = Scene(Paraboloid(1e-3), Layer(GEL))
@@ -50,12 +53,13 @@ def code_of_each_effect(monkeypatch):
     """Counters at the one place each effect's code must pass through."""
     sphere = ("surface", "abel", "abel_slope", "abel_moments", "halfspace_radius")
     return {
-        "finite thickness": count_calls(monkeypatch, kernel, "_interface"),
+        "finite thickness": count_calls(monkeypatch, one_layer, "_interface"),
         "anisotropy": count_calls(monkeypatch, materials, "transversely_isotropic_constants"),
         "true sphere": count_calls(monkeypatch, Sphere, *sphere),
         "instrument compliance": count_calls(monkeypatch, Frame, "tip_depth", "share"),
         "baseline": count_calls(monkeypatch, Baseline, "reading"),
         "history": count_calls(monkeypatch, Remembered, "force"),
+        "relaxation": count_calls(monkeypatch, Viscoelastic, "prepared", "force"),
     }
 
 

@@ -11,7 +11,18 @@ PACKAGE = Path(__file__).resolve().parents[1] / "src" / "underlay"
 
 #: Floors from the ground up; a module may import from its own floor and from below.
 FLOORS = ("base", "mechanics", "scene", "data", "inference", "report", "cli")
-GROUND = {"errors", "units", "quantities", "_arrays", "_documents", "_door", "_files", "_text", "_zip"}
+GROUND = {
+    "errors",
+    "units",
+    "quantities",
+    "_arrays",
+    "_documents",
+    "_door",
+    "_files",
+    "_text",
+    "_version",
+    "_zip",
+}
 
 #: Third parties and the only modules (relative to the package, by prefix) that may import them.
 HOMES = {

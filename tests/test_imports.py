@@ -1,17 +1,22 @@
 """What is loaded, and when: nobody waits for a library that he does not use."""
 
+import inspect
 import os
 import subprocess
 import sys
 
 import pytest
+import typer
 
 import underlay as ul
+from support.reports import SAMPLES
+from underlay.cli.app import app
 
 HEAVY = {
     "dask",
     "emcee",
     "lmfit",
+    "numpy",
     "matplotlib",
     "pandas",
     "pint",
@@ -20,6 +25,22 @@ HEAVY = {
     "scipy.stats",
     "tomlkit",
 }
+
+
+#: Runs the command line in a fresh interpreter, as a shell does.
+COMMAND = """
+import sys
+from underlay.cli import main
+sys.argv = {words!r}
+try:
+    main()
+except SystemExit as stop:
+    assert not stop.code
+"""
+
+
+def loaded_by(*words):
+    return loaded_after(COMMAND.format(words=["underlay", *map(str, words)]))
 
 
 def loaded_after(code):
@@ -42,10 +63,30 @@ ul.contact_law(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.4), 1e-3), ul.RIGID
 
 @pytest.mark.parametrize(
     ("code", "allowed"),
-    [("import underlay", set()), ("import underlay.mechanics", set()), (LAW, {"scipy"})],
+    [("import underlay", set()), ("import underlay.mechanics", set()), (LAW, {"numpy", "scipy"})],
 )
 def test_what_is_loaded(code, allowed):
     assert loaded_after(code) <= allowed
+
+
+def test_help_and_version_load_no_command():
+    assert loaded_by("--help") == set()
+    assert loaded_by("--version") == set()
+
+
+@pytest.mark.parametrize("name", list(typer.main.get_command(app).commands))
+def test_the_help_of_a_command_loads_nothing_of_what_it_does(name):
+    # One interpreter for all would do; a command that loads at its head is then not told from its neighbours.
+    module = sys.modules[typer.main.get_command(app).commands[name].callback.__module__]
+    heads = [line for line in inspect.getsource(module).splitlines() if line.startswith(("import ", "from "))]
+    assert loaded_after("\n".join(heads)) == set()
+
+
+def test_a_plain_fit_loads_no_pictures():
+    sample = SAMPLES / "gel_on_glass"
+    assert loaded_by("fit", sample.with_suffix(".csv"), "--scene", sample.with_suffix(".toml")) <= {
+        *("numpy", "pandas", "scipy", "pydantic")  # arrays, tables, laws, the scene file
+    }
 
 
 @pytest.mark.parametrize("name", ul.__all__)

@@ -559,3 +559,18 @@ def test_ntmdt_takes_a_current_sensitivity(put):
     curve = read(path, calibration={"spring_constant": "0.04 N/m", "sensitivity": "60 nm/nA"})
     assert np.ptp(curve.force) == pytest.approx(1.5 * 60e-9 * 0.04, rel=0.03)  # 1.5 nA of signal
     assert curve.loading().depth[-1] > curve.loading().depth[0]
+
+
+def test_a_table_of_good_cells_is_converted_in_one_go(tmp_path, monkeypatch):
+    """A plain table is read without a look at every cell; one missing cell costs nothing but its point."""
+    path = tmp_path / "curve.csv"
+    rows = [f"{0.1 * i},{0.01 * i * i}" for i in range(40)]
+    path.write_text("depth (um),force (mN)\n" + "\n".join(rows))
+    with monkeypatch.context() as patch:
+        patch.setattr("underlay.data.readers._text._number", None)
+        plain = read(path)
+    path.write_text("depth (um),force (mN)\n" + "\n".join([*rows, "4.0,"]))
+    with pytest.warns(UnderlayWarning, match="1 of 41 points left out"):
+        careful = read(path)
+    np.testing.assert_array_equal(careful.depth, plain.depth)
+    np.testing.assert_array_equal(careful.force, plain.force)

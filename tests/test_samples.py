@@ -56,3 +56,35 @@ def test_the_real_curve_agrees_with_its_instrument():
     # The instrument's own result, in the file's header: E[eff] = E/(1-nu^2) = 156.009 Pa.
     assert reduced == pytest.approx(156.009, rel=0.03)
     assert {warning.code for warning in fit.warnings}, "its residuals hang together, and the fit must say so"
+
+
+def test_the_relaxation_curve_is_fitted_from_file_to_result():
+    problem = ul.load_problem(SAMPLES / "mach1_relaxation.csv", SAMPLES / "mach1_relaxation.toml")
+    assert problem.curves[0].time[-1] > 300.0
+    assert set(problem.curves[0].segments()) == {"loading", "hold"}
+    fit = ul.fit(problem)
+    kept = fit.scene.layer.relaxation.equilibrium
+    # After 300 s the force is 0.51 of its peak; the slowest term has 5 % of its own left to lose, and the ramp
+    # of half a second has not seen the modulus at once.
+    assert 0.4 < kept < 0.6
+    assert {warning.code for warning in fit.warnings}, "its residuals hang together, and the fit must say so"
+    # An elastic fit of the ramp alone gives less than the modulus at once, and more than that at equilibrium.
+    scene = problem.base_scenes[0].elastic
+    names = ["layer.E", "instrument.contact_depth", "instrument.baseline"]
+    elastic = ul.fit(
+        ul.Problem(scene, problem.curves[0].loading(), {name: problem.free[name] for name in names})
+    )
+    assert kept * fit.values["layer.E"] < elastic.values["layer.E"] < fit.values["layer.E"]
+
+
+def test_the_relaxation_curve_says_where_it_comes_from():
+    text = (SAMPLES / "mach1_relaxation.csv").read_text(encoding="utf-8")
+    for needed in (
+        "RenatoC322/Biomomentum-functions",
+        "ed1b31a",
+        "Copyright (c) 2024 vtrno",
+        "does not say what it is",
+    ):
+        assert needed in text
+    licence = SAMPLES / "LICENSES" / "biomomentum-functions-MIT.txt"
+    assert "Permission is hereby granted" in licence.read_text(encoding="utf-8")

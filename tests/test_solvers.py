@@ -12,9 +12,8 @@ import pytest
 from support.call_counter import count_calls
 from support.laws import exact_law
 from underlay.errors import InputError, RangeError
-from underlay.mechanics import kernel
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.kernel import SubstrateKernel
+from underlay.mechanics.kernel import SubstrateKernel, one_layer
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 from underlay.mechanics.solvers import (
     Asymptotic,
@@ -191,7 +190,7 @@ def test_a_law_chosen_for_a_depth_ends_there_and_says_so():
 
 
 def test_no_layer_effect_computes_no_kernel(monkeypatch):
-    kernels = count_calls(monkeypatch, kernel, "_interface")
+    kernels = count_calls(monkeypatch, one_layer, "_interface")
     for layer, substrate, depth in (
         (Layer(GEL.material), None, 1e-4),
         (Layer(GEL.material), RIGID, 1e-4),

@@ -9,6 +9,10 @@ from types import ModuleType
 
 import lazy_loader
 
+from underlay._version import VERSION
+
+__version__ = VERSION
+
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 

@@ -62,6 +62,7 @@ from .inference.sampling.run import sample as sample
 from .mechanics.adhesion.dmt import DMT as DMT
 from .mechanics.adhesion.jkr import JKR as JKR
 from .mechanics.adhesion.maugis import Maugis as Maugis
+from .mechanics.bonds import Spring as Spring
 from .mechanics.contact import (
     Adhesion as Adhesion,
     Contact as Contact,
@@ -75,7 +76,11 @@ from .mechanics.indenters import (
     PowerLaw as PowerLaw,
     Sphere as Sphere,
 )
-from .mechanics.kernel import SubstrateKernel as SubstrateKernel
+from .mechanics.kernel import (
+    Kernel as Kernel,
+    StackKernel as StackKernel,
+    SubstrateKernel as SubstrateKernel,
+)
 from .mechanics.materials import (
     RIGID as RIGID,
     Isotropic as Isotropic,
@@ -86,6 +91,11 @@ from .mechanics.profile import Profile as Profile
 from .mechanics.published import (
     PublishedCorrection as PublishedCorrection,
     published_corrections as published_corrections,
+)
+from .mechanics.relaxation import (
+    PowerLawRelaxation as PowerLawRelaxation,
+    Prony as Prony,
+    Relaxation as Relaxation,
 )
 from .mechanics.response import (
     History as History,
@@ -103,6 +113,7 @@ from .mechanics.solvers import (
     Published as Published,
     contact_law as contact_law,
 )
+from .mechanics.stack import Stack as Stack
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
 from .quantities import quantity as quantity
 from .report import plots as plots
@@ -111,3 +122,5 @@ from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.instrument import Instrument as Instrument
 from .scene.scene import Scene as Scene
 from .scene.scene_file import load_scene as load_scene
+
+__version__: str

@@ -35,6 +35,7 @@ __all__ = [
     "field_quantities",
     "inlined",
     "kind_of",
+    "no_number",
     "numbers_of",
     "one_of",
     "path_of",
@@ -112,6 +113,11 @@ def inlined() -> Mapping[str, Any]:
 def one_of(*words: str) -> Mapping[str, Any]:
     """Metadata of a field that is one of these words."""
     return {"words": words}
+
+
+def no_number() -> Mapping[str, Any]:
+    """Metadata of a field of a part that is no number itself: a word, or further parts."""
+    return {"no number": True}
 
 
 class Part:

@@ -50,6 +50,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "force": Kind("N", ("pN", "nN", "uN", "mN", "N"), "20 uN"),
         "angle": Kind("rad", ("deg",), "35 deg"),
         "stiffness": Kind("N/m", ("mN/m", "N/m", "kN/m", "MN/m"), "0.019 N/m"),
+        "stiffness per area": Kind("Pa/m", ("Pa/m", "kPa/m", "MPa/m", "GPa/m"), "10 GPa/m"),
         "compliance": Kind("m/N", ("nm/N", "um/N", "mm/N", "m/N"), "0.5 um/N"),
         "time": Kind("s", ("us", "ms", "s"), "2 s"),
         "speed": Kind("m/s", ("nm/s", "um/s", "mm/s", "m/s"), "5 um/s"),
@@ -78,6 +79,7 @@ _BASES = {
 _QUOTIENTS = {
     ("force", "length"): "stiffness",
     ("length", "force"): "compliance",
+    ("pressure", "length"): "stiffness per area",
     ("length", "time"): "speed",
     ("force", "time"): "loading rate",
     ("length", "voltage"): "sensitivity",

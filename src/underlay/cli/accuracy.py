@@ -6,12 +6,6 @@ from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.expected import deepest_point, measured_curve
 from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, ScenePath
-from underlay.report import plots
-from underlay.report.accuracy_table import accuracy_summary
-from underlay.report.csv_text import csv_text
-from underlay.scene.accuracy_cost import accuracy_cost
-from underlay.scene.scene_file import read_scene_file
-from underlay.units import format_quantity
 
 __all__ = ["accuracy"]
 
@@ -23,6 +17,13 @@ def accuracy(
 
     Example: `underlay accuracy scene.toml --max-depth "100 um" --output results`
     """
+    from underlay.report import plots
+    from underlay.report.accuracy_table import accuracy_summary
+    from underlay.report.csv_text import csv_text
+    from underlay.scene.accuracy_cost import accuracy_cost
+    from underlay.scene.scene_file import read_scene_file
+    from underlay.units import format_quantity
+
     file = read_scene_file(scene)
     deepest = deepest_point(file, max_depth, measured_curve(file, curve))
     if output is not None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from typing import Annotated
 
 import typer
 
+from underlay._version import VERSION
 from underlay.cli.accuracy import accuracy
 from underlay.cli.bench import bench
-from underlay.cli.console import noted, say_error
+from underlay.cli.console import noted, say, say_error
 from underlay.cli.demo import demo
 from underlay.cli.effects import effects
 from underlay.cli.fit import fit
@@ -34,6 +36,24 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
+
+
+def _say_version(asked: bool) -> None:
+    if asked:
+        say(f"underlay {VERSION}")
+        raise typer.Exit
+
+
+@app.callback()
+def _whole(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_say_version, is_eager=True, help="Say which version this is."),
+    ] = False,
+) -> None:
+    """Take the options that go before any command."""
+
+
 for command in (demo, fit, sample, simulate, effects, accuracy, identify, plan, report, formats, keys, bench):
     app.command()(command)
 app.command("map")(map_curves)

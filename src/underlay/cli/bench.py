@@ -12,8 +12,6 @@ from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.options import OutputFolder
 from underlay.errors import FileFormatError
-from underlay.report.bench import bench_markdown, bench_table, depth_table, fit_table
-from underlay.report.csv_text import csv_text
 
 __all__ = ["bench"]
 
@@ -35,6 +33,9 @@ def bench(
 
     Example: `underlay bench --readme README.md`
     """
+    from underlay.report.bench import bench_markdown, bench_table, depth_table, fit_table
+    from underlay.report.csv_text import csv_text
+
     page = None if readme is None else _read(readme)
     if output is not None:
         require_writable_folder(output)

@@ -6,9 +6,8 @@ import math
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 from rich import box
 from rich.console import Console
 from rich.markup import escape
@@ -17,6 +16,9 @@ from rich.table import Table
 from underlay._text import one_line
 from underlay.cli.wording import spoken
 from underlay.errors import UnderlayWarning
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["gathered_warnings", "noted", "say", "say_error", "say_table", "say_warnings"]
 
@@ -37,6 +39,8 @@ def say_error(text: str) -> None:
 
 def say_table(frame: pd.DataFrame, title: str) -> None:
     """Print a table; numbers to the right, words to the left, an index of names as the first column."""
+    import pandas as pd
+
     if not pd.api.types.is_integer_dtype(frame.index):
         frame = frame.rename_axis("" if frame.index.name is None else str(frame.index.name)).reset_index()
     table = Table(

@@ -11,8 +11,6 @@ from underlay._files import require_writable_folder
 from underlay.cli.console import gathered_warnings, say, say_warnings
 from underlay.cli.fit import reservations, show_fit, write_fit
 from underlay.cli.samples import sample
-from underlay.inference.from_files import load_problem
-from underlay.inference.least_squares import fit
 
 __all__ = ["demo"]
 
@@ -31,6 +29,9 @@ def demo(
 
     Example: `underlay demo --output underlay-demo`
     """
+    from underlay.inference.from_files import load_problem
+    from underlay.inference.least_squares import fit
+
     folder = require_writable_folder(output)
     written: list[Path] = []
     for curve, scene, title in _SAMPLES:

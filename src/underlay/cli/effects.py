@@ -7,11 +7,6 @@ from underlay.cli.console import say, say_table
 from underlay.cli.expected import deepest_point, measured_curve
 from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, Rtol, ScenePath, SolverName
 from underlay.cli.wanted_solver import wanted_solver
-from underlay.report import plots
-from underlay.report.csv_text import csv_text
-from underlay.scene.effects import effects_table
-from underlay.scene.scene_file import read_scene_file
-from underlay.units import format_quantity
 
 __all__ = ["effects"]
 
@@ -28,6 +23,12 @@ def effects(
 
     Example: `underlay effects scene.toml --max-depth "100 um" --output results`
     """
+    from underlay.report import plots
+    from underlay.report.csv_text import csv_text
+    from underlay.scene.effects import effects_table
+    from underlay.scene.scene_file import read_scene_file
+    from underlay.units import format_quantity
+
     file = read_scene_file(scene)
     deepest = deepest_point(file, max_depth, measured_curve(file, curve))
     wanted = wanted_solver(file.solver, solver, rtol)

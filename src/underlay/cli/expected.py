@@ -8,21 +8,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from underlay._arrays import FloatArray
 from underlay.cli.console import say_warnings
-from underlay.data.contact_point import find_contact
-from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.errors import InputError
-from underlay.inference.from_files import read_for
-from underlay.inference.model.noise_start import scatter
-from underlay.mechanics.depth_doubt import DeeperThanLayer
-from underlay.scene.scene import Scene
-from underlay.scene.scene_file import SceneFile, SimulatedDepths
-from underlay.units import format_quantity, parse_quantity
+
+if TYPE_CHECKING:
+    from underlay._arrays import FloatArray
+    from underlay.data.curve import Curve
+    from underlay.data.noise import Noise
+    from underlay.scene.scene import Scene
+    from underlay.scene.scene_file import SceneFile, SimulatedDepths
 
 __all__ = ["deepest_point", "doubt_depth", "expected_depths", "expected_noise", "measured_curve"]
 
@@ -36,6 +32,8 @@ _APPROACH, _POINTS = 0.25, 200
 
 def measured_curve(file: SceneFile, option: Path | None) -> Curve | None:
     """Read the curve of --curve, else the one that the scene file names; None if there is neither."""
+    from underlay.inference.from_files import read_for
+
     path = option if option is not None else file.curve_path
     return None if path is None else read_for(file, path)
 
@@ -48,6 +46,8 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
     InputError
         If what was given is not positive.
     """
+    from underlay.units import format_quantity, parse_quantity
+
     if option is not None:
         depth = parse_quantity(option, "length")
     elif curve is not None:
@@ -72,6 +72,8 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
 
 def doubt_depth(scene: Scene, depth: float) -> None:
     """Warn where a depth since contact (m) is more than the layer's thickness."""
+    from underlay.mechanics.depth_doubt import DeeperThanLayer
+
     doubt = DeeperThanLayer.of(depth, scene.layer.thickness)
     if doubt is not None:
         say_warnings([str(doubt)])
@@ -79,6 +81,12 @@ def doubt_depth(scene: Scene, depth: float) -> None:
 
 def expected_noise(file: SceneFile, deepest: float, curve: Curve | None = None) -> Noise:
     """Noise of [noise], else what the curve scatters, else a default that is said."""
+    import numpy as np
+
+    from underlay.data.noise import Noise
+    from underlay.inference.model.noise_start import scatter
+    from underlay.units import format_quantity
+
     if file.noise:
         return Noise(**file.noise)
     if curve is not None:
@@ -101,6 +109,8 @@ def expected_noise(file: SceneFile, deepest: float, curve: Curve | None = None) 
 
 def expected_depths(file: SceneFile, deepest: float) -> SimulatedDepths:
     """Depth readings of [simulate], else a ramp that begins before contact."""
+    from underlay.scene.scene_file import SimulatedDepths
+
     if file.simulate is not None:
         return file.simulate
     contact = file.scene.instrument.contact_depth
@@ -109,11 +119,15 @@ def expected_depths(file: SceneFile, deepest: float) -> SimulatedDepths:
 
 
 def _contact_of(file: SceneFile, curve: Curve) -> float:
+    from underlay.data.contact_point import find_contact
+
     stated = "instrument.contact_depth" in file.stated
     return file.scene.instrument.contact_depth if stated else find_contact(curve, scene=file.scene).depth
 
 
 def _default_depth(scene: Scene) -> float:
+    import numpy as np
+
     radius = scene.parameters.get("indenter.radius")
     thickness = scene.layer.thickness
     if not np.isfinite(thickness):

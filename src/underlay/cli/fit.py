@@ -4,25 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
 from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, SolverName
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.cli.wording import spoken
-from underlay.data.quality import check_quality
-from underlay.inference.from_files import load_problem
-from underlay.inference.least_squares import Fit
-from underlay.inference.least_squares import fit as least_squares_fit
-from underlay.inference.problem import Problem
-from underlay.report import plots
-from underlay.report.csv_text import csv_text
-from underlay.report.intervals import standing
-from underlay.report.measured import beyond_loading
-from underlay.report.open_ends import advice, rivals
-from underlay.report.tables import correlated_pairs, fit_table
-from underlay.report.words import headline, stands_on, verdict_sentence
-from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay.inference.least_squares import Fit
+    from underlay.inference.problem import Problem
 
 __all__ = ["fit", "quality_doubts", "reservations", "show_fit", "write_fit"]
 
@@ -38,6 +30,9 @@ def fit(
 
     Example: `underlay fit curve.csv --scene scene.toml --output results`
     """
+    from underlay.inference.from_files import load_problem
+    from underlay.inference.least_squares import fit as least_squares_fit
+
     if output is not None:
         require_writable_folder(output)
     with gathered_warnings() as notes:
@@ -60,6 +55,8 @@ def quality_doubts(problem: Problem) -> list[str]:
     CurveError
         If a curve shows no contact, with the reason.
     """
+    from underlay.data.quality import check_quality
+
     doubts: list[str] = []
     for curve, scene in zip(problem.curves, problem.base_scenes, strict=True):
         quality = check_quality(curve, scene)
@@ -73,6 +70,8 @@ def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
 
     A second optimum is not among it: it stands beside the headline.
     """
+    from underlay.report.intervals import standing
+
     reader = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
     fitted = [str(warning) for warning in standing(result) if warning.code != "second-optimum"]
     return [*reader, *fitted, *notes]
@@ -80,6 +79,11 @@ def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
 
 def show_fit(result: Fit, name: str) -> None:
     """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
+    from underlay.report.open_ends import advice, rivals
+    from underlay.report.tables import correlated_pairs, fit_table
+    from underlay.report.words import headline, stands_on, verdict_sentence
+    from underlay.units import format_quantity
+
     say("")
     for sentence in (
         headline(result),
@@ -107,6 +111,11 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
 
     A curve that was measured beyond loading gets a picture of its segments.
     """
+    from underlay.report import plots
+    from underlay.report.csv_text import csv_text
+    from underlay.report.measured import beyond_loading
+    from underlay.report.tables import fit_table
+
     written = [
         write_atomic(folder / f"{stem}.fit.csv", csv_text(fit_table(result))),
         result.to_json(folder / f"{stem}.fit.json"),

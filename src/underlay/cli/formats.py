@@ -4,25 +4,19 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
-import pandas as pd
 import typer
 
-from underlay._arrays import FloatArray
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.new_scene import new_scene as starter
 from underlay.cli.options import OutputFolder
-from underlay.data.curve import Curve
-from underlay.data.readers import FORMATS, read_all
-from underlay.data.segments import HOLD, LOADING, UNLOADING
-from underlay.data.signs import flipped
 from underlay.errors import InputError
-from underlay.report import plots
-from underlay.scene.scene_file import PLACE, read_scene_file
-from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay._arrays import FloatArray
+    from underlay.data.curve import Curve
 
 __all__ = ["formats"]
 
@@ -55,6 +49,13 @@ def formats(
 
     Example: `underlay formats curve.csv --new-scene new_scene.toml`
     """
+    import pandas as pd
+
+    from underlay.data.readers import read_all
+    from underlay.data.signs import flipped
+    from underlay.report import plots
+    from underlay.scene.scene_file import PLACE, read_scene_file
+
     if file is None:
         if not (scene is None and test is None and output is None and new_scene is None):
             raise InputError("name the file to read, e.g. underlay formats curve.csv")
@@ -88,6 +89,10 @@ def _write_new(target: Path, file: Path, chosen: list[tuple[int, Curve]]) -> Pat
 
 
 def _list_formats() -> None:
+    import pandas as pd
+
+    from underlay.data.readers import FORMATS
+
     rows = [
         {
             "format": entry.name,
@@ -109,12 +114,16 @@ def _chosen(curves: list[Curve], test: int | None, file: Path) -> list[tuple[int
 
 
 def _title(file: Path, curve: Curve) -> str:
+    from underlay.data.readers import FORMATS
+
     name = curve.metadata["format"]
     described = next((entry.description for entry in FORMATS if entry.name == name), "")
     return f"{file.name}, format {name}" + (f" ({described})" if described else "")
 
 
 def _row(number: int, curve: Curve) -> dict[str, object]:
+    from underlay.data.segments import HOLD, LOADING, UNLOADING
+
     labels = curve.segments()
     counts = {label: int((labels == label).sum()) for label in (LOADING, HOLD, UNLOADING)}
     return {
@@ -128,6 +137,10 @@ def _row(number: int, curve: Curve) -> dict[str, object]:
 
 
 def _span(values: FloatArray, kind: str) -> str:
+    import numpy as np
+
+    from underlay.units import format_quantity
+
     finite = values[np.isfinite(values)]
     if not finite.size:
         return "no finite number"

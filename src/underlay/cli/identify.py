@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say
@@ -10,11 +11,10 @@ from underlay.cli.expected import deepest_point, expected_depths, expected_noise
 from underlay.cli.options import CurveOption, OutputFolder, Rtol, ScenePath, SolverName
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.cli.wording import spoken
-from underlay.inference.from_files import free_of, problem_from
-from underlay.inference.identifiability import Identifiability, identifiability
-from underlay.report import plots
-from underlay.report.csv_text import csv_text
-from underlay.scene.scene_file import SceneFile, read_scene_file
+
+if TYPE_CHECKING:
+    from underlay.inference.identifiability import Identifiability
+    from underlay.scene.scene_file import SceneFile
 
 __all__ = ["identify"]
 
@@ -32,6 +32,12 @@ def identify(
 
     Example: `underlay identify scene.toml --curve curve.csv`
     """
+    from underlay.inference.from_files import problem_from
+    from underlay.inference.identifiability import identifiability
+    from underlay.report import plots
+    from underlay.report.csv_text import csv_text
+    from underlay.scene.scene_file import read_scene_file
+
     file = read_scene_file(scene)
     file = replace(file, solver=wanted_solver(file.solver, solver, rtol))
     if output is not None:
@@ -47,6 +53,9 @@ def identify(
 
 
 def _before(file: SceneFile) -> Identifiability:
+    from underlay.inference.from_files import free_of
+    from underlay.inference.identifiability import identifiability
+
     deepest = deepest_point(file, None)
     return identifiability(
         file.scene,

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import pandas as pd
 import typer
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.options import OutputFolder
 from underlay.errors import InputError
-from underlay.scene.scene_keys import scene_keys
 
 __all__ = ["keys"]
 
@@ -30,6 +28,10 @@ def keys(
 
     Example: `underlay keys layer`
     """
+    import pandas as pd
+
+    from underlay.scene.scene_keys import scene_keys
+
     table = pd.DataFrame(scene_keys())
     sections = list(dict.fromkeys(table["section"]))
     if section is not None and section not in sections:

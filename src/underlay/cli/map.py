@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
-import pandas as pd
 import typer
 
 from underlay._files import require_writable_folder
@@ -14,12 +12,9 @@ from underlay.cli.console import say, say_error, say_table
 from underlay.cli.options import Rtol, SceneOption, Seed, SolverName
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
-from underlay.inference.batch.fit_many import fit_many
-from underlay.inference.batch.options import MapOptions, Sampling
-from underlay.report import plots
-from underlay.scene.parameters import kind_of
-from underlay.scene.scene_file import read_scene_file
-from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["map_curves"]
 
@@ -58,6 +53,10 @@ def map_curves(
 
     Example: `underlay map curves --scene scene.toml --manifest manifest.csv --output results`
     """
+    from underlay.inference.batch.fit_many import fit_many
+    from underlay.inference.batch.options import MapOptions, Sampling
+    from underlay.scene.scene_file import read_scene_file
+
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
     wanted = wanted_solver(read_scene_file(scene).solver, solver, rtol)
@@ -89,6 +88,12 @@ def map_curves(
 
 def _show(table: pd.DataFrame) -> None:
     """Print what was found: counts, the spread of every parameter, the failures."""
+    import numpy as np
+    import pandas as pd
+
+    from underlay.scene.parameters import kind_of
+    from underlay.units import format_quantity
+
     counts = table["verdict"].value_counts()
     words = ", ".join(f"{counts.get(verdict, 0)} {verdict}" for verdict in ("good", "doubtful", "refused"))
     say(f"{len(table)} curves: {words}")
@@ -120,6 +125,8 @@ def _show(table: pd.DataFrame) -> None:
 
 
 def _draw(table: pd.DataFrame, folder: Path) -> list[Path]:
+    from underlay.report import plots
+
     names = ("layer.E", *map(str, table.columns))
     parameter = next((name for name in names if f"{name}.stderr" in table.columns), None)
     if parameter is None or not table[parameter].notna().any():

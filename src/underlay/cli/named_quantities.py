@@ -6,7 +6,6 @@ import difflib
 from collections.abc import Iterable, Mapping
 
 from underlay.errors import InputError, UnitError
-from underlay.units import KINDS, parse_quantity
 
 __all__ = ["named_quantities"]
 
@@ -35,6 +34,8 @@ def named_quantities(option: str, given: Iterable[str], kinds: Mapping[str, str]
     UnitError
         If a unit is missing, unknown or of another kind.
     """
+    from underlay.units import KINDS, parse_quantity
+
     found: dict[str, float] = {}
     for text in given:
         written, equals, value = text.partition("=")

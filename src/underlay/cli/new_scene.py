@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from underlay.data.curve import Curve
-from underlay.scene.scene_file import PLACE
-from underlay.units import format_quantity
+if TYPE_CHECKING:
+    from underlay.data.curve import Curve
 
 __all__ = ["new_scene"]
 
@@ -33,6 +30,9 @@ def new_scene(curve: Curve, name: str) -> str:
 
 
 def _lines(curve: Curve, name: str) -> Iterator[str]:
+    from underlay.scene.scene_file import PLACE
+    from underlay.units import format_quantity
+
     known = curve.metadata
     yield f"# Starter scene. Replace every {PLACE}; `underlay keys` lists what else may stand here."
     yield "[indenter]"
@@ -72,6 +72,9 @@ def _lines(curve: Curve, name: str) -> Iterator[str]:
 
 
 def _indenter(known: Mapping[str, Any]) -> Iterator[str]:
+    from underlay.scene.scene_file import PLACE
+    from underlay.units import format_quantity
+
     said = str(known.get("indenter", "")).casefold()
     shape = next((shape for word, shape in _SHAPES.items() if word in said), None)
     radius = _number(known, "indenter_radius")
@@ -89,6 +92,8 @@ def _indenter(known: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _number(known: Mapping[str, Any], key: str) -> float | None:
+    import numpy as np
+
     value = known.get(key)
     usable = isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
     return float(value) if usable and value is not None and value > 0.0 else None

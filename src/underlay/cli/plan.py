@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
-from underlay._arrays import FloatArray
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_warnings
 from underlay.cli.expected import deepest_point, expected_noise, measured_curve
 from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, Rtol, ScenePath, SolverName
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
-from underlay.inference.from_files import free_of
-from underlay.inference.planning import plan as plan_tests
-from underlay.report import plots
-from underlay.report.csv_text import csv_text
-from underlay.scene.scene_file import SceneFile, read_scene_file
-from underlay.units import parse_quantity
+
+if TYPE_CHECKING:
+    from underlay._arrays import FloatArray
+    from underlay.scene.scene_file import SceneFile
 
 __all__ = ["plan"]
 
@@ -51,6 +47,14 @@ def plan(
 
     Example: `underlay plan scene.toml --parameter layer.E --max-depth "200 um"`
     """
+    import numpy as np
+
+    from underlay.inference.from_files import free_of
+    from underlay.inference.planning import plan as plan_tests
+    from underlay.report import plots
+    from underlay.report.csv_text import csv_text
+    from underlay.scene.scene_file import read_scene_file
+
     file = read_scene_file(scene)
     if output is not None:
         require_writable_folder(output)
@@ -77,6 +81,8 @@ def plan(
 
 
 def _radii_around(file: SceneFile) -> FloatArray:
+    import numpy as np
+
     radius = file.scene.parameters.get("indenter.radius")
     if radius is None:
         raise InputError(f"{file.path.name}: the grid varies indenter.radius, which this indenter lacks")
@@ -85,6 +91,10 @@ def _radii_around(file: SceneFile) -> FloatArray:
 
 def _grid(text: str) -> FloatArray:
     """Read "0.1 mm:2 mm:8" as a geometric grid of lengths (m)."""
+    import numpy as np
+
+    from underlay.units import parse_quantity
+
     parts = text.split(":")
     if len(parts) != 3 or not parts[2].strip().isdigit() or not 2 <= int(parts[2]) <= _MOST:
         raise InputError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -13,19 +13,9 @@ from underlay._door import FileKind, read_text, understood
 from underlay._files import write_atomic
 from underlay.cli.console import say
 from underlay.errors import InputError
-from underlay.inference.from_files import load_problem
-from underlay.inference.least_squares import fit as least_squares_fit
-from underlay.inference.least_squares.provenance import curve_hash
-from underlay.inference.problem import Problem
-from underlay.report.maps import is_map, read_map
-from underlay.report.render import (
-    file_notebook,
-    map_notebook,
-    notebook_text,
-    page_path,
-    posterior_notebook,
-    write_report,
-)
+
+if TYPE_CHECKING:
+    from underlay.inference.problem import Problem
 
 __all__ = ["report"]
 
@@ -65,6 +55,10 @@ def report(
 
     Example: `underlay report --new-notebook my_analysis.ipynb curve.csv scene.toml`
     """
+    from underlay.inference.from_files import load_problem
+    from underlay.report.maps import is_map, read_map
+    from underlay.report.render import file_notebook, map_notebook, page_path, posterior_notebook
+
     if new_notebook is not None:
         say(f"wrote {_write_new(results, scene, new_notebook)}")
         say(f"Next: jupyter lab {shlex.quote(str(new_notebook))}")
@@ -89,6 +83,8 @@ def report(
 
 
 def _finish(notebook: Any, target: Path) -> None:
+    from underlay.report.render import write_report
+
     say(f"wrote {write_report(notebook, target)}")
     say(f"wrote {target.with_suffix('.ipynb')}")
 
@@ -146,6 +142,9 @@ def _read_record(path: Path) -> _Record:
 
 def _check_record(record: _Record, problem: Problem) -> None:
     """Refuse a record whose curve or scene is no longer what was fitted: its page would show another fit."""
+    from underlay.inference.least_squares import fit as least_squares_fit
+    from underlay.inference.least_squares.provenance import curve_hash
+
     if curve_hash(problem.curves[0]) != record.data_sha256:
         raise InputError(f"{record.curve} has changed since {record.path} was made; fit it again")
     found = least_squares_fit(problem)
@@ -178,6 +177,9 @@ def _curve_and_scene(asked: _Asked) -> tuple[Path, Path]:
 
 
 def _write_new(results: list[Path], scene: Path | None, target: Path) -> Path:
+    from underlay.inference.from_files import load_problem
+    from underlay.report.render import file_notebook, notebook_text
+
     if target.suffix != ".ipynb":
         raise InputError(f"a notebook ends in .ipynb; got {target.name!r}")
     if target.exists():

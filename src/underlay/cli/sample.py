@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,13 +13,9 @@ from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
 from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, Seed, SolverName
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
-from underlay.inference.from_files import problem_from, read_for, weak_bounds
-from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.run import sample as sample_posterior
-from underlay.report import plots
-from underlay.report.csv_text import csv_text
-from underlay.report.posterior_tables import posterior_table, prior_table
-from underlay.scene.scene_file import read_scene_file
+
+if TYPE_CHECKING:
+    from underlay.inference.sampling.posterior import Posterior
 
 __all__ = ["sample"]
 
@@ -45,6 +41,11 @@ def sample(
 
     Example: `underlay sample curve.csv --scene scene.toml --output results --max-steps 400`
     """
+    from underlay.inference.from_files import problem_from, read_for, weak_bounds
+    from underlay.inference.sampling.run import sample as sample_posterior
+    from underlay.report.posterior_tables import posterior_table, prior_table
+    from underlay.scene.scene_file import read_scene_file
+
     file = read_scene_file(scene)
     part = read_for(file, curve).with_metadata(scene_path=str(file.path))
     weak = weak_bounds(file, part)
@@ -78,6 +79,9 @@ def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
 
 def _write(posterior: Posterior, folder: Path, stem: str) -> list[Path]:
     """Write table, draws and pictures; return the files."""
+    from underlay.report import plots
+    from underlay.report.csv_text import csv_text
+
     draws = folder / f"{stem}.posterior.npz"
     posterior.save(draws)
     return [

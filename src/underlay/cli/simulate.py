@@ -7,39 +7,31 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from underlay._arrays import positive
 from underlay._files import write_atomic
 from underlay.cli.console import say
 from underlay.cli.expected import deepest_point, doubt_depth, expected_depths
 from underlay.cli.named_quantities import named_quantities
 from underlay.cli.options import ScenePath, Seed
-from underlay.data.curve import Curve
-from underlay.data.curve_csv import curve_csv
-from underlay.data.noise import Noise
-from underlay.data.synthetic import simulate as noiseless
-from underlay.data.synthetic import synthesize
 from underlay.errors import InputError
-from underlay.quantities import field_quantities
-from underlay.scene.instrument import Instrument
-from underlay.scene.scene_file import SceneFile, read_scene_file
-from underlay.units import parse_quantity
+
+if TYPE_CHECKING:
+    from underlay.data.curve import Curve
+    from underlay.data.noise import Noise
+    from underlay.scene.scene_file import SceneFile
 
 __all__ = ["simulate"]
 
-#: What --noise takes: first the numbers of a `Noise`, as in [noise], then what else `synthesize` disturbs.
-_NOISE = {name: known.kind for name, known in field_quantities(Noise).items()}
+#: What --noise takes beside the numbers of a `Noise`: what else `synthesize` disturbs.
 _DISTURBANCES = {
     "drift": "loading rate",
     "quantisation": "force",
     "outliers": "dimensionless",
     "outlier_sd": "force",
 }
-#: What --offset takes: fields of the scene's instrument.
-_OFFSETS = {name: known.kind for name, known in field_quantities(Instrument).items() if name != "compliance"}
 
 NoiseOption = Annotated[
     list[str] | None,
@@ -84,6 +76,9 @@ def simulate(
 
     Example: `underlay simulate scene.toml --output noisy.csv --noise force="2 uN" --noise relative=0.5%`
     """
+    from underlay.data.curve_csv import curve_csv
+    from underlay.scene.scene_file import read_scene_file
+
     file = read_scene_file(scene)
     if file.simulate is None:
         file = replace(file, simulate=expected_depths(file, deepest_point(file, None)))
@@ -99,17 +94,26 @@ def simulate(
 
 def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate: str | None) -> Curve:
     """The curve of a scene file with what the options change."""
+    from underlay._arrays import positive
+    from underlay.data.noise import Noise
+    from underlay.data.synthetic import simulate as noiseless
+    from underlay.data.synthetic import synthesize
+    from underlay.scene.instrument import Instrument
+    from underlay.units import parse_quantity
+
     if file.simulate is None:
         raise InputError(f"{file.path.name} has no [simulate] section")
     given = [text for text in noise if text.strip() != "none"]
     stated = file.noise if len(given) == len(noise) else {}
-    numbers = {**stated, **named_quantities("--noise", given, {**_NOISE, **_DISTURBANCES})}
-    offsets = named_quantities("--offset", offset, _OFFSETS)
+    of_noise, of_instrument = _kinds(Noise), _kinds(Instrument)
+    of_instrument.pop("compliance")
+    numbers = {**stated, **named_quantities("--noise", given, {**of_noise, **_DISTURBANCES})}
+    offsets = named_quantities("--offset", offset, of_instrument)
     scene = file.scene.with_values({f"instrument.{name}": value for name, value in offsets.items()})
     if numbers.get("outlier_sd") and not numbers.get("outliers"):
         raise InputError("outlier_sd is the size of outliers; say how many too, e.g. --noise outliers=1%")
     disturbances: dict[str, Any] = {name: numbers[name] for name in _DISTURBANCES if numbers.get(name)}
-    model = _noise_model({name: numbers[name] for name in _NOISE if numbers.get(name)})
+    model = _noise_model({name: numbers[name] for name in of_noise if numbers.get(name)})
     clock: dict[str, Any] = {"time": file.simulate.time}
     if rate is not None:
         clock = {"sampling_rate": positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")}
@@ -118,8 +122,17 @@ def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate:
     return synthesize(scene, file.simulate.depth, model, seed, **clock, **disturbances, solver=file.solver)
 
 
+def _kinds(declared: type) -> dict[str, str]:
+    """Names that an option takes, with the kind of each: the quantities that a class declares."""
+    from underlay.quantities import field_quantities
+
+    return {name: known.kind for name, known in field_quantities(declared).items()}
+
+
 def _noise_model(numbers: Mapping[str, float]) -> Noise | None:
     """The noise model of what is not zero; none of nothing."""
+    from underlay.data.noise import Noise
+
     if not numbers:
         return None
     if set(numbers) == {"correlation_time"}:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from underlay.errors import InputError
-from underlay.mechanics.solver import Solver
-from underlay.mechanics.solvers import as_solver
+
+if TYPE_CHECKING:
+    from underlay.mechanics.solver import Solver
 
 __all__ = ["wanted_solver"]
 
@@ -17,6 +20,8 @@ def wanted_solver(stated: Solver, name: str | None, rtol: float | None) -> Solve
     InputError
         If there is none of that name, or it takes no --rtol.
     """
+    from underlay.mechanics.solvers import as_solver
+
     solver = stated if name is None else as_solver(name)
     if rtol is None:
         return solver

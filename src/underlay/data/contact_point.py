@@ -36,11 +36,13 @@ _SCAN = 61
 _LEVELS = 3
 # A curve that starts in contact has it in front of its first point, by up to this share of the foot.
 _BEFORE = 1.0
+# Below this share of its square a column is a multiple of others, to rounding.
+_NOTHING = 1e-24
 # Correlation of neighbouring residuals above which they count as this much correlated: at 0.98 a standard
 # error is already widened tenfold.
 _MOST_CORRELATED = 0.98
 
-_Shape = Callable[[FloatArray], FloatArray]
+_Shape = Callable[[FloatArray], tuple[FloatArray, ...]]
 
 
 @dataclass(frozen=True)
@@ -155,8 +157,8 @@ def find_contact(
 
 
 def _power_law(exponent: float) -> _Shape:
-    def shape(pressed: FloatArray) -> FloatArray:
-        return pressed[:, np.newaxis] ** exponent
+    def shape(pressed: FloatArray) -> tuple[FloatArray, ...]:
+        return (pressed**exponent,)
 
     return shape
 
@@ -165,14 +167,14 @@ def _law_of(scene: Scene, foot: Foot) -> _Shape:
     deepest = (1.0 + _BEFORE) * float(np.ptp(foot.depth))
     law = scene.contact_law(deepest)
 
-    def shape(pressed: FloatArray) -> FloatArray:
-        return np.asarray(law.force(pressed))[:, np.newaxis]
+    def shape(pressed: FloatArray) -> tuple[FloatArray, ...]:
+        return (np.asarray(law.force(pressed)),)
 
     return shape
 
 
-def _parabola(pressed: FloatArray) -> FloatArray:
-    return np.stack((pressed, pressed**2), axis=1)
+def _parabola(pressed: FloatArray) -> tuple[FloatArray, ...]:
+    return (pressed, pressed * pressed)
 
 
 def _scan(method: str, foot: Foot, shape: _Shape) -> ContactEstimate | None:
@@ -183,7 +185,7 @@ def _scan(method: str, foot: Foot, shape: _Shape) -> ContactEstimate | None:
     best, squares = 0.0, np.inf
     for _ in range(_LEVELS):
         tried = np.linspace(low, high, _SCAN)
-        sums = np.array([_sum_of_squares(x, force, contact, shape, foot) for contact in tried])
+        sums = _sums_of_squares(x, force, tried, shape, foot)
         at = int(np.argmin(sums))
         if not np.isfinite(sums[at]):
             return None
@@ -191,8 +193,8 @@ def _scan(method: str, foot: Foot, shape: _Shape) -> ContactEstimate | None:
         low, high = tried[max(at - 1, 0)], tried[min(at + 1, _SCAN - 1)]
     # Curvature over a step that changes the sum visibly: the last level's step is too fine for it.
     step = max((high - low), 0.01 * float(np.ptp(x)))
-    sides = [_sum_of_squares(x, force, best + sign * step, shape, foot) for sign in (-1.0, 1.0)]
-    residual = _residual(x, force, best, shape, foot)
+    sides = _sums_of_squares(x, force, best + step * np.array([-1.0, 1.0]), shape, foot)
+    residual = _solve(x, force, np.array([best]), shape, foot)[0][0]
     degrees = max(len(x) - 4, 1)
     variance = squares / degrees * _widening(residual)
     rises = [side - squares for side in sides if np.isfinite(side) and side > squares]
@@ -212,31 +214,46 @@ def _fitted_points(foot: Foot) -> tuple[FloatArray, FloatArray]:
     return x[::-stride][::-1], force[::-stride][::-1]
 
 
-def _columns(x: FloatArray, contact: float, shape: _Shape, foot: Foot) -> FloatArray:
-    columns = shape(np.maximum(x - contact, 0.0))
-    scale = np.abs(columns).max(axis=0)
-    columns = columns / np.where(scale > 0.0, scale, 1.0)
+def _columns(x: FloatArray, contacts: FloatArray, shape: _Shape, foot: Foot) -> list[FloatArray]:
+    """What the force is made of, each (t, n + 1) for contact depths (t,): the last point is one before contact."""
+    pressed = np.maximum(np.append(x, -np.inf) - contacts[:, np.newaxis], 0.0)
+    columns = [column.reshape(pressed.shape) for column in shape(pressed.ravel())]
     # A baseline that was measured is adjusted with the rest; one that was assumed is kept.
-    return np.concatenate((np.ones((len(x), 1)), columns), axis=1) if foot.has_baseline else columns
+    return [np.ones(pressed.shape), *columns] if foot.has_baseline else columns
 
 
 def _solve(
-    x: FloatArray, force: FloatArray, contact: float, shape: _Shape, foot: Foot
-) -> tuple[FloatArray, float]:
-    """Residual of the best linear coefficients, and the rise they give at the last point."""
-    columns = _columns(x, contact, shape, foot)
-    coefficients = np.linalg.lstsq(columns, force, rcond=None)[0]
-    start = 1 if foot.has_baseline else 0
-    return force - columns @ coefficients, float(columns[-1, start:] @ coefficients[start:])
+    x: FloatArray, force: FloatArray, contacts: FloatArray, shape: _Shape, foot: Foot
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals (t, n) of the best linear coefficients for each contact depth (t,), and the rises they give (t,).
+
+    By modified Gram-Schmidt: a column that is a multiple of those before it has nothing left and takes no part.
+    """
+    fitted = np.zeros((len(contacts), len(x) + 1))
+    used: list[tuple[FloatArray, FloatArray]] = []
+    for column in _columns(x, contacts, shape, foot):
+        rest = column
+        for other, square in used:
+            rest = rest - (_products(other, rest) / square)[:, np.newaxis] * other
+        own = _products(rest, rest)
+        # What rounding leaves of a column is no direction.
+        own = np.where(own > _NOTHING * _products(column, column), own, np.inf)
+        fitted = fitted + (_products(rest, force - fitted[:, :-1]) / own)[:, np.newaxis] * rest
+        used.append((rest, own))
+    return force - fitted[:, :-1], fitted[:, -2] - fitted[:, -1]
 
 
-def _sum_of_squares(x: FloatArray, force: FloatArray, contact: float, shape: _Shape, foot: Foot) -> float:
-    residual, rise = _solve(x, force, contact, shape, foot)
-    return float(residual @ residual) if rise > 0.0 else np.inf
+def _products(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Scalar products (t,) over the points, without the one before contact."""
+    n = one.shape[-1] - 1
+    return np.asarray(np.einsum("ti,ti->t", one[:, :n], other[:, :n]))
 
 
-def _residual(x: FloatArray, force: FloatArray, contact: float, shape: _Shape, foot: Foot) -> FloatArray:
-    return _solve(x, force, contact, shape, foot)[0]
+def _sums_of_squares(
+    x: FloatArray, force: FloatArray, contacts: FloatArray, shape: _Shape, foot: Foot
+) -> FloatArray:
+    residuals, rises = _solve(x, force, contacts, shape, foot)
+    return np.where(rises > 0.0, np.einsum("ti,ti->t", residuals, residuals), np.inf)
 
 
 def _widening(residual: FloatArray) -> float:

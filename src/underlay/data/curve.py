@@ -301,12 +301,14 @@ def _column(values: ArrayLike, name: str, length: int | None = None) -> FloatArr
 
 def _labels(values: ArrayLike, length: int) -> NDArray[np.str_]:
     # Widened to the longest label first: a narrower type would cut "unloading again" to a valid label.
-    array = np.array([str(value) for value in np.asarray(values)], dtype=np.str_)
+    given = np.asarray(values)
+    array = given if given.dtype.kind == "U" else np.array([str(value) for value in given], dtype=np.str_)
     if array.shape != (length,):
         raise CurveError(f"segment has {array.size} points but depth has {length}")
-    unknown = sorted({str(value) for value in np.unique(array)} - set(_LABELS))
-    if unknown:
-        raise CurveError(f"segment holds {unknown[0]!r}; allowed are {', '.join(_LABELS)}")
+    known = np.logical_or.reduce([array == label for label in _LABELS])
+    if not known.all():
+        unknown = min(map(str, array[~known]))
+        raise CurveError(f"segment holds {unknown!r}; allowed are {', '.join(_LABELS)}")
     labels: NDArray[np.str_] = array.astype("<U9")
     labels.flags.writeable = False
     return labels

@@ -106,9 +106,10 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
         _refuse_failed_search(curve, contact)
     except CurveError as error:
         return Quality(REFUSED, (str(error),))
-    beyond = _Beyond.of(curve, contact)
+    loading = curve.way_in()
+    beyond = _Beyond.of(loading, contact)
     expected = _expected_exponent(scene, beyond)
-    exponent, uncertainty = _exponent(curve, contact)
+    exponent, uncertainty = _exponent(loading, contact)
     reasons = tuple(
         _doubts(curve, contact, beyond, scene, exponent=exponent, uncertainty=uncertainty, expected=expected)
     )
@@ -142,8 +143,7 @@ class _Beyond:
     force: FloatArray
 
     @classmethod
-    def of(cls, curve: Curve, contact: Contact, shift: float = 0.0) -> _Beyond:
-        loading = curve.way_in()
+    def of(cls, loading: Curve, contact: Contact, shift: float = 0.0) -> _Beyond:
         pressed = loading.depth - (contact.depth + shift)
         force = loading.force - (contact.baseline + contact.baseline_slope * loading.depth)
         inside = pressed > 0.0
@@ -218,10 +218,10 @@ def _about_exponent(exponent: float, expected: float) -> str:
     return f"force-depth exponent {exponent:.2f} where {expected:.2f} is expected: {why}"
 
 
-def _exponent(curve: Curve, contact: Contact) -> tuple[float, float]:
+def _exponent(loading: Curve, contact: Contact) -> tuple[float, float]:
     """Slope of log force against log depth, and what the uncertain contact depth makes of it."""
-    best = _slope(_Beyond.of(curve, contact))
-    shifted = [_slope(_Beyond.of(curve, contact, sign * contact.uncertainty)) for sign in (-1.0, 1.0)]
+    best = _slope(_Beyond.of(loading, contact))
+    shifted = [_slope(_Beyond.of(loading, contact, sign * contact.uncertainty)) for sign in (-1.0, 1.0)]
     return best, float(np.nanmax(np.abs(np.array(shifted) - best))) if np.isfinite(shifted).any() else np.inf
 
 
@@ -237,7 +237,8 @@ def _slope(beyond: _Beyond) -> float:
 def _largest_fall(force: FloatArray) -> float:
     """Largest drop of the force below its running maximum, smoothed over a few points."""
     width = max(1, len(force) // 50)
-    smooth = np.convolve(force, np.ones(width) / width, mode="valid")
+    total = np.cumsum(np.concatenate(([0.0], force)))
+    smooth = (total[width:] - total[:-width]) / width
     return float(np.max(np.maximum.accumulate(smooth) - smooth)) if len(smooth) else 0.0
 
 

@@ -68,6 +68,8 @@ def segments_from_motion(
     clock = np.arange(n, dtype=np.float64) if time is None else time
     if n < 3 or not (np.isfinite(motion).all() and np.isfinite(clock).all()) or np.ptp(clock) <= 0.0:
         return labels
+    if _only_loads(motion, clock):
+        return labels
     noise = _noise(motion)
     extent = float(np.ptp(motion))
     if extent <= 2.0 * _NOISE * noise:  # no more than noise swings to both sides
@@ -116,6 +118,15 @@ def label_pieces(
         deeper = depth[last - 1] >= depth[first]
         labels[first:last] = (known or {}).get(int(first), LOADING if deeper else UNLOADING)
     return labels
+
+
+def _only_loads(motion: FloatArray, clock: FloatArray) -> bool:
+    """Whether the motion goes on and on, at no time slowly: most curves hold nothing else."""
+    steps, ticks = np.diff(motion), np.diff(clock)
+    if steps.min() <= 0.0 or ticks.min() <= 0.0:
+        return False
+    speed = steps / ticks
+    return bool(speed.min() >= _REST_SPEED * speed.max())
 
 
 def _noise(motion: FloatArray) -> float:

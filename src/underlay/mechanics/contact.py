@@ -17,8 +17,9 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.kernel import SubstrateKernel
-from underlay.mechanics.materials import IsotropicLayer, Layer, Substrate, isotropic_layer
+from underlay.mechanics.kernel import Kernel, StackKernel, SubstrateKernel
+from underlay.mechanics.materials import IsotropicLayer, Layer, isotropic_layer
+from underlay.mechanics.stack import Body, Stack
 from underlay.quantities import Part
 
 __all__ = ["Adhesion", "BuildsElastic", "Contact"]
@@ -77,7 +78,7 @@ class Contact:
     ----------
     indenter : Indenter
         Its shape.
-    kernel : SubstrateKernel
+    kernel : Kernel
         1 - L(u) of the body, u the wavenumber times `thickness`.
     theta : float
         Elastic constant of the surface (Pa): E / (2 (1 - nu^2)) when isotropic.
@@ -93,18 +94,21 @@ class Contact:
     """
 
     indenter: Indenter
-    kernel: SubstrateKernel
+    kernel: Kernel
     theta: float
     thickness: float = np.inf
     isotropic: IsotropicLayer | None = None
     adhesion: Adhesion | None = None
 
     @classmethod
-    def of(cls, indenter: Indenter, layer: Layer, substrate: Substrate | None) -> Self:
-        """Contact with a layer bonded to a substrate; None continues the layer."""
+    def of(cls, indenter: Indenter, layer: Layer, substrate: Body | None) -> Self:
+        """Contact with a layer on a substrate or on further layers; None continues the layer."""
         material, thickness, base = layer.material, layer.thickness, substrate
         if base is None or thickness == np.inf:
             thickness, base = np.inf, material
+        if isinstance(base, Stack) or (layer.bond != "bonded" and np.isfinite(thickness)):
+            under, base = (base.layers, base.base) if isinstance(base, Stack) else ((), base)
+            return cls(indenter, StackKernel((layer, *under), base), material.theta, thickness)
         return cls(
             indenter,
             SubstrateKernel(material, base),
@@ -112,6 +116,19 @@ class Contact:
             thickness,
             isotropic_layer(material, base),
         )
+
+    def simplified(self, max_depth: float, allowed: float) -> tuple[Self, str]:
+        """Join the layers of a stack that contacts up to `max_depth` (m) cannot tell apart, and say which.
+
+        The relative change of force, contact radius and stiffness is at most `allowed`; the words are empty where
+        nothing is joined.
+        """
+        found = self.kernel.simpler(float(self.varpi(np.array([max_depth]))[0]), allowed)
+        if found is None:
+            return self, ""
+        top, *under = found.layers
+        body = Stack(under, found.base) if under else found.base
+        return type(self).of(self.indenter, top, body), "; ".join(found.said)
 
     @property
     def layered(self) -> bool:

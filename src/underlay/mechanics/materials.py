@@ -21,7 +21,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError, MaterialError
-from underlay.quantities import Part, inlined, quantity
+from underlay.mechanics.bonds import Bond, as_bond
+from underlay.mechanics.relaxation import Relaxation
+from underlay.quantities import Part, inlined, no_number, quantity
 
 __all__ = [
     "RIGID",
@@ -331,6 +333,16 @@ class Layer(Part):
         What it is made of.
     thickness : float, default inf
         Thickness h (m), positive; infinite means a half-space.
+    bond : "bonded", "slip" or Spring, default "bonded"
+        How its lower face holds to what is under it: without gap and slip, without gap and friction, or by
+        springs.
+    relaxation : Relaxation, optional
+        How its modulus falls with time, e.g. `Prony`; without one it is elastic and no time is asked for.
+
+    Raises
+    ------
+    InputError
+        If a part is of the wrong kind, or shear alone relaxes in a layer that is not incompressible.
     """
 
     parts: ClassVar[tuple[str, ...]] = _OF_MATERIAL
@@ -340,6 +352,8 @@ class Layer(Part):
         default=np.inf,
         metadata=quantity("length", "{part} thickness", symbol="h", bounds=(0.0, np.inf), scales="length"),
     )
+    bond: Bond = field(default="bonded", metadata=no_number())
+    relaxation: Relaxation | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.material, Isotropic | TransverselyIsotropic):
@@ -348,6 +362,21 @@ class Layer(Part):
             )
         if self.thickness != np.inf:
             object.__setattr__(self, "thickness", positive(self.thickness, "layer thickness", "m"))
+        as_bond(self.bond)
+        if self.relaxation is not None:
+            _check_relaxation(self.relaxation, self.material)
+
+
+def _check_relaxation(relaxation: Relaxation, material: Material) -> None:
+    if not isinstance(relaxation, Relaxation):
+        raise InputError(f"a layer's relaxation must be a Relaxation such as Prony; got {relaxation!r}")
+    compressible = material.plane_constants.c > 0.0
+    if relaxation.relaxes == "shear" and compressible:
+        raise InputError(
+            "shear alone cannot relax in a compressible layer here: Poisson's ratio would rise in time, and a "
+            "constant one misses the force by 1 % (nu = 0.49, half of the shear modulus relaxing) to 30 % "
+            '(nu = 0.3); take nu = 0.5, or relaxes = "shear_and_bulk"'
+        )
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,11 @@ class Response(ABC):
 
     max_depth: float
 
+    @property
+    def domain(self) -> tuple[float, float]:
+        """Smallest and largest depth (m); up to the smallest there is no contact."""
+        return 0.0, self.max_depth
+
     @abstractmethod
     def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Force (N), shape of `depth` (m); `time` (s), (n,), where the response depends on it."""
@@ -62,6 +67,8 @@ class History(Part, ABC):
     """
 
     parts: ClassVar[tuple[str, ...]] = ("history",)
+    #: Under which path its numbers stand.
+    prefix: ClassVar[str] = "history"
     #: Name in scene files.
     model: ClassVar[str] = ""
 
@@ -87,16 +94,33 @@ class History(Part, ABC):
             Their times (s), (n,), increasing.
         """
 
+    def prepared(self, depth: FloatArray, time: FloatArray) -> Callable[[Elastic], FloatArray]:
+        """The map from an elastic force to `force` for one motion, to be asked for several elastic forces.
+
+        Override it where the motion alone decides a good part of the work.
+        """
+        return lambda elastic: self.force(elastic, depth, time)
+
+    def require_told(self, free: Sequence[str], time: FloatArray) -> None:
+        """Refuse numbers at the paths `free` of which a record at these times (s) says nothing; default: none.
+
+        Raises
+        ------
+        ParameterError
+            With what to do instead.
+        """
+        del free, time
+
     def slopes(
         self, paths: Sequence[str], elastic: Elastic, depth: FloatArray, time: FloatArray
     ) -> Mapping[str, FloatArray]:
         """d force / d number, (n,), at its own `paths` (``history.time``); by differences unless overridden."""
-        numbers, found = numbers_of(self, "history"), {}
+        numbers, found = numbers_of(self, self.prefix), {}
         for path in paths:
             value, known = numbers[path]
             step = _STEP * (abs(value) or known.natural_scale)
             up, down = (
-                replace_values(self, {path: value + sign * step}, "history").force(elastic, depth, time)
+                replace_values(self, {path: value + sign * step}, self.prefix).force(elastic, depth, time)
                 for sign in (1.0, -1.0)
             )
             found[path] = (up - down) / (2.0 * step)
@@ -113,10 +137,22 @@ class Remembered(Response):
         The elastic law.
     history : History
         What the sample remembers.
+
+    Raises
+    ------
+    InputError
+        If the law holds on below its first contact, as adhesion makes it.
     """
 
     law: Response
     history: History
+
+    def __post_init__(self) -> None:
+        if self.law.domain[0] < 0.0:
+            raise InputError(
+                "a sample that remembers is simulated without adhesion: how a sticking contact opens in time is "
+                "not known here; leave the adhesion or the memory out"
+            )
 
     @property
     def max_depth(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere

@@ -28,9 +28,10 @@ from underlay.mechanics.exact.family_law import table_number, tabulated_law
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, Sphere
-from underlay.mechanics.materials import Layer, Substrate
+from underlay.mechanics.materials import Layer
 from underlay.mechanics.published import PublishedCorrection, published_law, published_names
 from underlay.mechanics.solver import Scaling, Solver
+from underlay.mechanics.stack import Body
 
 __all__ = [
     "AnySolver",
@@ -52,6 +53,8 @@ __all__ = [
 # cone. Both are measured again in tests/test_solvers.py.
 _CONTRAST_MARGIN, _SHALLOW_MARGIN = 4.0, 2.0
 _LARGEST_SHALLOW = 0.02
+# Of rtol, what may be lost by joining layers.
+_SHARE_OF_JOINS = 0.2
 _RANGES = 4096  # more than there are powers of two
 
 
@@ -160,6 +163,11 @@ class Auto(_ToTolerance):
             return replace(halfspace_law(contact), max_depth=0.0, reason=reason)
         if max_depth > largest_halfspace_depth(contact.indenter):
             return exact_law(contact, max_depth, self.rtol)
+        simpler, joined = contact.simplified(max_depth, _SHARE_OF_JOINS * self.rtol)
+        if joined:
+            law = replace(self, rtol=(1.0 - _SHARE_OF_JOINS) * self.rtol).build(simpler, max_depth)
+            error = law.error_estimate + _SHARE_OF_JOINS * self.rtol
+            return replace(law, error_estimate=error, reason=f"{law.reason}; taken together: {joined}")
         contrast, varpi = contact.kernel.contrast, float(contact.varpi(np.array([max_depth]))[0])
         effect = contrast * _CONTRAST_MARGIN
         shallow = contrast * _SHALLOW_MARGIN * varpi / contact.kernel.decay
@@ -383,7 +391,7 @@ def _unknown(what: str, name: object, known: tuple[str, ...]) -> InputError:
 def contact_law(
     indenter: Indenter,
     layer: Layer,
-    substrate: Substrate | None = None,
+    substrate: Body | None = None,
     *,
     max_depth: float,
     solver: AnySolver = "auto",
@@ -396,8 +404,8 @@ def contact_law(
         Its shape.
     layer : Layer
         Material and thickness.
-    substrate : material, RIGID or None
-        What the layer is bonded to; None for a half-space of the layer.
+    substrate : material, RIGID, Stack or None
+        What the layer stands on; None for a half-space of the layer.
     max_depth : float
         Largest indentation depth (m) that will be asked.
     solver : Solver, str or object, default "auto"

@@ -102,6 +102,17 @@ def _held(scene: Scene, solver: Solver, share: float = 1.0) -> Callable[[FloatAr
     return prepare
 
 
+def _held_from(begin: float) -> Callable[[FloatArray], Call]:
+    """Forces from a law that is there, at as many depths from `begin` of the largest: zero or before contact."""
+
+    def prepare(depth: FloatArray) -> Call:
+        built = _RIGID_BASE.contact_law(float(depth[-1]), solver=Exact(1e-6))
+        readings = np.linspace(begin, 1.0, len(depth)) * depth[-1]
+        return lambda: built.force(readings)
+
+    return prepare
+
+
 def _batched(depth: FloatArray) -> Call:
     """Parameter sets that differ in both materials and in thickness, from materials to forces."""
     rng = np.random.default_rng(0)
@@ -146,6 +157,8 @@ CASES = (
     BenchCase("exact to 1e-10, rigid base, from cold", _cold(_RIGID_BASE, Exact(1e-10))),
     BenchCase("auto to 1e-6, a/h up to 0.2, from cold", _cold(_RIGID_BASE, Auto(1e-6), _SHALLOW)),
     BenchCase("exact to 1e-6, law held", _held(_RIGID_BASE, Exact(1e-6))),
+    BenchCase("exact to 1e-6, law held, a zero among the depths", _held_from(0.0)),
+    BenchCase("exact to 1e-6, law held, a tenth before contact", _held_from(-1.0 / 9.0)),
     BenchCase(
         "exact to 1e-6, true sphere, a/R up to 0.4, law held",
         _held(_BALL, Exact(1e-6), _BALL_SHARE),

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from underlay.mechanics.materials import Rigid
+from underlay.mechanics.materials import Layer, Rigid
+from underlay.mechanics.stack import Stack
 from underlay.quantities import quantity_of
 from underlay.report.tables import labelled_table
 from underlay.units import format_quantity
@@ -34,19 +35,17 @@ def scene_table(*scenes: Scene) -> pd.DataFrame:
 def _scene_rows(scene: Scene) -> pd.DataFrame:
     rows = [{"part": "indenter", "quantity": "shape", "value": scene.indenter.shape.replace("_", " ")}]
     rows += _numbers("indenter", scene.indenter)
-    rows += _numbers("layer", scene.layer.material)
-    thick = scene.layer.thickness
-    rows.append(
-        {
-            "part": "layer",
-            "quantity": "thickness",
-            "value": format_quantity(thick, "length") if math.isfinite(thick) else "infinite (a half-space)",
-        }
-    )
-    if isinstance(scene.substrate, Rigid):
-        rows.append({"part": "substrate", "quantity": "material", "value": "rigid, bonded to the layer"})
-    elif scene.substrate is not None:
-        rows += _numbers("substrate", scene.substrate)
+    rows += _layer_rows("layer", scene.layer)
+    stack = scene.substrate if isinstance(scene.substrate, Stack) else None
+    for number, layer in enumerate(() if stack is None else stack.layers):
+        rows += _layer_rows(f"layer {number + 2}", layer)
+    base = scene.substrate if stack is None else stack.base
+    if isinstance(base, Rigid):
+        bonded = scene.layer.bond == "bonded" and stack is None
+        value = "rigid, bonded to the layer" if bonded else "rigid"
+        rows.append({"part": "substrate", "quantity": "material", "value": value})
+    elif base is not None:
+        rows += _numbers("substrate", base)
     if scene.adhesion is not None:
         rows.append({"part": "adhesion", "quantity": "model", "value": scene.adhesion.model})
         rows += _numbers("adhesion", scene.adhesion)
@@ -56,6 +55,18 @@ def _scene_rows(scene: Scene) -> pd.DataFrame:
     ideal = [row for row in _numbers("instrument", scene.instrument) if not row["value"].startswith("0 ")]
     rows += ideal or [{"part": "instrument", "quantity": "effects", "value": "none"}]
     return labelled_table(rows)
+
+
+def _layer_rows(part: str, layer: Layer) -> list[dict[str, str]]:
+    thick, bond = layer.thickness, layer.bond
+    value = format_quantity(thick, "length") if math.isfinite(thick) else "infinite (a half-space)"
+    rows = [*_numbers(part, layer.material), {"part": part, "quantity": "thickness", "value": value}]
+    if (relaxation := layer.relaxation) is not None:
+        rows.append({"part": part, "quantity": "relaxation", "value": relaxation.model.replace("_", " ")})
+        rows += _numbers(part, relaxation)
+    if isinstance(bond, str):
+        return rows if bond == "bonded" else [*rows, {"part": part, "quantity": "lower face", "value": bond}]
+    return rows + _numbers(f"spring under {part}", bond)
 
 
 def _numbers(part: str, owner: Any) -> list[dict[str, str]]:

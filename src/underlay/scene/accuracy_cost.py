@@ -23,7 +23,6 @@ from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import PowerLawShape, abel_factor
-from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.published import published_names
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Asymptotic, Auto, Exact, HalfSpace, Published, as_solver
@@ -124,11 +123,7 @@ def explicit_formula(scene: Scene) -> Callable[[FloatArray], FloatArray]:
         if isinstance(tip, PowerLawShape)
         else (2.0, 0.5 / scene.layer.thickness)
     )
-    a_0, a_1 = (
-        SubstrateKernel(scene.layer.material, scene.substrate).coefficients(2)
-        if scene.substrate is not None
-        else (0.0, 0.0)
-    )
+    a_0, a_1 = scene.contact.kernel.coefficients(2) if scene.contact.layered else (0.0, 0.0)
     c_1, c_2, c_3, c_4 = (float(c) for c in blunt.force_coefficients(exponent, float(a_0), float(a_1)))
     scale = float(
         scene.layer.material.theta * coefficient ** (-1.0 / exponent) * blunt.force_factor(exponent)

@@ -31,6 +31,7 @@ from underlay.mechanics.materials import (
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
+from underlay.mechanics.stack import Body, Stack
 from underlay.scene.instrument import Instrument
 
 __all__ = ["Effect", "EffectRule", "Simulated", "effect_sizes", "effects_table"]
@@ -42,6 +43,7 @@ _COST_POINTS = 200
 _COST_ROUNDS = 25
 # One that takes longer than this (s) is timed once.
 _LONG = 0.2
+_INCOMPRESSIBLE = 0.5
 
 
 class Simulated(Protocol):
@@ -58,8 +60,8 @@ class Simulated(Protocol):
         """What it is pressed into."""
 
     @property
-    def substrate(self) -> Substrate | None:
-        """What the layer is bonded to."""
+    def substrate(self) -> Body | None:
+        """What the layer stands on."""
 
     @property
     def instrument(self) -> Instrument:
@@ -72,6 +74,10 @@ class Simulated(Protocol):
     @property
     def adhesion(self) -> Adhesion | None:
         """What holds tip and surface together."""
+
+    @property
+    def elastic(self) -> Simulated:
+        """The scene without memory."""
 
     def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
         """Law of its contact up to `max_depth` (m)."""
@@ -96,6 +102,8 @@ class Effect:
         Whether the scene as it stands runs the effect's code.
     note : str
         What the size is measured against, or why there is none.
+    duration : float, optional
+        Time (s) of the even motion to the deepest point, for an effect that acts in time.
     """
 
     name: str
@@ -103,6 +111,7 @@ class Effect:
     without: Simulated | None
     simulated: bool
     note: str
+    duration: float | None = None
 
 
 #: How an effect is found: from a scene and the law of its contact.
@@ -200,7 +209,7 @@ def _effects(scene: Simulated, law: ContactLaw) -> list[Effect]:
     All but the baseline are measured without it: a per cent of the force is one of the contact force. What the
     sample remembers acts in time and is left out: the sizes are those of a sudden depth.
     """
-    remembers, scene = scene.history is not None, replace(scene, history=None)
+    given, scene = scene, scene.elastic
     ranged = scene
     if scene.adhesion is not None:
         # An attraction of finite range costs a thousand times as much, and is a row of its own.
@@ -212,7 +221,8 @@ def _effects(scene: Simulated, law: ContactLaw) -> list[Effect]:
         _compliance_effect(level),
         _baseline_effect(scene, level),
         *_adhesion_effects(ranged, level, law),
-        _history_effect(remembers=remembers),
+        *_relaxation_effects(given, level),
+        _history_effect(remembers=given.history is not None),
     ]
 
 
@@ -220,6 +230,8 @@ def _layer_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
     return [
         _thickness_effect(scene, layered=layered),
         _substrate_effect(scene, layered=layered),
+        *_stack_effects(scene, layered=layered),
+        *_bond_effects(scene, layered=layered),
         _anisotropy_effect(scene, layered=layered),
     ]
 
@@ -234,10 +246,43 @@ def _thickness_effect(scene: Simulated, *, layered: bool) -> Effect:
 
 def _substrate_effect(scene: Simulated, *, layered: bool) -> Effect:
     name = "substrate compliance"
-    if not _has_base(scene) or isinstance(scene.substrate, Rigid):
+    stack = scene.substrate if isinstance(scene.substrate, Stack) else None
+    base = scene.substrate if stack is None else stack.base
+    if not _has_base(scene) or isinstance(base, Rigid):
         return Effect(name, None, None, simulated=False, note="no elastic substrate is declared")
-    rigid = replace(scene, substrate=RIGID)
+    rigid = replace(scene, substrate=RIGID if stack is None else replace(stack, base=RIGID))
     return Effect(name, scene, rigid, simulated=layered, note="against a rigid base")
+
+
+def _stack_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
+    """Every further layer of a stack, against the body without it."""
+    if not (_has_base(scene) and isinstance(scene.substrate, Stack)):
+        return []
+    stack = scene.substrate
+    return [
+        Effect(
+            f"layer {number + 2}",
+            scene,
+            replace(scene, substrate=stack.without(number)),
+            simulated=layered,
+            note="against the stack without this layer",
+        )
+        for number in range(len(stack.layers))
+    ]
+
+
+def _bond_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
+    """What slip and springs do, all together, against bonded faces."""
+    bonded = replace(scene, layer=replace(scene.layer, bond="bonded"), substrate=_bonded(scene.substrate))
+    if not _has_base(scene) or bonded == scene:
+        return []
+    return [Effect("interfaces", scene, bonded, simulated=layered, note="against bonded faces")]
+
+
+def _bonded(body: Body | None) -> Body | None:
+    if not isinstance(body, Stack):
+        return body
+    return replace(body, layers=tuple(replace(layer, bond="bonded") for layer in body.layers))
 
 
 def _anisotropy_effect(scene: Simulated, *, layered: bool) -> Effect:
@@ -312,10 +357,48 @@ def _history_effect(*, remembers: bool) -> Effect:
     return Effect("history", None, None, simulated=True, note=note)
 
 
+def _relaxation_effects(given: Simulated, level: Simulated) -> list[Effect]:
+    """What the layer's relaxation does along a ramp, and what it would do if shear alone relaxed.
+
+    `level` is the scene without memory and baseline.
+    """
+    relaxation = given.layer.relaxation
+    if relaxation is None:
+        return [Effect("relaxation", None, None, simulated=False, note="the layer is declared elastic")]
+    ramp = relaxation.longest_time
+    relaxing = replace(level, layer=replace(level.layer, relaxation=relaxation))
+    note = f"a ramp of {ramp:.4g} s against the elastic layer of its modulus E; Poisson's ratio constant"
+    return [
+        Effect("relaxation", relaxing, level, simulated=True, note=note, duration=ramp),
+        *_shear_alone(level, relaxation.equilibrium),
+    ]
+
+
+def _shear_alone(level: Simulated, kept: float) -> list[Effect]:
+    """The end of a relaxation in which the bulk modulus stays: what a constant Poisson's ratio leaves out."""
+    material = level.layer.material
+    if not isinstance(material, Isotropic) or material.nu == _INCOMPRESSIBLE or not kept:
+        return []
+    shear = 0.5 * kept * material.E / (1.0 + material.nu)
+    bulk = material.E / (3.0 * (1.0 - 2.0 * material.nu))
+    nu = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear))
+    rising, constant = (
+        replace(level, layer=replace(level.layer, material=Isotropic(2.0 * shear * (1.0 + ratio), ratio)))
+        for ratio in (nu, material.nu)
+    )
+    note = f"at equilibrium, if the bulk modulus stayed and Poisson's ratio rose to {nu:.3f}; assumed not to"
+    return [Effect("relaxation of shear alone", rising, constant, simulated=False, note=note)]
+
+
 def _size(effect: Effect, depth: FloatArray, solver: Solver) -> FloatArray:
     """Relative change of the force at tip depths `depth` when the effect is put in; NaN where unknown."""
     if effect.with_it is None or effect.without is None:
         return np.full(depth.shape, np.nan)
+    if effect.duration is not None:
+        along, clock = _ramp(effect, float(depth.max()))
+        sizes = effect.with_it.force(along, clock, solver=solver)[1:]
+        sizes = sizes / effect.without.force(along, solver=solver)[1:] - 1.0
+        return np.interp(depth, along[1:] - along[0], sizes)
     readings = depth + effect.with_it.instrument.contact_depth
     with_it = effect.with_it.force(readings, solver=solver)
     return np.asarray(with_it / effect.without.force(readings, solver=solver) - 1.0)
@@ -325,11 +408,11 @@ def _added_cost(effect: Effect, deepest: float, solver: Solver) -> float:
     """Time of the scene with the effect over that without, less one, in per cent."""
     if effect.with_it is None or effect.without is None:
         return 0.0
-    depth = np.linspace(0.0, deepest, _COST_POINTS) + effect.with_it.instrument.contact_depth
+    depth, clock = _ramp(effect, deepest)
     with_it = without = np.inf
     for _ in range(_COST_ROUNDS):
         start = time.process_time()
-        effect.with_it.force(depth, solver=solver)
+        effect.with_it.force(depth, clock, solver=solver)
         middle = time.process_time()
         effect.without.force(depth, solver=solver)
         with_it = min(with_it, middle - start)
@@ -339,13 +422,28 @@ def _added_cost(effect: Effect, deepest: float, solver: Solver) -> float:
     return 100.0 * (with_it / without - 1.0)
 
 
+def _ramp(effect: Effect, deepest: float) -> tuple[FloatArray, FloatArray | None]:
+    """Readings (m) from contact to `deepest` (m), and their times (s) where the effect acts in time."""
+    first = 0.0 if effect.with_it is None else effect.with_it.instrument.contact_depth
+    depth = np.linspace(0.0, deepest, _COST_POINTS) + first
+    clock = None if effect.duration is None else np.linspace(0.0, effect.duration, _COST_POINTS)
+    return depth, clock
+
+
 def _isotropic(scene: Simulated) -> Simulated:
     """Return the scene with each anisotropic material replaced by its in-plane E and nu."""
     layer = replace(scene.layer, material=_in_plane(scene.layer.material))
     substrate = scene.substrate
-    if isinstance(substrate, TransverselyIsotropic):
-        substrate = _in_plane(substrate)
+    if isinstance(substrate, Stack):
+        layers = tuple(replace(deeper, material=_in_plane(deeper.material)) for deeper in substrate.layers)
+        substrate = Stack(layers, _base_in_plane(substrate.base))
+    elif substrate is not None:
+        substrate = _base_in_plane(substrate)
     return replace(scene, layer=layer, substrate=substrate)
+
+
+def _base_in_plane(base: Substrate) -> Substrate:
+    return base if isinstance(base, Rigid) else _in_plane(base)
 
 
 def _in_plane(material: Material) -> Isotropic:

@@ -17,9 +17,11 @@ from underlay.errors import InputError
 from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.materials import Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, Layer, Rigid, TransverselyIsotropic
 from underlay.mechanics.response import History, Remembered, Response
 from underlay.mechanics.solvers import AnySolver, as_solver
+from underlay.mechanics.stack import Body, Stack
+from underlay.mechanics.viscoelastic.history import Viscoelastic, require_still_base
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
@@ -39,9 +41,10 @@ class Scene:
         What is pressed in.
     layer : Layer
         What it is pressed into.
-    substrate : Isotropic, TransverselyIsotropic or RIGID, optional
-        What the layer is bonded to. A layer of finite thickness needs one, and one on it needs a finite
-        thickness; without a substrate the layer is a half-space and no substrate code runs.
+    substrate : Isotropic, TransverselyIsotropic, RIGID or Stack, optional
+        What the layer stands on: a half-space, or further layers on one. A layer of finite thickness needs
+        one, and one on it needs a finite thickness; without a substrate the layer is a half-space and no
+        substrate code runs.
     instrument : Instrument, optional
         What reads depth and force; ideal by default.
     history : History, optional
@@ -64,7 +67,7 @@ class Scene:
 
     indenter: Indenter
     layer: Layer
-    substrate: Substrate | None = None
+    substrate: Body | None = None
     instrument: Instrument = Instrument()
     history: History | None = None
     adhesion: Adhesion | None = None
@@ -74,14 +77,15 @@ class Scene:
             raise InputError(f"indenter must be an Indenter such as Sphere(radius); got {self.indenter!r}")
         if not isinstance(self.layer, Layer):
             raise InputError(f"layer must be Layer(material, thickness); got {self.layer!r}")
-        if not isinstance(self.substrate, Isotropic | TransverselyIsotropic | Rigid | None):
-            raise InputError(f"substrate must be a material, RIGID or None; got {self.substrate!r}")
+        if not isinstance(self.substrate, Isotropic | TransverselyIsotropic | Rigid | Stack | None):
+            raise InputError(f"substrate must be a material, RIGID, a Stack or None; got {self.substrate!r}")
         if not isinstance(self.instrument, Instrument):
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
         if not isinstance(self.adhesion, Adhesion | None):
             raise InputError(f"adhesion must be JKR(work), DMT(work) or None; got {self.adhesion!r}")
         if not isinstance(self.history, History | None):
             raise InputError(f"history must be a History or None; got {self.history!r}")
+        _check_memory(self)
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
                 f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
@@ -92,22 +96,19 @@ class Scene:
                 'a layer on a substrate needs its thickness: give layer.thickness, e.g. "1.5 mm" in a scene '
                 "file, or leave the substrate out for a half-space"
             )
-        self._check_history()
 
-    def _check_history(self) -> None:
-        """Refuse what a sample that remembers is not simulated with."""
-        if self.history is None:
-            return
-        if self.adhesion is not None:
-            raise InputError(
-                "adhesion beside a history is not simulated: how fast a sticking edge moves through a sample that "
-                "remembers is another problem; leave one of them out"
-            )
-        if self.instrument.compliance:
-            raise InputError(
-                "a frame's compliance beside a history is not simulated: take it out of the depth first "
-                "(depth - compliance * force) and set instrument.compliance to 0"
-            )
+    @cached_property
+    def memory(self) -> History | None:
+        """What remembers earlier depths: the layer's relaxation, the scene's history, or nothing."""
+        relaxation = self.layer.relaxation
+        return self.history if relaxation is None else Viscoelastic(relaxation)
+
+    @property
+    def elastic(self) -> Scene:
+        """The scene without memory: what it shows at once. Itself where there is none."""
+        if self.memory is None:
+            return self
+        return replace(self, layer=replace(self.layer, relaxation=None), history=None)
 
     @property
     def contact(self) -> Contact:
@@ -124,7 +125,7 @@ class Scene:
     ) -> FloatArray:
         """Force the instrument shows (N) at its depth readings `depth` (m), same shape.
 
-        `time` (s), (n,), is what a scene with a history needs too.
+        `time` (s), (n,), is what a scene that remembers needs too.
 
         Raises
         ------
@@ -141,7 +142,7 @@ class Scene:
 
     def response(self, law: ContactLaw) -> Response:
         """What the sample answers in time, given its elastic law: the law itself where it remembers nothing."""
-        return law if self.history is None else Remembered(law, self.history)
+        return law if self.memory is None else Remembered(law, self.memory)
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -187,3 +188,22 @@ class Scene:
             If the file cannot be written; an older file stays whole.
         """
         return write_atomic(path, scene_text(self))
+
+
+def _check_memory(scene: Scene) -> None:
+    """Refuse a memory that is not simulated."""
+    if scene.memory is None:
+        return
+    if scene.history is not None and scene.layer.relaxation is not None:
+        raise InputError("a scene remembers in one way: a relaxation of its layer or a history, not both")
+    if scene.adhesion is not None:
+        raise InputError(
+            "adhesion beside a history or a relaxation is not simulated: how fast a sticking edge moves through a "
+            "sample that remembers is another problem; leave one of them out"
+        )
+    if scene.instrument.compliance:
+        raise InputError(
+            "a frame's compliance beside a history or a relaxation is not simulated: take it out of the "
+            "depth first (depth - compliance * force) and set instrument.compliance to 0"
+        )
+    require_still_base(scene.layer, scene.substrate)

@@ -18,9 +18,21 @@
     layer.E = { min = "1 kPa", max = "100 MPa" }
     instrument.contact_depth = { min = "-20 um", max = "20 um" }
 
-Optional sections: ``[instrument]``, ``[history]`` and ``[adhesion]`` (model, and its numbers), ``[solver]`` (name,
-rtol, order, form), ``[noise]``, ``[curve]`` (which part of which file, and column names) and
-``[simulate]`` (depths of a made curve). A new indenter, history or model of adhesion needs no change here.
+Further layers under the one on top, from the top down, stand before their base, and each may say how its lower face
+holds, ``bond = "slip"`` or ``bond = { normal = "1 GPa/m", shear = "0 Pa/m" }``::
+
+    [substrate]
+    rigid = true
+
+    [[substrate.layers]]
+    E = "20 MPa"
+    nu = 0.4
+    thickness = "100 um"
+
+Optional sections: ``[layer.relaxation]``, ``[history]`` and ``[adhesion]`` (model, and its numbers),
+``[instrument]``, ``[solver]`` (name, rtol, order, form), ``[noise]``, ``[curve]`` (which part of which file, and
+column names) and ``[simulate]`` (depths of a made curve). A new indenter, relaxation, history or model of adhesion
+needs no change here.
 """
 
 from __future__ import annotations
@@ -28,7 +40,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +50,15 @@ from underlay._documents import parse_toml
 from underlay._door import FileKind, printable, read_text, understood
 from underlay.errors import InputError, UnderlayError, UnderlayWarning
 from underlay.mechanics.adhesion import MODELS
+from underlay.mechanics.bonds import Bond, Spring, as_bond
 from underlay.mechanics.contact import Adhesion
 from underlay.mechanics.indenters import Cone, Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
+from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
+from underlay.mechanics.stack import Body, Stack
 from underlay.scene.field_names import hint
 from underlay.scene.fit_section import FreeParameter, free_parameters
 from underlay.scene.instrument import Instrument
@@ -302,8 +317,47 @@ def _indenter(table: dict[str, Any]) -> Indenter:
 
 
 def _layer(table: dict[str, Any]) -> Layer:
-    material, thickness = _material("layer", table)
-    return Layer(material, thickness)
+    relaxation = _relaxation(table)
+    return replace(_one_layer("layer", table), relaxation=relaxation)
+
+
+def _relaxation(layer: dict[str, Any]) -> Relaxation | None:
+    """The relaxation of a layer's section, which is taken out of it."""
+    if "relaxation" not in layer:
+        return None
+    section, given = "layer.relaxation", layer.pop("relaxation")
+    if not isinstance(given, Mapping):
+        raise InputError(f"[{section}] must be a section, not {given!r}")
+    table = dict(given)
+    kind = _named({kind.model: kind for kind in Relaxation.models()}, section, table)
+    words = {"relaxes": table.pop("relaxes")} if "relaxes" in table else {}
+    numbers = check(schema_of(kind), section, table)
+    try:
+        relaxation: Relaxation = kind(**words, **numbers)
+    except InputError as error:
+        raise InputError(f"[{section}] {error}") from error
+    return relaxation
+
+
+def _one_layer(section: str, table: dict[str, Any]) -> Layer:
+    thickness, bond = np.inf, _bond(section, table.pop("bond", "bonded"))
+    if "thickness" in table:
+        stated = {"thickness": table.pop("thickness")}
+        thickness = check(ThicknessSection, section, stated)["thickness"]
+    return Layer(_material(section, table, besides=("thickness", "bond", "relaxation")), thickness, bond)
+
+
+def _bond(section: str, given: Any) -> Bond:
+    if isinstance(given, Mapping):
+        spring: Spring = _build(Spring, f"{section}.bond", given)
+        return spring
+    try:
+        return as_bond(given)
+    except InputError as error:
+        raise InputError(
+            f'[{section}] bond: {given!r:.60} is not known; allowed: "bonded", "slip" or '
+            '{ normal = "1 GPa/m", shear = "0 Pa/m" }'
+        ) from error
 
 
 def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
@@ -319,24 +373,35 @@ def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
     return cone
 
 
-def _material(section: str, table: dict[str, Any]) -> tuple[Material, float]:
-    thickness = np.inf
-    if section == "layer" and "thickness" in table:
-        thickness = check(ThicknessSection, section, {"thickness": table.pop("thickness")})["thickness"]
+def _material(section: str, table: dict[str, Any], besides: tuple[str, ...]) -> Material:
     kind = TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
-    besides = ("thickness",) if section == "layer" else ("rigid",)
-    return _build(kind, section, table, besides=besides), thickness
+    material: Material = _build(kind, section, table, besides=besides)
+    return material
 
 
-def _substrate(document: Mapping[str, Any]) -> Substrate | None:
+def _substrate(document: Mapping[str, Any]) -> Body | None:
     if "substrate" not in document:
         return None
     table = dict(_table(document, "substrate"))
+    layers = table.pop("layers", None)
+    base = _base(table)
+    if layers is None:
+        return base
+    if not isinstance(layers, list) or not all(isinstance(entry, Mapping) for entry in layers):
+        raise InputError("[substrate] layers: write each as a section of its own, [[substrate.layers]]")
+    stack = [_one_layer(f"substrate.layers[{number}]", dict(entry)) for number, entry in enumerate(layers)]
+    try:
+        return Stack(stack, base)
+    except InputError as error:
+        raise InputError(f"[[substrate.layers]] {error}") from error
+
+
+def _base(table: dict[str, Any]) -> Substrate:
     rigid = table.pop("rigid", False)
     if not isinstance(rigid, bool):
         raise InputError(f"[substrate] rigid: must be true or false, not {rigid!r}")
     if not rigid:
-        return _material("substrate", table)[0]
+        return _material("substrate", table, besides=("rigid", "layers"))
     if table:
         raise InputError(f"[substrate] is rigid and needs nothing else; remove {', '.join(table)}")
     return RIGID
@@ -346,14 +411,19 @@ def _history(document: Mapping[str, Any]) -> History | None:
     if "history" not in document:
         return None
     table = dict(_table(document, "history"))
-    models = {kind.model: kind for kind in History.models()}
+    kind = _named({kind.model: kind for kind in History.models()}, "history", table)
+    history: History = _build(kind, "history", table)
+    return history
+
+
+def _named(models: Mapping[str, type[Any]], section: str, table: dict[str, Any]) -> type[Any]:
+    """The class that a section's ``model`` names; the key is taken out."""
     name = table.pop("model", None)
     if name not in models:
         raise InputError(
-            f"[history] model: {name!r} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
+            f"[{section}] model: {name!r} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
         )
-    history: History = _build(models[name], "history", table)
-    return history
+    return models[name]
 
 
 def _adhesion(document: Mapping[str, Any]) -> Adhesion | None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
+from underlay.mechanics.relaxation import RELAXES, Relaxation
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene_file import EQUIVALENT_CONES
 from underlay.scene.scene_schema import (
@@ -36,6 +37,11 @@ _WORDS = {str: "text", int: "a whole number", float: "a number", bool: "true or 
 #: Keys that choose what a section is, rather than being a number of it.
 _CHOICES = {
     ("indenter", "shape"): "the tip; what else it needs is listed by shape",
+    (
+        "layer.relaxation",
+        "model",
+    ): "how the modulus falls with time; without the section the layer is elastic",
+    ("layer.relaxation", "relaxes"): "shear_and_bulk keeps Poisson's ratio; shear alone needs nu = 0.5",
     ("substrate", "rigid"): "true for a base that does not deform, in place of its moduli",
 }
 _FIT = {
@@ -73,6 +79,14 @@ def _all() -> Iterator[SceneKey]:
     yield from _of_class(Isotropic, "layer", "")
     yield from _of_class(TransverselyIsotropic, "layer", " (transversely isotropic)", seen=("E", "nu"))
     yield from _of_model(ThicknessSection.model_fields, "layer")
+    models = {kind.model: kind for kind in Relaxation.models() if kind.__module__.startswith("underlay.")}
+    section = "layer.relaxation"
+    yield SceneKey(section, "model", f"one of {', '.join(sorted(models))}", "", _CHOICES[section, "model"])
+    for name, relaxation in sorted(models.items()):
+        yield from _of_class(relaxation, section, f" ({name})", seen=("relaxes",))
+    yield SceneKey(
+        section, "relaxes", f"one of {', '.join(RELAXES)}", RELAXES[0], _CHOICES[section, "relaxes"]
+    )
     yield SceneKey("substrate", "rigid", "true or false", "false", _CHOICES["substrate", "rigid"])
     yield from _of_class(Isotropic, "substrate", "")
     yield from _of_class(TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu"))

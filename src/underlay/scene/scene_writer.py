@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
-import tomlkit
 
 from underlay.errors import InputError
 from underlay.mechanics.contact import Adhesion
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Rigid
+from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.quantities import field_quantities
 from underlay.units import KINDS
@@ -25,6 +25,8 @@ def scene_text(scene: Any) -> str:
 
     A section for every part, a key for every number its dataclass declares; what has its default is left out.
     """
+    import tomlkit  # noqa: PLC0415  loaded by whoever writes a scene
+
     document = tomlkit.document()
     for entry in fields(scene):
         part = getattr(scene, entry.name)
@@ -38,7 +40,7 @@ def _name(part: Any) -> dict[str, Any]:
     """The key by which a scene file knows which kind of a part it is."""
     if isinstance(part, Indenter):
         return {"shape": part.shape}
-    if isinstance(part, History | Adhesion):
+    if isinstance(part, History | Adhesion | Relaxation):
         if not part.model:
             raise InputError(f"{type(part).__name__} has no name in scene files: give its class a `model`")
         return {"model": part.model}
@@ -50,9 +52,14 @@ def _keys(part: Any) -> Iterator[tuple[str, Any]]:
     for entry in fields(part):
         value = getattr(part, entry.name)
         if entry.metadata.get("inlined"):
-            yield from _keys(value)
-        elif "words" in entry.metadata and value != entry.default:
-            yield entry.name, value
+            yield from (_name(value) | dict(_keys(value))).items()
+        elif isinstance(value, str):
+            if value != entry.default:
+                yield entry.name, value
+        elif is_dataclass(value):
+            yield entry.name, _name(value) | dict(_keys(value))
+        elif isinstance(value, tuple) and value and all(is_dataclass(item) for item in value):
+            yield entry.name, [dict(_keys(item)) for item in value]
         elif entry.name in known and (np.ndim(value) or value != entry.default):
             yield entry.name, _value(value, KINDS[known[entry.name].kind].si)
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 
 from underlay._door import printable
+from underlay._version import VERSION
 from underlay.data.curve import Curve
 from underlay.data.readers import (
     afm,
@@ -214,15 +214,8 @@ def _stamp(curve: Curve, source: Source, reader: Format) -> Curve:
         member=source.member or None,
         sha256=source.sha256,
         format=reader.name,
-        reader=f"underlay {_version()}, reader {reader.name}",
+        reader=f"underlay {VERSION}, reader {reader.name}",
     )
-
-
-def _version() -> str:
-    try:
-        return metadata.version("underlay")
-    except metadata.PackageNotFoundError:
-        return "from source"
 
 
 def _listing(curves: list[Curve]) -> str:

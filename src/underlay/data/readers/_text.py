@@ -79,9 +79,11 @@ def lines_of(source: Source) -> list[str]:
     FileFormatError
         If there is none, or the file is not text.
     """
-    lines = [line for line in re.split(r"[\r\n]+", decode(source)) if line.strip()]
+    lines = [line for line in decode(source).replace("\r", "\n").split("\n") if line and not line.isspace()]
     if not lines:
         raise FileFormatError(f"{source.name} holds nothing but blank lines")
+    if max(map(len, lines)) <= _LONGEST_LINE:
+        return lines
     for number, line in enumerate(lines, start=1):
         if len(line) > _LONGEST_LINE and not line.startswith("#"):
             raise FileFormatError(
@@ -169,6 +171,33 @@ def numbers(
     FileFormatError
         If a row is too short or a cell is not a number.
     """
+    table = _all_good(rows, indices, comma=comma)
+    if table is None:
+        table = _cell_by_cell(rows, indices, where, comma=comma, first_line=first_line)
+    table[np.abs(table) > SENTINEL] = np.nan
+    return table
+
+
+def _all_good(rows: Sequence[Sequence[str]], indices: Sequence[int], *, comma: bool) -> FloatArray | None:
+    """Convert a table (n, m) in one go; None if a cell of it needs a look."""
+    table = np.empty((len(rows), len(indices)), order="F")
+    for j, index in enumerate(indices):
+        try:
+            cells = [row[index] for row in rows]
+            if comma:
+                cells = [cell.replace(",", ".") for cell in cells]
+            table[:, j] = list(map(float, cells))
+        except (IndexError, ValueError):
+            return None
+        if "_" in "".join(cells):
+            return None
+    return table if np.isfinite(table).all() else None
+
+
+def _cell_by_cell(
+    rows: Sequence[Sequence[str]], indices: Sequence[int], where: str, *, comma: bool, first_line: int
+) -> FloatArray:
+    """Convert a table (n, m) with missing cells, or say which cell is wrong."""
     table = np.empty((len(rows), len(indices)))
     for i, row in enumerate(rows):
         for j, index in enumerate(indices):
@@ -180,22 +209,20 @@ def numbers(
                     f"{max(indices) + 1} are expected; the file may be cut short"
                 ) from None
             table[i, j] = _number(cell, comma=comma, where=where, line=first_line + i)
-    table[np.abs(table) > SENTINEL] = np.nan
     return table
 
 
 def _number(cell: str, *, comma: bool, where: str, line: int) -> float:
     text = cell.replace(",", ".") if comma else cell
-    place = f"{where}, row {line} of the table"
     try:
         value = math.nan if "_" in text else float(text)  # Python reads 1_000; no instrument writes it
     except ValueError:
         if cell.strip().lower() in _MISSING:
             return math.nan
-        raise FileFormatError(f"{place}: {cell!r:.40} is not a number") from None
+        raise FileFormatError(f"{where}, row {line} of the table: {cell!r:.40} is not a number") from None
     if not math.isfinite(value):
         raise FileFormatError(
-            f"{place}: {cell!r:.40} is not a finite number; take the row out, or leave the cell empty if the "
-            "point is missing"
+            f"{where}, row {line} of the table: {cell!r:.40} is not a finite number; take the row out, or leave "
+            "the cell empty if the point is missing"
         )
     return value

@@ -58,6 +58,14 @@ def _split(line: str, separator: str) -> list[str]:
     return line.split(separator)
 
 
+def _split_all(lines: Sequence[str], separator: str) -> list[list[str]]:
+    if separator == " ":
+        return [line.split() for line in lines]
+    if any('"' in line for line in lines):
+        return [_split(line, separator) for line in lines]
+    return [line.split(separator) for line in lines]
+
+
 def _split_names(line: str, separator: str) -> list[str]:
     if separator == " ":
         labels = _LABEL_WITH_UNIT.findall(line)
@@ -69,8 +77,10 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     lines = lines_of(source)
     if lines and re.fullmatch(r"sep=.\s*", lines[0]):  # a line by which spreadsheets name the separator
         lines = lines[1:]
-    comments = [line.lstrip("#%/ \t").rstrip() for line in lines if line.lstrip().startswith(_COMMENT)]
-    lines = [line for line in lines if not line.lstrip().startswith(_COMMENT)]
+    commented = [line for line in lines if line.lstrip().startswith(_COMMENT)]
+    comments = [line.lstrip("#%/ \t").rstrip() for line in commented]
+    if commented:
+        lines = [line for line in lines if not line.lstrip().startswith(_COMMENT)]
     if not lines:
         raise FileFormatError(f"{source.name} holds no table")
     separator = _separator_of_table("\n".join(lines[: _MAX_PREAMBLE * 4]))
@@ -81,7 +91,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
         )
     try:
         names_at, names = _find_names(lines, separator, source, options)
-        cells = [_split(line, separator) for line in lines[names_at + 1 :]]
+        cells = _split_all(lines[names_at + 1 :], separator)
     except csv.Error as error:
         raise FileFormatError(f"{source.name} is not a readable table: {error}") from error
     preamble = [line.strip() for line in lines[:names_at]]

@@ -26,7 +26,7 @@ _COLUMNS = (("force", "mN"), ("length", "um"), ("time", "s"))
 
 def _sniff(source: Source) -> bool:
     head = source.head(262_144)
-    return _BLOCK.search(head) is not None and ("Name of the application" in head or "HM" in head)
+    return ("Name of the application" in head or "HM" in head) and _BLOCK.search(head) is not None
 
 
 def _read_all(source: Source, options: Options) -> list[Curve]:

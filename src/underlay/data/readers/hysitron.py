@@ -39,9 +39,9 @@ def _sniff(source: Source) -> bool:
     head = source.head(_HEAD)
     if _DYNAMIC in head[:200]:
         return True
-    if _TEST.search(head):
+    if "Test Data Points:" in head and _TEST.search(head):
         return "Disp_" in head and "Force_" in head
-    return bool(_COUNT.search(head[:2000])) and "Depth (" in head[:2000] and "\tLoad (" in head[:2000]
+    return "Depth (" in head[:2000] and "\tLoad (" in head[:2000] and bool(_COUNT.search(head[:2000]))
 
 
 def _read_all(source: Source, options: Options) -> list[Curve]:

@@ -22,7 +22,7 @@ from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, di
 from underlay.inference.least_squares.fit_parts import Alternative, FitStatistics, FitWarning
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.instrument_modulus import InstrumentModulus, instrument_moduli
-from underlay.inference.least_squares.last_word import Minimiser
+from underlay.inference.least_squares.last_word import METHODS, Minimiser
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.least_squares.stated import StatedInterval, Statements, Verdict
@@ -95,12 +95,13 @@ class Fit:
         """lmfit's own `MinimizerResult`, in scaled coordinates, its names with ``_`` for dots and brackets.
 
         Values are logarithms of ratios to the scene's own numbers, or shares of the curve's ranges; see
-        `Problem.vector`. Where the fit was made without lmfit it is asked now, begun at the optimum.
+        `Problem.vector`. Where the engine's search settled lmfit is asked now, begun at the optimum.
         """
         if self._lmfit is not None:
             return self._lmfit
         objective = Objective(self.problem, freeze(self.problem, self.vector, self.noises))
-        return Minimiser()(objective, self.vector).result
+        method = self.statistics.method
+        return Minimiser(method if method in METHODS else METHODS[0])(objective, self.vector).result
 
     @cached_property
     def _statements(self) -> Statements:

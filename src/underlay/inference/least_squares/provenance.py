@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from importlib import metadata
 from typing import Any
 
+from underlay._version import VERSION
 from underlay.data.curve import Curve
 
 __all__ = ["curve_hash", "provenance", "version_record"]
@@ -22,7 +23,7 @@ def curve_hash(curve: Curve) -> str:
 def provenance(curves: Sequence[Curve]) -> dict[str, Any]:
     """Versions of what computed, and of every curve its name, file and hashes."""
     return {
-        "versions": version_record(("underlay", "numpy", "scipy", "lmfit")),
+        "versions": {"underlay": VERSION} | version_record(("numpy", "scipy", "lmfit")),
         "curves": [
             {
                 "name": curve.metadata.get("name"),

@@ -7,7 +7,6 @@ from collections.abc import Collection
 import numpy as np
 
 from underlay.errors import ParameterError
-from underlay.mechanics.materials import Rigid
 from underlay.mechanics.solver import Solver
 from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene import Scene
@@ -40,7 +39,8 @@ def require_acting(
     """
     known = scene.parameters
     part = path.partition(".")[0]
-    if part == "substrate" and isinstance(scene.substrate, Rigid):
+    numberless = not any(name.startswith("substrate.") for name in known)
+    if part == "substrate" and scene.substrate is not None and numberless:
         raise ParameterError(
             f"{path} cannot act: the substrate is RIGID; declare a material as substrate to fit its constants"
         )

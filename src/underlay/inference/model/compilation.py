@@ -207,12 +207,13 @@ def _member(
 
 
 def _check_history(scene: Scene, curve: Curve, free: Mapping[str, int]) -> None:
-    if scene.history is None:
+    if scene.memory is None:
         return
     if curve.time is None:
-        raise CurveError("this scene has a history: give the curve the times of its points (s)")
-    checked_times(curve.time, curve.depth)
+        raise CurveError("this scene remembers: give the curve the times of its points (s)")
+    scene.memory.require_told(tuple(free), checked_times(curve.time, curve.depth))
     if Frame.path in free:
         raise ParameterError(
-            f"{Frame.path} cannot be fitted beside a history: take the frame's share out of the depth first"
+            f"{Frame.path} cannot be fitted beside a history or a relaxation: take the frame's share out of "
+            "the depth first"
         )

@@ -7,7 +7,6 @@ company it is asked in.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.exact.contact_curve import depth_measure
 from underlay.mechanics.halfspace import largest_halfspace_depth
 from underlay.mechanics.indenters import PowerLawShape
-from underlay.mechanics.materials import Isotropic
+from underlay.mechanics.materials import isotropic_constants
 
 __all__ = ["exact_groups"]
 
@@ -60,21 +59,22 @@ def _compiled(sets: ParameterSets, soft: float, octave: float, thin: float | Non
     key = ("batch", forward.laws.number, soft, octave, thin)
     if key in store.batches:
         return store.batches[key]
-    material = scene.layer.material
+    body = scene.contact.isotropic
+    if body is None:
+        return None
     thickness = scene.layer.thickness if thin is None else _RANGE_STEP**thin
     radius = _RANGE_STEP**octave * thickness
     reach = _SHAPE_SHARE * largest_halfspace_depth(scene.indenter)
     depth = min(float(depth_measure(scene.indenter).abel(np.array(radius))), reach)
     outer = None
-    if np.isfinite(soft) and isinstance(scene.substrate, Isotropic) and isinstance(material, Isotropic):
+    if np.isfinite(soft) and body.base is not None:
         # The hardest of the group needs the largest contact radius for its range.
-        ratio = _RATIO_STEP ** (soft + 0.5)
-        base = replace(scene.substrate, E=1.0)
-        outer = replace(base, E=ratio * material.theta / base.theta).plane_constants
+        ratio = _RATIO_STEP ** (soft + 0.5) * body.layer.theta / body.base.theta
+        outer = isotropic_constants(ratio * body.base.E, body.base.nu)
     try:
         compiled = ExactBatch.compile(
             scene.indenter,
-            material.plane_constants,
+            body.layer.plane_constants,
             outer,
             thickness=thickness,
             max_depth=depth,

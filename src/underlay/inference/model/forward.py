@@ -21,7 +21,7 @@ from underlay.mechanics.response import Elastic, History, Remembered, Response, 
 from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.mechanics.solver import Solver
 from underlay.quantities import replace_values
-from underlay.scene.chain import Baseline, BaselineSlope, Chain, ContactPoint, Frame
+from underlay.scene.chain import Chain, ContactPoint, Frame
 from underlay.scene.instrument import Instrument
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
@@ -77,10 +77,11 @@ class Forward:
         time: FloatArray | None = None,
     ) -> Forward:
         """Compile `scene` for readings `depth` (m) at `time` (s) when the parameters at the paths `free` vary."""
-        reference = replace(scene, instrument=Instrument(), history=None)
-        similarity = compile_similarity(scene, free, scaling=solver.scaling)
+        elastic = scene.elastic
+        reference = replace(elastic, instrument=Instrument())
+        similarity = compile_similarity(elastic, free, scaling=solver.scaling)
         laws = LawSource.of(similarity, reference, free, solver, store)
-        return cls(similarity, depth, laws, scene.history, time if scene.history is not None else None)
+        return cls(similarity, depth, laws, scene.memory, time if scene.memory is not None else None)
 
     def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
@@ -134,19 +135,19 @@ class Forward:
         P, S = law.force_and_stiffness(w)
         ratio_columns: dict[str, FloatArray] = {}
         columns = chain.offset_slopes(self.depth)
+        if self.history is not None:
+            P = self._through_history(self.history, values, paths, deepest, law, w, columns, rough=rough)
         for path in paths:
+            if path in columns:
+                continue
             if path == ContactPoint.path:
                 columns[path] = chain.at_fixed_travel(-S, S)
             elif path == Frame.path and chain.frame is not None:
                 columns[path] = chain.frame.slope(P, S)
-            elif path not in columns and not path.startswith("history."):
+            else:
                 columns[path] = chain.at_fixed_travel(
                     self._mechanical(path, values, deepest, law, w, P, S, ratio_columns, rough=rough), S
                 )
-        if self.history is not None:
-            remembered = self._remembered(law, self.history, values)
-            columns |= self._through_history(remembered, values, paths, deepest, law, w, rough=rough)
-            P = remembered.force(w, self.time)
         reading = Reading(P, S, chain.reading(P, self.depth))
         rows = np.empty((len(paths), len(w)))
         for row, path in enumerate(paths):
@@ -155,22 +156,31 @@ class Forward:
 
     def _remembered(self, law: Response, history: History, values: Mapping[str, float]) -> Remembered:
         """The law seen through the history with the numbers of `values`."""
-        own = {path: value for path, value in values.items() if path.startswith("history.")}
-        return Remembered(law, replace_values(history, own, "history"))
+        own = {path: value for path, value in values.items() if self._remembers(path)}
+        return Remembered(law, replace_values(history, own, history.prefix))
+
+    def _remembers(self, path: str) -> bool:
+        """Whether a number is one of the history."""
+        return self.history is not None and path.startswith(f"{self.history.prefix}.")
 
     def _through_history(
         self,
-        remembered: Remembered,
+        history: History,
         values: Mapping[str, float],
         paths: Sequence[str],
         deepest: float,
         law: ScaledLaw,
         w: FloatArray,
+        columns: dict[str, FloatArray],
         *,
         rough: bool,
-    ) -> dict[str, FloatArray]:
-        """Derivatives of a history's force: the law's own go through it as the law's force does."""
-        history, time = remembered.history, checked_times(self.time, w)
+    ) -> FloatArray:
+        """Force (N), (n,), that a history makes of the law's; its derivatives are added to `columns`.
+
+        The law's own derivatives go through the history as the law's force does.
+        """
+        history, time = self._remembered(law, history, values).history, checked_times(self.time, w)
+        through = history.prepared(w, time)
 
         def changed(path: str) -> Elastic:
             if path == ContactPoint.path:
@@ -182,12 +192,12 @@ class Forward:
 
             return slope
 
-        own = [path for path in paths if path.startswith("history.")]
-        found = dict(history.slopes(own, law.force, w, time))
+        own = [path for path in paths if self._remembers(path)]
+        columns |= history.slopes(own, law.force, w, time)
         for path in paths:
-            if path not in found and path not in (Baseline.path, BaselineSlope.path):
-                found[path] = history.force(changed(path), w, time)
-        return found
+            if path not in columns:
+                columns[path] = through(changed(path))
+        return through(law.force)
 
     def _mechanical(
         self,

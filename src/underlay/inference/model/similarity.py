@@ -168,7 +168,11 @@ def compile_similarity(
     ]
     moduli = tuple(path for path in materials if known[path].scales == "force" and path != "layer.E")
     ratios = tuple(path for path in materials if known[path].scales is None)
-    thickness = ("layer.thickness",) if layered else ()
+    deeper = tuple(path for path in materials if known[path].scales == "length" and path != "layer.thickness")
+    thickness = ("layer.thickness", *deeper) if layered else ()
+    if any(known[path].scales is None and known[path].kind != "dimensionless" for path in materials):
+        # A spring's stiffness is neither a ratio nor a modulus nor a length: nothing is scaled out.
+        scaling = Scaling.NONE
     shape = tuple(path for path in values if path.startswith("indenter."))
     adhesion = tuple(path for path in values if path.startswith("adhesion."))
     energies = tuple(path for path in adhesion if known[path].kind == "surface energy")
@@ -189,8 +193,9 @@ def compile_similarity(
         through_coefficient = tuple(path for path in shape if path != "indenter.exponent")
         exponent = scene.indenter.exponent
         length = "layer.thickness" if layered else None
+        lengths = deeper
     elif _is_made_of_lengths(scene.indenter):
-        length, lengths = ("layer.thickness", shape) if layered else (shape[0], shape[1:])
+        length, lengths = ("layer.thickness", (*shape, *deeper)) if layered else (shape[0], shape[1:])
         lengths = (*lengths, *ranges)
     else:
         direct = (*ratios, *shape, *thickness, *ranges)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from scipy import interpolate, optimize, stats
+from scipy import interpolate, optimize, special
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
@@ -103,7 +103,7 @@ class LikelihoodProfile:
     def _plain(self, level: float) -> float:
         """T without calibration; what is profiled of the noise is no scatter about a fit: chi-square."""
         plain = interval_threshold(self.fit, level)
-        return plain if self._noise_is_frozen else float(stats.chi2.ppf(level, 1))
+        return plain if self._noise_is_frozen else float(special.chdtri(1, 1.0 - level))
 
     def basis(self, level: float = 0.95) -> str:
         """What the thresholds are and why, in a sentence."""
@@ -223,8 +223,8 @@ def interval_threshold(fit: Fit, level: float) -> float:
     if not 0.0 < level <= 0.999:
         raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
     if _estimates_noise(fit):
-        return float(stats.f.ppf(level, 1, fit.statistics.points - fit.statistics.parameters))
-    return float(stats.chi2.ppf(level, 1))
+        return float(special.fdtri(1, fit.statistics.points - fit.statistics.parameters, level))
+    return float(special.chdtri(1, 1.0 - level))
 
 
 def _estimates_noise(fit: Fit) -> bool:

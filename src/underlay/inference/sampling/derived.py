@@ -3,6 +3,7 @@
 - reduced modulus 2 theta, for an isotropic material E / (1 - nu^2) (Pa): what a shallow indentation sees;
 - oedometric modulus A33 = 1/c, for an isotropic material E (1 - nu) / ((1 + nu)(1 - 2 nu)) (Pa): what a thin
   confined layer sees; infinite, and left out, where the material is incompressible;
+- equilibrium modulus E e(infinity) of a layer that relaxes to one (Pa); its E is the one at once;
 - stiffness dP/dw of the contact at the deepest point of the curve (N/m).
 """
 
@@ -22,6 +23,7 @@ from underlay.mechanics.materials import (
     isotropic_constants,
     transversely_isotropic_constants,
 )
+from underlay.mechanics.relaxation import Prony
 from underlay.quantities import Quantity, kind_of, path_of
 
 __all__ = ["DERIVED", "derived_quantities", "kind_of_quantity"]
@@ -30,6 +32,7 @@ __all__ = ["DERIVED", "derived_quantities", "kind_of_quantity"]
 DERIVED = {
     "reduced_modulus": Quantity("pressure", "reduced modulus of the {part}"),
     "oedometric_modulus": Quantity("pressure", "oedometric modulus of the {part}"),
+    "equilibrium_modulus": Quantity("pressure", "equilibrium modulus of the {part}"),
     "stiffness": Quantity("stiffness", "contact stiffness at the deepest point"),
 }
 
@@ -66,11 +69,28 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
             suffix = f"[{number}]" if own else ""
             for name, values in _moduli(member, part, flat).items():
                 quantities.setdefault(f"{part}.{name}{suffix}", values)
+            for name, values in _relaxed(member, part, flat).items():
+                quantities.setdefault(f"{part}.{name}{suffix}", values)
         suffix = f"[{number}]" if several else ""
         stiffness, possible = _deepest_stiffness(member, flat)
         if possible:
             quantities[f"stiffness{suffix}"] = stiffness
     return {name: values.reshape(physical.shape[:-1]) for name, values in quantities.items()}
+
+
+def _relaxed(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArray]:
+    """Equilibrium modulus of a layer whose relaxation has one, if a fraction of it or the modulus is free."""
+    relaxation = getattr(getattr(member.scene, part), "relaxation", None)
+    if not isinstance(relaxation, Prony):
+        return {}
+    paths = [f"{part}.relaxation.fractions[{k}]" for k in range(len(relaxation.fractions))]
+    if not any(path in member.entries for path in (f"{part}.E", *paths)):
+        return {}
+    modulus, *fractions = (
+        flat[:, member.entries[path]] if path in member.entries else np.full(len(flat), member.base[path])
+        for path in (f"{part}.E", *paths)
+    )
+    return {"equilibrium_modulus": modulus * (1.0 - np.sum(fractions, axis=0))}
 
 
 def _moduli(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArray]:

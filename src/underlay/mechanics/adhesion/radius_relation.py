@@ -32,10 +32,9 @@ from underlay.mechanics.exact.master_curve import (
     chebyshev_coefficients,
     truncation_error,
 )
-from underlay.mechanics.exact.nodes import Pair, Resolution, series_terms
-from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.nodes import series_terms
+from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import Indenter, PowerLawShape
-from underlay.mechanics.kernel import one_minus_L
 
 __all__ = [
     "AtRadius",
@@ -178,15 +177,14 @@ def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelati
     halfspace = HalfspaceRelation(contact.indenter, contact.theta)
     if not contact.layered:
         return halfspace
-    inner, outer = contact.kernel.constants
-    pair, measure = Pair.of(inner, outer), depth_measure(contact.indenter)
+    body, measure = contact.kernel, depth_measure(contact.indenter)
     last, fine = radius / contact.thickness, max(_SHARE * rtol, _FINEST)
-    resolution = Resolution.choose(pair, last, fine)
-    stretch, terms = Stretch.to(last, pair.softness), series_terms(pair, last, fine)
+    resolution = proved_resolution(body, last, fine)
+    stretch, terms = Stretch.to(last, body.scales.softness), series_terms(body.scales, last, fine)
     while True:
         angles = chebyshev_angles(terms)
         eps = stretch.v(np.cos(angles))
-        punch = PunchSolution.solve(inner, outer, eps, resolution)
+        punch = PunchSolution.solve(body, eps, resolution)
         varpi, logarithms = contact_factors(punch, contact.indenter, measure, contact.thickness)
         half = halfspace.at(eps * contact.thickness)
         measured = varpi * contact.thickness
@@ -208,10 +206,9 @@ def punch_factors(contact: Contact, radius: float, rtol: float) -> tuple[float, 
     """(kappa, g(1)) at one contact radius (m)."""
     if not contact.layered:
         return 1.0, 1.0
-    inner, outer = contact.kernel.constants
     eps = radius / contact.thickness
-    resolution = Resolution.choose(Pair.of(inner, outer), eps, rtol)
-    punch = PunchSolution.solve(inner, outer, np.array([eps]), resolution)
+    resolution = proved_resolution(contact.kernel, eps, rtol)
+    punch = PunchSolution.solve(contact.kernel, np.array([eps]), resolution)
     return float(punch.kappa[0]), 1.0 + float(punch.rho[0] @ punch.rule.weights)
 
 
@@ -222,8 +219,7 @@ def kernel_rule(contact: Contact, radius: float, rtol: float) -> tuple[FloatArra
     """
     if not contact.layered:
         return np.empty(0), np.empty(0)
-    inner, outer = contact.kernel.constants
-    resolution = Resolution.choose(Pair.of(inner, outer), radius / contact.thickness, rtol)
+    resolution = proved_resolution(contact.kernel, radius / contact.thickness, rtol)
     u, weights = resolution.wavenumber_rule()
-    strength = (2.0 / (np.pi * contact.thickness)) * weights * one_minus_L(u, inner, outer)
+    strength = (2.0 / (np.pi * contact.thickness)) * weights * contact.kernel.values(u)
     return u / contact.thickness, strength

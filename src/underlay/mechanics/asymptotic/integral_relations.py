@@ -19,7 +19,7 @@ from scipy import special
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.kernel import one_minus_L, u_rule
+from underlay.mechanics.kernel import SubstrateKernel
 from underlay.mechanics.materials import Layer, Substrate
 
 __all__ = [
@@ -51,9 +51,9 @@ class PressedLayer(NamedTuple):
         cls, layer: Layer, substrate: Substrate, largest_radius: float, rtol: float = 1e-13
     ) -> PressedLayer:
         """Take the rule that holds for contact radii up to `largest_radius` (m) to `rtol`."""
-        constants, base = layer.material.plane_constants, substrate.plane_constants
-        u, weight = u_rule(constants, base, largest_radius / layer.thickness, rtol)
-        return cls(layer.material.theta, layer.thickness, u, weight * one_minus_L(u, constants, base))
+        kernel = SubstrateKernel(layer.material, substrate)
+        u, weight = kernel.rule(largest_radius / layer.thickness, rtol)
+        return cls(layer.material.theta, layer.thickness, u, weight * kernel.values(u))
 
 
 def S_0(sigma: FloatArray, tau: float, u: FloatArray, weight: FloatArray) -> FloatArray:

@@ -34,7 +34,7 @@ from underlay.mechanics.exact.master_curve import (
 from underlay.mechanics.exact.nodes import Resolution, curve_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution
 from underlay.mechanics.indenters import Indenter, PowerLawShape
-from underlay.mechanics.kernel import one_minus_L
+from underlay.mechanics.kernel import Kernel, LayerKernel
 from underlay.mechanics.materials import PlaneConstants
 
 __all__ = ["ExactBatch", "thickness_derivative"]
@@ -106,16 +106,16 @@ class ExactBatch:
             If the contact radius would pass 20 thicknesses, or the end of the indenter's shape, or the batch
             would not fit into memory.
         """
-        problem = ContactProblem.of(indenter, thickness, inner, outer)
+        problem = ContactProblem.of(indenter, thickness, LayerKernel(inner, outer))
         top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / thickness
         solved = solve_curve(problem, top, rtol)
-        terms = min(curve_terms(problem.pair, top, problem.measure.exponent, rtol) + 1, MOST_TERMS)
+        terms = min(curve_terms(problem.scales, top, problem.measure.exponent, rtol) + 1, MOST_TERMS)
         # The radii of a power law go a little further, with a term more, for sets whose contact is narrower: a
         # polynomial soon errs beyond its points.
         margin = _MARGIN if indenter is problem.measure else 1.0
         targets = Stretch.to(margin * top, 0.0).v(np.cos(chebyshev_angles(terms)))
         eps = targets * solved.curve.factor(Factor.RADIUS, targets)
-        resolution = Resolution.choose(problem.pair, solved.eps, rtol)
+        resolution = Resolution.choose(problem.scales, solved.eps, rtol)
         u, weights = resolution.wavenumber_rule()
         rule = even_rule(resolution.radial)
         count = rule.nodes.size
@@ -140,7 +140,7 @@ class ExactBatch:
         thickness : ndarray (sets,), optional
             Of the layers (m): needed only where the indenter is not a power law.
         """
-        punch = self._punch(inner, outer)
+        punch = self._punch(LayerKernel(inner, outer))
         lengths = np.reshape(np.asarray(thickness, dtype=np.float64), (-1, 1))
         # A set whose radii pass the end of the shape is solved on the thickest layer that fits, and marked.
         thickest = self.indenter.max_radius / float(self.eps.max())
@@ -163,8 +163,8 @@ class ExactBatch:
             errors,
         )
 
-    def _punch(self, inner: PlaneConstants, outer: PlaneConstants | None) -> PunchSolution:
-        strength = (2.0 / np.pi) * self.weights * np.atleast_2d(one_minus_L(self.u, inner, outer))
+    def _punch(self, bodies: Kernel) -> PunchSolution:
+        strength = (2.0 / np.pi) * self.weights * np.atleast_2d(bodies.values(self.u))
         count, radii = self.rule.nodes.size, self.eps.size
         kernel = (strength @ self.products).reshape(-1, radii, count + 1, count)
         matrix = kernel[:, :, :count] * -self.rule.weights

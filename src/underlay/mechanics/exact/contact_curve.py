@@ -1,4 +1,4 @@
-"""From a shape, a thickness and two materials to the master curve: places the radii and checks the errors."""
+"""From a shape, a thickness and a kernel to the master curve: places the radii and checks the errors."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from underlay.mechanics.exact.master_curve import (
     chebyshev_angles,
     chebyshev_coefficients,
 )
-from underlay.mechanics.exact.nodes import Pair, Resolution, curve_terms, series_terms
-from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.nodes import Resolution, curve_terms, series_terms
+from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, PowerLawShape, Sphere, abel_factor
-from underlay.mechanics.materials import PlaneConstants, Real
+from underlay.mechanics.kernel import Kernel, Scales
+from underlay.mechanics.materials import Real
 
 __all__ = [
     "LARGEST_EPS",
@@ -65,7 +66,7 @@ _SMOOTH_NODES, _MEASURED_NODES = 40, 240
 
 @dataclass(frozen=True)
 class ContactProblem:
-    """A shape over a thickness, and what the solver needs of the materials.
+    """A shape over a thickness, on a body.
 
     Parameters
     ----------
@@ -75,25 +76,22 @@ class ContactProblem:
         Power law that measures depth: varpi is its half-space radius over the thickness.
     thickness : float
         Of the layer (m).
-    inner, outer : PlaneConstants
-        Of layer and substrate; `outer` None is rigid.
-    pair : Pair
-        What the node counts depend on.
+    kernel : Kernel
+        Of the body.
+    scales : Scales
+        Its own: what the node counts depend on.
     """
 
     indenter: Indenter
     measure: PowerLawShape
     thickness: float
-    inner: PlaneConstants
-    outer: PlaneConstants | None
-    pair: Pair
+    kernel: Kernel
+    scales: Scales
 
     @classmethod
-    def of(
-        cls, indenter: Indenter, thickness: float, inner: PlaneConstants, outer: PlaneConstants | None
-    ) -> Self:
+    def of(cls, indenter: Indenter, thickness: float, kernel: Kernel) -> Self:
         """Build the problem."""
-        return cls(indenter, depth_measure(indenter), thickness, inner, outer, Pair.of(inner, outer))
+        return cls(indenter, depth_measure(indenter), thickness, kernel, kernel.scales)
 
     @property
     def end(self) -> float:
@@ -124,13 +122,17 @@ class ContactProblem:
         depth = np.minimum(self.measure.abel(chi * self.thickness), deepest)
         return np.minimum(self.indenter.halfspace_radius(depth), self.indenter.max_radius) / self.thickness
 
+    def guess(self, chi: float, rtol: float) -> Resolution:
+        """Nodes for radii up to `chi`, as they were fitted to one layer on a base."""
+        return Resolution.choose(self.scales, float(self.eps(np.array([chi]))[0]), rtol)
+
     def resolution(self, chi: float, rtol: float) -> Resolution:
-        """Nodes for radii up to `chi`."""
-        return Resolution.choose(self.pair, float(self.eps(np.array([chi]))[0]), rtol)
+        """Nodes for radii up to `chi`, proved where they were not fitted to bodies of this kind."""
+        return proved_resolution(self.kernel, float(self.eps(np.array([chi]))[0]), rtol)
 
     def solve(self, chi: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
         """Varpi (radii,) and the logarithms of the three factors (radii, 3) at radii `chi`."""
-        punch = PunchSolution.solve(self.inner, self.outer, self.eps(chi), resolution)
+        punch = PunchSolution.solve(self.kernel, self.eps(chi), resolution)
         return contact_factors(punch, self.indenter, self.measure, self.thickness)
 
 
@@ -167,7 +169,7 @@ def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
     RangeError
         If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
     """
-    guess = RadiusGuess.of(problem.pair, problem.measure.exponent)
+    guess = RadiusGuess.of(problem.scales, problem.measure.exponent)
     last = _widened(problem, top, float(guess.radius(np.array([top]))[0]), rtol)
     place, last, gain = _placement(problem, guess, top, last)
     found = None if place is None else _direct(problem, place, top, last, rtol, gain)
@@ -227,10 +229,10 @@ class RadiusGuess:
     rate: float
 
     @classmethod
-    def of(cls, pair: Pair, exponent: float) -> Self:
-        """Guess for one pair of materials and one shape exponent."""
+    def of(cls, scales: Scales, exponent: float) -> Self:
+        """Guess for one body and one shape exponent."""
         gain = float((0.5 * abel_factor(exponent) * (exponent + 2.0)) ** (1.0 / exponent)) - 1.0
-        gain *= (0.66 + 0.34 * pair.firmness) * max(0.0, 1.0 - 1.0 / pair.ratio)
+        gain *= (0.66 + 0.34 * scales.firmness) * max(0.0, 1.0 - 1.0 / scales.stiffest)
         return cls(gain, 0.72 * (2.0 / exponent) ** 0.4)
 
     def radius(self, varpi: FloatArray) -> FloatArray:
@@ -244,11 +246,12 @@ def _placement(
 ) -> tuple[Callable[[FloatArray], FloatArray] | None, float, float]:
     """Where to put the radii for given varpi, the largest, and how errors of depth grow in the radius.
 
-    The guess will do unless the substrate is much softer than the layer: then a coarse solution tells. Where
+    The guess will do unless the substrate is much softer than the layer, or the body is more than one layer on a
+    base: then a coarse solution tells. Where
     varpi(chi) folds, or stops short, there is no placing beforehand (None). The growth is the largest slope
     d ln chi/d ln varpi: one, but near a fold.
     """
-    if problem.pair.ratio > _SOFT:
+    if problem.scales.charted and problem.scales.ratio > _SOFT:
         return guess.radius, last, 1.0
     branches = _series(problem, last, _COARSE)[0].branches()
     gain = min(max(_steepest(branch) for branch in branches), _LARGEST_GAIN)
@@ -276,17 +279,18 @@ def _direct(
     gain: float,
 ) -> SolvedCurve | None:
     """One polynomial through radii placed beforehand; None where that does not reach `rtol`."""
-    softness = problem.pair.softness
+    softness = problem.scales.softness
     fine = max(rtol / gain, _FINEST)
     widen = last / float(place(np.array([top]))[0])
-    terms = curve_terms(problem.pair, top, problem.measure.exponent, rtol)
+    terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol)
+    resolution = problem.resolution(last, fine)
     while terms <= MOST_TERMS:
-        resolution = problem.resolution(last, fine)
         targets = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
         varpi, logarithms = problem.solve(place(targets) * widen, resolution)
         if varpi[-1] < _SHORT * targets[-1] and last < problem.end:
             wider = _widened(problem, top, 1.05 * last * float(targets[-1] / varpi[-1]), rtol)
             widen, last = widen * wider / last, wider
+            resolution = problem.resolution(last, fine)
             continue
         curve = MasterCurve.through(varpi, logarithms, top, softness)
         truncated = curve.error_estimate * problem.unevenness
@@ -299,9 +303,10 @@ def _direct(
 
 def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
     """Solve at Chebyshev points up to `last` and expand in chi, with as many terms as it takes."""
-    stretch = Stretch.to(last, problem.pair.softness)
-    resolution = problem.resolution(last, rtol)
-    terms = series_terms(problem.pair, last, rtol)
+    stretch = Stretch.to(last, problem.scales.softness)
+    # What is asked for to place the radii of another solution needs no proof.
+    resolution = problem.resolution(last, rtol) if rtol < _COARSE else problem.guess(last, rtol)
+    terms = series_terms(problem.scales, last, rtol)
     while True:
         angles = chebyshev_angles(terms)
         chi = stretch.v(np.cos(angles))

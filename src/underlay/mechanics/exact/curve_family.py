@@ -34,9 +34,10 @@ from underlay.mechanics.exact.master_curve import (
     monomials,
     truncation_error,
 )
-from underlay.mechanics.exact.nodes import Pair, Resolution
+from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.indenters import PowerLaw
-from underlay.mechanics.materials import PlaneConstants, isotropic_constants
+from underlay.mechanics.kernel import LayerKernel
+from underlay.mechanics.materials import isotropic_constants
 
 __all__ = [
     "Cell",
@@ -217,7 +218,7 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     solutions = [_solved(cell, float(np.exp(log_ratio))) for log_ratio in log_ratios]
     if any(solved.curve.jumps for solved in solutions):
         return None
-    stretch = Stretch.to(cell.top, Pair.of(*_constants(cell, float(np.exp(0.5 * (low + high))))).softness)
+    stretch = Stretch.to(cell.top, _kernel(cell, float(np.exp(0.5 * (low + high)))).scales.softness)
     pieces = _pieces([solved.curve for solved in solutions], stretch, (-1.0, 1.0), cell.rtol)
     if pieces is None:
         return None
@@ -300,10 +301,9 @@ def _resampled(curves: list[MasterCurve], stretch: Stretch, ends: tuple[float, f
 
 def _solved(cell: Cell, ratio: float) -> SolvedCurve:
     """Exact curve at one ratio, of a tip w = A F_2 a^lambda of any size on a layer of unit thickness."""
-    inner, outer = _constants(cell, ratio)
-    problem = ContactProblem.of(PowerLaw(cell.exponent, 1.0), 1.0, inner, outer)
+    problem = ContactProblem.of(PowerLaw(cell.exponent, 1.0), 1.0, _kernel(cell, ratio))
     return solve_curve(problem, cell.top, _SHARE_OF_SOLUTIONS * cell.rtol)
 
 
-def _constants(cell: Cell, ratio: float) -> tuple[PlaneConstants, PlaneConstants]:
-    return isotropic_constants(1.0, cell.layer_nu), isotropic_constants(ratio, cell.base_nu)
+def _kernel(cell: Cell, ratio: float) -> LayerKernel:
+    return LayerKernel(isotropic_constants(1.0, cell.layer_nu), isotropic_constants(ratio, cell.base_nu))

@@ -26,6 +26,7 @@ from underlay.mechanics.exact.curve_family import (
 from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, piecewise
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
+from underlay.mechanics.kernel import LayerKernel
 from underlay.mechanics.materials import isotropic_constants
 
 __all__ = ["FamilyLaw", "table_number", "tabulated_law"]
@@ -153,7 +154,7 @@ def tabulated_law(contact: Contact, ratio: float, depth: float, rtol: float) -> 
 @lru_cache(maxsize=_CURVES_KEPT)
 def _on_rigid_base(exponent: float, nu: float, reach: int, rtol: float) -> SolvedCurve | None:
     """Curve of a tip of any size on a layer of unit thickness and any modulus; None beyond 20 thicknesses."""
-    problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, isotropic_constants(1.0, nu), None)
+    problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, LayerKernel(isotropic_constants(1.0, nu), None))
     try:
         return solve_curve(problem, range_end(reach), rtol)
     except RangeError:

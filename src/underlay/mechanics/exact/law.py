@@ -17,8 +17,8 @@ from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import LARGEST_EPS, ContactProblem, solve_curve
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve
-from underlay.mechanics.exact.nodes import Pair, Resolution
-from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.nodes import Resolution
+from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape
 
 __all__ = ["ExactLaw", "ExactPunchLaw", "exact_law"]
@@ -156,13 +156,13 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     >>> f"{law.force(5.594154855625e-4):.5f}"  # a/h = 1: P = 7.522667... theta A a^3
     '7.52267'
     """
-    indenter, (inner, outer) = contact.indenter, contact.kernel.constants
+    indenter = contact.indenter
     if isinstance(indenter, FlatPunch):
         return _punch_law(indenter, contact, max_depth, rtol)
     length = contact.thickness
     if length == np.inf:
-        length, outer = float(indenter.halfspace_radius(np.array([max_depth]))[0]), inner
-    problem = ContactProblem.of(indenter, length, inner, outer)
+        length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
+    problem = ContactProblem.of(indenter, length, contact.kernel)
     top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
     solved = solve_curve(problem, top, rtol)
     reason = (
@@ -191,14 +191,13 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
 
 def _punch_law(indenter: FlatPunch, contact: Contact, max_depth: float, rtol: float) -> ExactPunchLaw:
     eps = indenter.radius / contact.thickness
-    inner, outer = contact.kernel.constants
     if eps > LARGEST_EPS:
         raise RangeError(
             f"the punch's radius is {eps:.4g} layer thicknesses, and {LARGEST_EPS:g} is the most that works "
             "here: use a smaller punch or, for contacts wider still, the half-space law of the substrate"
         )
-    resolution = Resolution.choose(Pair.of(inner, outer), eps, rtol)
-    kappa = float(PunchSolution.solve(inner, outer, np.array([eps]), resolution).kappa[0])
+    resolution = proved_resolution(contact.kernel, eps, rtol)
+    kappa = float(PunchSolution.solve(contact.kernel, np.array([eps]), resolution).kappa[0])
     return ExactPunchLaw(
         method="exact",
         reason=f"exact contact problem, a/h = {eps:.3g}, {resolution.radial} nodes",

@@ -7,88 +7,22 @@ and 1e8, at a/h from 0.2 to 20 and relative errors from 1e-2 to 1e-10.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import asinh, ceil, inf, log, log1p, log10
-from typing import Any, Self
+from math import asinh, ceil, log, log1p, log10
+from typing import Self
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.exact.gauss import legendre_rule
-from underlay.mechanics.materials import PlaneConstants
+from underlay.mechanics.kernel import Scales
 
-__all__ = ["MOST_NODES", "SOFTEST", "Pair", "Resolution", "curve_terms", "series_terms"]
-
-
-#: Smallest theta of the substrate over that of the layer: below, the layer bends in the rounding of 1 - L.
-SOFTEST = 1e-20
+__all__ = ["MOST_NODES", "Resolution", "curve_terms", "series_terms"]
 
 
 #: Most nodes in x = r/a times those in u: the cosines of one contact radius, 8 MB of them. An isotropic layer
 #: at a/h = 20 and 1e-12 takes 110 x 288, on a base 1e8 times softer 110 x 752.
 MOST_NODES = 1_000_000
-
-
-def _lowest(value: Any) -> float:
-    return float(value.min()) if isinstance(value, np.ndarray) else float(value)
-
-
-@dataclass(frozen=True)
-class Pair:
-    """What the node counts need to know of a layer on a substrate (of the worst of a batch).
-
-    Parameters
-    ----------
-    decay : float
-        Slowest decay rate of the layer's displacements with depth; 1 when isotropic. It scales lengths.
-    fastest : float
-        Fastest decay rate.
-    ratio : float
-        theta of the substrate over theta of the layer, the smallest of a batch; inf when rigid.
-    stretch : float
-        Wavenumber below which a softer substrate lets the layer stretch with it.
-    firmness : float
-        How incompressible the layer is: 1 at nu = 0.5, 0 at nu = 0.3 and below.
-    """
-
-    decay: float
-    fastest: float
-    ratio: float
-    stretch: float
-    firmness: float
-
-    @classmethod
-    def of(cls, layer: PlaneConstants, substrate: PlaneConstants | None) -> Self:
-        """Read off the constants, floats or (batch, 1).
-
-        Raises
-        ------
-        RangeError
-            If the substrate is more than 1e20 times softer than the layer.
-        """
-        half, p = 0.5 * layer.sigma, layer.p
-        square = half * half - p
-        spread = (square * (square > 0.0)) ** 0.5
-        slow = p / (half + spread)
-        decay = min(_lowest(slow), _lowest(half))
-        fastest = -_lowest(-(half + spread))
-        # (p - q)/p is 0 for an incompressible material and 4/7 for nu = 0.3.
-        firmness = max(0.0, 1.0 - 1.75 * _lowest(layer.p_minus_q / p))
-        if substrate is None:
-            return cls(decay, fastest, inf, inf, firmness)
-        ratio = _lowest(substrate.theta / layer.theta)
-        if not ratio >= SOFTEST:
-            raise RangeError(
-                f"the substrate is {ratio:.3g} times as stiff as the layer, and the exact law ends at "
-                f"{SOFTEST:g}: check the units of the moduli; a layer on nothing carries no load"
-            )
-        stretch = _lowest(substrate.g / (layer.g * substrate.sigma))
-        return cls(decay, fastest, ratio, stretch, firmness)
-
-    @property
-    def softness(self) -> float:
-        """Inverse of the a/h at which a softer substrate is first felt; 0 for a stiffer one."""
-        return 0.0 if self.ratio >= 1.0 else self.ratio ** (-2.0 / 3.0) - 1.0
 
 
 @dataclass(frozen=True)
@@ -111,7 +45,7 @@ class Resolution:
     reach: float
 
     @classmethod
-    def choose(cls, pair: Pair, eps: float, rtol: float) -> Self:
+    def choose(cls, scales: Scales, eps: float, rtol: float) -> Self:
         """Nodes for contact radii up to `eps` = a/h at relative error `rtol`.
 
         Raises
@@ -120,24 +54,30 @@ class Resolution:
             If there would be more than `MOST_NODES`, which is said before any is made.
         """
         digits = 0.5 - log10(rtol)
-        wide = eps / pair.decay
+        wide = eps / scales.decay
         radial = ceil(0.55 * wide**1.38 + (0.4 + 0.28 * wide) * digits)
         # The condition of wide contacts on a rigid base grows as wide^3: the tail must be that much smaller.
         reach = 1.15 * digits + 2.0 + 0.5 * log1p(0.1 * wide)
-        first, count = _graded(pair, wide, digits, reach)
+        first, count = _graded(scales, wide, digits, reach)
         if radial * count > MOST_NODES:
             raise RangeError(
                 f"the exact law would take {radial:.0f} x {count:.0f} nodes at a/h = {eps:.3g}, and it takes "
                 f"{MOST_NODES} of both together at most: with these E, E_axial and G_axial the layer's "
-                f"displacements decay as exp(-{pair.decay:.2g} z), so that a contact acts "
-                f"{1.0 / pair.decay:.3g} times as wide as it is; "
+                f"displacements decay as exp(-{scales.decay:.2g} z), so that a contact acts "
+                f"{1.0 / scales.decay:.3g} times as wide as it is; "
                 "check the moduli and their units, press less deep, or allow a larger rtol"
             )
         return cls(
             radial=max(2, radial),
             wavenumbers=4 * ceil(0.25 * count),
-            first=first / pair.decay,
-            reach=reach / pair.decay,
+            first=first / scales.decay,
+            reach=reach / scales.decay,
+        )
+
+    def finer(self) -> Resolution:
+        """Twice the nodes, graded finer and reaching further: what a solution is proved with."""
+        return Resolution(
+            ceil(1.5 * self.radial) + 1, 2 * self.wavenumbers, 0.25 * self.first, 1.2 * self.reach
         )
 
     def wavenumber_rule(self) -> tuple[FloatArray, FloatArray]:
@@ -152,19 +92,19 @@ class Resolution:
         return grown - self.first, half_span * weights * grown
 
 
-def series_terms(pair: Pair, eps: float, rtol: float) -> int:
+def series_terms(scales: Scales, eps: float, rtol: float) -> int:
     """Contact radii up to `eps` for an expansion in the radius (`RadiusSeries`)."""
-    return ceil((0.5 - log10(rtol)) * (1.2 + 0.65 * (asinh(eps) + log1p(pair.softness * eps))))
+    return ceil((0.5 - log10(rtol)) * (1.2 + 0.65 * (asinh(eps) + log1p(scales.softness * eps))))
 
 
-def curve_terms(pair: Pair, varpi: float, exponent: float, rtol: float) -> int:
+def curve_terms(scales: Scales, varpi: float, exponent: float, rtol: float) -> int:
     """Contact radii for one polynomial in varpi up to `varpi`."""
     digits = 1.0 - log10(rtol)
-    if pair.softness == 0.0:
-        elastic = 0.12 if pair.ratio < 100.0 else 0.0
-        length = asinh(varpi) * (1.0 + 0.12 * pair.firmness + elastic) * (1.0 + 0.25 / exponent)
+    if scales.softness == 0.0:
+        elastic = 0.12 if scales.ratio < 100.0 else 0.0
+        length = asinh(varpi) * (1.0 + 0.12 * scales.firmness + elastic) * (1.0 + 0.25 / exponent)
     else:
-        length = 0.42 * (asinh(varpi) + log1p(pair.softness * varpi)) * (1.0 + 0.25 / exponent)
+        length = 0.42 * (asinh(varpi) + log1p(scales.softness * varpi)) * (1.0 + 0.25 / exponent)
     return 4 * ceil(0.25 * digits * (0.8 + length) - 0.02)
 
 
@@ -172,7 +112,7 @@ def curve_terms(pair: Pair, varpi: float, exponent: float, rtol: float) -> int:
 _GRADING_STEPS = 6
 
 
-def _graded(pair: Pair, wide: float, digits: float, reach: float) -> tuple[float, float]:
+def _graded(scales: Scales, wide: float, digits: float, reach: float) -> tuple[float, float]:
     """Scale of the smallest wavenumbers and the number of nodes.
 
     A pole of L at -x costs exp(-4 n sqrt(x/(first span))) with n nodes on s in [0, span]: the smaller x, the
@@ -182,13 +122,13 @@ def _graded(pair: Pair, wide: float, digits: float, reach: float) -> tuple[float
     """
     first = 1.0 if wide < 4.0 else 3.0
     base = max(2.2 + 0.6 * wide, 1.0 + 1.1 * wide)
-    poles = [(0.5 * pair.decay / pair.fastest, digits)]
-    if pair.ratio < 1.0:
-        poles.append((0.3 * pair.ratio ** (1.0 / 3.0), digits - 0.5 * log10(pair.ratio)))
-        small = digits + 1.0 + 0.5 * log10(pair.ratio)
+    poles = [(0.5 * scales.decay / scales.fastest, digits)]
+    if scales.ratio < 1.0:
+        poles.append((0.3 * scales.ratio ** (1.0 / 3.0), digits - 0.5 * log10(scales.ratio)))
+        small = digits + 1.0 + 0.5 * log10(scales.ratio)
         if small > 0.0:
-            poles.append((pair.stretch * pair.decay, small))
-    growth = (0.34 if pair.ratio >= 1.0 else 0.5) + 0.13 * wide
+            poles.append((scales.stretch * scales.decay, small))
+    growth = (0.34 if scales.ratio >= 1.0 else 0.5) + 0.13 * wide
     count = digits * (base + growth * max(0.0, -log(first)))
     for _ in range(_GRADING_STEPS):
         finest = min(x * (1.74 * count / wanted) ** 2 for x, wanted in poles) / log1p(reach / first)

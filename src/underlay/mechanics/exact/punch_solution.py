@@ -23,17 +23,25 @@ from typing import Self
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.errors import RangeError
 from underlay.mechanics.exact.gauss import EvenRule, even_rule
 from underlay.mechanics.exact.nodes import Resolution
-from underlay.mechanics.kernel import one_minus_L
-from underlay.mechanics.materials import PlaneConstants
+from underlay.mechanics.kernel import Kernel
 
-__all__ = ["PunchSolution"]
+__all__ = ["PunchSolution", "proved_resolution"]
+
+# What a doubling may still change, of the relative error asked for; radii, over the largest, at which it is
+# watched; and no more doublings than this: 64 times the nodes.
+_SHARE_OF_DOUBLING = 0.3
+_WATCHED = np.array([0.03, 0.3, 1.0])
+_MOST_DOUBLINGS = 5
+# Below this a doubling changes the solution by the rounding of its equations.
+_ROUNDING = 2e-13
 
 
 @dataclass(frozen=True)
 class PunchSolution:
-    """The flat punch at contact radii eps = a/h, on one pair of materials.
+    """The flat punch at contact radii eps = a/h, on one body.
 
     Parameters
     ----------
@@ -54,15 +62,13 @@ class PunchSolution:
     kappa: FloatArray
 
     @classmethod
-    def solve(
-        cls, layer: PlaneConstants, substrate: PlaneConstants | None, eps: FloatArray, resolution: Resolution
-    ) -> Self:
+    def solve(cls, body: Kernel, eps: FloatArray, resolution: Resolution) -> Self:
         """Solve for all `eps` in one batch."""
         rule = even_rule(resolution.radial)
         u, weights = resolution.wavenumber_rule()
         count = resolution.radial
         waves = np.cos(np.multiply.outer(np.multiply.outer(eps, rule.with_edge), u))
-        strength = (2.0 / np.pi) * weights * one_minus_L(u, layer, substrate)
+        strength = (2.0 / np.pi) * weights * body.values(u)
         kernel = (waves * np.multiply.outer(eps, strength)[:, None, :]) @ waves.transpose(0, 2, 1)
         matrix = kernel[:, :count, :count] * -rule.weights
         matrix.reshape(eps.size, count * count)[:, :: count + 1] += 1.0
@@ -88,3 +94,39 @@ class PunchSolution:
             g_shape = (self.g * shape_weights).sum(axis=-1)
         depth = (1.0 + rho_shape) / edge
         return depth, depth * self.kappa - g_shape
+
+
+def proved_resolution(body: Kernel, eps: float, rtol: float) -> Resolution:
+    """Nodes for contact radii up to `eps` = a/h at relative error `rtol`.
+
+    Counts fitted to one layer on a base are taken as they are; for any other body they are a first guess, and
+    doubled until depth and force of a flat punch and of a paraboloid stand still.
+
+    Raises
+    ------
+    RangeError
+        If they do not.
+    """
+    resolution = Resolution.choose(body.scales, eps, rtol)
+    if body.scales.charted:
+        return resolution
+    allowed = max(_SHARE_OF_DOUBLING * rtol, _ROUNDING)
+    told = _told(body, eps, resolution)
+    for _ in range(_MOST_DOUBLINGS):
+        finer = resolution.finer()
+        proof = _told(body, eps, finer)
+        change = float(np.abs(told / proof - 1.0).max())
+        if change <= allowed:
+            return resolution
+        resolution, told = finer, proof
+    raise RangeError(
+        f"the contact on this body does not settle: with {resolution.wavenumbers} wavenumbers it still changes by "
+        f"{change:.1g}, and {allowed:.1g} is allowed; ask for a larger rtol, or leave out what is far stiffer or "
+        "softer than the rest"
+    )
+
+
+def _told(body: Kernel, eps: float, resolution: Resolution) -> FloatArray:
+    punch = PunchSolution.solve(body, eps * _WATCHED, resolution)
+    depth, force = punch.depth_and_force(punch.rule.power_weights(2.0))
+    return np.stack([punch.kappa, depth, force])

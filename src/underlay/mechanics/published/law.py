@@ -152,8 +152,8 @@ def _layer_contact(correction: PublishedCorrection, contact: Contact) -> LayerCo
         needed = "an isotropic elastic substrate" if elastic else "a rigid substrate"
         others = '"garcia2018"' if elastic else '"clifford2009" or "hay2011"'
         raise InputError(
-            f"{name} needs an isotropic layer on {needed}; got {contact.kernel.layer!r} on "
-            f"{contact.kernel.substrate!r}. For another base take, e.g., {others}; the "
+            f"{name} needs an isotropic layer on {needed}; got {contact.kernel.description}. "
+            f"For another base take, e.g., {others}; the "
             'solver "exact" takes every material and base'
         )
     return LayerContact(

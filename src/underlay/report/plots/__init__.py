@@ -11,6 +11,7 @@ from underlay.report.plots.map import map  # noqa: A004  the public name
 from underlay.report.plots.plan import plan
 from underlay.report.plots.predictive import predictive
 from underlay.report.plots.profile import profile
+from underlay.report.plots.relaxation import fit_in_time, relaxation
 from underlay.report.plots.scene import scene
 from underlay.report.plots.segments import segments
 from underlay.report.plots.style import save
@@ -22,12 +23,14 @@ __all__ = [
     "correlations",
     "effects",
     "fit",
+    "fit_in_time",
     "histogram",
     "identifiability",
     "map",
     "plan",
     "predictive",
     "profile",
+    "relaxation",
     "save",
     "scene",
     "segments",

@@ -39,7 +39,7 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     """
     measured, scene = result.curves[curve], result.scenes[curve]
     depth, time = np.linspace(measured.depth.min(), measured.depth.max(), 400), None
-    if scene.history is not None:
+    if scene.memory is not None:
         depth, time = measured.depth, measured.time  # between the points nobody knows the time
     length, mm = unit_for(measured.depth, "length")
     load, mN = unit_for(measured.force, "force")

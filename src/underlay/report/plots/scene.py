@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.materials import Material, Rigid
+from underlay.mechanics.materials import Layer, Material, Rigid
 from underlay.mechanics.solvers import AnySolver
+from underlay.mechanics.stack import Stack
 from underlay.report.plots.style import COLUMN, INK, LAYER, METAL, SUBSTRATE, axes, style
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity, human_unit
@@ -58,7 +59,9 @@ def scene(
     with style():
         ax = axes(ax, width=COLUMN, height=2.6)
         top = 0.55 * half
-        bottom = -shown - (0.35 * half if shown == thick else 0.0)
+        deeper = sum(layer.thickness for layer in _deeper(test))
+        room = max(0.35 * half, min(1.2 * deeper, half)) if shown == thick else 0.0
+        bottom = -shown - room
         ax.set(xlim=(-half / factor, half / factor), ylim=(bottom / factor, top / factor))
         ax.set_aspect("equal")
         _draw_layer(ax, test, tip, radius, half, shown, factor)
@@ -66,7 +69,7 @@ def scene(
             ax.fill_between(
                 [-half / factor, half / factor], bottom / factor, -thick / factor, color=SUBSTRATE
             )
-            ax.axhline(-thick / factor, color=INK, lw=0.9)
+            _draw_faces(ax, test, bottom, factor)
         _draw_indenter(ax, test, tip, half, top, factor)
         _write(ax, test, tip, radius, (half, shown, bottom, top), factor)
         ax.set_xlabel(f"distance from the axis ({unit})")
@@ -96,6 +99,31 @@ def _draw_layer(
     ax.plot(both / factor, height / factor, color=INK, lw=0.9)
 
 
+def _deeper(test: Scene) -> tuple[Layer, ...]:
+    """Layers under the one on top."""
+    return tuple(test.substrate.layers) if isinstance(test.substrate, Stack) else ()
+
+
+def _draw_faces(ax: Axes, test: Scene, bottom: float, factor: float) -> None:
+    """Lower faces of the layers, at their depths; broken where a face is not bonded."""
+    depth = 0.0
+    for layer in (test.layer, *_deeper(test)):
+        depth += layer.thickness
+        if -depth > bottom:
+            ax.axhline(-depth / factor, color=INK, lw=0.9, ls="-" if layer.bond == "bonded" else "--")
+
+
+def _below(test: Scene) -> str:
+    """What is under the layer on top, a line each."""
+    base = test.substrate.base if isinstance(test.substrate, Stack) else test.substrate
+    name = f"substrate, {'rigid' if isinstance(base, Rigid) or base is None else _material(base)}"
+    lines = [
+        f"{format_quantity(layer.thickness, 'length')}, {_material(layer.material)}"
+        for layer in _deeper(test)
+    ]
+    return "\n".join([*lines, name])
+
+
 def _draw_indenter(ax: Axes, test: Scene, tip: float, half: float, top: float, factor: float) -> None:
     reach = min(half, test.indenter.max_radius)
     r = np.linspace(0.0, reach, _POINTS)
@@ -123,8 +151,7 @@ def _write(
         ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
         ax.text(left, -0.94 * shown / factor, below, va="center", ha="left", style="italic")
     else:
-        base = test.substrate
-        words = f"substrate, {'rigid' if isinstance(base, Rigid) or base is None else _material(base)}"
+        words = _below(test)
         if shown < _THIN * (top - bottom):
             # No room for words in a thin layer: they stand below it.
             words = f"{layer}, {format_quantity(thick, 'length')} thick\n{words}"

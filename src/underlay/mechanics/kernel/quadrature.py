@@ -42,6 +42,7 @@ def u_rule(
     rtol: float,
     *,
     power: int = 0,
+    smallest: float = np.inf,
 ) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights on [0, inf) for int [1 - L(u)] u^power cos(s u) cos(t u) du, s, t <= `eps_max`.
 
@@ -56,6 +57,8 @@ def u_rule(
         random pairs of anisotropic materials, within a factor 2 for the rest.
     power : int, default 0
         Power of u in the integrand, for the moments of (1.8).
+    smallest : float, optional
+        A smaller scale of u than those of layer and substrate, where the body has one.
 
     Returns
     -------
@@ -77,6 +80,7 @@ def u_rule(
     first = 1.0 / fast
     if substrate is not None:
         first = min(first, _first_panel(layer, substrate, digits, least, fast))
+    first = min(first, smallest)
     # Largest half-phase phi that n nodes hold: int_-1^1 exp(i phi x) dx to (e phi/(4 n))^(2 n).
     widths = (8.0 / (e * rate)) * _ORDERS * np.exp(-0.5 * digits / _ORDERS)
     plan = _plan(first, reach, widths, least, least)

@@ -1,4 +1,4 @@
-"""The substrate kernel 1 - L(u): how the base under a layer changes its surface compliance.
+"""The kernel 1 - L(u) of one layer: how the base under it changes its surface compliance.
 
 Formula (Hankel space, u = wavenumber times thickness; J = diag(-1, 1); 1 = layer, 2 = substrate):
 
@@ -17,19 +17,16 @@ give R = 0 and therefore L = 1 to the last bit. Erratum of the appendix: a_21 ca
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import factorial, sqrt
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
-from underlay.errors import InputError
-from underlay.mechanics.kernel_quadrature import u_rule
-from underlay.mechanics.materials import Material, PlaneConstants, Real, Substrate, magnitude
+from underlay._arrays import FloatArray, read_only
+from underlay.mechanics.materials import PlaneConstants, Real, magnitude
 
-__all__ = ["SubstrateKernel", "coefficients", "one_minus_L", "u_rule"]
+__all__ = ["one_minus_L", "passage"]
 
 # |d^2|/p below which the two roots count as equal: ch and sh are then exp(-u sigma/2) times 1 and u. The
 # rounding of isotropic constants leaves up to 2.0 eps. Error of L at the switch, on a rigid base: 6e-16 with
@@ -44,7 +41,6 @@ _SMALL_U = 3.0
 # 1/(2k+1)!, 1/(2k+2)! of the series of step 4: at u sigma = 3 the first term left out is 2e-17 of the sum.
 _ODD = read_only(np.array([1.0 / factorial(2 * k + 1) for k in range(1, 14)]))
 _EVEN = read_only(np.array([1.0 / factorial(2 * k + 2) for k in range(1, 14)]))
-_MOST_COEFFICIENTS = 12
 
 
 class _Interface(NamedTuple):
@@ -86,7 +82,7 @@ def one_minus_L(u: FloatArray, layer: PlaneConstants, substrate: PlaneConstants 
     r21 = m12 * (pair.d11 + pair.m11) * scale
     r22 = (m12 * m12 + pair.m11 * pair.d22) * scale
     det_r = (m12 * m12 - pair.d11 * pair.d22) * scale
-    ch, sh = _passage(u, pair)
+    ch, sh = passage(u, p, pair.sigma2, sigma)
     ch2, chsh, sh2 = ch * ch, ch * sh, sh * sh
     # G22 and G22 - G11, with E = ch + sh [[-k, p], [-1, k]] multiplied out.
     k, w, spread = 0.5 * sigma, p * r21 - r12, r22 - r11
@@ -132,10 +128,10 @@ def _interface(layer: PlaneConstants, substrate: PlaneConstants | None) -> _Inte
     )
 
 
-def _passage(u: FloatArray, pair: _Interface) -> tuple[FloatArray, FloatArray]:
-    """ch and sh times exp(-u sigma/2), with decaying exponentials only."""
-    p, half = pair.p, 0.5 * pair.sigma
-    d2 = 0.25 * pair.sigma2 - p
+def passage(u: FloatArray, p: Real, sigma2: Real, sigma: Real) -> tuple[FloatArray, FloatArray]:
+    """ch and sh times exp(-u sigma/2), with decaying exponentials only; `sigma2` is sigma^2."""
+    half = 0.5 * sigma
+    d2 = 0.25 * sigma2 - p
     equal = _EQUAL_ROOTS * p
     if _holds_for_none(magnitude(d2) > equal):
         ch = np.exp(-half * u)
@@ -211,131 +207,3 @@ def _remainder(u: FloatArray, p: Real, sigma2: Real, sigma: Real) -> FloatArray:
     powers[:] = u * u
     np.multiply.accumulate(powers, axis=0, out=powers)
     return x * ((q * _ODD) @ powers + x * ((q * _EVEN) @ powers))
-
-
-def coefficients(
-    layer: PlaneConstants, substrate: PlaneConstants | None, count: int, rtol: float = 1e-15
-) -> FloatArray:
-    """a_m = (-1)^m/((2m)!!)^2 int_0^inf [1 - L(u)] u^(2m) du (1.8), m < `count`, without checks.
-
-    Parameters
-    ----------
-    layer, substrate : PlaneConstants
-        Entries floats, or arrays (batch, 1); `substrate` None is a bonded rigid base.
-    count : int
-        Number of coefficients.
-    rtol : float
-        Wanted error of the integrals.
-
-    Returns
-    -------
-    array (count,) or (batch, count)
-    """
-    u, weights = u_rule(layer, substrate, 0.0, rtol, power=2 * count - 2)
-    moments = weights[:, None] * u[:, None] ** (2.0 * np.arange(count))
-    scale = [(-1.0) ** m / (2.0**m * factorial(m)) ** 2 for m in range(count)]
-    return one_minus_L(u, layer, substrate) @ moments * scale
-
-
-@dataclass(frozen=True)
-class SubstrateKernel:
-    """The kernel of one layer material on one substrate.
-
-    Parameters
-    ----------
-    layer : Isotropic or TransverselyIsotropic
-        Material of the layer.
-    substrate : Isotropic, TransverselyIsotropic or RIGID
-        Material of the half-space bonded under it.
-
-    Raises
-    ------
-    InputError
-        If one of them is not such a material.
-
-    Examples
-    --------
-    >>> from underlay.mechanics.materials import RIGID, Isotropic
-    >>> kernel = SubstrateKernel(Isotropic(E=1.0, nu=0.5), RIGID)
-    >>> [round(float(a), 10) for a in kernel.coefficients(2)]
-    [1.7702167734, -0.9577692889]
-    """
-
-    layer: Material
-    substrate: Substrate
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.layer, Material):
-            raise InputError(f"the layer material is Isotropic or TransverselyIsotropic; got {self.layer!r}")
-        if not isinstance(self.substrate, Substrate):
-            raise InputError(
-                f"the substrate is Isotropic, TransverselyIsotropic or RIGID; got {self.substrate!r}"
-            )
-
-    def one_minus_L(self, u: ArrayLike) -> FloatArray:
-        """1 - L(u), shape of `u` (wavenumber times thickness, dimensionless, zero or more).
-
-        Raises
-        ------
-        InputError
-            If a `u` is negative or not finite.
-        """
-        nodes = as_finite(u, "u")
-        if (nodes < 0.0).any():
-            raise InputError(f"the kernel needs u of zero or more; got {nodes.min():.6g}")
-        flat = np.atleast_1d(nodes).ravel()
-        return one_minus_L(flat, *self.constants).reshape(nodes.shape)[()]
-
-    def coefficients(self, count: int) -> FloatArray:
-        """a_0, a_1, ... of (1.7) by (1.8), `count` of them, to near machine precision; array (count,).
-
-        Raises
-        ------
-        InputError
-            If `count` is not in 1..12; each asymptotic order needs a_m only up to m = 1.
-        """
-        if not 1 <= count <= _MOST_COEFFICIENTS:
-            raise InputError(f"count of coefficients must be in 1..{_MOST_COEFFICIENTS}; got {count!r}")
-        return coefficients(*self.constants, count)
-
-    @property
-    def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """What is seen of the layer and of the substrate; None where it is rigid."""
-        return self.layer.plane_constants, self.substrate.plane_constants
-
-    @property
-    def uniform(self) -> bool:
-        """Whether the substrate continues the layer: the kernel is zero."""
-        return self.substrate == self.layer
-
-    @property
-    def decay(self) -> float:
-        """Slowest rate at which displacements decay through the layer, per wavenumber; 1 when isotropic."""
-        inner = self.constants[0]
-        half, p = 0.5 * float(inner.sigma), float(inner.p)
-        return min(half, p / (half + sqrt(max(half * half - p, 0.0))))
-
-    @property
-    def contrast(self) -> float:
-        """How much the two materials differ: delta with (1 - delta) C_1 <= C_2 <= (1 + delta) C_1.
-
-        Energy is monotone in the stiffness of a part, so the layered body is between two half-spaces of moduli
-        E_1/(1 +- delta), and the force at a given depth within a relative delta/(1 - delta) of the
-        half-space's, at any contact size. 1 for a rigid substrate.
-        """
-        inner, outer = self.constants
-        if outer is None:
-            return 1.0
-        (a, b, d), (A, B, D) = _compliance(inner), _compliance(outer)
-        # Eigenvalues of C_1^-1 (C_2 - C_1) from trace and determinant of the 2 x 2 product.
-        x, y, z = A - a, B - b, D - d
-        determinant = a * d - b * b
-        half_trace = 0.5 * (d * x - 2.0 * b * y + a * z) / determinant
-        product = (x * z - y * y) / determinant
-        return abs(half_trace) + sqrt(max(half_trace * half_trace - product, 0.0))
-
-
-def _compliance(constants: PlaneConstants) -> tuple[float, float, float]:
-    """C_11, C_12 and C_22 of a half-space (1/Pa)."""
-    p, sigma, g = float(constants.p), float(constants.sigma), float(constants.g)
-    return sigma / g, -float(constants.p_minus_q) / g, p * sigma / g

@@ -1,0 +1,154 @@
+"""The kernel of several layers on a base, bonded, slipping or on springs, as an object: see `recursion`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+
+from underlay._arrays import FloatArray
+from underlay.errors import RangeError
+from underlay.mechanics.bonds import Bond, Spring
+from underlay.mechanics.kernel.kernel import Kernel, Layers
+from underlay.mechanics.kernel.merging import joined, relative_effect
+from underlay.mechanics.kernel.quadrature import u_rule
+from underlay.mechanics.kernel.recursion import Sheet, stack_one_minus_L
+from underlay.mechanics.kernel.scales import SOFTEST, Scales
+from underlay.mechanics.kernel.substrate import material_contrast
+from underlay.mechanics.materials import Layer, PlaneConstants, Substrate
+
+__all__ = ["StackKernel"]
+
+
+@dataclass(frozen=True)
+class StackKernel(Kernel):
+    """The kernel of layers on a base; u is the wavenumber times the thickness of the layer on top.
+
+    Parameters
+    ----------
+    layers : tuple of Layer
+        From the top down, each of finite thickness and with the bond of its lower face.
+    base : Isotropic, TransverselyIsotropic or RIGID
+        The half-space under them.
+
+    Examples
+    --------
+    Free to slip on a rigid base, whatever its Poisson's ratio:
+
+    >>> from underlay.mechanics.materials import RIGID, Isotropic
+    >>> kernel = StackKernel((Layer(Isotropic(E=1.0, nu=0.3), 1.0, bond="slip"),), RIGID)
+    >>> round(float(kernel.coefficients(1)[0]), 10)
+    1.1675768374
+    """
+
+    layers: tuple[Layer, ...]
+    base: Substrate
+
+    def values(self, u: FloatArray) -> FloatArray:
+        """1 - L at `u` (nodes,)."""
+        sheets, base = self._sheets
+        return stack_one_minus_L(u, sheets, base)
+
+    @cached_property
+    def _sheets(self) -> tuple[tuple[Sheet, ...], PlaneConstants | None]:
+        """The layers and the base, in units of the top layer's thickness and g."""
+        top = self.layers[0]
+        g, t = float(top.material.plane_constants.g), top.thickness
+        sheets = []
+        for layer in self.layers:
+            opening, sliding = (g / t * give for give in _give(layer.bond))
+            constants = _scaled(layer.material.plane_constants, g)
+            sheets.append(Sheet(constants, layer.thickness / t, opening, sliding))
+        base = self.base.plane_constants
+        return tuple(sheets), None if base is None else _scaled(base, g)
+
+    @cached_property
+    def scales(self) -> Scales:
+        """Where it bends.
+
+        In place of the one ratio of a single layer stands the smallest of the wavenumbers at which the layers
+        together, H thick and s times as stiff as the one on top at the stiffest, bend or slide on something
+        softer: 1/H of the whole, (r/s)^(1/3)/H on a half-space of ratio r, (k/(s H^3))^(1/4) on springs or a
+        soft layer of stiffness k, (k/(s H))^(1/2) in shear. They need be right in order of magnitude: node
+        counts are proved by doubling.
+        """
+        sheets, base = self._sheets
+        top = Scales.of(sheets[0].constants, None)
+        parts = [sheet.constants for sheet in sheets[1:]] + ([] if base is None else [base])
+        ratios = [float(part.theta / sheets[0].constants.theta) for part in parts]
+        softest = min(ratios, default=1.0)
+        if not softest >= SOFTEST:
+            raise RangeError(
+                f"a part under the surface is {softest:.3g} times as stiff as the layer on top, and the exact law "
+                f"ends at {SOFTEST:g}: check the units of the moduli; a layer on nothing carries no load"
+            )
+        height = sum(sheet.thickness for sheet in sheets)
+        # A base bends no more than the layers let it: only they are plates.
+        stiff = max([1.0, *ratios[: len(sheets) - 1]])
+        turns = [1.0 / height, (min(softest, 1.0) / stiff) ** (1.0 / 3.0) / height]
+        stretch = min(1.0, softest) / (stiff * height)
+        gives = [(1.0 / r, sheet.thickness) for r, sheet in zip(ratios, sheets[1:], strict=False) if r < 1.0]
+        for sheet in sheets:
+            if sheet.opening:
+                turns.append((1.0 / (sheet.opening * stiff * height**3)) ** 0.25)
+            if 0.0 < sheet.sliding < inf:
+                turns.append((1.0 / (sheet.sliding * stiff * height)) ** 0.5)
+        turns += [(1.0 / (soft * thick * stiff * height)) ** 0.5 for soft, thick in gives]
+        ratio = min(1.0, *turns) ** 3
+        stiffest = inf if base is None else max(ratios)
+        fastest = max(Scales.of(sheet.constants, None).fastest * sheet.thickness for sheet in sheets)
+        return Scales(
+            top.decay, max(top.fastest, fastest), ratio, stretch, top.firmness, stiffest, charted=False
+        )
+
+    def rule(self, eps_max: float, rtol: float, *, power: int = 0) -> tuple[FloatArray, FloatArray]:
+        """See `u_rule`; graded from the smallest of the kernel's wavenumbers."""
+        layer = self._sheets[0][0].constants
+        return u_rule(layer, None, eps_max, rtol, power=power, smallest=self.scales.ratio ** (1.0 / 3.0))
+
+    @cached_property
+    def contrast(self) -> float:
+        """How much any part differs from the layer on top; infinite where a face is on springs."""
+        top = self.layers[0].material.plane_constants
+        parts = [layer.material.plane_constants for layer in self.layers[1:]] + [self.base.plane_constants]
+        if any(isinstance(layer.bond, Spring) for layer in self.layers):
+            return inf
+        slips = any(layer.bond == "slip" for layer in self.layers)
+        return max(material_contrast(top, part) for part in parts) + (1.0 if slips else 0.0)
+
+    @property
+    def uniform(self) -> bool:
+        """Whether all is one material, bonded: the kernel is zero."""
+        first = self.layers[0].material
+        alike = all(layer.material == first and layer.bond == "bonded" for layer in self.layers)
+        return alike and self.base == first
+
+    def simpler(self, eps: float, allowed: float) -> Layers | None:
+        """Return the body with every layer joined to a neighbour that contacts cannot tell from it."""
+        found = Layers(self.layers, self.base)
+        changed = len(found.layers) > 1
+        while changed:
+            changed = False
+            for trial in joined(found, eps * self.layers[0].thickness / found.layers[0].thickness):
+                stretch = trial.layers[0].thickness / self.layers[0].thickness
+                if relative_effect(self, StackKernel(*trial[:2]), stretch, eps) <= allowed:
+                    found, changed = trial, len(trial.layers) > 1
+                    break
+        return found if found.said else None
+
+    @property
+    def description(self) -> str:
+        """Every layer and the base."""
+        layers = (f"{layer.material!r} ({layer.thickness:.4g} m, {layer.bond})" for layer in self.layers)
+        return " on ".join((*layers, repr(self.base)))
+
+
+def _give(bond: Bond) -> tuple[float, float]:
+    """Opening and sliding per stress (m/Pa)."""
+    if isinstance(bond, Spring):
+        return 1.0 / bond.normal, 1.0 / bond.shear if bond.shear else inf
+    return 0.0, inf if bond == "slip" else 0.0
+
+
+def _scaled(of: PlaneConstants, g: float) -> PlaneConstants:
+    return PlaneConstants(float(of.q), float(of.c * g), float(of.g / g), float(of.S * g))

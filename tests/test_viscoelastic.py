@@ -1,0 +1,440 @@
+"""A relaxing layer on a rigid base: reference values, limits and laws of its force in time."""
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from scipy import integrate, special
+
+import underlay as ul
+from underlay.inference.sampling.derived import derived_quantities
+from underlay.mechanics.response import Remembered
+from underlay.mechanics.scaled_law import ScaledLaw
+from underlay.mechanics.viscoelastic import history
+from underlay.mechanics.viscoelastic.bed import Bed
+from underlay.mechanics.viscoelastic.history import Viscoelastic
+from underlay.report import plots
+
+#: Depth at which a paraboloid of radius h reaches a = h, by Poisson's ratio (lengths in h, theta = 1).
+REACH = {0.5: 0.559415485563, 0.3: 0.647622319928}
+SOLID = ul.Prony((0.7,), (0.5,))
+
+
+def elastic_law(nu, indenter=None, thickness=1.0, scale=1.0):
+    base = ul.RIGID
+    layer = ul.Layer(ul.Isotropic(2.0 * (1.0 - nu**2), nu), thickness)
+    return ul.contact_law(
+        indenter or ul.Paraboloid(1.0), layer, base, max_depth=scale * REACH[nu], solver=ul.Exact(rtol=1e-10)
+    )
+
+
+@pytest.fixture(scope="module")
+def laws():
+    return {nu: elastic_law(nu, scale=1.0001) for nu in REACH}
+
+
+def triangle(time, peak):
+    """Up to `peak` in 1, and down at two thirds of the speed."""
+    return np.where(time <= 1.0, peak * time, peak - (time - 1.0) * peak / 1.5)
+
+
+# --- reference values, by quadrature over the elastic law, a bed of springs and rings of pressure ---------
+
+TRIANGLE_TIMES = (0.25, 0.50, 0.75, 1.00, 1.10, 1.20, 1.30, 1.40, 1.50, 1.60, 1.70)
+TRIANGLE = {
+    0.5: (
+        0.21332453636,
+        0.72667293879,
+        1.53570825436,
+        2.64717694876,
+        1.89061436757,
+        1.29415316898,
+        0.83878535480,
+        0.50603058048,
+        0.27623730069,
+        0.12871295315,
+        0.04356449934,
+    ),
+    0.3: (
+        0.2354929778,
+        0.7350776110,
+        1.4375979041,
+        2.3133262928,
+        1.6900782798,
+        1.1894491019,
+        0.7969647744,
+        0.4997117593,
+        0.2848459890,
+        0.1390893245,
+        0.0494687041,
+    ),
+}
+RAMP_TIMES = (0.05, 0.125, 0.25, 0.3, 0.5, 1.0, 3.0, 10.0)
+RAMP = {
+    0.5: (
+        0.1471524409,
+        0.7472470173,
+        2.8072534729,
+        2.3983950517,
+        1.7885081517,
+        1.4977492784,
+        1.0263168644,
+        0.7605423558,
+    ),
+    0.3: (
+        0.1655704551,
+        0.7570222131,
+        2.4655663834,
+        2.1154196153,
+        1.5909244429,
+        1.3349770287,
+        0.9153791042,
+        0.6788158669,
+    ),
+}
+POWER_LAW_RAMP = {
+    0.5: (
+        0.39731812799,
+        1.87859467614,
+        6.95705826196,
+        5.78701878,
+        4.70842315,
+        3.90518800,
+        3.05467761,
+        2.38133779,
+    ),
+    0.3: (
+        0.44517508843,
+        1.89431769031,
+        6.09934567084,
+        5.12350917,
+        4.18914810,
+        3.48107318,
+        2.72543772,
+        2.12526545,
+    ),
+}
+
+
+@pytest.mark.parametrize("nu", [0.5, 0.3])
+def test_triangle(laws, nu):
+    time = np.linspace(0.0, 1.9, 381)
+    force = Viscoelastic(SOLID).force(laws[nu].force, triangle(time, REACH[nu]), time)
+    found = force[np.round(200.0 * np.array(TRIANGLE_TIMES)).astype(int)]
+    # 200 points on the ramp: 2e-9 of the largest force.
+    assert np.abs(found - TRIANGLE[nu]).max() < 1e-8 * max(TRIANGLE[nu])
+    # Contact ends at 1.836396466676, whatever the layer.
+    assert force[367] > 0.0
+    assert not force[368:].any()
+
+
+def test_contact_is_lost_at_the_stated_time(laws):
+    def still(end):
+        time = np.append(np.linspace(0.0, 1.0, 101), (1.4, end))
+        return Viscoelastic(SOLID).force(laws[0.5].force, triangle(time, REACH[0.5]), time)[-1] > 0.0
+
+    low, high = 1.8, 1.9
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if still(middle) else (low, middle)
+    assert low == pytest.approx(1.836396466676, abs=1e-9)
+
+
+@pytest.mark.parametrize("nu", [0.5, 0.3])
+@pytest.mark.parametrize(
+    ("relaxation", "reference"),
+    [(ul.Prony((0.5, 0.3), (0.1, 2.0)), RAMP), (ul.PowerLawRelaxation(0.2), POWER_LAW_RAMP)],
+)
+def test_ramp_and_hold(laws, nu, relaxation, reference):
+    # Uneven steps: 1000 on the ramp, then of 0.05.
+    time = np.concatenate((np.linspace(0.0, 0.25, 1001), np.linspace(0.25, 10.0, 196)[1:]))
+    force = Viscoelastic(relaxation).force(laws[nu].force, REACH[nu] * np.minimum(time / 0.25, 1.0), time)
+    at = [int(np.abs(time - t).argmin()) for t in RAMP_TIMES]
+    assert force[at] == pytest.approx(reference[nu], rel=1e-8)
+
+
+def test_two_cycles(laws):
+    corners = (0.0, 1.0, 1.3, 1.8, 2.2, 2.6, 3.4)
+    time = np.linspace(0.0, 3.4, 341)
+    depth = REACH[0.5] * np.interp(time, corners, (0.0, 0.7, 0.45, 0.9, 0.9, 0.55, 1.0))
+    force = Viscoelastic(SOLID).force(laws[0.5].force, depth, time)
+    assert force[130] == pytest.approx(0.14235, abs=1e-5)
+    assert force[340] == pytest.approx(1.96749, abs=1e-5)
+
+
+# --- the constructions agree with each other ---------------------------------------------------------------
+
+
+def test_bed_agrees_with_the_closed_constructions(laws):
+    time = np.linspace(0.0, 1.9, 191)
+    depth = triangle(time, REACH[0.5])
+    bed = Bed.of(depth, SOLID.modes(0.01, 1.9), time)(laws[0.5].force)
+    closed = Viscoelastic(SOLID).force(laws[0.5].force, depth, time)
+    assert np.abs(bed - closed).max() < 1e-5 * closed.max()
+
+
+def test_ripples_of_a_depth_reading_hold_next_to_nothing(laws, monkeypatch):
+    time = np.linspace(0.0, 3.0, 301)
+    ripple = 1.4e-3 * np.random.default_rng(0).uniform(-1.0, 1.0, time.size)
+    depth = REACH[0.5] * np.minimum(0.99 * np.minimum(time, 1.0) + ripple, 1.0)
+    depth[0] = 0.0
+    smooth = Viscoelastic(SOLID).force(laws[0.5].force, depth, time)
+    monkeypatch.setattr(history, "_RIPPLES", (0.0,))
+    assert (
+        np.abs(Viscoelastic(SOLID).force(laws[0.5].force, depth, time) - smooth).max() < 5e-5 * smooth.max()
+    )
+
+
+def test_integral_by_quadrature(laws):
+    """One value of the superposition integral, by another route: adaptive quadrature of e(t - s) S(w) w'."""
+    law, peak, end = laws[0.3], REACH[0.3], 0.8
+    value, _ = integrate.quad(
+        lambda s: float(SOLID.modulus(end - s) * law.stiffness(peak * s)) * peak, 0.0, end, epsrel=1e-10
+    )
+    time = np.linspace(0.0, end, 161)
+    assert Viscoelastic(SOLID).force(law.force, peak * time, time)[-1] == pytest.approx(value, rel=1e-8)
+
+
+# --- limits and laws ---------------------------------------------------------------------------------------
+
+
+def test_without_relaxation_the_elastic_law_comes_back(laws):
+    time = np.linspace(0.0, 1.9, 191)
+    depth = triangle(time, REACH[0.5])
+    elastic = laws[0.5].force(depth)
+    still = Viscoelastic(ul.Prony((0.0,), (0.5,))).force(laws[0.5].force, depth, time)
+    assert still == pytest.approx(elastic, rel=1e-9, abs=1e-9)
+    fast = Viscoelastic(ul.Prony((0.7,), (1e-9,))).force(laws[0.5].force, depth, time)
+    assert fast == pytest.approx(0.3 * elastic, rel=1e-6, abs=1e-7)
+    slow = Viscoelastic(ul.Prony((0.7,), (1e9,))).force(laws[0.5].force, depth, time)
+    assert slow == pytest.approx(elastic, rel=1e-6, abs=1e-7)
+
+
+def test_loading_lies_between_equilibrium_and_the_elastic_law(laws):
+    time = np.linspace(0.0, 4.0, 201)[1:]
+    depth = REACH[0.5] * np.minimum(time, 1.0)
+    force, elastic = Viscoelastic(SOLID).force(laws[0.5].force, depth, time), laws[0.5].force(depth)
+    assert (force <= elastic * (1.0 + 1e-12)).all()
+    assert (force >= 0.3 * elastic).all()
+
+
+def test_a_ramp_on_a_half_space_is_the_beta_function():
+    """P_el ~ w^(3/2), e = t^-a: P(t) = P_el(t) (3/2) B(3/2, 1 - a) t^-a."""
+    law = ul.contact_law(ul.Paraboloid(1.0), ul.Layer(ul.Isotropic(1.0, 0.5)), None, max_depth=1.0)
+    time = np.linspace(0.0, 1.0, 401)
+    force = Viscoelastic(ul.PowerLawRelaxation(0.3)).force(law.force, 0.1 * time, time)
+    exact = law.force(0.1 * time[1:]) * 1.5 * special.beta(1.5, 0.7) * time[1:] ** -0.3
+    assert np.abs(force[1:] - exact)[20:].max() < 1e-6 * exact.max()
+
+
+def test_two_joined_ramps_are_one(laws):
+    time = np.linspace(0.0, 1.0, 201)
+    joined = np.sort(np.append(time, 0.4321))
+    whole = Viscoelastic(SOLID).force(laws[0.5].force, REACH[0.5] * time, time)
+    parts = Viscoelastic(SOLID).force(laws[0.5].force, REACH[0.5] * joined, joined)
+    assert parts[joined != 0.4321] == pytest.approx(whole, rel=1e-7, abs=1e-12)
+
+
+def test_a_cycle_takes_energy(laws):
+    time = np.linspace(0.0, 2.5, 501)
+    depth = triangle(time, REACH[0.5])
+    for relaxation in (SOLID, ul.Prony((0.2, 0.2), (0.05, 5.0)), ul.PowerLawRelaxation(0.2)):
+        force = Viscoelastic(relaxation).force(laws[0.5].force, depth, time)
+        assert integrate.trapezoid(force, depth) > 0.0
+
+
+def test_force_is_linear_in_the_elastic_force(laws):
+    """What derivatives of a fit rely on, for all three constructions."""
+    time = np.linspace(0.0, 3.4, 171)
+    motions = (
+        REACH[0.5] * np.minimum(time, 1.0),
+        triangle(time, REACH[0.5]),
+        REACH[0.5] * np.interp(time, (0.0, 1.0, 1.3, 2.2, 3.4), (0.0, 0.7, 0.3, 0.9, 0.1)),
+    )
+    law = laws[0.5]
+    for depth in motions:
+        through = Viscoelastic(SOLID).prepared(depth, time)
+        both = through(lambda x: 2.0 * law.force(x) - 0.3 * law.stiffness(x))
+        apart = 2.0 * through(law.force) - 0.3 * through(law.stiffness)
+        assert both == pytest.approx(apart, rel=1e-10, abs=1e-10)
+
+
+def test_a_punch_relaxes_as_its_material():
+    """A flat punch: P = k int e(t - s) dw, and a sudden step relaxes as e(t)."""
+    punch = elastic_law(0.5, ul.FlatPunch(1.0))
+    time = np.linspace(0.0, 2.0, 101)
+    force = Viscoelastic(SOLID).force(punch.force, np.full(101, 0.2), time)
+    assert force == pytest.approx(punch.force(0.2) * SOLID.modulus(time), rel=1e-10)
+
+
+# --- scenes ------------------------------------------------------------------------------------------------
+
+SCENE = ul.Scene(
+    ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3, ul.Prony((0.4, 0.3), (0.2, 3.0))), ul.RIGID
+)
+TIME = np.linspace(0.0, 12.0, 401)
+DEPTH = np.interp(TIME, (0.0, 0.5, 8.5, 9.5, 12.0), (-1e-5, 1e-4, 1e-4, -1e-5, -1e-5))
+
+
+def test_scene_file_holds_the_relaxation(tmp_path):
+    for relaxation in (SCENE.layer.relaxation, ul.PowerLawRelaxation(0.2, 3.0), None):
+        scene = replace(SCENE, layer=replace(SCENE.layer, relaxation=relaxation))
+        assert ul.load_scene(scene.save(tmp_path / "scene.toml")) == scene
+    assert SCENE.parameters["layer.relaxation.times[1]"] == 3.0
+    assert SCENE.with_values({"layer.relaxation.fractions[0]": 0.1}).layer.relaxation.fractions == (0.1, 0.3)
+    with pytest.raises(ul.ParameterError, match=r"layer.relaxation.times\[0\]"):
+        SCENE.with_values({"layer.relaxation.time[0]": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("section", "said"),
+    [
+        (
+            'model = "maxwell"',
+            r"\[layer.relaxation\] model: 'maxwell' is not known; allowed: power_law, prony",
+        ),
+        (
+            'model = "prony"\nfractions = [0.7, 1]\ntimes = ["1 s", "2 s"]',
+            r"\[layer.relaxation\] .* add up to 1.7",
+        ),
+        ('model = "prony"\nfractions = [0.7]', r"\[layer.relaxation\] needs 'times'"),
+        ('model = "prony"\nfractions = [0.7]\ntimes = ["1 mm"]', r"\[layer.relaxation\] times"),
+        (
+            'model = "prony"\nfractions = [0.7]\ntimes = ["1 s"]\nE = "1 Pa"',
+            r"\[layer.relaxation\] has no 'E'",
+        ),
+    ],
+)
+def test_bad_sections_are_named(tmp_path, section, said):
+    path = tmp_path / "scene.toml"
+    text = (
+        '[indenter]\nshape = "sphere"\nradius = "1 mm"\n[layer]\nE = "1 MPa"\nnu = 0.5\nthickness = "1 mm"\n'
+    )
+    path.write_text(f"{text}[layer.relaxation]\n{section}\n[substrate]\nrigid = true\n", encoding="utf-8")
+    with pytest.raises(ul.InputError, match=said):
+        ul.load_scene(path)
+
+
+def test_an_elastic_base_is_refused_with_the_number():
+    def on(E):
+        return replace(SCENE, substrate=ul.Isotropic(E, 0.3))
+
+    with pytest.raises(ul.InputError, match=r"0.824 times stiffer .* 11 to 29 % .* too low"):
+        on(1e6)
+    # 1000 times stiffer is as good as rigid: the ledger says by how much it is not.
+    size = on(1.3e9).effects(1e-4).set_index("effect").loc["substrate compliance", "size_percent"]
+    assert -1.0 < size < 0.0
+    # A half-space has no base that could age.
+    replace(SCENE, layer=replace(SCENE.layer, thickness=np.inf), substrate=None)
+
+
+def test_ledger_tells_what_relaxes():
+    ledger = SCENE.effects(1e-4).set_index("effect")
+    assert ledger.loc["relaxation", "simulated"]
+    assert -70.0 < ledger.loc["relaxation", "size_percent"] < -30.0
+    assert "relaxation of shear alone" not in ledger.index
+    soft = replace(SCENE, layer=replace(SCENE.layer, material=ul.Isotropic(1e6, 0.45)))
+    assumed = soft.effects(1e-4).set_index("effect").loc["relaxation of shear alone"]
+    # G falls to 0.3 of itself: nu rises to 0.485.
+    assert not assumed.simulated
+    assert pytest.approx(float(assumed.note.split("rose to ")[1][:5]), abs=1e-9) == 0.485
+    assert assumed.size_percent > 5.0
+
+
+def test_mistakes_about_time_are_named():
+    with pytest.raises(ul.InputError, match=r"pass time \(s\)"):
+        SCENE.force(DEPTH)
+    with pytest.raises(ul.InputError, match="must increase"):
+        SCENE.force(DEPTH, TIME[::-1])
+    with pytest.raises(ul.InputError, match="not both"):
+        replace(SCENE, history=Viscoelastic(SOLID))
+    with pytest.raises(ul.InputError, match="depth first"):
+        replace(SCENE, instrument=ul.Instrument(compliance=1e-6))
+    free = {"layer.E": (1e4, 1e8), "layer.relaxation.times[1]": (1e-2, 1e3)}
+    curve = ul.simulate(SCENE, DEPTH, TIME)
+    with pytest.raises(ul.CurveError, match="times of its points"):
+        ul.Problem(SCENE, ul.Curve(curve.depth, curve.force), free)
+    with pytest.raises(ul.ParameterError, match=r"this record tells times from its sampling, 0\.03 s"):
+        ul.Problem(SCENE.with_values({"layer.relaxation.times[1]": 30.0}), curve, free)
+
+
+class Sticky(ScaledLaw):
+    """A law that holds on below its first contact."""
+
+    @property
+    def domain(self):
+        return -1e-6, self.max_depth
+
+
+def test_adhesion_is_refused(laws):
+    with pytest.raises(ul.InputError, match="without adhesion"):
+        Remembered(Sticky.of(laws[0.5], 1.0, 1.0, 1.0), Viscoelastic(SOLID))
+
+
+# --- fits --------------------------------------------------------------------------------------------------
+
+FREE = {
+    "layer.E": (1e4, 1e8),
+    "layer.thickness": (2e-4, 5e-3),
+    "instrument.contact_depth": (-2e-5, 2e-5),
+    "layer.relaxation.fractions[0]": (0.0, 1.0),
+    "layer.relaxation.fractions[1]": (0.0, 1.0),
+    "layer.relaxation.times[0]": (1e-2, 10.0),
+    "layer.relaxation.times[1]": (1e-2, 12.0),
+}
+
+
+def test_loading_hold_and_unloading_are_fitted_together():
+    curve = ul.synthesize(SCENE, DEPTH, ul.Noise(force=2e-4), rng=1, time=TIME)
+    start = SCENE.with_values(
+        {"layer.E": 4e5, "layer.thickness": 8e-4}
+        | {"layer.relaxation.times[0]": 0.5, "layer.relaxation.times[1]": 5.0}
+        | {"layer.relaxation.fractions[0]": 0.3, "layer.relaxation.fractions[1]": 0.2}
+    )
+    problem = ul.Problem(start, curve, FREE, noise=ul.Noise(force=2e-4))
+    # Derivatives against differences of the force itself.
+    member, vector = problem.members[0], problem.start
+    _, columns = member.jacobian(problem.physical(vector))
+    for entry, slope in enumerate(problem.slopes(vector)):
+        step = 1e-5 * np.eye(len(vector))[entry]
+        up, down = (member.model(problem.physical(vector + sign * step)) for sign in (1, -1))
+        difference = (up - down) / 2e-5
+        # The way in is bent at the contact, where the reading of a point jumps by one step of it.
+        tolerance = 1e-3 if problem.names[entry] == "instrument.contact_depth" else 1e-6
+        assert np.abs(columns[:, entry] * slope - difference).max() < tolerance * np.abs(difference).max()
+    fit = ul.fit(problem)
+    for name in FREE:
+        assert abs(fit.values[name] - SCENE.parameters[name]) < 4.0 * fit.stderr[name], name
+    assert fit.stderr["layer.relaxation.times[1]"] < 0.2
+    assert "layer.relaxation.times[0]" in fit.report()
+    drawn = plots.fit_in_time(fit).lines[1].get_ydata()
+    assert drawn.max() == pytest.approx(1e3 * SCENE.force(DEPTH, TIME).max(), rel=0.01)
+    panel = plots.relaxation(fit)
+    assert panel.lines[0].get_ydata()[-1] == pytest.approx(0.3, rel=0.2)
+    assert panel.collections, "the band"
+    plt.close("all")
+
+
+def test_power_law_is_fitted():
+    relaxing = replace(SCENE.layer, relaxation=ul.PowerLawRelaxation(0.25))
+    scene = replace(SCENE, layer=relaxing)
+    time = TIME[::2]
+    depth = np.interp(time, (0.0, 2.0, 12.0), (-1e-5, 1e-4, 1e-4))
+    curve = ul.synthesize(scene, depth, ul.Noise(force=2e-4), rng=1, time=time)
+    names = ("layer.E", "layer.relaxation.exponent", "instrument.contact_depth")
+    bounds = ((1e4, 1e8), (0.01, 0.7), (-2e-5, 2e-5))
+    start = scene.with_values({"layer.E": 4e5, "layer.relaxation.exponent": 0.1})
+    fit = ul.fit(ul.Problem(start, curve, dict(zip(names, bounds, strict=True)), ul.Noise(force=2e-4)))
+    for name in names:
+        assert abs(fit.values[name] - scene.parameters[name]) < 4.0 * fit.stderr[name], name
+
+
+def test_equilibrium_modulus_follows_draw_by_draw():
+    curve = ul.simulate(SCENE, DEPTH, TIME)
+    free = ("layer.E", "layer.relaxation.fractions[1]")
+    problem = ul.Problem(SCENE, curve, free, ul.Noise(force=1e-4))
+    draws = np.array([[1e6, 0.3], [2e6, 0.1]])
+    assert derived_quantities(problem, draws)["layer.equilibrium_modulus"] == pytest.approx(
+        [3e5, 1e6], rel=1e-12
+    )
