@@ -70,6 +70,8 @@ def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
 
     A second optimum is not among it: it stands beside the headline.
     """
+    from underlay.report.intervals import standing
+
     reader = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
     from underlay.report.intervals import standing
 

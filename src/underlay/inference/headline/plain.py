@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from underlay._arrays import FloatArray
 from underlay.inference.least_squares.fit_result import Fit
@@ -59,7 +59,7 @@ def quadratic_interval(fit: Fit, name: str, level: float) -> StatedInterval:
     s = fit.statistics
     half = 0.5 * (1.0 + level)
     freedom = max(s.points - s.parameters, 1)
-    times = float(stats.t.ppf(half, freedom) if s.noise_estimated else stats.norm.ppf(half))
+    times = float(special.stdtrit(freedom, half) if s.noise_estimated else special.ndtri(half))
     index = fit.names.index(name)
     deviation = math.sqrt(float(fit.scaled_covariance[index, index]))
     low, high = -math.inf, math.inf
