@@ -73,7 +73,6 @@ def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
     from underlay.report.intervals import standing
 
     reader = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
-    from underlay.report.intervals import standing
 
     fitted = [str(warning) for warning in standing(result) if warning.code != "second-optimum"]
     return [*reader, *fitted, *notes]
