@@ -1,6 +1,7 @@
 """What accuracy costs: the table, its front, its picture, the commands that make them and the README."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -160,11 +161,10 @@ def test_the_command_writes_table_and_pictures(tmp_path):
 @pytest.fixture
 def quick_bench(monkeypatch):
     """The real cases, each timed twice, and three numbers of depths."""
-    monkeypatch.setattr("underlay.cli.bench.bench_table", lambda: bench.bench_table(rounds=2))
-    monkeypatch.setattr("underlay.cli.bench.fit_table", lambda: bench.fit_table(rounds=2))
-    monkeypatch.setattr(
-        "underlay.cli.bench.depth_table", lambda: bench.depth_table((10, 100, 1000), rounds=2)
-    )
+    # The command takes them from there when it is called.
+    monkeypatch.setattr(bench, "bench_table", partial(bench.bench_table, rounds=2))
+    monkeypatch.setattr(bench, "fit_table", partial(bench.fit_table, rounds=2))
+    monkeypatch.setattr(bench, "depth_table", partial(bench.depth_table, (10, 100, 1000), rounds=2))
 
 
 @pytest.mark.usefixtures("quick_bench")

@@ -443,7 +443,7 @@ def test_bad_input_is_refused_before_any_work(curves, manifest, tmp_path, monkey
         ul.fit_many(curves, SCENE, workers=0)
     with pytest.raises(InputError, match="workers"):
         run(curves, workers=-1)
-    with pytest.raises(InputError, match="did you mean"):
+    with pytest.raises(InputError, match="Did you mean 'exact'"):
         ul.fit_many(curves, SCENE, FREE, workers=0, options=ul.MapOptions(solver="exat"))
     with pytest.raises(InputError, match="time_limit"):
         ul.MapOptions(time_limit=0.0)
