@@ -159,7 +159,7 @@ class Own(ul.Uniform):
         (
             replace(SCENE, indenter=Worded(1e-3, "you")),
             {"layer.E": (1e2, 1e8)},
-            "its scene, of a Worded, does not come back",
+            "its scene, of a Worded, cannot be written",
         ),
         (
             replace(SCENE, indenter=Forgetful(1e-3)),

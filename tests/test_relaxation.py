@@ -51,9 +51,11 @@ def test_dynamic_modulus_is_that_of_each_model():
         (lambda: ul.Prony((0.5,), (1.0,), relaxes="bulk"), "'shear_and_bulk', 'shear'"),
         (lambda: ul.PowerLawRelaxation(0.9), "between 0.01 and 0.7"),
         (lambda: ul.PowerLawRelaxation(0.2, time=0.0), "time"),
-        (lambda: ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3, "soft"), "such as Prony"),
+        (lambda: ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3, relaxation="soft"), "such as Prony"),
         (
-            lambda: ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3, ul.Prony((0.5,), (1.0,), relaxes="shear")),
+            lambda: ul.Layer(
+                ul.Isotropic(1e6, 0.45), 1e-3, relaxation=ul.Prony((0.5,), (1.0,), relaxes="shear")
+            ),
             "Poisson's ratio would rise in time",
         ),
     ],
@@ -61,4 +63,4 @@ def test_dynamic_modulus_is_that_of_each_model():
 def test_what_cannot_be_is_refused(build, said):
     with pytest.raises(ul.InputError, match=said):
         build()
-    ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3, ul.Prony((0.5,), (1.0,), relaxes="shear"))
+    ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3, relaxation=ul.Prony((0.5,), (1.0,), relaxes="shear"))

@@ -271,7 +271,9 @@ def test_a_punch_relaxes_as_its_material():
 # --- scenes ------------------------------------------------------------------------------------------------
 
 SCENE = ul.Scene(
-    ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3, ul.Prony((0.4, 0.3), (0.2, 3.0))), ul.RIGID
+    ul.Sphere(1e-3),
+    ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3, relaxation=ul.Prony((0.4, 0.3), (0.2, 3.0))),
+    ul.RIGID,
 )
 TIME = np.linspace(0.0, 12.0, 401)
 DEPTH = np.interp(TIME, (0.0, 0.5, 8.5, 9.5, 12.0), (-1e-5, 1e-4, 1e-4, -1e-5, -1e-5))

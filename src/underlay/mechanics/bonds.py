@@ -66,6 +66,4 @@ def as_bond(given: object) -> Bond:
     """
     if isinstance(given, Spring) or (isinstance(given, str) and given in BONDS):
         return given
-    raise InputError(
-        f'unknown bond {given!r:.60}: a layer\'s lower face is "bonded", "slip" or Spring(normal=..., shear=...)'
-    )
+    raise InputError(f'unknown bond {given!r:.60}: a layer\'s lower face is "bonded", "slip" or a Spring')

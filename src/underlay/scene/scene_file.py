@@ -419,9 +419,9 @@ def _history(document: Mapping[str, Any]) -> History | None:
 def _named(models: Mapping[str, type[Any]], section: str, table: dict[str, Any]) -> type[Any]:
     """The class that a section's ``model`` names; the key is taken out."""
     name = table.pop("model", None)
-    if name not in models:
+    if not isinstance(name, str) or name not in models:
         raise InputError(
-            f"[{section}] model: {name!r} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
+            f"[{section}] model: {name!r:.80} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
         )
     return models[name]
 
@@ -431,10 +431,7 @@ def _adhesion(document: Mapping[str, Any]) -> Adhesion | None:
         return None
     table = dict(_table(document, "adhesion"))
     models = {kind.model: kind for kind in (*MODELS, *Adhesion.models())}
-    name = table.pop("model", None)
-    if name not in models:
-        raise InputError(f"[adhesion] model: {name!r} is not known; allowed: {', '.join(sorted(models))}")
-    adhesion: Adhesion = _build(models[name], "adhesion", table)
+    adhesion: Adhesion = _build(_named(models, "adhesion", table), "adhesion", table)
     return adhesion
 
 

@@ -25,7 +25,7 @@ from underlay.inference.least_squares.judge import judge
 from underlay.inference.least_squares.last_word import LOSSES, METHODS, Minimiser
 from underlay.inference.least_squares.law_bias import law_bias
 from underlay.inference.least_squares.scan import scan
-from underlay.inference.least_squares.settle import confirmed, settle
+from underlay.inference.least_squares.settle import Optimum, confirmed, settle
 from underlay.inference.least_squares.stated import Statements
 from underlay.inference.problem import Problem
 from underlay.mechanics.solvers import Exact
@@ -121,8 +121,16 @@ def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
     if lmfit is not None and robust is None:
         # Where the engine settled, lmfit moves nothing by 2e-3 of a standard error (tests/test_engine.py):
         # `Fit.lmfit` asks it when that is read, and nobody waits for what he does not read.
-        best = replace(best, minimiser=lmfit) if best.success else confirmed(best, lmfit)
+        # On a plateau there is more than one place to stop at: there it has the last word at once.
+        settled_there = best.success and not _on_a_plateau(best)
+        best = replace(best, minimiser=lmfit) if settled_there else confirmed(best, lmfit)
     return judge(best, others, seconds=time.perf_counter() - began, state=_stated)
+
+
+def _on_a_plateau(best: Optimum) -> bool:
+    """Whether some parameter could change by its whole scale and the residuals would not tell."""
+    _, normal = best.objective.normals(best.vector)
+    return bool((np.diag(normal) < 1.0).any())
 
 
 def _stated(found: Fit) -> Statements:
