@@ -98,7 +98,7 @@ def show_fit(result: Fit, name: str) -> None:
     for path, told in result.instrument_moduli.items():
         say(
             f"{path}: the instrument's own reduced modulus {format_quantity(told.reduced, 'pressure')} is "
-            f"{format_quantity(told.youngs, 'pressure')} at nu = {told.nu:g}; ours differs by "
+            f"{format_quantity(told.youngs, 'pressure')} at nu = {told.nu:g}; plain least squares differs by "
             f"{100.0 * told.difference:+.3g} %"
         )
     pairs = correlated_pairs(result)

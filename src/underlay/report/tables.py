@@ -50,7 +50,7 @@ def fit_table(result: Fit) -> pd.DataFrame:
         ``parameter``, ``value``, its 95 % interval ``low`` to ``high`` (infinite where open), ``unit``, half of
         the interval in per cent of the value, ``interval`` (its kind, as in `StatedInterval`) and ``at bound``.
         Where the file of the curve says what the instrument found: ``instrument's own``, in the same unit and
-        for the same Poisson's ratio, and ``difference`` of the least-squares value from it (per cent).
+        for the same Poisson's ratio, and ``least squares differs``, how far the least-squares value is from it (per cent).
     """
     told = result.instrument_moduli
     rows = []
@@ -73,7 +73,7 @@ def fit_table(result: Fit) -> pd.DataFrame:
         if told:
             own = told.get(name)
             rows[-1]["instrument's own"] = own.youngs / factor if own else np.nan
-            rows[-1]["difference (%)"] = 100.0 * own.difference if own else np.nan
+            rows[-1]["least squares differs (%)"] = 100.0 * own.difference if own else np.nan
     return pd.DataFrame(rows)
 
 
