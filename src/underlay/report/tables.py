@@ -50,7 +50,8 @@ def fit_table(result: Fit) -> pd.DataFrame:
         ``parameter``, ``value``, its 95 % interval ``low`` to ``high`` (infinite where open), ``unit``, half of
         the interval in per cent of the value, ``interval`` (its kind, as in `StatedInterval`) and ``at bound``.
         Where the file of the curve says what the instrument found: ``instrument's own``, in the same unit and
-        for the same Poisson's ratio, and ``least squares differs``, how far the least-squares value is from it (per cent).
+        for the same Poisson's ratio, and ``least squares differs``, how far the least-squares value is from it
+        (per cent).
     """
     told = result.instrument_moduli
     rows = []
