@@ -11,7 +11,6 @@ import pytest
 from scipy import stats
 
 import underlay as ul
-from underlay.data.noise import NoiseModel
 from underlay.data.readers import Format
 from underlay.data.readers._format import make_curve
 from underlay.data.readers._text import lines_of
@@ -26,6 +25,7 @@ from underlay.quantities import quantity
 from underlay.report import tables as fit_tables
 from underlay.report.labels import label
 from underlay.scene.effects import Effect, effects_table
+from underlay.scene.noise_model import NoiseModel
 
 # --- an indenter -----------------------------------------------------------------------------------------
 

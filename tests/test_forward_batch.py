@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.model import forward_batch
 from underlay.inference.priors import LogUniform, Normal, Uniform
@@ -13,6 +12,7 @@ from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, 
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
 from underlay.mechanics.solvers import Auto
 from underlay.scene.instrument import Instrument
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
 DEPTH = np.linspace(-1e-5, 1e-4, 30)

@@ -10,7 +10,6 @@ import pytest
 from scipy import stats
 
 from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.errors import FileAccessError, FileFormatError, InputError, MissingExtraError
 from underlay.inference.priors import LogUniform, Normal, Uniform
@@ -29,6 +28,7 @@ from underlay.inference.sampling.predictive import PREDICTIVE_LEVELS
 from underlay.inference.sampling.run import sample
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
 

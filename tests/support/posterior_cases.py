@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
@@ -10,6 +9,7 @@ from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import RIGID, Isotropic, Layer
 from underlay.mechanics.solvers import Auto
 from underlay.scene.instrument import Instrument
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
 WHITE = 2e-5

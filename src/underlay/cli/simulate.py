@@ -20,7 +20,7 @@ from underlay.errors import InputError
 
 if TYPE_CHECKING:
     from underlay.data.curve import Curve
-    from underlay.data.noise import Noise
+    from underlay.scene.noise import Noise
     from underlay.scene.scene_file import SceneFile
 
 __all__ = ["simulate"]
@@ -95,10 +95,10 @@ def simulate(
 def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate: str | None) -> Curve:
     """The curve of a scene file with what the options change."""
     from underlay._arrays import positive
-    from underlay.data.noise import Noise
     from underlay.data.synthetic import simulate as noiseless
     from underlay.data.synthetic import synthesize
     from underlay.scene.instrument import Instrument
+    from underlay.scene.noise import Noise
     from underlay.units import parse_quantity
 
     if file.simulate is None:
@@ -131,7 +131,7 @@ def _kinds(declared: type) -> dict[str, str]:
 
 def _noise_model(numbers: Mapping[str, float]) -> Noise | None:
     """The noise model of what is not zero; none of nothing."""
-    from underlay.data.noise import Noise
+    from underlay.scene.noise import Noise
 
     if not numbers:
         return None

@@ -11,7 +11,6 @@ import numpy as np
 
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.data.readers import JpkMapCurve, read, read_from_map
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.data.signs import flipped, require_signs
@@ -21,6 +20,7 @@ from underlay.inference.plausibility import require_plausible
 from underlay.inference.priors import Normal, Uniform, prior_from_numbers
 from underlay.inference.problem import Given, Problem
 from underlay.scene.fit_section import FreeParameter
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 

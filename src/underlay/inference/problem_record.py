@@ -15,7 +15,6 @@ import numpy as np
 
 from underlay.data.curve import Curve
 from underlay.data.metadata import Metadata
-from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import FileFormatError, InputError
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.priors import (
@@ -30,6 +29,8 @@ from underlay.inference.priors import (
 )
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solvers import solver_named, solver_record
+from underlay.scene.noise import Noise
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import scene_from_text
 from underlay.scene.scene_writer import scene_text

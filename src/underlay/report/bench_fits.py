@@ -8,7 +8,6 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.inference.least_squares import fit
 from underlay.inference.plain_hertz import plain_hertz_fit
@@ -16,6 +15,7 @@ from underlay.inference.problem import Problem
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.materials import Isotropic, Layer, Substrate
 from underlay.scene.instrument import Instrument
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
 __all__ = ["exact_fit", "hertz_fit"]

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import InputError
 from underlay.inference.batch.options import MapOptions, Sampling
 from underlay.inference.from_files import free_of
@@ -18,6 +17,8 @@ from underlay.inference.priors import Prior
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Auto, as_solver
+from underlay.scene.noise import Noise
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
