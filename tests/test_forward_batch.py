@@ -8,8 +8,9 @@ from underlay.errors import InputError
 from underlay.inference.model import forward_batch
 from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.solvers import Auto
 from underlay.scene.instrument import Instrument
 from underlay.scene.noise import Noise

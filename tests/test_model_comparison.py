@@ -14,8 +14,9 @@ from underlay.inference.sampling.model_comparison import (
     with_model_error,
 )
 from underlay.inference.sampling.run import sample
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 

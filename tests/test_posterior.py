@@ -26,8 +26,9 @@ from underlay.inference.sampling.informed import (
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.predictive import PREDICTIVE_LEVELS
 from underlay.inference.sampling.run import sample
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 

@@ -6,8 +6,9 @@ from scipy import stats
 
 from underlay.data.synthetic import simulate, synthesize
 from underlay.errors import InputError
+from underlay.mechanics.body import Layer
 from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 from underlay.scene.instrument import Instrument
 from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene

@@ -58,6 +58,11 @@ from .inference.sampling.run import sample as sample
 from .mechanics.adhesion.dmt import DMT as DMT
 from .mechanics.adhesion.jkr import JKR as JKR
 from .mechanics.adhesion.maugis import Maugis as Maugis
+from .mechanics.body import (
+    RIGID as RIGID,
+    Layer as Layer,
+    Material as Material,
+)
 from .mechanics.bonds import Spring as Spring
 from .mechanics.contact import (
     Adhesion as Adhesion,
@@ -78,9 +83,7 @@ from .mechanics.kernel import (
     SubstrateKernel as SubstrateKernel,
 )
 from .mechanics.materials import (
-    RIGID as RIGID,
     Isotropic as Isotropic,
-    Layer as Layer,
     TransverselyIsotropic as TransverselyIsotropic,
 )
 from .mechanics.profile import Profile as Profile

@@ -30,8 +30,9 @@ from underlay.inference.priors import LogUniform, Uniform  # noqa: E402
 from underlay.inference.problem import Problem  # noqa: E402
 from underlay.inference.sampling.convergence import autocorrelation_time  # noqa: E402
 from underlay.inference.sampling.run import sample  # noqa: E402
+from underlay.mechanics.body import Layer  # noqa: E402
 from underlay.mechanics.indenters import Paraboloid  # noqa: E402
-from underlay.mechanics.materials import Isotropic, Layer  # noqa: E402
+from underlay.mechanics.materials import Isotropic  # noqa: E402
 from underlay.mechanics.solvers import Auto  # noqa: E402
 from underlay.scene.noise import Noise  # noqa: E402  # after the path is set
 from underlay.scene.scene import Scene  # noqa: E402

@@ -18,8 +18,9 @@ from underlay.inference.design.information import information, prior_information
 from underlay.inference.priors import LogNormal, Normal
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.solvers import Auto
 from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene

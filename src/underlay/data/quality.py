@@ -15,8 +15,9 @@ from underlay._arrays import FloatArray
 from underlay.data.contact_point import ContactPoint, find_contact
 from underlay.data.curve import Curve
 from underlay.errors import CurveError, RangeError
+from underlay.mechanics.body import Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.solvers import contact_law
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity

@@ -20,7 +20,6 @@ from underlay.inference.plausibility import require_plausible
 from underlay.inference.priors import Normal, Uniform, prior_from_numbers
 from underlay.inference.problem import Given, Problem
 from underlay.scene.fit_section import FreeParameter
-from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
@@ -179,7 +178,6 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
             f"{file.path.name} says nothing to fit: add a [fit] section such as layer.E = {{}} with "
             'bounds like { min = "1 kPa", max = "10 MPa" }'
         )
-    noise = Noise(**file.noise) if file.noise else None
     settled = settle(
         file.draft,
         curve,
@@ -190,7 +188,7 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
     file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
     curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
     free = {**free_of(file, curve), **(priors or {})}
-    problem = Problem(_started(file, curve), curve, free, noise, solver=file.solver)
+    problem = Problem(_started(file, curve), curve, free, file.noise, solver=file.solver)
     require_plausible(problem)
     return problem
 

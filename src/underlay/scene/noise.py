@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -54,6 +54,8 @@ class Noise(NoiseModel):
     >>> Noise(force=3e-6, relative=0.02).sigma(np.array([0.0, 2e-4]))
     array([3.e-06, 5.e-06])
     """
+
+    model: ClassVar[str] = "gaussian"
 
     force: float | None = field(
         default=None, metadata=quantity("force", "noise of the force", bounds=(0.0, np.inf))

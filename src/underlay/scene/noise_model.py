@@ -31,6 +31,9 @@ class NoiseModel(Part, ABC):
     """What disturbs a force reading; its numbers stand under ``noise.``, and any of them may be free."""
 
     parts: ClassVar[tuple[str, ...]] = ("noise",)
+    chosen_by: ClassVar[str] = "model"
+    #: Name in scene files.
+    model: ClassVar[str] = ""
 
     @abstractmethod
     def sigma(
