@@ -38,6 +38,8 @@ from .inference.least_squares import (
     fit as fit,
 )
 from .inference.design.planning import plan as plan
+from .inference.population.population import Population as Population
+from .inference.population.population import population as population
 from .inference.priors import (
     HalfNormal as HalfNormal,
     LogNormal as LogNormal,

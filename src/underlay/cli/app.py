@@ -19,6 +19,7 @@ from underlay.cli.identify import identify
 from underlay.cli.keys import keys
 from underlay.cli.map import map_curves
 from underlay.cli.plan import plan
+from underlay.cli.population import population
 from underlay.cli.report import report
 from underlay.cli.sample import sample
 from underlay.cli.simulate import simulate
@@ -54,8 +55,10 @@ def _whole(
     """Take the options that go before any command."""
 
 
-for command in (demo, fit, sample, simulate, effects, accuracy, identify, plan, report, formats, keys, bench):
+for command in (demo, fit, sample, simulate, effects, accuracy, identify, plan, population):
     app.command()(command)
+for further in (report, formats, keys, bench):
+    app.command()(further)
 app.command("map")(map_curves)
 
 
