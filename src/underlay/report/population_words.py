@@ -8,7 +8,7 @@ import pandas as pd
 
 from underlay._text import one_line
 from underlay.inference.population.population import Comparison, Group, Population, Spread
-from underlay.report.labels import start
+from underlay.report.labels import label, start
 from underlay.report.words import quantity_with_interval
 from underlay.scene.parameters import kind_of
 
@@ -58,7 +58,7 @@ def population_sentences(result: Population) -> list[str]:
             f"{group.units} {result.by[0]}s, {group.curves} curves" if result.by else f"{group.curves} curves"
         )
         said.append(
-            f"{who}{start(result.parameter)} {quantity_with_interval(group.mean, group.low, group.high, kind)}, "
+            f"{who}{start(label(result.parameter))} {quantity_with_interval(group.mean, group.low, group.high, kind)}, "
             f"geometric mean of {of}."
         )
     said += [_compared(pair) for pair in result.comparisons]

@@ -19,6 +19,8 @@ __all__ = ["population"]
 
 _ROW, _HEAD = 0.19, 0.9
 _MOST_UNITS = 60
+# On an axis that spans less than this factor every line of the decade is labelled.
+_NARROW = 6.0
 
 
 def population(result: Population, *, ax: Axes | None = None) -> Axes:
@@ -47,7 +49,7 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
         for group in groups:
             low, high = (np.clip(end / factor, 1e-300, 1e300) for end in (group.low, group.high))
             below = place + _shown(group) + 1
-            ax.fill_betweenx([place - 0.5, below + 0.4], low, high, color=FIT, alpha=0.13, lw=0.0)
+            ax.fill_betweenx([place - 0.5, below - 0.6], low, high, color=FIT, alpha=0.13, lw=0.0)
             for name, row in list(group.unit_values.iterrows())[:_MOST_UNITS]:
                 ends = [row["low"] / factor, row["high"] / factor]
                 ax.plot(ends, [place, place], color=DATA, lw=1.0)
@@ -72,7 +74,8 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
         ax.invert_yaxis()
         ax.set_xlabel(f"{label(result.parameter)} ({unit})" if unit else label(result.parameter))
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ax.xaxis.set_minor_formatter(FuncFormatter(_some))
+        narrow = np.divide(*ax.get_xlim()[::-1]) < _NARROW
+        ax.xaxis.set_minor_formatter(FuncFormatter(_every if narrow else _some))
         if result.by:
             what = result.by[0]
             handles = [
@@ -88,6 +91,10 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
 
 def _shown(group: Group) -> int:
     return min(len(group.unit_values), _MOST_UNITS + 1)
+
+
+def _every(value: float, _: int) -> str:
+    return f"{value:g}"
 
 
 def _some(value: float, _: int) -> str:
