@@ -506,6 +506,47 @@ def test_noise_model_stands_in_a_scene_file(tmp_path):
         ul.load_scene(path)
 
 
+# --- a sampler -------------------------------------------------------------------------------------------
+
+
+def metropolis(density, begin, proposal, steps, rng):
+    """Random-walk Metropolis, many chains side by side: (steps, chains, parameters)."""
+    place, here = begin, density(begin)
+    chain = np.empty((steps, *begin.shape))
+    for step in range(steps):
+        trial = place + rng.standard_normal(begin.shape) @ proposal.T
+        there = density(trial)
+        accepted = np.log(rng.random(len(begin))) < there - here
+        place, here = np.where(accepted[:, None], trial, place), np.where(accepted, there, here)
+        chain[step] = place
+    return chain
+
+
+def test_sampler_hands_over_its_chain():
+    scene, noise = replace(THIN, layer=ul.Layer(THIN.layer.material), substrate=None), ul.Noise(force=5e-8)
+    problem = ul.Problem(scene, ul.synthesize(scene, np.linspace(-2e-7, 1e-6, 30), noise, rng=1), FREE, noise)
+    fit, rng = ul.fit(problem), np.random.default_rng(5)
+    spread = np.linalg.cholesky(fit.scaled_covariance)
+    begin = fit.vector + rng.standard_normal((24, 2)) @ spread.T
+    # 2.4 / sqrt(parameters): the best step of a normal (Gelman, Roberts and Gilks 1996).
+    chain = metropolis(problem.log_posterior, begin, 1.7 * spread, 800, rng)
+    posterior = ul.posterior_from_chain(problem, chain)
+    assert posterior.converged
+    table = posterior.summary()
+    for name in FREE:
+        # The noise is small enough for a normal posterior; 24 chains of some 100 tau each leave 2 % of a
+        # standard deviation in the median and 1.5 % in the standard deviation.
+        assert abs(table.loc[name, "median"] - fit.values[name]) < 0.1 * fit.stderr[name]
+        assert posterior.of(name).std() == pytest.approx(fit.stderr[name], rel=0.08)
+    # The control: chains that do not move are judged as such.
+    stuck = np.broadcast_to(begin, (200, *begin.shape)) + 1e-6 * rng.standard_normal((200, *begin.shape))
+    assert not ul.posterior_from_chain(problem, stuck).converged
+    with pytest.raises(InputError, match=r"got shape \(800, 24\)"):
+        ul.posterior_from_chain(problem, chain[..., 0])
+    with pytest.raises(InputError, match="no probability at step 0 of walker 0"):
+        ul.posterior_from_chain(problem, chain + 50.0)
+
+
 # --- an effect -------------------------------------------------------------------------------------------
 
 

@@ -49,6 +49,7 @@ from .inference.priors import (
 from .inference.problem import Problem as Problem
 from .inference.profiles import profile as profile
 from .inference.design.second_test import remedy as remedy
+from .inference.sampling.from_chain import posterior_from_chain as posterior_from_chain
 from .inference.sampling.model_comparison import (
     compare_models as compare_models,
     with_model_error as with_model_error,

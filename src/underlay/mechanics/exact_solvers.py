@@ -14,18 +14,12 @@ from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.curve_family import range_numbers
 from underlay.mechanics.exact.family_law import table_number, tabulated_law
 from underlay.mechanics.exact.law import exact_law
-from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth
+from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth, layer_effect
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, Sphere
 from underlay.mechanics.solver import Scaling, Solver
 
 __all__ = ["Auto", "Exact"]
 
-# The layer's effect on force, contact radius and stiffness at a given depth. Over contrast: a theorem bounds that
-# on the force by about 1, the others move by up to twice as much. Over contrast times varpi over the decay rate,
-# where that is small: at most 1.6 for 400 random pairs of isotropic and anisotropic materials, flat punch to
-# cone. Both are measured again in tests/test_solvers.py.
-_CONTRAST_MARGIN, _SHALLOW_MARGIN = 4.0, 2.0
-_LARGEST_SHALLOW = 0.02
 # Of rtol, what may be lost by joining layers.
 _SHARE_OF_JOINS = 0.2
 _RANGES = 4096  # more than there are powers of two
@@ -141,11 +135,7 @@ class Auto(_ToTolerance):
             law = replace(self, rtol=(1.0 - _SHARE_OF_JOINS) * self.rtol).build(simpler, max_depth)
             error = law.error_estimate + _SHARE_OF_JOINS * self.rtol
             return replace(law, error_estimate=error, reason=f"{law.reason}; taken together: {joined}")
-        contrast, varpi = contact.kernel.contrast, float(contact.varpi(np.array([max_depth]))[0])
-        effect = contrast * _CONTRAST_MARGIN
-        shallow = contrast * _SHALLOW_MARGIN * varpi / contact.kernel.decay
-        if shallow <= _LARGEST_SHALLOW:
-            effect = min(effect, shallow)
+        effect = layer_effect(contact, max_depth)
         if effect > self.rtol:
             return exact_law(contact, max_depth, self.rtol)
         return replace(
@@ -153,7 +143,8 @@ class Auto(_ToTolerance):
             max_depth=max_depth,
             error_estimate=effect,
             reason=(
-                f"a/h = {varpi:.2g}, layer and substrate differ by {contrast:.2g} in compliance: the layer "
-                f"changes the contact by at most {effect:.1g}, below rtol = {self.rtol:g}"
+                f"a/h = {float(contact.varpi(np.array([max_depth]))[0]):.2g}, layer and substrate differ by "
+                f"{contact.kernel.contrast:.2g} in compliance: the layer changes the contact by at most "
+                f"{effect:.1g}, below rtol = {self.rtol:g}"
             ),
         )

@@ -81,7 +81,11 @@ class Asymptotic(Solver):
 
 @dataclass(frozen=True)
 class HalfSpace(Solver):
-    """No layer effect: the half-space of what the indenter touches."""
+    """No layer effect: the half-space of what the indenter touches.
+
+    On a layered body the law's `error_estimate` bounds what is under the surface would do; where that is more than
+    the force itself it says no more than so.
+    """
 
     scaling: ClassVar[Scaling] = Scaling.POWER_LAW
     sees_base: ClassVar[bool] = False
@@ -92,9 +96,8 @@ class HalfSpace(Solver):
         return "halfspace"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build it to the end of the indenter's shape."""
-        del max_depth
-        return halfspace_law(contact)
+        """Build it to the end of the indenter's shape; its error holds up to `max_depth` (m)."""
+        return halfspace_law(contact, max_depth)
 
 
 @dataclass(frozen=True)
