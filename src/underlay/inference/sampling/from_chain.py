@@ -39,7 +39,7 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
     Raises
     ------
     InputError
-        If the chain has another shape, is shorter than 100 steps, or leaves what the priors allow.
+        If the chain has another shape, is too short to be judged, or leaves what the priors allow.
     """
     coords = as_finite(chain, "chain")
     parameters = len(problem.names)
@@ -53,7 +53,7 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
     if not np.isfinite(log_density).all():
         step, walker = np.argwhere(~np.isfinite(log_density))[0]
         raise InputError(
-            f"the chain is at a place of no probability at step {step} of walker {walker}: a draw there cannot have "
+            f"the chain is at a place of no probability at step {step} of walker {walker}, where no draw can have "
             "been accepted; are these scaled coordinates?"
         )
     rng = np.random.default_rng(seed)
