@@ -1,6 +1,7 @@
 # The public names and where each lives: `__init__.py` reads this file and loads a module when it is asked for.
 from .data.contact_point import find_contact as find_contact
 from .data.curve import Curve as Curve
+from .data.disturbances import Disturbances as Disturbances
 from .data.quality import check_quality as check_quality
 from .data.readers import (
     Format as Format,
