@@ -120,6 +120,7 @@ from .quantities import quantity as quantity
 from .report import plots as plots
 from .report.render import report as report
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
+from .scene.effect import Effect as Effect
 from .scene.instrument import Instrument as Instrument
 from .scene.noise import Noise as Noise
 from .scene.noise_model import NoiseModel as NoiseModel
