@@ -16,6 +16,7 @@ GROUND = {
     "units",
     "quantities",
     "_arrays",
+    "_csv",
     "_documents",
     "_door",
     "_files",
