@@ -232,11 +232,10 @@ def kept_for_the_process(path):
             if any(ast.unparse(mark).rpartition(".")[2] in CACHES for mark in marks):
                 yield node.name
     for node in tree.body:
-        if (
-            isinstance(node, ast.Assign | ast.AnnAssign)
-            and node.value is not None
-            and is_to_be_filled(node.value)
-        ):
+        # A name that is declared a Mapping is not written to: mypy holds that.
+        fixed = isinstance(node, ast.AnnAssign) and ast.unparse(node.annotation).startswith("Mapping")
+        named = isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None
+        if named and not fixed and is_to_be_filled(node.value):
             yield ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target)
 
 
@@ -258,7 +257,7 @@ def test_one_store_outlives_its_callers(path):
 def test_the_search_for_caches_finds_them(tmp_path):
     made = tmp_path / "module.py"
     made.write_text(
-        "A = {}\nB: dict = dict()\nC = {1: 2}\nD = OrderedDict()\nE = frozenset({1})\n"
+        "A = {}\nB: dict = dict()\nF: Mapping = {}\nC = {1: 2}\nD = OrderedDict()\nE = frozenset({1})\n"
         "@lru_cache(maxsize=3)\ndef f():\n    global g\n@functools.cache\ndef h(): ...\n"
     )
     assert set(kept_for_the_process(made)) == {"A", "B", "D", "f", "g", "h"}
