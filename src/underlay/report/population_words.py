@@ -57,10 +57,8 @@ def population_sentences(result: Population) -> list[str]:
         of = (
             f"{group.units} {result.by[0]}s, {group.curves} curves" if result.by else f"{group.curves} curves"
         )
-        said.append(
-            f"{who}{start(label(result.parameter))} {quantity_with_interval(group.mean, group.low, group.high, kind)}, "
-            f"geometric mean of {of}."
-        )
+        mean = quantity_with_interval(group.mean, group.low, group.high, kind)
+        said.append(f"{who}{start(label(result.parameter))} {mean}, geometric mean of {of}.")
     said += [_compared(pair) for pair in result.comparisons]
     if result.shared_error:
         said.append(

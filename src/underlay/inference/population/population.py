@@ -300,7 +300,7 @@ def _selected(
         from underlay.inference.batch.map_table import read_map  # noqa: PLC0415  brings pandas
 
         return select_rows(read_map(results), parameter, by, group, doubtful)
-    if isinstance(results, Sequence) and not isinstance(results, str):
+    if isinstance(results, Sequence):
         return select_results(results, parameter, by, group), []
     return select_rows(results, parameter, by, group, doubtful)
 
