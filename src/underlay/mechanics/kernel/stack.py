@@ -12,7 +12,7 @@ from underlay.mechanics.bonds import Bond, Spring
 from underlay.mechanics.kernel.kernel import Kernel, Layers
 from underlay.mechanics.kernel.merging import joined, relative_effect
 from underlay.mechanics.kernel.quadrature import u_rule
-from underlay.mechanics.kernel.recursion import Sheet, stack_one_minus_L
+from underlay.mechanics.kernel.recursion import Recursion, Sheet
 from underlay.mechanics.kernel.scales import SOFTEST, Scales
 from underlay.mechanics.kernel.substrate import material_contrast
 from underlay.mechanics.materials import Layer, PlaneConstants, Substrate
@@ -46,8 +46,11 @@ class StackKernel(Kernel):
 
     def values(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,)."""
-        sheets, base = self._sheets
-        return stack_one_minus_L(u, sheets, base)
+        return self._recursion.one_minus_L(u)
+
+    @cached_property
+    def _recursion(self) -> Recursion:
+        return Recursion(*self._sheets)
 
     @cached_property
     def _sheets(self) -> tuple[tuple[Sheet, ...], PlaneConstants | None]:
@@ -82,12 +85,13 @@ class StackKernel(Kernel):
                 f"a part under the surface is {softest:.3g} times as stiff as the layer on top, and the exact law "
                 f"ends at {SOFTEST:g}: check the units of the moduli; a layer on nothing carries no load"
             )
-        height = sum(sheet.thickness for sheet in sheets)
+        thicknesses = [layer.thickness / self.layers[0].thickness for layer in self.layers]
+        height = sum(thicknesses)
         # A base bends no more than the layers let it: only they are plates.
         stiff = max([1.0, *ratios[: len(sheets) - 1]])
         turns = [1.0 / height, (min(softest, 1.0) / stiff) ** (1.0 / 3.0) / height]
         stretch = min(1.0, softest) / (stiff * height)
-        gives = [(1.0 / r, sheet.thickness) for r, sheet in zip(ratios, sheets[1:], strict=False) if r < 1.0]
+        gives = [(1.0 / r, thick) for r, thick in zip(ratios, thicknesses[1:], strict=False) if r < 1.0]
         for sheet in sheets:
             if sheet.opening:
                 turns.append((1.0 / (sheet.opening * stiff * height**3)) ** 0.25)
@@ -96,7 +100,10 @@ class StackKernel(Kernel):
         turns += [(1.0 / (soft * thick * stiff * height)) ** 0.5 for soft, thick in gives]
         ratio = min(1.0, *turns) ** 3
         stiffest = inf if base is None else max(ratios)
-        fastest = max(Scales.of(sheet.constants, None).fastest * sheet.thickness for sheet in sheets)
+        fastest = max(
+            Scales.of(sheet.constants, None).fastest * thick
+            for sheet, thick in zip(sheets, thicknesses, strict=True)
+        )
         return Scales(
             top.decay, max(top.fastest, fastest), ratio, stretch, top.firmness, stiffest, charted=False
         )
