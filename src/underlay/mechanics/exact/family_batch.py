@@ -18,6 +18,7 @@ from underlay.mechanics.exact.curve_family import (
 )
 from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.indenters import PowerLawShape
+from underlay.mechanics.kernel import Family
 
 __all__ = ["family_batch"]
 
@@ -27,7 +28,7 @@ _RANGES = 1024
 
 @dataclass(frozen=True)
 class _Shelf:
-    """Tables of one tip and one pair of Poisson's ratios, side by side; every array has one entry a cell.
+    """Tables of one tip and one family of bodies, side by side; every array has one entry a cell.
 
     A set without a table finds an entry with an infinite error.
 
@@ -78,14 +79,13 @@ class _Shelf:
 
 # Like the tables, shelves are the same whatever was asked before, and are kept for the whole process. A shelf
 # is never changed but replaced, so that two threads at most build a table twice.
-_SHELVES: dict[tuple[float, float, float, float], _Shelf] = {}
+_SHELVES: dict[tuple[float, Family, float], _Shelf] = {}
 
 
 def family_batch(
     indenter: PowerLawShape,
     *,
-    layer_nu: float,
-    base_nu: float,
+    family: Family,
     ratio: FloatArray,
     varpi: FloatArray,
     rtol: float,
@@ -96,10 +96,10 @@ def family_batch(
     ----------
     indenter : PowerLawShape
         The tip; its size may change from set to set through `CurveBatch.force`.
-    layer_nu, base_nu : float
-        Poisson's ratios.
+    family : Family
+        The bodies.
     ratio, varpi : ndarray (sets,)
-        Modulus of the base over that of the layer, and the largest varpi.
+        Which of them, and the largest varpi.
     rtol : float
         Relative error asked for.
 
@@ -110,11 +110,11 @@ def family_batch(
     """
     spans, ranges = ratio_numbers(ratio), range_numbers(varpi)
     numbers = (spans * _RANGES + ranges).astype(np.int64).tolist()
-    key = (indenter.exponent, layer_nu, base_nu, rtol)
+    key = (indenter.exponent, family, rtol)
     shelf = _SHELVES.get(key, _Shelf())
     missing = {number: first for first, number in enumerate(numbers) if number not in shelf.places}
     for number, first in missing.items():
-        cell = Cell(indenter.exponent, layer_nu, base_nu, int(spans[first]), int(ranges[first]), rtol)
+        cell = Cell(indenter.exponent, family, int(spans[first]), int(ranges[first]), rtol)
         shelf = shelf.with_table(number, cell, curve_family(cell))
     if missing:
         _SHELVES[key] = shelf

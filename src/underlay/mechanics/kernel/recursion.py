@@ -28,7 +28,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import factorial
+from math import factorial, inf
 
 import numpy as np
 
@@ -63,24 +63,24 @@ class Sheet:
         c and S times g_1, g over g_1; floats, or arrays (sets, 1).
     thickness : float or ndarray (sets, 1)
         Over t_1.
-    opening, sliding : float or ndarray (sets, 1)
+    opening, sliding : float
         Compliances of its lower face, g_1/(t_1 k_normal) and g_1/(t_1 k_shear): zero bonded, infinite free.
     """
 
     constants: PlaneConstants
     thickness: Real
-    opening: Real
-    sliding: Real
+    opening: float
+    sliding: float
 
     @cached_property
     def slips(self) -> bool:
         """Whether its lower face slides freely."""
-        return bool(np.isinf(self.sliding).all())
+        return bool(self.sliding == inf)
 
     @cached_property
     def sprung(self) -> bool:
         """Whether its lower face gives way in proportion to the stress."""
-        return bool(np.any(self.opening)) or (not self.slips and bool(np.any(self.sliding)))
+        return self.opening != 0.0 or not (self.sliding == 0.0 or self.slips)
 
     @cached_property
     def roots(self) -> tuple[Real, Real]:

@@ -104,8 +104,16 @@ class StackKernel(Kernel):
             Scales.of(sheet.constants, None).fastest * thick
             for sheet, thick in zip(sheets, thicknesses, strict=True)
         )
+        soft = 0.0 if any(isinstance(layer.bond, Spring) for layer in self.layers) else softest
         return Scales(
-            top.decay, max(top.fastest, fastest), ratio, stretch, top.firmness, stiffest, charted=False
+            top.decay,
+            max(top.fastest, fastest),
+            ratio,
+            stretch,
+            top.firmness,
+            stiffest,
+            soft,
+            charted=False,
         )
 
     def rule(self, eps_max: float, rtol: float, *, power: int = 0) -> tuple[FloatArray, FloatArray]:
