@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
@@ -15,9 +16,9 @@ from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.mechanics.kernel.recursion import Recursion, Sheet
 from underlay.mechanics.kernel.scales import SOFTEST, Scales
 from underlay.mechanics.kernel.substrate import material_contrast
-from underlay.mechanics.materials import Layer, PlaneConstants, Substrate
+from underlay.mechanics.materials import Layer, PlaneConstants, Real, Substrate
 
-__all__ = ["StackKernel"]
+__all__ = ["StackKernel", "sheets_of"]
 
 
 @dataclass(frozen=True)
@@ -55,15 +56,12 @@ class StackKernel(Kernel):
     @cached_property
     def _sheets(self) -> tuple[tuple[Sheet, ...], PlaneConstants | None]:
         """The layers and the base, in units of the top layer's thickness and g."""
-        top = self.layers[0]
-        g, t = float(top.material.plane_constants.g), top.thickness
-        sheets = []
-        for layer in self.layers:
-            opening, sliding = (g / t * give for give in _give(layer.bond))
-            constants = _scaled(layer.material.plane_constants, g)
-            sheets.append(Sheet(constants, layer.thickness / t, opening, sliding))
-        base = self.base.plane_constants
-        return tuple(sheets), None if base is None else _scaled(base, g)
+        return sheets_of(
+            [layer.material.plane_constants for layer in self.layers],
+            self.base.plane_constants,
+            [layer.thickness for layer in self.layers],
+            [layer.bond for layer in self.layers],
+        )
 
     @cached_property
     def scales(self) -> Scales:
@@ -158,6 +156,21 @@ class StackKernel(Kernel):
         return " on ".join((*layers, repr(self.base)))
 
 
+def sheets_of(
+    constants: Sequence[PlaneConstants],
+    base: PlaneConstants | None,
+    thicknesses: Sequence[Real],
+    bonds: Sequence[Bond],
+) -> tuple[tuple[Sheet, ...], PlaneConstants | None]:
+    """Layers, from the top down, and base in units of the top layer's thickness and g; floats, or (sets, 1)."""
+    g, t = constants[0].g, thicknesses[0]
+    sheets = []
+    for own, thickness, bond in zip(constants, thicknesses, bonds, strict=True):
+        opening, sliding = (float(g / t) * give if give else 0.0 for give in _give(bond))
+        sheets.append(Sheet(_scaled(own, g), thickness / t, opening, sliding))
+    return tuple(sheets), None if base is None else _scaled(base, g)
+
+
 def _give(bond: Bond) -> tuple[float, float]:
     """Opening and sliding per stress (m/Pa)."""
     if isinstance(bond, Spring):
@@ -165,5 +178,5 @@ def _give(bond: Bond) -> tuple[float, float]:
     return 0.0, inf if bond == "slip" else 0.0
 
 
-def _scaled(of: PlaneConstants, g: float) -> PlaneConstants:
-    return PlaneConstants(float(of.q), float(of.c * g), float(of.g / g), float(of.S * g))
+def _scaled(of: PlaneConstants, g: Real) -> PlaneConstants:
+    return PlaneConstants(of.q, of.c * g, of.g / g, of.S * g)
