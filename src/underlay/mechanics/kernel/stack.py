@@ -166,7 +166,7 @@ def sheets_of(
     g, t = constants[0].g, thicknesses[0]
     sheets = []
     for own, thickness, bond in zip(constants, thicknesses, bonds, strict=True):
-        opening, sliding = (float(g / t) * give if give else 0.0 for give in _give(bond))
+        opening, sliding = (give if give in {0.0, inf} else float(g / t) * give for give in _give(bond))
         sheets.append(Sheet(_scaled(own, g), thickness / t, opening, sliding))
     return tuple(sheets), None if base is None else _scaled(base, g)
 
