@@ -122,20 +122,18 @@ def has_face(scene: Scene, face: str = "layer") -> bool:
 
 
 def _faces(scene: Scene) -> list[str]:
-    if scene.substrate is None or not np.isfinite(scene.layer.thickness):
+    if scene.base is None:
         return []
-    deeper = len(scene.substrate.layers) if isinstance(scene.substrate, Stack) else 0
-    return ["layer", *(f"substrate.layers[{number}]" for number in range(deeper))]
+    return ["layer", *(f"substrate.layers[{number}]" for number in range(len(scene.layers) - 1))]
 
 
 def _held(scene: Scene, face: str, bond: str) -> Scene:
     """The scene with another bond of one face."""
     if face == "layer":
         return replace(scene, layer=replace(scene.layer, bond=bond))
+    layers, base = list(scene.layers[1:]), scene.base
+    if base is None:
+        raise InputError(f"nothing is under {face!r}")
     number = _faces(scene).index(face) - 1
-    stack = scene.substrate
-    if not isinstance(stack, Stack):
-        raise InputError(f"{face!r} is of no stack")
-    layers = list(stack.layers)
     layers[number] = replace(layers[number], bond=bond)
-    return replace(scene, substrate=replace(stack, layers=layers))
+    return replace(scene, substrate=Stack(layers, base))

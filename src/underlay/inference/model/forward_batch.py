@@ -29,7 +29,7 @@ from underlay.inference.model.stack_groups import has_stack_batches, stack_group
 from underlay.inference.model.tables import OneRatio
 from underlay.mechanics.exact.family_batch import family_batch
 from underlay.mechanics.indenters import PowerLawShape
-from underlay.mechanics.materials import PlaneConstants, isotropic_constants
+from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
 from underlay.scene.chain import Frame
 
 __all__ = ["Readings", "batched_readings"]

@@ -21,7 +21,7 @@ from underlay.mechanics.exact.contact_curve import depth_measure
 from underlay.mechanics.kernel import StackKernel
 from underlay.mechanics.kernel.recursion import Recursion
 from underlay.mechanics.kernel.stack import sheets_of
-from underlay.mechanics.materials import (
+from underlay.mechanics.plane_constants import (
     PlaneConstants,
     isotropic_constants,
     transversely_isotropic_constants,

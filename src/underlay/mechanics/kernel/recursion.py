@@ -34,7 +34,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.kernel.one_layer import EQUAL_ROOTS, passage
-from underlay.mechanics.materials import PlaneConstants, Real
+from underlay.mechanics.plane_constants import PlaneConstants, Real
 
 __all__ = ["Recursion", "Sheet"]
 

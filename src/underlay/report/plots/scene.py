@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.materials import Layer, Material, Rigid
+from underlay.mechanics.body import Base
 from underlay.mechanics.solvers import AnySolver
-from underlay.mechanics.stack import Stack
+from underlay.quantities import numbers_of
 from underlay.report.plots.style import COLUMN, INK, LAYER, METAL, SUBSTRATE, axes, style
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity, human_unit
@@ -64,7 +64,7 @@ def scene(
         beside = _names_beside(test) and shown == thick
         ax = axes(ax, width=COLUMN + (_BESIDE if beside else 0.0), height=2.6)
         top = 0.55 * half
-        deeper = sum(layer.thickness for layer in _deeper(test))
+        deeper = sum(layer.thickness for layer in test.layers[1:])
         room = max(0.35 * half, min(1.2 * deeper, half)) if shown == thick else 0.0
         bottom = -shown - room
         ax.set(xlim=(-half / factor, half / factor), ylim=(bottom / factor, top / factor))
@@ -110,17 +110,12 @@ def _draw_layer(
     ax.plot(both / factor, height / factor, color=INK, lw=0.9)
 
 
-def _deeper(test: Scene) -> tuple[Layer, ...]:
-    """Layers under the one on top."""
-    return tuple(test.substrate.layers) if isinstance(test.substrate, Stack) else ()
-
-
 def _draw_below(ax: Axes, test: Scene, half: float, bottom: float, factor: float) -> None:
     """What is under the layer on top, and the lower faces of the layers: broken where they are not bonded."""
     sides = [-half / factor, half / factor]
     depth = test.layer.thickness
     ax.fill_between(sides, bottom / factor, -depth / factor, color=SUBSTRATE, lw=0.0)
-    layers = (test.layer, *_deeper(test))
+    layers = test.layers
     for number, layer in enumerate(layers[1:]):
         lower = min(depth + layer.thickness, -bottom)
         shade = _SHADES[number % len(_SHADES)]
@@ -133,21 +128,20 @@ def _draw_below(ax: Axes, test: Scene, half: float, bottom: float, factor: float
 
 def _names_beside(test: Scene) -> bool:
     """Whether there is too much to say for words inside the picture."""
-    return bool(_deeper(test)) or (test.substrate is not None and test.layer.bond != "bonded")
+    return len(test.layers) > 1 or (test.substrate is not None and test.layer.bond != "bonded")
 
 
 def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], factor: float) -> None:
     """Names of the layers and of the base to the right of the picture, each with a line to its middle."""
     half, bottom, top = window
     depth, middles, names = 0.0, [], []
-    for layer in (test.layer, *_deeper(test)):
+    for layer in test.layers:
         middles.append(-min(depth + 0.5 * layer.thickness, 0.995 * -bottom))
         depth += layer.thickness
         bond = {"bonded": "", "slip": ",\nfree to slip"}.get(str(layer.bond), ",\non springs")
         names.append(f"{format_quantity(layer.thickness, 'length')}, {_material(layer.material)}{bond}")
-    base = test.substrate.base if isinstance(test.substrate, Stack) else test.substrate
     middles.append(0.5 * (bottom - min(depth, -bottom)))
-    names.append("rigid" if isinstance(base, Rigid) or base is None else _material(base))
+    names.append(_material(test.base))
     lines = np.array([1.0 + name.count("\n") for name in names])
     inch = max(2.0 * half / _PICTURE[0], (top - bottom) / _PICTURE[1])
     places = _spread(np.array(middles), lines * _LINE * inch, bottom)
@@ -188,8 +182,7 @@ def _write(ax: Axes, test: Scene, window: tuple[float, float, float, float], fac
         ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
         ax.text(left, -0.94 * shown / factor, below, va="center", ha="left", style="italic")
         return
-    base = test.substrate
-    words = "substrate, " + (_material(base) if isinstance(base, Material) else "rigid")
+    words = f"substrate, {_material(test.base)}"
     if shown < _THIN * (top - bottom):
         # No room for words in a thin layer: they stand below it.
         words = f"{layer}, {format_quantity(thick, 'length')} thick\n{words}"
@@ -215,8 +208,11 @@ def _write_thickness(ax: Axes, thick: float, x: float, factor: float) -> None:
     ax.text(0.965 * x / factor, -0.5 * thick / factor, words, ha="right", va="center")
 
 
-def _material(material: Material) -> str:
-    return f"E = {format_quantity(material.E, 'pressure')}, $\\nu$ = {material.nu:.3g}"
+def _material(material: Base | None) -> str:
+    numbers = {} if material is None else numbers_of(material)
+    if not numbers:
+        return "rigid"
+    return f"E = {format_quantity(numbers['E'].value, 'pressure')}, $\\nu$ = {numbers['nu'].value:.3g}"
 
 
 def _mirrored(r: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
