@@ -119,7 +119,7 @@ class Recursion:
         Returns
         -------
         array (nodes,) or (sets, nodes)
-            Relative error below 1e-14 for the stacks of tests/test_stacks.py, contrasts up to 1e8.
+            Relative error below 1e-13 for the stacks of tests/test_stacks.py, contrasts up to 1e8: 2e-14 seen.
         """
         if any(sheet.slips for sheet in self._sheets):
             u = np.maximum(u, _NEAREST)
