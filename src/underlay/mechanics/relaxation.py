@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
+from scipy import special
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, finite, positive
 from underlay.errors import InputError
@@ -82,6 +83,14 @@ class Relaxation(Part, ABC):
     @abstractmethod
     def modes(self, shortest: float, longest: float) -> Modes:
         """Exponentials that stand for it between the times `shortest` and `longest` (s)."""
+
+    def mode_slopes(self, modes: Modes) -> Mapping[str, Modes] | None:
+        """d modes / d number by field name (``times[0]``): of the constant, the weights and the times.
+
+        None where it does not know them; a caller then takes differences.
+        """
+        del modes
+        return None
 
     @property
     @abstractmethod
@@ -196,6 +205,14 @@ class Prony(Relaxation):
         del shortest, longest
         return Modes(self.equilibrium, np.array(self.fractions), np.array(self.times))
 
+    def mode_slopes(self, modes: Modes) -> Mapping[str, Modes]:
+        """A fraction is a weight, taken from the constant; a time is a time."""
+        del modes
+        unit, none = np.eye(len(self.times)), np.zeros(len(self.times))
+        return {f"fractions[{k}]": Modes(-1.0, row, none) for k, row in enumerate(unit)} | {
+            f"times[{k}]": Modes(0.0, none, row) for k, row in enumerate(unit)
+        }
+
 
 # Trapezoid rule in ln(1/time): its error falls as exp(-pi^2 / step), up to 2e-8 at 0.5 (a test measures it).
 _STEP = 0.5
@@ -289,3 +306,15 @@ class PowerLawRelaxation(Relaxation):
         scale = self.time**a / math.gamma(a)
         constant = scale * _STEP * math.exp(a * low) / math.expm1(a * _STEP)
         return Modes(constant, scale * _STEP * np.exp(a * y), np.exp(-y))
+
+    def mode_slopes(self, modes: Modes) -> Mapping[str, Modes]:
+        """With the rule's points where they are: what they stand for does not depend on where those are."""
+        a, none = self.exponent, np.zeros(len(modes.times))
+        common = math.log(self.time) - float(special.digamma(a))
+        low = -math.log(modes.times[0])
+        end = common + low - _STEP / -math.expm1(-a * _STEP)
+        in_exponent = Modes(
+            modes.constant * end, modes.weights * (common - np.log(modes.times)), none
+        )
+        in_time = Modes(modes.constant * a / self.time, modes.weights * (a / self.time), none)
+        return {"exponent": in_exponent, "time": in_time}

@@ -24,7 +24,7 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError
 from underlay.quantities import Part, numbers_of, replace_values
 
-__all__ = ["Elastic", "History", "Remembered", "Response", "checked_times"]
+__all__ = ["Elastic", "History", "Motion", "Remembered", "Response", "checked_times"]
 
 #: A function of depths (m), (n,): the elastic force (N), or a derivative of it.
 Elastic: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -94,12 +94,12 @@ class History(Part, ABC):
             Their times (s), (n,), increasing.
         """
 
-    def prepared(self, depth: FloatArray, time: FloatArray) -> Callable[[Elastic], FloatArray]:
-        """The map from an elastic force to `force` for one motion, to be asked for several elastic forces.
+    def prepared(self, depth: FloatArray, time: FloatArray) -> Motion:
+        """One motion, to be asked for several elastic forces and for derivatives.
 
-        Override it where the motion alone decides a good part of the work.
+        Override it where the motion alone decides a good part of the work, or where derivatives are known.
         """
-        return lambda elastic: self.force(elastic, depth, time)
+        return Motion(self, depth, time)
 
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
         """Refuse numbers at the paths `free` of which a record at these times (s) says nothing; default: none.
@@ -111,16 +111,40 @@ class History(Part, ABC):
         """
         del free, time
 
-    def slopes(
-        self, paths: Sequence[str], elastic: Elastic, depth: FloatArray, time: FloatArray
-    ) -> Mapping[str, FloatArray]:
-        """d force / d number, (n,), at its own `paths` (``history.time``); by differences unless overridden."""
-        numbers, found = numbers_of(self, self.prefix), {}
+
+@dataclass(frozen=True)
+class Motion:
+    """One motion of the tip as a history sees it: the map from elastic forces to forces.
+
+    Parameters
+    ----------
+    history : History
+        What remembers.
+    depth : FloatArray
+        Depths since contact (m), (n,), negative before it.
+    time : FloatArray
+        Their times (s), (n,), increasing.
+    """
+
+    history: History
+    depth: FloatArray
+    time: FloatArray
+
+    def __call__(self, elastic: Elastic) -> FloatArray:
+        """Force (N), (n,), that the history makes of an elastic force; linear in it."""
+        return self.history.force(elastic, self.depth, self.time)
+
+    def slopes(self, paths: Sequence[str], law: Response) -> Mapping[str, FloatArray]:
+        """d force / d number, (n,), at the history's own `paths` (``history.time``); by differences here."""
+        history = self.history
+        numbers, found = numbers_of(history, history.prefix), {}
         for path in paths:
             value, known = numbers[path]
             step = _STEP * (abs(value) or known.natural_scale)
             up, down = (
-                replace_values(self, {path: value + sign * step}, self.prefix).force(elastic, depth, time)
+                replace_values(history, {path: value + sign * step}, history.prefix).force(
+                    law.force, self.depth, self.time
+                )
                 for sign in (1.0, -1.0)
             )
             found[path] = (up - down) / (2.0 * step)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError, ParameterError
 from underlay.mechanics.materials import Layer, Substrate
 from underlay.mechanics.relaxation import Relaxation
-from underlay.mechanics.response import Elastic, History
+from underlay.mechanics.response import Elastic, History, Motion, Response
 from underlay.mechanics.stack import Body, Stack
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.loading import Loading
@@ -20,7 +20,7 @@ from underlay.mechanics.viscoelastic.memory import Memory
 from underlay.mechanics.viscoelastic.unloading import Unloading, equal_radius
 from underlay.quantities import inlined, numbers_of
 
-__all__ = ["Viscoelastic", "require_still_base"]
+__all__ = ["Viscoelastic", "ViscoelasticMotion", "require_still_base"]
 
 # A motion counts as growing while it falls back from its deepest point by no more than this part of it, first
 # none, then the noise of a depth reading. The springs that lift off there hold less than the square of it:
@@ -52,21 +52,16 @@ class Viscoelastic(History):
         """
         return self.prepared(depth, time)(elastic)
 
-    def prepared(self, depth: FloatArray, time: FloatArray) -> Callable[[Elastic], FloatArray]:
+    def prepared(self, depth: FloatArray, time: FloatArray) -> ViscoelasticMotion:
         """The map from an elastic force to `force` for one motion."""
         if len(depth) < 2 or not (depth > 0.0).any():
-            return lambda elastic: np.asarray(elastic(np.maximum(depth, 0.0)))
-        if depth[0] > 0.0 and not self.relaxation.bounded:
+            return ViscoelasticMotion(self, depth, time, None)
+        begun = depth[0] > 0.0 and not self.relaxation.bounded
+        if begun:
             # It came in within one step: a sudden one would be resisted without end.
-            longer = self.prepared(np.append(0.0, depth), np.append(2.0 * time[0] - time[1], time))
-            return lambda elastic: longer(elastic)[1:]
+            depth, time = np.append(0.0, depth), np.append(2.0 * time[0] - time[1], time)
         modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
-        memory = Memory(modes, time)
-        for ripple in _RIPPLES:
-            found = _closed(depth, memory, ripple)
-            if found is not None:
-                return found
-        return Bed.of(depth, modes, time)
+        return ViscoelasticMotion(self, depth, time, _form(depth, Memory(modes, time)), first=int(begun))
 
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
         """Refuse a free relaxation time outside what the record spans, from its sampling to its length.
@@ -87,20 +82,6 @@ class Viscoelastic(History):
                     f"its length, {longest:.4g} s: start it there, or leave it fixed"
                 )
 
-    def slopes(
-        self, paths: Sequence[str], elastic: Elastic, depth: FloatArray, time: FloatArray
-    ) -> Mapping[str, FloatArray]:
-        """d force / d number, (n,), at its own `paths`; the elastic force is asked once for equal depths."""
-        known: dict[bytes, FloatArray] = {}
-
-        def kept(x: FloatArray) -> FloatArray:
-            key = x.tobytes()
-            if key not in known:
-                known[key] = elastic(x)
-            return known[key]
-
-        return super().slopes(paths, kept, depth, time)
-
     def dynamic_modulus(self, frequency: FloatArray, longest: float) -> FloatArray:
         """E*(i omega) / E, complex, at angular frequencies (1/s) of a small oscillation that lasts `longest` (s).
 
@@ -112,7 +93,54 @@ class Viscoelastic(History):
         return np.asarray(modes.constant + (turned / (1.0 + turned)) @ modes.weights)
 
 
-def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Callable[[Elastic], FloatArray] | None:
+@dataclass(frozen=True)
+class ViscoelasticMotion(Motion):
+    """A motion of a relaxing layer, and the construction that holds for it.
+
+    Parameters
+    ----------
+    form : Loading, Unloading, Bed or None
+        The construction; None where nothing is touched.
+    first : int, default 0
+        Points at the beginning that were added.
+    """
+
+    form: Loading | Unloading | Bed | None = None
+    first: int = 0
+
+    def __call__(self, elastic: Elastic) -> FloatArray:
+        """Force (N), (n,), that the layer makes of an elastic force."""
+        if self.form is None:
+            return np.asarray(elastic(np.maximum(self.depth, 0.0)))
+        return self.form(elastic)[self.first :]
+
+    def slopes(self, paths: Sequence[str], law: Response) -> Mapping[str, FloatArray]:
+        """d force / d number of the relaxation, (n,), at its `paths`."""
+        if self.form is None or not paths:
+            return {path: np.zeros(len(self.depth)) for path in paths}
+        relaxation, prefix = self.history.relaxation, self.history.prefix  # type: ignore[attr-defined]  # a Viscoelastic
+        known = None if isinstance(self.form, Bed) else relaxation.mode_slopes(self.form.memory.modes)
+        if known is None or isinstance(self.form, Bed):
+            return super().slopes(paths, law)
+        along = self.form.mode_slopes(law.force, law.stiffness)
+        found = {}
+        for path in paths:
+            change = known[path.removeprefix(f"{prefix}.")]
+            slope = change.constant * along.constant + change.weights @ along.weights
+            found[path] = (slope + change.times @ along.times)[self.first :]
+        return found
+
+
+def _form(depth: FloatArray, memory: Memory) -> Loading | Unloading | Bed:
+    """The simplest construction that holds for depths (m), (n,)."""
+    for ripple in _RIPPLES:
+        found = _closed(depth, memory, ripple)
+        if found is not None:
+            return found
+    return Bed.of(depth, memory.modes, memory.time)
+
+
+def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Loading | Unloading | None:
     """Lee and Radok up to the last deepest point and Ting after it; None where they do not hold."""
     w = np.maximum(depth, 0.0)
     allowed = (ripple + _ROUNDING) * w.max()
@@ -126,7 +154,7 @@ def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Callable[[Elast
     found = equal_radius(path, memory, turn)
     if (found.depths - np.minimum.accumulate(found.depths) > allowed).any():
         return None
-    return Unloading(w[: turn + 1], memory, found)
+    return Unloading(path, turn, memory, found)
 
 
 # A base this much stiffer than the layer is as good as rigid: the kernel of the unrelaxed layer then serves all

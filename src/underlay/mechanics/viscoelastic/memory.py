@@ -91,6 +91,20 @@ class Memory:
             added += self.curved * (4.0 * middle - 2.0 * (values[1:] + values[:-1]))
         return self._summed(added, float(values[0]))
 
+    def integral_slopes(
+        self, z: FloatArray, values: FloatArray, middle: FloatArray | None = None
+    ) -> FloatArray:
+        """dz_k / dtau_k at every point, (K, n), of the integrals `z` of these values, as in `integrals`.
+
+        With x = step / tau_k it obeys the recursion of z_k with x e^-x z_k - d x g1' - c x g2' over tau_k added,
+        where x g1' = e^-x - g1 and x g2' = e^-x - g1 - 2 g2.
+        """
+        bent = self.decay - self.even
+        added = self.steps * self.decay * z[:, :-1] - bent * np.diff(values)
+        if middle is not None:
+            added -= (bent - 2.0 * self.curved) * (4.0 * middle - 2.0 * (values[1:] + values[:-1]))
+        return self._summed(added / self.modes.times[:, None], 0.0)
+
     def hereditary(self, values: FloatArray, middle: FloatArray | None = None) -> FloatArray:
         """int e(t - s) dF(s) at every point, (n,); the arguments are those of `integrals`."""
         return np.asarray(self.modes.constant * values + self.modes.weights @ self.integrals(values, middle))
