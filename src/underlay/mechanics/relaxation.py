@@ -156,6 +156,7 @@ class Prony(Relaxation):
             symbol="f",
             bounds=(0.0, 1.0),
             natural_scale=0.1,
+            linear=True,
             many=True,
         )
     )
@@ -313,8 +314,6 @@ class PowerLawRelaxation(Relaxation):
         common = math.log(self.time) - float(special.digamma(a))
         low = -math.log(modes.times[0])
         end = common + low - _STEP / -math.expm1(-a * _STEP)
-        in_exponent = Modes(
-            modes.constant * end, modes.weights * (common - np.log(modes.times)), none
-        )
+        in_exponent = Modes(modes.constant * end, modes.weights * (common - np.log(modes.times)), none)
         in_time = Modes(modes.constant * a / self.time, modes.weights * (a / self.time), none)
         return {"exponent": in_exponent, "time": in_time}

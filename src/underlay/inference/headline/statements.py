@@ -8,6 +8,7 @@ from functools import cached_property
 
 from underlay.errors import InputError
 from underlay.inference.headline.averaged import averaged_fit, averaged_interval
+from underlay.inference.headline.derived import derived_interval
 from underlay.inference.headline.known_inputs import sensitivity
 from underlay.inference.headline.plain import plain_interval
 from underlay.inference.headline.verdict import verdict
@@ -33,8 +34,6 @@ class Headline(Statements):
 
     def interval(self, name: str, level: float) -> StatedInterval:
         """Interval of a parameter; see `Fit.interval`."""
-        if name not in self.fit.names:
-            raise InputError(f"{name!r} is not free here; free are {', '.join(self.fit.names)}")
         if not 0.0 < level <= 0.999:
             raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
         if (name, level) not in self._intervals:
@@ -42,6 +41,8 @@ class Headline(Statements):
         return self._intervals[name, level]
 
     def _found(self, name: str, level: float) -> StatedInterval:
+        if name not in self.fit.names:
+            return derived_interval(self.fit, self.averaged, name, level)
         if self.averaged is None:
             return plain_interval(self.fit, name, level)
         try:

@@ -12,9 +12,10 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError, ParameterError
 from underlay.mechanics.materials import Layer, Substrate
 from underlay.mechanics.relaxation import Relaxation
-from underlay.mechanics.response import Elastic, History, Motion, Response
+from underlay.mechanics.response import Elastic, History, Invertible, Motion, Response
 from underlay.mechanics.stack import Body, Stack
 from underlay.mechanics.viscoelastic.bed import Bed
+from underlay.mechanics.viscoelastic.creep import crept
 from underlay.mechanics.viscoelastic.loading import Loading
 from underlay.mechanics.viscoelastic.memory import Memory
 from underlay.mechanics.viscoelastic.unloading import Unloading, equal_radius
@@ -62,6 +63,13 @@ class Viscoelastic(History):
             depth, time = np.append(0.0, depth), np.append(2.0 * time[0] - time[1], time)
         modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
         return ViscoelasticMotion(self, depth, time, _form(depth, Memory(modes, time)), first=int(begun))
+
+    def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
+        """Depth (m), (n,), under forces (N), (n,): one loading and holds, then one unloading."""
+        if len(force) < 2:
+            return np.asarray(law.depth(force))
+        modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
+        return crept(law, modes, force, time)
 
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
         """Refuse a free relaxation time outside what the record spans, from its sampling to its length.

@@ -61,18 +61,21 @@ class EqualRadius:
         return depths
 
 
-def equal_radius(depth: FloatArray, memory: Memory, turn: int) -> EqualRadius:
+def equal_radius(
+    depth: FloatArray, memory: Memory, turn: int, target: FloatArray | None = None
+) -> EqualRadius:
     """Find t1 for every point after number `turn`, the last of the way in.
 
     F(t1) = constant (w - w(t1)) + sum_k weight_k [y_k - exp(-(t - t1) / tau_k) y_k(t1)], with
     y_k(t) = int exp(-(t - s) / tau_k) dw(s), falls as t1 grows: the step is found by halving the record, the time
-    by Newton's method in the step.
+    by Newton's method in the step. With a `target` given, (m,), t1 is where constant w(t1) + sum_k weight_k
+    exp(-(t - t1) / tau_k) y_k(t1) is that: with elastic forces in the place of depths, the force.
     """
-    y = memory.integrals(depth)
     modes, time = memory.modes, memory.time
-    after = slice(turn + 1, None)
-    target = modes.constant * depth[after] + modes.weights @ y[:, after]
-    clock = time[after]
+    clock = time[turn + 1 :]
+    y = memory.integrals(depth) if target is None else Memory(modes, time[: turn + 1]).integrals(depth)
+    if target is None:
+        target = modes.constant * depth[turn + 1 :] + modes.weights @ y[:, turn + 1 :]
     # exp(-(t - t1) / tau) is the product of what is left at the turn and after it, decaying factors both.
     at_turn = np.exp(-(time[turn] - time[: turn + 1]) / modes.times[:, None]) * y[:, : turn + 1]
     since_turn = modes.weights[:, None] * np.exp(-(clock - time[turn]) / modes.times[:, None])
@@ -110,9 +113,7 @@ def equal_radius(depth: FloatArray, memory: Memory, turn: int) -> EqualRadius:
     return EqualRadius(low[keep], elapsed[keep], reached[keep], held, len(touching))
 
 
-def _within(
-    excess: Callable[[FloatArray], tuple[FloatArray, FloatArray]], width: FloatArray
-) -> FloatArray:
+def _within(excess: Callable[[FloatArray], tuple[FloatArray, FloatArray]], width: FloatArray) -> FloatArray:
     """Zeros between 0 and `width`, (m,), of functions that grow: Newton's method inside a shrinking bracket.
 
     A step that does not halve the one before it is replaced by the middle of the bracket. A function without a
