@@ -120,6 +120,7 @@ from .report import plots as plots
 from .report.render import report as report
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.instrument import Instrument as Instrument
+from .scene.program import Program as Program
 from .scene.scene import Scene as Scene
 from .scene.scene_file import load_scene as load_scene
 

@@ -63,7 +63,7 @@ def simulate(
     sampling_rate: Annotated[
         str | None,
         typer.Option(
-            "--sampling-rate", help='Points per second, e.g. "100 Hz"; else as [simulate] duration says.'
+            "--sampling-rate", help='Points per second, e.g. "100 Hz"; else as [simulate] says.'
         ),
     ] = None,
 ) -> None:
@@ -114,12 +114,18 @@ def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate:
         raise InputError("outlier_sd is the size of outliers; say how many too, e.g. --noise outliers=1%")
     disturbances: dict[str, Any] = {name: numbers[name] for name in _DISTURBANCES if numbers.get(name)}
     model = _noise_model({name: numbers[name] for name in of_noise if numbers.get(name)})
-    clock: dict[str, Any] = {"time": file.simulate.time}
+    clock: dict[str, Any]
+    depth, clock = file.simulate.depth, {"time": file.simulate.time}
     if rate is not None:
-        clock = {"sampling_rate": positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")}
+        hertz = positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")
+        if file.simulate.is_timed:
+            depth, time = file.simulate.motion.sampled(sampling_rate=hertz)
+            clock = {"time": time}
+        else:
+            clock = {"sampling_rate": hertz}
     if model is None and not disturbances and rate is None:
-        return noiseless(scene, file.simulate.depth, **clock, solver=file.solver)
-    return synthesize(scene, file.simulate.depth, model, seed, **clock, **disturbances, solver=file.solver)
+        return noiseless(scene, depth, **clock, solver=file.solver)
+    return synthesize(scene, depth, model, seed, **clock, **disturbances, solver=file.solver)
 
 
 def _kinds(declared: type) -> dict[str, str]:

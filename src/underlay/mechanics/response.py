@@ -230,7 +230,7 @@ class Remembered(Response):
         """Stiffness of the elastic law (N/m): at once the sample answers elastically."""
         return self.law.stiffness(depth, time)
 
-    def depth(self, force: ArrayLike, time: ArrayLike) -> FloatArray:
+    def depth(self, force: ArrayLike, time: ArrayLike | None) -> FloatArray:
         """Depth (m), (n,), under given forces (N) at times (s), (n,): load control.
 
         Raises

@@ -13,12 +13,13 @@ import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._files import write_atomic
-from underlay.errors import InputError
+from underlay.errors import InputError, RangeError
 from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, TransverselyIsotropic
 from underlay.mechanics.response import History, Remembered, Response
+from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.mechanics.stack import Body, Stack
 from underlay.mechanics.viscoelastic.history import Viscoelastic, require_still_base
@@ -29,6 +30,9 @@ from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene_writer import scene_text
 
 __all__ = ["Scene"]
+
+# Depths (m) of the law that is tried first for a given force, and of the last; and how far one try may leap.
+_FIRST_DEPTH, _LAST_DEPTH, _LEAP = 1e-7, 1.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -140,6 +144,29 @@ class Scene:
         response = self.response(law)
         return chain.reading(response.force(chain.tip_depth(response, readings), time), readings)
 
+    def depth(
+        self, force: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
+    ) -> FloatArray:
+        """Depth the instrument shows (m) where it is told its force readings `force` (N), same shape: load control.
+
+        `time` (s), (n,), is what a scene that remembers needs too: its layer creeps.
+
+        Raises
+        ------
+        InputError
+            If a history needs times and has none that fit, a force pulls, or the baseline is tilted.
+        RangeError
+            If no law reaches the largest force.
+        """
+        instrument = self.instrument
+        if instrument.baseline_slope:
+            raise InputError(
+                "under given forces a tilted baseline is not simulated: set instrument.baseline_slope to 0"
+            )
+        load = as_finite(force, "force") - instrument.baseline
+        w = _pressed(self, load, time, as_solver(solver))
+        return np.asarray(w + instrument.compliance * load + instrument.contact_depth)
+
     def response(self, law: ContactLaw) -> Response:
         """What the sample answers in time, given its elastic law: the law itself where it remembers nothing."""
         return law if self.memory is None else Remembered(law, self.memory)
@@ -188,6 +215,23 @@ class Scene:
             If the file cannot be written; an older file stays whole.
         """
         return write_atomic(path, scene_text(self))
+
+
+def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Solver) -> FloatArray:
+    """Depth of the tip (m) under contact forces (N), by a law that reaches deep enough."""
+    top = float(load.max(initial=0.0))
+    reach = _FIRST_DEPTH
+    while True:
+        law = scene.contact_law(reach, solver=solver)
+        try:
+            if scene.memory is None:
+                return law.depth(load)
+            return Remembered(law, scene.memory).depth(load, time)
+        except RangeError:
+            if law.max_depth < reach or reach > _LAST_DEPTH:
+                raise
+        # The law itself says how stiff it is at its end: its force grows at least in proportion to depth.
+        reach *= max(2.0, min(top / float(law.force(law.max_depth)), _LEAP))
 
 
 def _check_memory(scene: Scene) -> None:

@@ -62,6 +62,7 @@ from underlay.mechanics.stack import Body, Stack
 from underlay.scene.field_names import hint
 from underlay.scene.fit_section import FreeParameter, free_parameters
 from underlay.scene.instrument import Instrument
+from underlay.scene.program import SimulatedDepths
 from underlay.scene.scene import Scene
 from underlay.scene.scene_schema import (
     CurveSection,
@@ -89,26 +90,6 @@ _STAND_IN = "1 m"
 PLACE = "TODO"
 # A scene is a page of text.
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
-
-
-@dataclass(frozen=True)
-class SimulatedDepths:
-    """Depth readings of a made curve: `points` from `start` to `max_depth` (m), over `duration` (s)."""
-
-    max_depth: float
-    start: float = 0.0
-    points: int = 200
-    duration: float = 1.0
-
-    @property
-    def depth(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        """The readings (m), shape (points,)."""
-        return np.linspace(self.start, self.max_depth, self.points)
-
-    @property
-    def time(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        """The times of the readings (s), shape (points,)."""
-        return np.linspace(0.0, self.duration, self.points)
 
 
 @dataclass(frozen=True)
@@ -455,10 +436,7 @@ def _solver(table: Mapping[str, Any]) -> Solver:
 def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
     if "simulate" not in document:
         return None
-    depths = SimulatedDepths(**check(SimulateSection, "simulate", _table(document, "simulate")))
-    if not depths.start < depths.max_depth:
-        raise InputError("[simulate] start must be below max_depth")
-    return depths
+    return SimulatedDepths(**check(SimulateSection, "simulate", _table(document, "simulate")))
 
 
 def _build(kind: type[Any], section: str, table: Mapping[str, Any], *, besides: tuple[str, ...] = ()) -> Any:
