@@ -128,9 +128,7 @@ def test_bad_programs_are_one_line(tmp_path, run, lines, said):
 
 def test_the_command_simulates_a_program_with_noise_along_time(tmp_path, run):
     path = tmp_path / "scene.toml"
-    path.write_text(
-        f'{SCENE}program = "triangle"\nrate = "50 um/s"\nhold = "3 s"\n', encoding="utf-8"
-    )
+    path.write_text(f'{SCENE}program = "triangle"\nrate = "50 um/s"\nhold = "3 s"\n', encoding="utf-8")
     made = tmp_path / "made.csv"
     options = ["--noise", "force=1 uN", "--noise", "correlation_time=0.5 s", "--sampling-rate", "20 Hz"]
     code, told = run("simulate", str(path), "--output", str(made), *options)
@@ -142,4 +140,6 @@ def test_the_command_simulates_a_program_with_noise_along_time(tmp_path, run):
     left = curve.force - file.scene.force(depth, time)
     # AR(1) over steps of 0.05 s: exp(-0.1), of 140 pairs to 0.04.
     assert np.corrcoef(left[1:], left[:-1])[0, 1] == pytest.approx(np.exp(-0.1), abs=0.15)
-    assert json.loads(made.with_suffix(".truth.json").read_text())["truth"]["layer.relaxation.times[0]"] == 1.0
+    assert (
+        json.loads(made.with_suffix(".truth.json").read_text())["truth"]["layer.relaxation.times[0]"] == 1.0
+    )

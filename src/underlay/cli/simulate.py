@@ -62,9 +62,7 @@ def simulate(
     offset: OffsetOption = None,
     sampling_rate: Annotated[
         str | None,
-        typer.Option(
-            "--sampling-rate", help='Points per second, e.g. "100 Hz"; else as [simulate] says.'
-        ),
+        typer.Option("--sampling-rate", help='Points per second, e.g. "100 Hz"; else as [simulate] says.'),
     ] = None,
 ) -> None:
     """Make a curve from a scene, with the noise that --noise and its [noise] section name, and no other.

@@ -111,7 +111,9 @@ class History(Part, ABC):
             If that is not simulated, as here, or not for such forces.
         """
         del law, force, time
-        raise InputError(f"the history {self.model or type(self).__name__} is simulated for given depths only")
+        raise InputError(
+            f"the history {self.model or type(self).__name__} is simulated for given depths only"
+        )
 
     def dynamic_modulus(self, frequency: FloatArray, longest: float) -> FloatArray:
         """E*(i omega) / E, complex, at angular frequencies (1/s) of an oscillation that lasts `longest` (s).

@@ -18,11 +18,12 @@ from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, TransverselyIsotropic
-from underlay.mechanics.response import History, Remembered, Response
+from underlay.mechanics.response import History, Remembered, Response, checked_times
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.mechanics.stack import Body, Stack
-from underlay.mechanics.viscoelastic.history import Viscoelastic, require_still_base
+from underlay.mechanics.viscoelastic.elastic_base import ages
+from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
@@ -142,6 +143,8 @@ class Scene:
         deepest = float(chain.travel(readings).max(initial=0.0))
         law = self.contact_law(deepest, solver=solver)
         response = self.response(law)
+        if self.ages:
+            response = self._aged(law, as_solver(solver), chain.travel(readings), time)
         return chain.reading(response.force(chain.tip_depth(response, readings), time), readings)
 
     def depth(
@@ -170,6 +173,31 @@ class Scene:
     def response(self, law: ContactLaw) -> Response:
         """What the sample answers in time, given its elastic law: the law itself where it remembers nothing."""
         return law if self.memory is None else Remembered(law, self.memory)
+
+    @property
+    def ages(self) -> bool:
+        """Whether the layer relaxes on an elastic base, against which its kernel changes in time."""
+        return ages(self.layer, self.substrate)
+
+    def softened(self, share: float) -> Scene:
+        """Return the elastic scene with every modulus of its layer multiplied by `share`."""
+        elastic = self.elastic
+        moduli = {
+            path: share * number.value
+            for path, number in elastic._numbers.items()  # noqa: SLF001  own class
+            if path.startswith("layer.") and number.quantity.scales == "force"
+        }
+        return elastic.with_values(moduli)
+
+    def _aged(self, law: ContactLaw, solver: Solver, depth: FloatArray, time: ArrayLike | None) -> Response:
+        """What a layer that relaxes on an elastic base answers to depths since contact (m)."""
+        relaxation = self.layer.relaxation
+        if relaxation is None:
+            return law
+        # Not loaded for a scene that does not age.
+        from underlay.scene.ageing import ageing_response  # noqa: PLC0415  see above
+
+        return ageing_response(self, relaxation, law, solver, depth, checked_times(time, depth))
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -219,6 +247,10 @@ class Scene:
 
 def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Solver) -> FloatArray:
     """Depth of the tip (m) under contact forces (N), by a law that reaches deep enough."""
+    if scene.ages:
+        raise InputError(
+            "a layer that relaxes on an elastic base is simulated under given depths only: use a rigid base"
+        )
     top = float(load.max(initial=0.0))
     reach = _FIRST_DEPTH
     while True:
@@ -250,4 +282,3 @@ def _check_memory(scene: Scene) -> None:
             "a frame's compliance beside a history or a relaxation is not simulated: take it out of the "
             "depth first (depth - compliance * force) and set instrument.compliance to 0"
         )
-    require_still_base(scene.layer, scene.substrate)

@@ -83,7 +83,6 @@ class Creep:
 
 def _zero(constant: float, weights: FloatArray, rates: FloatArray, low: float, high: float) -> float:
     """The q between two rates at which H(-q) = 0: there it falls from above zero to below."""
-
     others = (rates != low) & (rates != high)
     at_low, at_high = float(weights[rates == low].sum()), float(weights[rates == high].sum())
     span = high - low
@@ -129,7 +128,11 @@ def crept(law: Invertible, modes: Modes, force: FloatArray, time: FloatArray) ->
 def _recovered(law: Invertible, memory: Memory, way_in: FloatArray, found: EqualRadius) -> FloatArray:
     """Depth (m) on the way out, from the times of equal radius: one step after the other."""
     modes, time, turn = memory.modes, memory.time, len(way_in) - 1
-    reached, at, clock = np.zeros(found.points), np.zeros(found.points, dtype=np.intp), np.full(found.points, time[0])
+    reached, at, clock = (
+        np.zeros(found.points),
+        np.zeros(found.points, dtype=np.intp),
+        np.full(found.points, time[0]),
+    )
     reached[found.held] = law.depth(found.depth)
     at[found.held], clock[found.held] = found.step, time[found.step] + found.elapsed
     y = Memory(modes, time[: turn + 1]).integrals(way_in)

@@ -9,11 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError, ParameterError
-from underlay.mechanics.materials import Layer, Substrate
+from underlay.errors import ParameterError
 from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import Elastic, History, Invertible, Motion, Response
-from underlay.mechanics.stack import Body, Stack
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.creep import crept
 from underlay.mechanics.viscoelastic.loading import Loading
@@ -21,7 +19,7 @@ from underlay.mechanics.viscoelastic.memory import Memory
 from underlay.mechanics.viscoelastic.unloading import Unloading, equal_radius
 from underlay.quantities import inlined, numbers_of
 
-__all__ = ["Viscoelastic", "ViscoelasticMotion", "require_still_base"]
+__all__ = ["Viscoelastic", "ViscoelasticMotion"]
 
 # A motion counts as growing while it falls back from its deepest point by no more than this part of it, first
 # none, then the noise of a depth reading. The springs that lift off there hold less than the square of it:
@@ -163,38 +161,3 @@ def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Loading | Unloa
     if (found.depths - np.minimum.accumulate(found.depths) > allowed).any():
         return None
     return Unloading(path, turn, memory, found)
-
-
-# A base this much stiffer than the layer is as good as rigid: the kernel of the unrelaxed layer then serves all
-# times, since relaxing only brings the layer closer to a rigid base.
-_AS_GOOD_AS_RIGID = 1e3
-
-
-def require_still_base(layer: Layer, substrate: Body | None) -> None:
-    """Refuse a relaxing layer on a base that its kernel ages with.
-
-    Raises
-    ------
-    InputError
-        If the base is elastic and less than 1000 times stiffer than the layer at once. The force by moduli at the
-        current time (quasi-elastic) would be wrong by 2 % where half of the modulus relaxes, 29 % where nine
-        tenths do (nu = 0.5, base as stiff as the layer).
-    """
-    if layer.relaxation is None or layer.thickness == np.inf or substrate is None:
-        return
-    below: list[Substrate]
-    if isinstance(substrate, Stack):
-        below = [*(deeper.material for deeper in substrate.layers), substrate.base]
-    else:
-        below = [substrate]
-    elastic = [part.plane_constants for part in below if part.plane_constants is not None]
-    ratio = min((float(plane.theta) / layer.material.theta for plane in elastic), default=np.inf)
-    if ratio >= _AS_GOOD_AS_RIGID:
-        return
-    half = layer.relaxation.equilibrium >= 0.5
-    size = "2 %" if half else "11 to 29 % (measured where nine tenths of it relax)"
-    raise InputError(
-        f"a layer that relaxes on an elastic base only {ratio:.3g} times stiffer is not simulated: its force by "
-        f"the moduli of the moment would be up to {size} too low in a hold; a base 1000 times stiffer, a rigid "
-        "one, or none at all is exact"
-    )
