@@ -34,7 +34,7 @@ def test_a_sum_of_springs_gives_its_own_relaxation():
 
 @pytest.mark.parametrize(("ratio", "m0", "radius"), [(2.0, 1.0, 1.0), (10.0, 1.0, 0.3), (10.0, 0.1, 3.0)])
 def test_punch_obeys_the_laplace_transform(ratio, m0, radius):
-    """At real s the transform of the force is the elastic stiffness at the modulus s E(s): no pole, no inversion."""
+    """At real s the transform of the force is the elastic stiffness at the modulus s E(s)."""
     made = scene(ul.FlatPunch(radius), ratio, m0)
     # Gauss-Laguerre in s t: e(t) varies over its own times, so many s are near those of the weights.
     x, weight = special.roots_laguerre(100)

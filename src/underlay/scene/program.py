@@ -96,12 +96,12 @@ class Program:
         end = self.times[-1]
         if not end:
             raise InputError("this program does not last: add a ramp or a hold")
-        if (points is None) == (sampling_rate is None):
-            raise InputError("say how many points, or how many a second: one of them")
-        if points is not None:
+        if points is not None and sampling_rate is None:
             if points < 2:
                 raise InputError(f"points must be 2 or more; got {points!r}")
             time = np.linspace(0.0, end, points)
+        elif points is not None or sampling_rate is None:
+            raise InputError("say how many points, or how many a second: one of them")
         else:
             rate = positive(sampling_rate, "sampling_rate", "Hz")
             # The last point may miss the end by rounding.

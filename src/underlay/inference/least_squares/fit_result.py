@@ -117,7 +117,7 @@ class Fit:
         Parameters
         ----------
         name : str
-            One of `names`.
+            One of `names` or of `derived`.
         level : float, default 0.95
             Confidence.
 
@@ -152,6 +152,16 @@ class Fit:
     def names(self) -> tuple[str, ...]:
         """The fitted parameters, in order."""
         return self.problem.names
+
+    @cached_property
+    def derived(self) -> tuple[str, ...]:
+        """Moduli of a relaxing layer that follow from what is fitted; `interval` states theirs too."""
+        if all(member.scene.layer.relaxation is None for member in self.problem.members):
+            return ()
+        # Not loaded for a sample that does not relax.
+        from underlay.inference.sampling.derived import relaxed_moduli  # noqa: PLC0415  see above
+
+        return tuple(relaxed_moduli(self.problem, self.problem.physical(self.vector)[None]))
 
     @property
     def scenes(self) -> tuple[Scene, ...]:
@@ -257,7 +267,7 @@ class Fit:
         document = {
             "values": dict(self.values),
             "stderr": dict(self.stderr),
-            "intervals": {name: asdict(self.interval(name)) for name in self.names},
+            "intervals": {name: asdict(self.interval(name)) for name in (*self.names, *self.derived)},
             "verdict": asdict(self.verdict),
             "sensitivity": {name: dict(row) for name, row in self.sensitivity.items()},
             "names": list(self.names),

@@ -26,7 +26,7 @@ from underlay.mechanics.materials import (
 from underlay.mechanics.relaxation import Prony
 from underlay.quantities import Quantity, kind_of, path_of
 
-__all__ = ["DERIVED", "derived_quantities", "kind_of_quantity"]
+__all__ = ["DERIVED", "derived_quantities", "kind_of_quantity", "relaxed_moduli"]
 
 #: What the derived quantities are, by the last word of their names.
 DERIVED = {
@@ -70,13 +70,23 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
             suffix = f"[{number}]" if own else ""
             for name, values in _moduli(member, part, flat).items():
                 quantities.setdefault(f"{part}.{name}{suffix}", values)
-            for name, values in _relaxed(member, part, flat).items():
-                quantities.setdefault(f"{part}.{name}{suffix}", values)
         suffix = f"[{number}]" if several else ""
         stiffness, possible = _deepest_stiffness(member, flat)
         if possible:
             quantities[f"stiffness{suffix}"] = stiffness
+    quantities |= relaxed_moduli(problem, flat)
     return {name: values.reshape(physical.shape[:-1]) for name, values in quantities.items()}
+
+
+def relaxed_moduli(problem: Problem, flat: FloatArray) -> dict[str, FloatArray]:
+    """Instantaneous and equilibrium modulus of every relaxing layer, (n,), at draws (n, parameters)."""
+    found: dict[str, FloatArray] = {}
+    for number, member in enumerate(problem.members):
+        entries = [entry for path, entry in member.entries.items() if path.startswith("layer.")]
+        own = len(problem.members) > 1 and any("[" in problem.names[entry] for entry in entries)
+        for name, values in _relaxed(member, "layer", flat).items():
+            found.setdefault(f"layer.{name}{f'[{number}]' if own else ''}", values)
+    return found
 
 
 def _relaxed(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArray]:

@@ -6,8 +6,8 @@ While the contact grows, P_el(w(t)) = int j(t - s) dP(s), with j the creep funct
     j(t) = 1 / c - sum_m J_m exp(-q_m t),    H(-q_m) = 0,    J_m = 1 / (q_m H'(-q_m)),
     H(s) = c + sum_k weight_k s / (s + r_k),
 
-with one q_m below every r_k; without a constant c the lowest is zero and the layer flows, j(t) = j_0 + t / eta - ...,
-eta = sum_k weight_k / r_k.
+with one q_m below every r_k; without a constant c the lowest is zero and the layer flows,
+j(t) = j_0 + t / eta - ..., eta = sum_k weight_k / r_k.
 
 When the force falls, t1 follows from it, P(t) = int_0^{t1} e(t - s) dP_el(w(s)), and the depth from Ting's
 condition, int_{t1}^t e(t - s) dw(s) = 0, step by step.
@@ -15,11 +15,12 @@ condition, int_{t1}^t e(t - s) dw(s) = 0, step by step.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy import integrate, optimize
+from scipy import optimize
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
@@ -53,12 +54,12 @@ class Creep:
     def of(cls, modes: Modes) -> Self:
         """Creep function of a relaxation."""
         rates, which = np.unique(1.0 / modes.times[modes.weights > 0.0], return_inverse=True)
-        weights = np.bincount(which, modes.weights[modes.weights > 0.0], minlength=len(rates))
+        weights = np.bincount(which, modes.weights[modes.weights > 0.0], len(rates)).astype(np.float64)
         if not len(rates):
             return cls(Modes(1.0 / modes.constant, np.zeros(1), np.ones(1)), 0.0)
         fluid = not modes.constant > 0.0
         ends = np.concatenate(([0.0], rates))
-        spans = list(zip(ends[:-1], ends[1:], strict=True))[int(fluid) :]
+        spans = list(itertools.pairwise(ends.tolist()))[int(fluid) :]
         q = np.array([_zero(modes.constant, weights, rates, low, high) for low, high in spans])
         slope = (weights * rates / (rates - q[:, None]) ** 2).sum(axis=1)
         parts = 1.0 / (q * slope)
@@ -77,7 +78,8 @@ class Creep:
         """int j(t - s) dF(s) at every point, (n,), of a function linear between the points."""
         crept = Memory(self.modes, time).hereditary(values)
         if self.flow:
-            crept = crept + self.flow * integrate.cumulative_trapezoid(values, time, initial=0.0)
+            grown = 0.5 * np.diff(time) * (values[1:] + values[:-1])
+            crept = crept + self.flow * np.append(0.0, np.cumsum(grown))
         return np.asarray(crept)
 
 
@@ -128,11 +130,8 @@ def crept(law: Invertible, modes: Modes, force: FloatArray, time: FloatArray) ->
 def _recovered(law: Invertible, memory: Memory, way_in: FloatArray, found: EqualRadius) -> FloatArray:
     """Depth (m) on the way out, from the times of equal radius: one step after the other."""
     modes, time, turn = memory.modes, memory.time, len(way_in) - 1
-    reached, at, clock = (
-        np.zeros(found.points),
-        np.zeros(found.points, dtype=np.intp),
-        np.full(found.points, time[0]),
-    )
+    reached, clock = np.zeros(found.points), np.full(found.points, time[0])
+    at = np.zeros(found.points, dtype=np.intp)
     reached[found.held] = law.depth(found.depth)
     at[found.held], clock[found.held] = found.step, time[found.step] + found.elapsed
     y = Memory(modes, time[: turn + 1]).integrals(way_in)

@@ -7,7 +7,7 @@ Otherwise
   springs in series with the layer's material, found by rational approximation (AAA: Nakatsukasa, Sete and Trefethen
   2018) of K(E) / E over ten decades of E. Each of these is a sum of exponentials where e(t) is one, so the punch
   relaxes as a Prony series;
-- any other tip while the contact grows is *quasi-elastic*, P = int k(w(s); E(t - s)) dw(s). That is an approximation:
+- any other tip while the contact grows is *quasi-elastic*, P = int k(w(s); E(t - s)) dw(s). Approximate:
   against the exact punch and rings of pressure it is up to 2.2 % too low where at most half of the modulus relaxes,
   and along a ramp shorter than half of the shortest relaxation time; in a hold 31 % where nine tenths relax, 81 %
   where 99 % do (tests/test_elastic_base.py). It is taken only where that is asked for as tolerance, and refused

@@ -1,4 +1,4 @@
-"""A relaxing sample in time: force against time beside the fit, and the relaxation that it found."""
+"""The relaxation that a fit found: modulus of the layer against time."""
 
 from __future__ import annotations
 
@@ -8,63 +8,19 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay.errors import InputError
-from underlay.report.plots.style import DATA, FIT, axes, style, unit_for, with_strip
+from underlay.report.plots.style import FIT, axes, style, unit_for
 
 if TYPE_CHECKING:
     from underlay._arrays import FloatArray
     from underlay.inference.least_squares import Fit
     from underlay.scene.scene import Scene
 
-__all__ = ["fit_in_time", "relaxation"]
+__all__ = ["relaxation"]
 
-_MOST_POINTS = 2000
 _CURVE_POINTS = 200
 # Draws of the fitted numbers behind a band of 95 %: its ends are known to a tenth of its width.
 _DRAWS = 2000
 _BAND = (2.5, 97.5)
-
-
-def fit_in_time(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw one curve of a fit against time, with its residuals below.
-
-    Parameters
-    ----------
-    result : Fit
-        What `fit` returned.
-    curve : int, default 0
-        Which curve of a joint fit.
-    ax : matplotlib Axes, optional
-        Where to draw; its lower part becomes a strip of residuals.
-
-    Returns
-    -------
-    matplotlib Axes
-        The upper axes.
-
-    Raises
-    ------
-    InputError
-        If the curve has no times.
-    """
-    measured, residual = result.curves[curve], result.residuals[curve]
-    if measured.time is None:
-        raise InputError("this curve has no times to be drawn against")
-    load, newton = unit_for(measured.force, "force")
-    small, fine = unit_for(residual, "force")
-    step = max(1, len(measured) // _MOST_POINTS)
-    with style():
-        upper, lower = with_strip(axes(ax, height=3.4))
-        time = measured.time[::step]
-        upper.plot(time, measured.force[::step] / newton, ".", ms=2.2, color=DATA, label="measured")
-        upper.plot(measured.time, (measured.force - residual) / newton, color=FIT, label="fit")
-        upper.set_ylabel(f"force ({load})")
-        upper.tick_params(labelbottom=False)
-        upper.legend(loc="best")
-        lower.axhline(0.0, color=FIT, lw=1.0)
-        lower.plot(time, residual[::step] / fine, ".", ms=1.8, color=DATA)
-        lower.set_xlabel("time (s)")
-        lower.set_ylabel(f"residual ({small})")
-    return upper
 
 
 def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
