@@ -14,12 +14,12 @@ from scipy import special
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.stated import StatedInterval
+from underlay.inference.least_squares.stated import Follows, StatedInterval
 from underlay.inference.misfit.averaging import Averaged
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.sampling.derived import derived_quantities
 
-__all__ = ["derived_interval"]
+__all__ = ["band", "derived_interval"]
 
 # Central difference in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
 _STEP = 1e-5
@@ -35,40 +35,59 @@ def derived_interval(fit: Fit, averaged: Averaged | None, name: str, level: floa
     InputError
         If the quantity does not follow from what is fitted.
     """
-    value, gradient = _about(fit, name, fit.vector if averaged is None else averaged.vector)
+
+    def of(physical: FloatArray) -> FloatArray:
+        found = derived_quantities(fit.problem, physical)
+        if name not in found:
+            free, derived = ", ".join(fit.names), ", ".join(found)
+            raise InputError(
+                f"{name!r} is not free here; free are {free}; from these follow {derived or 'none'}"
+            )
+        return found[name][:, None]
+
+    low, middle, high = (float(end[0]) for end in band(fit, averaged, of, level))
+    return StatedInterval(name, level, middle, low, high, "quadratic" if averaged is None else "averaged")
+
+
+def band(
+    fit: Fit, averaged: Averaged | None, of: Follows, level: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lower ends, middles and upper ends, each (n,), of quantities that follow from the parameters.
+
+    `of` takes parameters (draws, k), SI, and gives the quantities (draws, n). An end is infinite where the data
+    leave it open, or the quantity is not positive.
+    """
+    vector = fit.vector if averaged is None else averaged.vector
+    k = len(fit.names)
+    steps = np.concatenate((np.zeros((1, k)), _STEP * np.eye(k), -_STEP * np.eye(k)))
+    found = of(fit.problem.physical(vector + steps))
+    low, middle, high = np.full(found.shape[1], -np.inf), np.array(found[0]), np.full(found.shape[1], np.inf)
+    for n, values in enumerate(found.T):
+        if not (values > 0.0).all():
+            continue
+        logs = np.log(values)
+        ends = _ends(fit, averaged, (logs[1 : k + 1] - logs[k + 1 :]) / (2.0 * _STEP), level)
+        if ends is not None:
+            low[n], middle[n], high[n] = values[0] * np.exp(ends)
+    return low, middle, high
+
+
+def _ends(
+    fit: Fit, averaged: Averaged | None, gradient: FloatArray, level: float
+) -> tuple[float, float, float] | None:
+    """Lower end, middle and upper end of the change of a logarithm with this gradient (k,); None where open."""
+    acting = [name for name, slope in zip(fit.names, gradient, strict=True) if slope]
+    if any(name in fit.no_error_bars and name not in fit.bounds_hit for name in acting):
+        return None
     half = 0.5 * (1.0 + level)
-    acting = [n for n, g in zip(fit.names, gradient, strict=True) if g]
-    unknown = any(n in fit.no_error_bars for n in acting if n not in fit.bounds_hit)
-    if unknown or not np.isfinite(gradient).all():
-        return StatedInterval(name, level, value, -math.inf, math.inf, "quadratic")
     if averaged is not None:
         mixture = _along(averaged, gradient)
-        low, middle, high = (mixture.quantile(0, tail) for tail in (1.0 - half, 0.5, half))
-        low, middle, high = (value * math.exp(shift) for shift in (low, middle, high))
-        return StatedInterval(name, level, middle, low, high, "averaged")
+        return mixture.quantile(0, 1.0 - half), mixture.quantile(0, 0.5), mixture.quantile(0, half)
     s = fit.statistics
     freedom = max(s.points - s.parameters, 1)
     times = float(special.stdtrit(freedom, half) if s.noise_estimated else special.ndtri(half))
     deviation = math.sqrt(float(gradient @ fit.scaled_covariance @ gradient))
-    if deviation > _OPEN:
-        return StatedInterval(name, level, value, -math.inf, math.inf, "quadratic")
-    ends = (value * math.exp(-times * deviation), value * math.exp(times * deviation))
-    return StatedInterval(name, level, value, *ends, "quadratic")
-
-
-def _about(fit: Fit, name: str, vector: FloatArray) -> tuple[float, FloatArray]:
-    """The quantity (SI) at a vector (k,), and d ln / d coordinate, (k,); infinite where it is not positive."""
-    k = len(fit.names)
-    steps = np.concatenate((np.zeros((1, k)), _STEP * np.eye(k), -_STEP * np.eye(k)))
-    found = derived_quantities(fit.problem, fit.problem.physical(vector + steps))
-    if name not in found:
-        free, derived = ", ".join(fit.names), ", ".join(found)
-        raise InputError(f"{name!r} is not free here; free are {free}; from these follow {derived or 'none'}")
-    values = found[name]
-    if not (values > 0.0).all():
-        return float(values[0]), np.full(k, np.inf)
-    logs = np.log(values)
-    return float(values[0]), np.asarray((logs[1 : k + 1] - logs[k + 1 :]) / (2.0 * _STEP))
+    return None if deviation > _OPEN else (-times * deviation, 0.0, times * deviation)
 
 
 def _along(averaged: Averaged, gradient: FloatArray) -> Mixture:

@@ -25,7 +25,7 @@ from underlay.inference.least_squares.instrument_modulus import InstrumentModulu
 from underlay.inference.least_squares.last_word import METHODS, Minimiser
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.provenance import provenance
-from underlay.inference.least_squares.stated import StatedInterval, Statements, Verdict
+from underlay.inference.least_squares.stated import Follows, StatedInterval, Statements, Verdict
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.quantities import field_quantities
@@ -132,6 +132,18 @@ class Fit:
             If the name is not fitted, or the level is not between 0 and 0.999.
         """
         return self._statements.interval(name, level)
+
+    def band(self, of: Follows, level: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Lower ends, middles and upper ends, each (n,), of positive quantities that follow from the parameters.
+
+        Parameters
+        ----------
+        of : callable
+            Quantities (draws, n) at parameters (draws, k), SI, in the order of `names`.
+        level : float, default 0.95
+            Confidence, point by point; under the noise that `interval` assumes, to first order.
+        """
+        return self._statements.band(of, level)
 
     @property
     def verdict(self) -> Verdict:

@@ -50,7 +50,7 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
             depth / mm, scene.force(depth, time, solver=result.solver) / newton, color=FIT, label="fit"
         )
         if scene.substrate is not None:
-            bare = halfspace_of(scene).force(depth)
+            bare = halfspace_of(scene).force(depth, time)
             upper.plot(depth / mm, bare / newton, "--", color=REFERENCE, label="half-space, same modulus")
         upper.legend(loc="upper left")
         lower.set_xlabel(f"depth ({length})")
@@ -110,4 +110,5 @@ def _measured(result: Fit, curve: int, x: FloatArray, ax: Axes | None) -> tuple[
 
 def halfspace_of(scene: Scene) -> Scene:
     """Return the scene with the layer made infinitely thick: what a half-space formula assumes."""
-    return Scene(scene.indenter, Layer(scene.layer.material), None, scene.instrument)
+    layer = Layer(scene.layer.material, relaxation=scene.layer.relaxation)
+    return Scene(scene.indenter, layer, None, scene.instrument, scene.history)
