@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy import optimize
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
@@ -85,6 +84,8 @@ class Creep:
 
 def _zero(constant: float, weights: FloatArray, rates: FloatArray, low: float, high: float) -> float:
     """The q between two rates at which H(-q) = 0: there it falls from above zero to below."""
+    from scipy import optimize  # noqa: PLC0415  as long to load as all of the mechanics; only under load control
+
     others = (rates != low) & (rates != high)
     at_low, at_high = float(weights[rates == low].sum()), float(weights[rates == high].sum())
     span = high - low

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy import interpolate
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError
@@ -139,6 +138,8 @@ def punch_relaxation(stiffness: Callable[[float], float], relaxation: Modes) -> 
     InputError
         If the stiffness is no such sum of springs.
     """
+    from scipy import interpolate  # noqa: PLC0415  as long to load as all of the mechanics; only here
+
     ratio = 10.0 ** np.linspace(-_DECADES, _DECADES, int(2 * _DECADES * _PER_DECADE) + 1)
     at = np.array([stiffness(m) for m in ratio])
     rational = interpolate.AAA(ratio, at / ratio, rtol=_RTOL)

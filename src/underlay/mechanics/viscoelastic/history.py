@@ -19,13 +19,18 @@ from underlay.mechanics.viscoelastic.memory import Memory
 from underlay.mechanics.viscoelastic.unloading import Unloading, equal_radius
 from underlay.quantities import inlined, numbers_of
 
-__all__ = ["Viscoelastic", "ViscoelasticMotion"]
+__all__ = ["Viscoelastic", "ViscoelasticMotion", "times_told"]
 
 # A motion counts as growing while it falls back from its deepest point by no more than this part of it, first
 # none, then the noise of a depth reading. The springs that lift off there hold less than the square of it:
 # measured against the bed, whose own error is 1e-5, 3e-5 of the largest force at ripples of up to 2.8e-3.
 _RIPPLES = (0.0, 3e-3)
 _ROUNDING = 1e-9
+
+
+def times_told(time: FloatArray) -> tuple[float, float]:
+    """Shortest and longest relaxation time (s) of which a record says something: its sampling and its length."""
+    return float(np.median(np.diff(time))), float(time[-1] - time[0])
 
 
 @dataclass(frozen=True)
@@ -70,22 +75,25 @@ class Viscoelastic(History):
         return crept(law, modes, force, time)
 
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
-        """Refuse a free relaxation time outside what the record spans, from its sampling to its length.
+        """Refuse a free relaxation time, or a free fraction at a time, that the record does not tell.
 
         Raises
         ------
         ParameterError
             With the times that the record can tell.
         """
-        shortest, longest = float(np.median(np.diff(time))), float(time[-1] - time[0])
+        shortest, longest = times_told(time)
+        known = numbers_of(self.relaxation, self.prefix)
         for path in free:
-            if path not in (known := numbers_of(self.relaxation, self.prefix)) or ".times[" not in path:
+            of_time = path.replace(".fractions[", ".times[")
+            if path not in known or ".times[" not in of_time:
                 continue
-            value = known[path].value
+            value = known[of_time].value
             if not shortest <= value <= longest:
+                what = "start it there, or leave it fixed" if of_time == path else "leave the fraction fixed"
                 raise ParameterError(
-                    f"{path} is {value:.4g} s, and this record tells times from its sampling, {shortest:.3g} s, to "
-                    f"its length, {longest:.4g} s: start it there, or leave it fixed"
+                    f"{of_time} is {value:.4g} s, and this record tells times from its sampling, {shortest:.3g} s, "
+                    f"to its length, {longest:.4g} s: {what}"
                 )
 
     def dynamic_modulus(self, frequency: FloatArray, longest: float) -> FloatArray:
