@@ -15,16 +15,17 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, finite, positive
 from underlay.errors import InputError
 from underlay.quantities import Part, quantity
 
-__all__ = ["RELAXES", "Modes", "PowerLawRelaxation", "Prony", "Relaxation"]
+__all__ = ["RELAXES", "Modes", "ModesOfSets", "PowerLawRelaxation", "Prony", "Relaxation"]
 
 #: What may relax; with shear alone Poisson's ratio changes in time unless it is 0.5.
 RELAXES = ("shear_and_bulk", "shear")
@@ -53,6 +54,15 @@ class Modes:
         """e(t) at times (s), (n,)."""
         decay = np.exp(-time[..., None] / self.times)
         return np.asarray(self.constant + decay @ self.weights)
+
+
+class ModesOfSets(NamedTuple):
+    """Exponentials of many sets: constants (sets,), weights and times (s) (sets, K), and which sets can be."""
+
+    constant: FloatArray
+    weights: FloatArray
+    times: FloatArray
+    possible: NDArray[np.bool_]
 
 
 class Relaxation(Part, ABC):
@@ -90,6 +100,11 @@ class Relaxation(Part, ABC):
         None where it does not know them; a caller then takes differences.
         """
         del modes
+        return None
+
+    def modes_of(self, numbers: Mapping[str, FloatArray]) -> ModesOfSets | None:
+        """Exponentials of many sets of its numbers, (sets,) by field name; None where they differ in how many."""
+        del numbers
         return None
 
     @property
@@ -205,6 +220,15 @@ class Prony(Relaxation):
         """Its own terms, whatever the times."""
         del shortest, longest
         return Modes(self.equilibrium, np.array(self.fractions), np.array(self.times))
+
+    def modes_of(self, numbers: Mapping[str, FloatArray]) -> ModesOfSets:
+        """Its terms; a set whose fractions are negative or sum over 1 cannot be."""
+        count = range(len(self.times))
+        weights = np.stack([numbers[f"fractions[{k}]"] for k in count], axis=-1)
+        times = np.stack([numbers[f"times[{k}]"] for k in count], axis=-1)
+        total = weights.sum(axis=-1)
+        possible = (weights >= 0.0).all(axis=-1) & (times > 0.0).all(axis=-1) & (total <= 1.0 + _ROUNDING)
+        return ModesOfSets(np.maximum(1.0 - total, 0.0), weights, times, possible)
 
     def mode_slopes(self, modes: Modes) -> Mapping[str, Modes]:
         """A fraction is a weight, taken from the constant; a time is a time."""

@@ -100,15 +100,20 @@ class Forward:
         b, _ = self.similarity.factors(values)
         return self.laws.for_statements(self.similarity.reduced(values), b * self._deepest(Chain.of(values)))
 
-    def reading(self, values: Mapping[str, float]) -> Reading:
-        """Force and stiffness at every reading; raises as `law` does."""
+    def reading(self, values: Mapping[str, float], *, stiffness: bool = True) -> Reading:
+        """Force and stiffness at every reading; raises as `law` does.
+
+        Without `stiffness` a sample that remembers is not asked for it: it is zero.
+        """
         chain = Chain.of(values)
         law = self.law(values, self._deepest(chain))
         w = chain.tip_depth(law, self.depth)
-        contact, stiffness = law.force_and_stiffness(w)
         if self.history is not None:
             contact = self._remembered(law, self.history, values).force(w, self.time)
-        return Reading(contact, stiffness, chain.reading(contact, self.depth))
+            slope = law.stiffness(w) if stiffness else np.zeros_like(contact)
+            return Reading(contact, slope, chain.reading(contact, self.depth))
+        contact, slope = law.force_and_stiffness(w)
+        return Reading(contact, slope, chain.reading(contact, self.depth))
 
     def force(self, values: Mapping[str, float]) -> FloatArray:
         """Force of the instrument (N), (n,), alone; raises as `law` does."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import ParameterError
-from underlay.mechanics.relaxation import Relaxation
+from underlay.mechanics.relaxation import Modes, ModesOfSets, Relaxation
 from underlay.mechanics.response import Elastic, History, Invertible, Motion, Response
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.creep import crept
@@ -66,6 +66,19 @@ class Viscoelastic(History):
             depth, time = np.append(0.0, depth), np.append(2.0 * time[0] - time[1], time)
         modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
         return ViscoelasticMotion(self, depth, time, _form(depth, Memory(modes, time)), first=int(begun))
+
+    def only_grows(self, depth: FloatArray) -> bool:
+        """Whether depths since contact (m), (n,), grow or rest but for the noise of a reading."""
+        w = np.maximum(depth, 0.0)
+        return bool((np.maximum.accumulate(w) - w <= (_RIPPLES[-1] + _ROUNDING) * w.max()).all())
+
+    def loaded(self, modes: ModesOfSets, at: FloatArray, middle: FloatArray, time: FloatArray) -> FloatArray:
+        """Forces (N), (sets, n), of motions that grow or rest, from the elastic ones at points and middles."""
+        sets, count = modes.weights.shape
+        rows = Memory(Modes(0.0, np.ones(sets * count), modes.times.ravel()), time)
+        z = rows.integrals(np.repeat(at, count, axis=0), np.repeat(middle, count, axis=0))
+        parts = modes.weights[:, :, None] * z.reshape(sets, count, -1)
+        return np.asarray(modes.constant[:, None] * at + parts.sum(axis=1))
 
     def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
         """Depth (m), (n,), under forces (N), (n,): one loading and holds, then one unloading."""
@@ -162,10 +175,9 @@ def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Loading | Unloa
     if (np.maximum.accumulate(w[: turn + 1]) - w[: turn + 1] > allowed).any():
         return None
     if turn == len(w) - 1:
-        return Loading(w, memory)
+        return Loading(depth, memory)
     # Before contact the motion does not count, and after it the tip may leave the surface.
-    path = np.concatenate((w[: turn + 1], depth[turn + 1 :]))
-    found = equal_radius(path, memory, turn)
+    found = equal_radius(np.concatenate((w[: turn + 1], depth[turn + 1 :])), memory, turn)
     if (found.depths - np.minimum.accumulate(found.depths) > allowed).any():
         return None
-    return Unloading(path, turn, memory, found)
+    return Unloading(depth, turn, memory, found)

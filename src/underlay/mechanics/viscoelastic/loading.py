@@ -35,7 +35,7 @@ def loads(elastic: Elastic, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
     # Where the tip rests, and before contact, the force is that of the point before.
     w = np.maximum(depth, 0.0)
     moved = np.flatnonzero(np.diff(w))
-    asked = np.concatenate((w[:1], w[moved + 1], 0.5 * (w[moved + 1] + w[moved])))
+    asked = np.concatenate((w[:1], w[moved + 1], np.maximum(0.5 * (depth[moved + 1] + depth[moved]), 0.0)))
     found = elastic(asked)
     at, half = found[: len(moved) + 1], found[len(moved) + 1 :]
     last = np.zeros(len(w), dtype=np.intp)

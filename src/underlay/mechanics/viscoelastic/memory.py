@@ -82,14 +82,15 @@ class Memory:
         Parameters
         ----------
         values : FloatArray
-            At the points, (n,); it was zero before the first.
+            At the points, (n,), or (K, n) where every exponential has a function of its own; it was zero before
+            the first.
         middle : FloatArray, optional
-            At the middle of each step, (n - 1,); without it the function is linear between points.
+            At the middle of each step, (..., n - 1); without it the function is linear between points.
         """
         added = self.even * np.diff(values)
         if middle is not None:
-            added += self.curved * (4.0 * middle - 2.0 * (values[1:] + values[:-1]))
-        return self._summed(added, float(values[0]))
+            added += self.curved * (4.0 * middle - 2.0 * (values[..., 1:] + values[..., :-1]))
+        return self._summed(added, values[..., 0])
 
     def integral_slopes(
         self, z: FloatArray, values: FloatArray, middle: FloatArray | None = None
@@ -103,13 +104,13 @@ class Memory:
         added = self.steps * self.decay * z[:, :-1] - bent * np.diff(values)
         if middle is not None:
             added -= (bent - 2.0 * self.curved) * (4.0 * middle - 2.0 * (values[1:] + values[:-1]))
-        return self._summed(added / self.modes.times[:, None], 0.0)
+        return self._summed(added / self.modes.times[:, None], np.zeros(()))
 
     def hereditary(self, values: FloatArray, middle: FloatArray | None = None) -> FloatArray:
         """int e(t - s) dF(s) at every point, (n,); the arguments are those of `integrals`."""
         return np.asarray(self.modes.constant * values + self.modes.weights @ self.integrals(values, middle))
 
-    def _summed(self, added: FloatArray, start: float) -> FloatArray:
+    def _summed(self, added: FloatArray, start: FloatArray) -> FloatArray:
         """Solve z_{n+1} = decay_n z_n + added_n from z_0 = `start`, (K, n).
 
         Only decaying factors occur, so no step is too long or too short.

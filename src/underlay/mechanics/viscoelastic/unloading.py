@@ -145,7 +145,7 @@ class Unloading:
     Parameters
     ----------
     path : FloatArray
-        Depths (m) of all points, the way in not negative, (n,).
+        Depths (m) of all points, negative before contact, (n,).
     turn : int
         Number of the last point of the way in.
     memory : Memory
@@ -200,7 +200,7 @@ class Unloading:
         at, middle = loads(elastic, way_in)
         z = self._begun.integrals(at, middle)
         n, reached = found.step, found.depth
-        ends = elastic(np.concatenate((reached, 0.5 * (way_in[n] + reached))))
+        ends = elastic(np.concatenate((reached, np.maximum(0.5 * (way_in[n] + reached), 0.0))))
         load, half = ends[: len(n)], ends[len(n) :]
         z1 = self._past * z[:, n] + self._even * (load - at[n])
         z1 += self._curved * (4.0 * half - 2.0 * (load + at[n]))
@@ -211,9 +211,11 @@ class Unloading:
         """y_k at every point and at t1, (K, n) and (K, m), and their derivatives in tau_k."""
         found, tau = self.found, self.memory.modes.times[:, None]
         n = found.step
-        y = self.memory.integrals(self.path)
-        in_time = self.memory.integral_slopes(y, self.path)
-        rise = found.depth - self.path[n]
+        path = np.array(self.path)
+        path[: self.turn + 1] = np.maximum(path[: self.turn + 1], 0.0)
+        y = self.memory.integrals(path)
+        in_time = self.memory.integral_slopes(y, path)
+        rise = found.depth - path[n]
         y1 = self._past * y[:, n] + self._even * rise
         in_time1 = self._past * (in_time[:, n] + self._part / tau * y[:, n])
         return y, y1, in_time, in_time1 - (self._past - self._even) / tau * rise
