@@ -1,5 +1,7 @@
 """Fits of a relaxing layer: derivatives, fractions solved for, moduli that follow, what the record tells."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -204,6 +206,27 @@ def test_an_elastic_layer_has_none_of_it():
     fit = ul.fit(ul.Problem(elastic, curve, ["layer.E"], NOISE))
     assert fit.derived == ()
     assert "layer.equilibrium_modulus" not in set(tables.fit_table(fit)["parameter"])
+
+
+def test_without_relaxation_none_of_its_modules_is_loaded():
+    """An elastic layer simulated, fitted, told its intervals and sampled."""
+    code = """
+import sys
+import numpy as np
+import underlay as ul
+
+scene = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3), ul.RIGID)
+depth = np.linspace(0.0, 1e-4, 50)
+curve = ul.synthesize(scene, depth, ul.Noise(force=1e-4), rng=0)
+problem = ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, ul.Noise(force=1e-4))
+fit = ul.fit(problem)
+fit.interval("layer.E"), fit.report(), ul.identifiability(fit).report(), scene.effects(1e-4)
+problem.log_likelihood(np.zeros((4, 1)))
+loaded = [name for name in sys.modules if "viscoelastic" in name or "ageing" in name or "remembered" in name]
+print(loaded)
+"""
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.strip() == "[]"
 
 
 def test_the_band_is_that_of_the_intervals(fitted):

@@ -22,8 +22,6 @@ from underlay.mechanics.response import History, Remembered, Response, checked_t
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.mechanics.stack import Body, Stack
-from underlay.mechanics.viscoelastic.elastic_base import ages
-from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
@@ -106,7 +104,12 @@ class Scene:
     def memory(self) -> History | None:
         """What remembers earlier depths: the layer's relaxation, the scene's history, or nothing."""
         relaxation = self.layer.relaxation
-        return self.history if relaxation is None else Viscoelastic(relaxation)
+        if relaxation is None:
+            return self.history
+        # Not loaded for a layer that does not relax, nor by the two methods below.
+        from underlay.mechanics.viscoelastic.history import Viscoelastic  # noqa: PLC0415  see above
+
+        return Viscoelastic(relaxation)
 
     @property
     def elastic(self) -> Scene:
@@ -177,6 +180,10 @@ class Scene:
     @property
     def ages(self) -> bool:
         """Whether the layer relaxes on an elastic base, against which its kernel changes in time."""
+        if self.layer.relaxation is None:
+            return False
+        from underlay.mechanics.viscoelastic.elastic_base import ages  # noqa: PLC0415  see `memory`
+
         return ages(self.layer, self.substrate)
 
     def softened(self, share: float) -> Scene:
@@ -194,8 +201,7 @@ class Scene:
         relaxation = self.layer.relaxation
         if relaxation is None:
             return law
-        # Not loaded for a scene that does not age.
-        from underlay.scene.ageing import ageing_response  # noqa: PLC0415  see above
+        from underlay.scene.ageing import ageing_response  # noqa: PLC0415  see `memory`
 
         return ageing_response(self, relaxation, law, solver, depth, checked_times(time, depth))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from underlay._arrays import FloatArray
 from underlay.inference.least_squares.fit_result import FitWarning
 from underlay.inference.problem import Problem
-from underlay.mechanics.viscoelastic.history import times_told
 from underlay.units import format_quantity
 
 __all__ = ["about_relaxation", "times_told_by"]
@@ -13,11 +12,17 @@ __all__ = ["about_relaxation", "times_told_by"]
 
 def times_told_by(problem: Problem) -> list[tuple[float, float]]:
     """Shortest and longest relaxation time (s) that the record of every relaxing curve tells."""
-    return [
-        times_told(member.curve.time)
+    clocks = [
+        member.curve.time
         for member in problem.members
         if member.scene.layer.relaxation is not None and member.curve.time is not None
     ]
+    if not clocks:
+        return []
+    # Not loaded for a sample that does not relax.
+    from underlay.mechanics.viscoelastic.history import times_told  # noqa: PLC0415  see above
+
+    return [times_told(clock) for clock in clocks]
 
 
 def about_relaxation(problem: Problem, vector: FloatArray) -> list[FitWarning]:
