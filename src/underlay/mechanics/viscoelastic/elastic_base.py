@@ -24,11 +24,10 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError
+from underlay.mechanics.body import Body, Layer
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.materials import Layer, Substrate
 from underlay.mechanics.relaxation import Modes, Relaxation
 from underlay.mechanics.response import Response, checked_times
-from underlay.mechanics.stack import Body, Stack
 from underlay.mechanics.viscoelastic.creep import Creep
 
 __all__ = [
@@ -60,11 +59,7 @@ def ages(layer: Layer, substrate: Body | None) -> bool:
     """Whether a relaxing layer's base is elastic and not much stiffer."""
     if layer.relaxation is None or layer.thickness == np.inf or substrate is None:
         return False
-    below: list[Substrate]
-    if isinstance(substrate, Stack):
-        below = [*(deeper.material for deeper in substrate.layers), substrate.base]
-    else:
-        below = [substrate]
+    below = [*(deeper.material for deeper in substrate.layers), substrate.base]
     elastic = [part.plane_constants for part in below if part.plane_constants is not None]
     stiffness = min((float(plane.theta) / layer.material.theta for plane in elastic), default=np.inf)
     return stiffness < _AS_GOOD_AS_RIGID

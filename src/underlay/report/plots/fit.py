@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay.errors import InputError
-from underlay.mechanics.materials import Layer
+from underlay.mechanics.body import Layer
 from underlay.report.plots.style import DATA, FIT, REFERENCE, axes, style, unit_for, with_strip
 from underlay.scene.scene import Scene
 

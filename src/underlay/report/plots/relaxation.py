@@ -13,7 +13,7 @@ from underlay.report.plots.style import FIT, axes, style, unit_for
 if TYPE_CHECKING:
     from underlay._arrays import FloatArray
     from underlay.inference.least_squares import Fit
-    from underlay.mechanics.materials import Layer
+    from underlay.mechanics.body import Layer
 
 __all__ = ["relaxation"]
 
