@@ -268,6 +268,22 @@ def test_a_punch_relaxes_as_its_material():
     assert force == pytest.approx(punch.force(0.2) * SOLID.modulus(time), rel=1e-10)
 
 
+def test_contact_shrinks_back_through_a_sudden_step(laws):
+    """A record that begins in contact and is withdrawn: as the same motion after a very fast ramp."""
+    law, time = laws[0.5], np.linspace(0.0, 1.0, 201)
+    depth = 0.5 * np.minimum(1.0, 1.8 - 2.0 * time)
+    for relaxation in (SOLID, ul.Prony((0.5, 0.3), (0.1, 2.0))):
+        memory = Viscoelastic(relaxation)
+        sudden = memory.force(law.force, depth, time)
+        fast = memory.force(law.force, np.append(0.0, depth), np.append(-1e-5, time))[1:]
+        assert sudden == pytest.approx(fast, rel=1e-4, abs=1e-4 * sudden.max())
+        # While the tip rests the force is that of the relaxed modulus, and then it falls to nothing in time.
+        assert sudden[:81] == pytest.approx(law.force(0.5) * relaxation.modulus(time[:81]), rel=1e-6)
+        assert (np.diff(sudden) <= 1e-12).all()
+        assert sudden[100] > 0.1 * sudden[0]
+        assert sudden[-1] == 0.0
+
+
 # --- scenes ------------------------------------------------------------------------------------------------
 
 SCENE = ul.Scene(

@@ -26,6 +26,8 @@ __all__ = ["Viscoelastic", "ViscoelasticMotion", "times_told"]
 # measured against the bed, whose own error is 1e-5, 3e-5 of the largest force at ripples of up to 2.8e-3.
 _RIPPLES = (0.0, 3e-3)
 _ROUNDING = 1e-9
+# A sudden step as a share of the first one: what relaxes within it is as small a part of the force.
+_SUDDEN = 1e-7
 
 
 def times_told(time: FloatArray) -> tuple[float, float]:
@@ -60,12 +62,27 @@ class Viscoelastic(History):
         """The map from an elastic force to `force` for one motion."""
         if len(depth) < 2 or not (depth > 0.0).any():
             return ViscoelasticMotion(self, depth, time, None)
-        begun = depth[0] > 0.0 and not self.relaxation.bounded
-        if begun:
+        begun = depth[0] > 0.0
+        if begun and not self.relaxation.bounded:
             # It came in within one step: a sudden one would be resisted without end.
-            depth, time = np.append(0.0, depth), np.append(2.0 * time[0] - time[1], time)
+            form = self._form(*_led_in(depth, time, 1.0))
+        else:
+            form = self._form(depth, time)
+            begun = begun and not isinstance(form, Loading)
+            if begun:
+                # The contact shrinks back through the radii of the sudden step, which must have a time.
+                form = self._form(*_led_in(depth, time, _SUDDEN))
+        return ViscoelasticMotion(self, depth, time, form, first=int(begun))
+
+    def _form(self, depth: FloatArray, time: FloatArray) -> Loading | Unloading | Bed:
+        """The simplest construction that holds for depths (m) at times (s), each (n,)."""
         modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
-        return ViscoelasticMotion(self, depth, time, _form(depth, Memory(modes, time)), first=int(begun))
+        memory = Memory(modes, time)
+        for ripple in _RIPPLES:
+            found = _closed(depth, memory, ripple)
+            if found is not None:
+                return found
+        return Bed.of(depth, modes, time)
 
     def only_grows(self, depth: FloatArray) -> bool:
         """Whether depths since contact (m), (n,), grow or rest but for the noise of a reading."""
@@ -158,13 +175,9 @@ class ViscoelasticMotion(Motion):
         return found
 
 
-def _form(depth: FloatArray, memory: Memory) -> Loading | Unloading | Bed:
-    """The simplest construction that holds for depths (m), (n,)."""
-    for ripple in _RIPPLES:
-        found = _closed(depth, memory, ripple)
-        if found is not None:
-            return found
-    return Bed.of(depth, memory.modes, memory.time)
+def _led_in(depth: FloatArray, time: FloatArray, share: float) -> tuple[FloatArray, FloatArray]:
+    """The same motion after a rise from first contact within this share of its first step."""
+    return np.append(0.0, depth), np.append(time[0] - share * (time[1] - time[0]), time)
 
 
 def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Loading | Unloading | None:
