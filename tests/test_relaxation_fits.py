@@ -3,8 +3,10 @@
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import optimize
 
@@ -21,6 +23,10 @@ from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.mechanics.viscoelastic.loading import Loading
 from underlay.mechanics.viscoelastic.unloading import Unloading
 from underlay.report import plots, tables, words
+
+STUDIES = Path(__file__).parent / "studies"
+sys.path.insert(0, str(STUDIES))
+import relaxation_coverage  # noqa: E402  a study, beside the tests
 
 SCENE = ul.Scene(
     ul.Sphere(1e-3),
@@ -318,6 +324,32 @@ def test_bad_records_are_one_line(change, error, said):
     with pytest.raises(error, match=said) as told:
         ul.Problem(SCENE, change(curve), FREE, NOISE)
     assert "\n" not in str(told.value)
+
+
+def test_adhesion_beside_relaxation_is_one_line():
+    with pytest.raises(
+        ul.InputError, match="adhesion beside a history or a relaxation is not simulated"
+    ) as told:
+        replace(SCENE, adhesion=ul.JKR(work=1e-3))
+    assert "\n" not in str(told.value)
+
+
+# --- coverage ----------------------------------------------------------------------------------------------
+
+
+def test_stored_coverage_is_that_of_the_study():
+    """500 curves: 95 % of them to 1 %, one standard error."""
+    stored = pd.read_csv(STUDIES / "results" / "relaxation_coverage.csv").set_index("parameter")
+    assert {"layer.E", "layer.equilibrium_modulus", "layer.thickness", "layer.relaxation.times[0]"} <= {
+        *stored.index
+    }
+    assert (stored["curves"] >= 500).all()
+    assert stored["coverage"].between(93.0, 97.0).all()
+    # Of 5 curves 2 or fewer inside has probability 0.001.
+    rows = pd.DataFrame(row for seed in range(5) for row in relaxation_coverage.intervals(seed))
+    assert (rows.groupby("parameter")["inside"].sum() > 2).all()
+    widths = rows.groupby("parameter")["half width"].median() / stored["half_width"]
+    assert widths.between(0.6, 1.6).all()
 
 
 def test_a_general_history_is_fitted_by_differences():

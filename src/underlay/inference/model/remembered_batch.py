@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.parameter_sets import Values
+from underlay.mechanics.relaxation import ModesOfSets
 from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.scene.chain import Chain, ContactPoint, Frame
 
@@ -71,7 +72,7 @@ def remembered_readings(
     possible = found.possible & modes.possible
     force = np.zeros((sets, len(depth)))
     if possible.any():
-        kept = type(modes)(*(part[possible] for part in modes))
+        kept = ModesOfSets(*(np.asarray(part[possible]) for part in modes[:3]), modes.possible[possible])
         force[possible] = history.loaded(kept, at[possible], middle[possible], time)
     chain = Chain.of({path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()})
     return force, np.zeros_like(force), chain.reading(force, depth), possible
