@@ -17,6 +17,8 @@ __all__ = ["Memory", "curved", "even"]
 _SERIES_BELOW = 0.3
 #: g2(x) = sum_{n >= 1} (-x)^n / n! [2 / (n + 2) - 1 / (n + 1)], the highest power first.
 _SERIES = [(2.0 / (n + 2) - 1.0 / (n + 1)) / math.factorial(n) for n in range(12, -1, -1)]
+# Below this the first terms of it do: the next is 1e-17 of the first.
+_SHORT, _SHORT_TERMS = 0.03, 9
 # Steps that differ by less than this part are one: it moves e(t) by no more.
 _EQUAL = 1e-9
 # Products of decays smaller than this no longer show beside 1.
@@ -33,9 +35,13 @@ def even(x: FloatArray) -> FloatArray:
 def curved(x: FloatArray, g1: FloatArray) -> FloatArray:
     """g2(x) = 2 [1 - e^-x (1 + x)] / x^2 - g1(x): the same of the part quadratic in time."""
     near = x < _SERIES_BELOW
+    if near.all():
+        # Of steps this short the higher powers are below the rounding of the first.
+        terms = _SERIES[-_SHORT_TERMS:] if x.max(initial=0.0) < _SHORT else _SERIES
+        return np.polyval(terms, -x)
     safe = np.where(near, 1.0, x)
     far = 2.0 * (g1 - np.exp(-safe)) / safe - g1
-    return np.where(near, np.polyval(_SERIES, np.where(near, -x, 0.0)), far) if near.any() else far
+    return np.where(near, np.polyval(_SERIES, np.where(near, -x, 0.0)), far)
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,16 @@ from underlay.mechanics.viscoelastic.memory import Memory, curved, even
 
 __all__ = ["EqualRadius", "Unloading", "equal_radius"]
 
-# Rounds of Newton's method, far beyond need, and the part of a step to which it goes.
+# Rounds of Newton's method, far beyond need, and the last of its steps over that of the record: what is left after
+# it is the square of that.
 _ROUNDS = 60
-_LAST_DIGITS = 1e-13
+_LAST_STEP = 1e-7
+# A step of the record over the shortest relaxation time below which its exponential does not overflow beside what
+# is left of older loads.
+_LONG_STEP = 300.0
+# Points of the way in that every point of the way out is compared with at once: a product of matrices, which takes
+# as long as two rounds of halving do.
+_AT_ONCE = 33
 
 
 @dataclass(frozen=True)
@@ -84,9 +91,13 @@ def equal_radius(
         """constant w(t1) + sum_k weight_k exp(-(t - t1) / tau_k) y_k(t1) with t1 at points of the record."""
         return np.asarray(modes.constant * depth[number] + (since_turn * at_turn[:, number]).sum(axis=0))
 
-    touching = seen(np.zeros(len(clock), dtype=np.intp), since_turn) < target
+    # Every point against some of the way in at once, then by halves between two of those.
+    some = np.unique(np.linspace(0, turn, _AT_ONCE).astype(np.intp))
+    before = modes.constant * depth[some] + since_turn.T @ at_turn[:, some] < target[:, None]
+    touching = before[:, 0]
     clock, target, since_turn = clock[touching], target[touching], since_turn[:, touching]
-    low, high = np.zeros(len(clock), dtype=np.intp), np.full(len(clock), turn, dtype=np.intp)
+    last = np.minimum(before[touching].sum(axis=1), len(some) - 1)
+    low, high = some[last - 1], some[last]
     while (high - low > 1).any():
         middle = (low + high) // 2
         later = seen(middle, since_turn) < target
@@ -96,31 +107,43 @@ def equal_radius(
     gone = (clock - time[low]) / modes.times[:, None]
     # Of a linear way in, what the step adds to y is tau speed (1 - exp(-elapsed / tau)).
     share = modes.weights[:, None] * speed
-    missing = target - seen(low, since_turn)
+    left_at_low, tau = share * np.exp(-gone), modes.times[:, None]
+    overflows = bool((width > _LONG_STEP * modes.times.min()).any())
+    at_low = seen(low, since_turn)
+    missing, rise = target - at_low, seen(high, since_turn) - at_low
 
     def excess(elapsed: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The same within a step, less what it must be, and its derivative, speed e(t - t1)."""
-        part = elapsed / modes.times[:, None]
-        left = share * np.exp(part - gone)
-        grown = modes.times[:, None] * left * -np.expm1(-part)
+        part = elapsed / tau
+        if overflows:
+            left = share * np.exp(part - gone)
+            grown = tau * left * -np.expm1(-part)
+        else:
+            # exp(part) - 1 times what is left at the beginning of the step.
+            more = left_at_low * np.expm1(part)
+            left, grown = left_at_low + more, tau * more
         value = modes.constant * speed * elapsed + grown.sum(axis=0) - missing
         return value, modes.constant * speed + left.sum(axis=0)
 
-    elapsed = _within(excess, width)
+    # Where the function does not rise, as rounding may have it, from the middle.
+    straight = np.divide(missing, rise, out=np.full_like(rise, 0.5), where=rise > 0.0)
+    elapsed = _within(excess, width, width * np.minimum(np.maximum(straight, 0.0), 1.0))
     reached = depth[low] + speed * elapsed
     held = np.flatnonzero(touching)[reached > 0.0]
     keep = reached > 0.0
     return EqualRadius(low[keep], elapsed[keep], reached[keep], held, len(touching))
 
 
-def _within(excess: Callable[[FloatArray], tuple[FloatArray, FloatArray]], width: FloatArray) -> FloatArray:
-    """Zeros between 0 and `width`, (m,), of functions that grow: Newton's method inside a shrinking bracket.
+def _within(
+    excess: Callable[[FloatArray], tuple[FloatArray, FloatArray]], width: FloatArray, x: FloatArray
+) -> FloatArray:
+    """Zeros between 0 and `width`, (m,), of functions that grow, from `x`: Newton's method in a shrinking bracket.
 
     A step that does not halve the one before it is replaced by the middle of the bracket. A function without a
     zero there ends at the nearer end.
     """
     first, last = np.zeros_like(width), width.copy()
-    x, before = 0.5 * width, width.copy()
+    before = width.copy()
     open_ = np.ones(len(width), dtype=bool)
     for _ in range(_ROUNDS):
         value, slope = excess(x)
@@ -132,7 +155,7 @@ def _within(excess: Callable[[FloatArray], tuple[FloatArray, FloatArray]], width
         proposal = np.where(quick, newton, 0.5 * (first + last))
         before = np.abs(proposal - x)
         x = np.where(open_, proposal, x)
-        open_ &= before > _LAST_DIGITS * width
+        open_ &= before > _LAST_STEP * width
         if not open_.any():
             break
     return x
