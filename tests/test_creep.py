@@ -8,8 +8,10 @@ from scipy import integrate
 
 import underlay as ul
 from underlay.mechanics.response import Remembered
+from underlay.mechanics.viscoelastic.bed import depth_under
 from underlay.mechanics.viscoelastic.creep import Creep
 from underlay.mechanics.viscoelastic.history import Viscoelastic
+from underlay.mechanics.viscoelastic.memory import Memory
 
 SOLID = ul.Prony((0.7,), (0.5,))
 RELAXATIONS = [
@@ -49,7 +51,7 @@ def test_creep_of_a_standard_linear_solid():
 @pytest.fixture(scope="module")
 def law():
     layer = ul.Layer(ul.Isotropic(1.5, 0.5), 1.0)
-    return ul.contact_law(ul.Paraboloid(1.0), layer, ul.RIGID, max_depth=0.56, solver=ul.Exact(rtol=1e-9))
+    return ul.contact_law(ul.Paraboloid(1.0), layer, ul.RIGID, max_depth=0.9, solver=ul.Exact(rtol=1e-9))
 
 
 @pytest.mark.parametrize("relaxation", [SOLID, ul.Prony((0.5, 0.3), (0.1, 2.0)), ul.Prony((1.0,), (0.5,))])
@@ -64,6 +66,20 @@ def test_depth_control_and_load_control_undo_each_other(law, relaxation):
         errors.append(np.abs(response.depth(force, time) - depth)[touching].max() / 0.5)
     assert errors[0] < 2e-4
     assert errors[1] < 0.35 * errors[0]
+
+
+def test_any_history_of_the_force(law):
+    """Two cycles, depth control and back; and the bed under one loading and unloading as the closed forms."""
+    response = Remembered(law, Viscoelastic(SOLID))
+    time = np.linspace(0.0, 3.4, 341)
+    depth = 0.5 * np.interp(time, (0.0, 1.0, 1.3, 1.8, 2.2, 2.6, 3.4), (0.0, 0.7, 0.45, 0.9, 0.9, 0.55, 1.0))
+    force = response.force(depth, time)
+    touching = force > 0.02 * force.max()
+    assert np.abs(response.depth(force, time) - depth)[touching].max() < 5e-4
+    cycle = np.interp(time, (0.0, 1.0, 2.0, 3.4), (0.0, 0.8, 0.8, 0.1))
+    closed = response.depth(cycle, time)
+    bed = depth_under(law.force, cycle, Memory(SOLID.modes(0.01, 3.4), time), 1.01 * closed.max())
+    assert np.abs(bed - closed).max() < 2e-4 * closed.max()
 
 
 def test_a_held_force_creeps_from_one_elastic_depth_to_the_other(law):
@@ -107,12 +123,8 @@ def test_scene_is_told_its_force():
 
 def test_mistakes_of_load_control_are_named():
     time = np.linspace(0.0, 2.0, 21)
-    for force, said in (
-        (np.full(21, -1e-3), "must be pressed"),
-        (1e-3 * (1.2 + np.sin(7.0 * time)), "rises again after it fell"),
-    ):
-        with pytest.raises(ul.InputError, match=said):
-            SCENE.depth(force, time)
+    with pytest.raises(ul.InputError, match="must be pressed"):
+        SCENE.depth(np.full(21, -1e-3), time)
     with pytest.raises(ul.InputError, match=r"times of every force; pass time"):
         SCENE.depth(np.full(21, 1e-3))
     with pytest.raises(ul.InputError, match="not both"):

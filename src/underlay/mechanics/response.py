@@ -40,6 +40,9 @@ class Invertible(Protocol):
     def depth(self, force: ArrayLike) -> FloatArray:
         """Depth (m), shape of `force` (N)."""
 
+    def force(self, depth: ArrayLike) -> FloatArray:
+        """Force (N), shape of `depth` (m)."""
+
 
 class Response(ABC):
     """Force against depth and, where the sample remembers, time."""

@@ -72,7 +72,9 @@ def remembered_readings(
     possible = found.possible & modes.possible
     force = np.zeros((sets, len(depth)))
     if possible.any():
-        kept = ModesOfSets(*(np.asarray(part[possible]) for part in modes[:3]), modes.possible[possible])
+        kept = ModesOfSets(
+            modes.constant[possible], modes.weights[possible], modes.times[possible], modes.possible[possible]
+        )
         force[possible] = history.loaded(kept, at[possible], middle[possible], time)
     chain = Chain.of({path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()})
     return force, np.zeros_like(force), chain.reading(force, depth), possible

@@ -25,6 +25,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.mechanics.relaxation import Modes
 from underlay.mechanics.response import Invertible
+from underlay.mechanics.viscoelastic.bed import depth_under
 from underlay.mechanics.viscoelastic.memory import Memory, even
 from underlay.mechanics.viscoelastic.unloading import EqualRadius, equal_radius
 
@@ -100,14 +101,15 @@ def _zero(constant: float, weights: FloatArray, rates: FloatArray, low: float, h
 
 
 def crept(law: Invertible, modes: Modes, force: FloatArray, time: FloatArray) -> FloatArray:
-    """Depth (m), (n,), under forces (N), (n,), that grow or rest, and after their maximum fall or rest.
+    """Depth (m), (n,), under forces (N), (n,).
 
-    The force is taken as linear between the points; a first force above zero is a sudden one.
+    The force is taken as linear between the points; a first force above zero is a sudden one. One loading and one
+    unloading go by the closed constructions, any other history by the bed of springs.
 
     Raises
     ------
     InputError
-        If a force is below zero, or rises again after it fell.
+        If a force is below zero.
     """
     if (force < 0.0).any():
         raise InputError(f"under a given force the tip must be pressed: {force.min():.6g} N is below zero")
@@ -115,10 +117,9 @@ def crept(law: Invertible, modes: Modes, force: FloatArray, time: FloatArray) ->
     turn = int(np.flatnonzero(force >= top * (1.0 - _ROUNDING))[-1])
     before, after = np.diff(force[: turn + 1]), np.diff(force[turn:])
     if (before < -_ROUNDING * top).any() or (after > _ROUNDING * top).any():
-        raise InputError(
-            "under a given force creep is simulated for one loading and one unloading: this force rises again "
-            "after it fell; give the depths instead, of which any history is simulated"
-        )
+        # Were the force never taken back, the tip would go deeper.
+        most = float(law.depth(Creep.of(modes).hereditary(np.maximum.accumulate(force), time)).max())
+        return depth_under(law.force, force, Memory(modes, time), most)
     elastic = Creep.of(modes).hereditary(force[: turn + 1], time[: turn + 1])
     way_in = np.asarray(law.depth(elastic))
     if turn == len(force) - 1:

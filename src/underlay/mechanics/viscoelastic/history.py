@@ -98,7 +98,7 @@ class Viscoelastic(History):
         return np.asarray(modes.constant[:, None] * at + parts.sum(axis=1))
 
     def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
-        """Depth (m), (n,), under forces (N), (n,): one loading and holds, then one unloading."""
+        """Depth (m), (n,), under any forces (N), (n,), that press."""
         if len(force) < 2:
             return np.asarray(law.depth(force))
         modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))

@@ -38,7 +38,7 @@ def curved(x: FloatArray, g1: FloatArray) -> FloatArray:
     if near.all():
         # Of steps this short the higher powers are below the rounding of the first.
         terms = _SERIES[-_SHORT_TERMS:] if x.max(initial=0.0) < _SHORT else _SERIES
-        return np.polyval(terms, -x)
+        return np.asarray(np.polyval(terms, -x), dtype=np.float64)
     safe = np.where(near, 1.0, x)
     far = 2.0 * (g1 - np.exp(-safe)) / safe - g1
     return np.where(near, np.polyval(_SERIES, np.where(near, -x, 0.0)), far)
