@@ -127,6 +127,7 @@ from .scene.effect import Effect as Effect
 from .scene.instrument import Instrument as Instrument
 from .scene.noise import Noise as Noise
 from .scene.noise_model import NoiseModel as NoiseModel
+from .scene.program import Program as Program
 from .scene.scene import Scene as Scene
 from .scene.scene_file import load_scene as load_scene
 

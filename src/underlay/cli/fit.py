@@ -122,6 +122,10 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
         result.to_json(folder / f"{stem}.fit.json"),
         plots.save(plots.fit(result), folder / f"{stem}.fit.png"),
     ]
+    if result.scene.memory is not None:
+        written.append(plots.save(plots.fit_in_time(result), folder / f"{stem}.time.png"))
+    if result.scene.layer.relaxation is not None:
+        written.append(plots.save(plots.relaxation(result), folder / f"{stem}.relaxation.png"))
     whole = beyond_loading(result.curves[0])
     if whole is not None:
         written.append(plots.save(plots.segments(whole), folder / f"{stem}.segments.png"))

@@ -57,9 +57,11 @@ def _before(file: SceneFile) -> Identifiability:
     from underlay.inference.from_files import free_of
 
     deepest = deepest_point(file, None)
+    depths = expected_depths(file, deepest)
     return identifiability(
         file.scene,
-        depth=expected_depths(file, deepest).depth,
+        depth=depths.depth,
+        time=depths.time,
         free=free_of(file),
         noise=expected_noise(file, deepest),
         solver=file.solver,

@@ -54,9 +54,7 @@ def simulate(
     offset: OffsetOption = None,
     sampling_rate: Annotated[
         str | None,
-        typer.Option(
-            "--sampling-rate", help='Points per second, e.g. "100 Hz"; else as [simulate] duration says.'
-        ),
+        typer.Option("--sampling-rate", help='Points per second, e.g. "100 Hz"; else as [simulate] says.'),
     ] = None,
 ) -> None:
     """Make a curve from a scene, with the noise that --noise and its [noise] section name, and no other.
@@ -109,14 +107,18 @@ def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate:
         raise InputError("outlier_sd is the size of outliers; say how many too, e.g. --noise outliers=1%")
     others = Disturbances(**{name: numbers[name] for name in of_others if name in numbers})
     model = _noise_model(kind, {name: numbers[name] for name in of_noise if numbers.get(name)})
-    clock: dict[str, Any] = {"time": file.simulate.time}
+    clock: dict[str, Any]
+    depth, clock = file.simulate.depth, {"time": file.simulate.time}
     if rate is not None:
-        clock = {"sampling_rate": positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")}
+        hertz = positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")
+        if file.simulate.is_timed:
+            depth, time = file.simulate.motion.sampled(sampling_rate=hertz)
+            clock = {"time": time}
+        else:
+            clock = {"sampling_rate": hertz}
     if model is None and others == Disturbances() and rate is None:
-        return noiseless(scene, file.simulate.depth, **clock, solver=file.solver)
-    return synthesize(
-        scene, file.simulate.depth, model, seed, **clock, disturbances=others, solver=file.solver
-    )
+        return noiseless(scene, depth, **clock, solver=file.solver)
+    return synthesize(scene, depth, model, seed, **clock, disturbances=others, solver=file.solver)
 
 
 def _kinds(declared: type) -> dict[str, str]:

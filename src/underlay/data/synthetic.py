@@ -28,9 +28,10 @@ __all__ = ["simulate", "synthesize"]
 
 def simulate(
     scene: Scene,
-    depth: ArrayLike,
+    depth: ArrayLike | None = None,
     time: ArrayLike | None = None,
     *,
+    force: ArrayLike | None = None,
     solver: AnySolver = "auto",
 ) -> Curve:
     """Make the curve a perfect reading of a scene would give.
@@ -39,10 +40,12 @@ def simulate(
     ----------
     scene : Scene
         The test.
-    depth : ArrayLike
-        Depth readings (m), (n,).
+    depth : ArrayLike, optional
+        Depth readings (m), (n,): depth control. `Program` makes them.
     time : ArrayLike, optional
         Times of the readings (s), (n,).
+    force : ArrayLike, optional
+        Force readings (N), (n,), in place of the depths: load control, under which a relaxing layer creeps.
     solver : Solver or str, default "auto"
         Which contact law; see `contact_law`.
 
@@ -54,10 +57,18 @@ def simulate(
     Raises
     ------
     InputError
-        If depth or time cannot be used.
+        If depth, force or time cannot be used.
     RangeError
         If the law cannot reach the deepest point.
     """
+    if depth is None:
+        if force is None:
+            raise InputError("give the depths (m), or with force=... the forces (N), of the readings")
+        loads = _column(force, "force")
+        clock = None if time is None else _times(time, loads.size, "force")
+        return Curve(scene.depth(loads, clock, solver=solver), loads, time=clock, truth=scene.parameters)
+    if force is not None:
+        raise InputError("give depths or forces, not both: one follows from the other")
     readings = _column(depth, "depth")
     clock = None if time is None else _times(time, readings.size)
     return Curve(
@@ -181,10 +192,10 @@ def _clock(time: ArrayLike | None, sampling_rate: float | None, count: int) -> F
     return np.arange(count) / positive(sampling_rate, "sampling_rate", "Hz")
 
 
-def _times(time: ArrayLike, count: int) -> FloatArray:
+def _times(time: ArrayLike, count: int, what: str = "depth") -> FloatArray:
     times = _column(time, "time")
     if times.size != count:
-        raise InputError(f"time has {times.size} points and depth {count}; they must match")
+        raise InputError(f"time has {times.size} points and {what} {count}; they must match")
     return times
 
 

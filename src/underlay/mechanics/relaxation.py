@@ -13,17 +13,19 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import special
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, finite, positive
 from underlay.errors import InputError
 from underlay.quantities import Part, quantity
 
-__all__ = ["RELAXES", "Modes", "PowerLawRelaxation", "Prony", "Relaxation"]
+__all__ = ["RELAXES", "Modes", "ModesOfSets", "PowerLawRelaxation", "Prony", "Relaxation"]
 
 #: What may relax; with shear alone Poisson's ratio changes in time unless it is 0.5.
 RELAXES = ("shear_and_bulk", "shear")
@@ -54,6 +56,15 @@ class Modes:
         return np.asarray(self.constant + decay @ self.weights)
 
 
+class ModesOfSets(NamedTuple):
+    """Exponentials of many sets: constants (sets,), weights and times (s) (sets, K), and which sets can be."""
+
+    constant: FloatArray
+    weights: FloatArray
+    times: FloatArray
+    possible: NDArray[np.bool_]
+
+
 class Relaxation(Part, ABC):
     """How the modulus of a layer falls with time; its numbers stand under ``layer.relaxation.``.
 
@@ -75,6 +86,19 @@ class Relaxation(Part, ABC):
     @abstractmethod
     def modes(self, shortest: float, longest: float) -> Modes:
         """Exponentials that stand for it between the times `shortest` and `longest` (s)."""
+
+    def mode_slopes(self, modes: Modes) -> Mapping[str, Modes] | None:
+        """d modes / d number by field name (``times[0]``): of the constant, the weights and the times.
+
+        None where it does not know them; a caller then takes differences.
+        """
+        del modes
+        return None
+
+    def modes_of(self, numbers: Mapping[str, FloatArray]) -> ModesOfSets | None:
+        """Exponentials of many sets of its numbers, (sets,) by field name; None where they differ in how many."""
+        del numbers
+        return None
 
     @property
     @abstractmethod
@@ -140,6 +164,7 @@ class Prony(Relaxation):
             symbol="f",
             bounds=(0.0, 1.0),
             natural_scale=0.1,
+            linear=True,
             many=True,
         )
     )
@@ -188,6 +213,23 @@ class Prony(Relaxation):
         """Its own terms, whatever the times."""
         del shortest, longest
         return Modes(self.equilibrium, np.array(self.fractions), np.array(self.times))
+
+    def modes_of(self, numbers: Mapping[str, FloatArray]) -> ModesOfSets:
+        """Its terms; a set whose fractions are negative or sum over 1 cannot be."""
+        count = range(len(self.times))
+        weights = np.stack([numbers[f"fractions[{k}]"] for k in count], axis=-1)
+        times = np.stack([numbers[f"times[{k}]"] for k in count], axis=-1)
+        total = weights.sum(axis=-1)
+        possible = (weights >= 0.0).all(axis=-1) & (times > 0.0).all(axis=-1) & (total <= 1.0 + _ROUNDING)
+        return ModesOfSets(np.maximum(1.0 - total, 0.0), weights, times, possible)
+
+    def mode_slopes(self, modes: Modes) -> Mapping[str, Modes]:
+        """A fraction is a weight, taken from the constant; a time is a time."""
+        del modes
+        unit, none = np.eye(len(self.times)), np.zeros(len(self.times))
+        return {f"fractions[{k}]": Modes(-1.0, row, none) for k, row in enumerate(unit)} | {
+            f"times[{k}]": Modes(0.0, none, row) for k, row in enumerate(unit)
+        }
 
 
 # Trapezoid rule in ln(1/time): its error falls as exp(-pi^2 / step), up to 2e-8 at 0.5 (a test measures it).
@@ -282,3 +324,13 @@ class PowerLawRelaxation(Relaxation):
         scale = self.time**a / math.gamma(a)
         constant = scale * _STEP * math.exp(a * low) / math.expm1(a * _STEP)
         return Modes(constant, scale * _STEP * np.exp(a * y), np.exp(-y))
+
+    def mode_slopes(self, modes: Modes) -> Mapping[str, Modes]:
+        """With the rule's points where they are: what they stand for does not depend on where those are."""
+        a, none = self.exponent, np.zeros(len(modes.times))
+        common = math.log(self.time) - float(special.digamma(a))
+        low = -math.log(modes.times[0])
+        end = common + low - _STEP / -math.expm1(-a * _STEP)
+        in_exponent = Modes(modes.constant * end, modes.weights * (common - np.log(modes.times)), none)
+        in_time = Modes(modes.constant * a / self.time, modes.weights * (a / self.time), none)
+        return {"exponent": in_exponent, "time": in_time}

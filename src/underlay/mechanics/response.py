@@ -16,7 +16,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, TypeAlias
+from typing import ClassVar, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -24,13 +24,24 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError
 from underlay.quantities import Part, numbers_of, replace_values
 
-__all__ = ["Elastic", "History", "Remembered", "Response", "checked_times"]
+__all__ = ["Elastic", "History", "Invertible", "Motion", "Remembered", "Response", "checked_times"]
 
 #: A function of depths (m), (n,): the elastic force (N), or a derivative of it.
 Elastic: TypeAlias = Callable[[FloatArray], FloatArray]
 
 # Central difference: truncation 1e-10 of the derivative, rounding of the force 1e-11.
 _STEP = 1e-5
+
+
+@runtime_checkable
+class Invertible(Protocol):
+    """A law that says the depth of a force, as every `ContactLaw` does."""
+
+    def depth(self, force: ArrayLike) -> FloatArray:
+        """Depth (m), shape of `force` (N)."""
+
+    def force(self, depth: ArrayLike) -> FloatArray:
+        """Force (N), shape of `depth` (m)."""
 
 
 class Response(ABC):
@@ -87,12 +98,36 @@ class History(Part, ABC):
             Their times (s), (n,), increasing.
         """
 
-    def prepared(self, depth: FloatArray, time: FloatArray) -> Callable[[Elastic], FloatArray]:
-        """The map from an elastic force to `force` for one motion, to be asked for several elastic forces.
+    def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
+        """Depth since contact (m), (n,), under forces (N), (n,), at times (s), (n,): load control, creep.
 
-        Override it where the motion alone decides a good part of the work.
+        Raises
+        ------
+        InputError
+            If that is not simulated, as here, or not for such forces.
         """
-        return lambda elastic: self.force(elastic, depth, time)
+        del law, force, time
+        raise InputError(
+            f"the history {self.model or type(self).__name__} is simulated for given depths only"
+        )
+
+    def dynamic_modulus(self, frequency: FloatArray, longest: float) -> FloatArray:
+        """E*(i omega) / E, complex, at angular frequencies (1/s) of an oscillation that lasts `longest` (s).
+
+        Raises
+        ------
+        InputError
+            If that is not known, as here.
+        """
+        del frequency, longest
+        raise InputError(f"the history {self.model or type(self).__name__} has no dynamic modulus")
+
+    def prepared(self, depth: FloatArray, time: FloatArray) -> Motion:
+        """One motion, to be asked for several elastic forces and for derivatives.
+
+        Override it where the motion alone decides a good part of the work, or where derivatives are known.
+        """
+        return Motion(self, depth, time)
 
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
         """Refuse numbers at the paths `free` of which a record at these times (s) says nothing; default: none.
@@ -104,16 +139,40 @@ class History(Part, ABC):
         """
         del free, time
 
-    def slopes(
-        self, paths: Sequence[str], elastic: Elastic, depth: FloatArray, time: FloatArray
-    ) -> Mapping[str, FloatArray]:
-        """d force / d number, (n,), at its own `paths` (``history.time``); by differences unless overridden."""
-        numbers, found = numbers_of(self, self.prefix), {}
+
+@dataclass(frozen=True)
+class Motion:
+    """One motion of the tip as a history sees it: the map from elastic forces to forces.
+
+    Parameters
+    ----------
+    history : History
+        What remembers.
+    depth : FloatArray
+        Depths since contact (m), (n,), negative before it.
+    time : FloatArray
+        Their times (s), (n,), increasing.
+    """
+
+    history: History
+    depth: FloatArray
+    time: FloatArray
+
+    def __call__(self, elastic: Elastic) -> FloatArray:
+        """Force (N), (n,), that the history makes of an elastic force; linear in it."""
+        return self.history.force(elastic, self.depth, self.time)
+
+    def slopes(self, paths: Sequence[str], law: Response) -> Mapping[str, FloatArray]:
+        """d force / d number, (n,), at the history's own `paths` (``history.time``); by differences here."""
+        history = self.history
+        numbers, found = numbers_of(history, history.prefix), {}
         for path in paths:
             value, known = numbers[path]
             step = _STEP * (abs(value) or known.natural_scale)
             up, down = (
-                replace_values(self, {path: value + sign * step}, self.prefix).force(elastic, depth, time)
+                replace_values(history, {path: value + sign * step}, history.prefix).force(
+                    law.force, self.depth, self.time
+                )
                 for sign in (1.0, -1.0)
             )
             found[path] = (up - down) / (2.0 * step)
@@ -169,9 +228,43 @@ class Remembered(Response):
         """Stiffness of the elastic law (N/m): at once the sample answers elastically."""
         return self.law.stiffness(depth, time)
 
+    def depth(self, force: ArrayLike, time: ArrayLike | None) -> FloatArray:
+        """Depth (m), (n,), under given forces (N) at times (s), (n,): load control.
 
-def checked_times(time: ArrayLike | None, depth: FloatArray) -> FloatArray:
-    """Times (s), (n,), of depths (n,) for a sample that remembers.
+        Raises
+        ------
+        InputError
+            If the times do not increase or match, or such a force is not simulated.
+        RangeError
+            If the law does not reach that deep.
+        """
+        load = as_finite(force, "force")
+        times = checked_times(time, load, "force")
+        if not isinstance(self.law, Invertible):
+            raise InputError("this law does not say the depth of a force")
+        return np.asarray(self.history.depth(self.law, load, times))
+
+    def dynamic_stiffness(self, depth: ArrayLike, frequency: ArrayLike, longest: float = 1e3) -> FloatArray:
+        """Stiffness against a micro-oscillation about a depth held, complex (N/m): k(w) E*(i omega) / E.
+
+        Parameters
+        ----------
+        depth : ArrayLike
+            Depths held (m).
+        frequency : ArrayLike
+            Frequencies (Hz), positive; broadcast against `depth`.
+        longest : float, default 1000
+            How long the oscillation lasts (s), for a relaxation without a longest time.
+        """
+        hertz = as_finite(frequency, "frequency")
+        if not (hertz > 0.0).all():
+            raise InputError(f"frequencies must be positive (Hz); got {hertz.min():.6g}")
+        ratio = self.history.dynamic_modulus(2.0 * np.pi * hertz, longest)
+        return np.asarray(self.law.stiffness(depth) * ratio)
+
+
+def checked_times(time: ArrayLike | None, depth: FloatArray, what: str = "depth") -> FloatArray:
+    """Times (s), (n,), of depths (n,), or of `what` else, for a sample that remembers.
 
     Raises
     ------
@@ -179,10 +272,10 @@ def checked_times(time: ArrayLike | None, depth: FloatArray) -> FloatArray:
         If they are missing, do not increase, or do not match.
     """
     if time is None:
-        raise InputError("this sample remembers: its force needs the times of the depths; pass time (s)")
+        raise InputError(f"this sample remembers: it needs the times of every {what}; pass time (s)")
     t = as_finite(time, "time")
     if t.shape != depth.shape or depth.ndim != 1:
-        raise InputError(f"a history needs one time for each depth, (n,); got {t.shape} and {depth.shape}")
+        raise InputError(f"a history needs one time for each {what}, (n,); got {t.shape} and {depth.shape}")
     if not (np.diff(t) > 0.0).all():
         raise InputError("the times of a history must increase from point to point")
     return t

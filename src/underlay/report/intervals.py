@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from underlay.quantities import path_of
+
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit, FitWarning
 
@@ -37,7 +39,7 @@ class Estimate:
 
 
 def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
-    """Return every parameter with its interval at `level`: the one of `Fit.interval`."""
+    """Return every parameter and derived modulus with its interval at `level`: the one of `Fit.interval`."""
     rows = []
     for coordinate in result.problem.coordinates:
         known = result.interval(coordinate.name, level)
@@ -52,6 +54,11 @@ def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
         rows.append(
             Estimate(coordinate.name, coordinate.path, known.value, known.low, known.high, known.kind, reason)
         )
+    for name in result.derived:
+        known = result.interval(name, level)
+        open_ = known.low == -float("inf") and known.high == float("inf")
+        reason = "what it follows from is not fixed" if open_ else ""
+        rows.append(Estimate(name, path_of(name), known.value, known.low, known.high, known.kind, reason))
     return rows
 
 

@@ -22,6 +22,7 @@ from underlay.report.measured import beyond_loading, segments_of_file, segments_
 from underlay.report.notebook import Cell, Source, Value, filled, make_notebook, report_library, with_sections
 from underlay.report.page import html_page
 from underlay.report.problem_source import problem_source, write_inputs, write_measured
+from underlay.scene.scene_file import read_scene_file
 
 __all__ = [
     "file_notebook",
@@ -121,7 +122,8 @@ def _fit_report(result: Fit, target: Path, inputs: Path, repeat: Mapping[str, st
     }
     facts = {**repeat, **_origins(problem)}
     load = Source(problem_source(problem, names))
-    return _fit_notebook(_title(problem), load, facts, names, segments_part(measured))
+    remembers = any(scene.memory is not None for scene in problem.base_scenes)
+    return _fit_notebook(_title(problem), load, facts, names, segments_part(measured), remembers=remembers)
 
 
 def file_notebook(
@@ -140,7 +142,9 @@ def file_notebook(
     """
     names = [_seen_from(folder, path) for path in (curve, scene)]
     segments = _file_segments(curve, scene)
-    return _fit_notebook(Path(curve).name, _load_source(names), {"to repeat": command}, names, segments)
+    remembers = read_scene_file(scene).draft.memory is not None
+    facts = {"to repeat": command}
+    return _fit_notebook(Path(curve).name, _load_source(names), facts, names, segments, remembers=remembers)
 
 
 def posterior_notebook(
@@ -220,7 +224,13 @@ def _map_notebook(name: str, facts: Mapping[str, str], table: str) -> Any:
 
 
 def _fit_notebook(
-    name: str, load: Source, facts: Mapping[str, str], files: list[str], segments: tuple[Cell, ...]
+    name: str,
+    load: Source,
+    facts: Mapping[str, str],
+    files: list[str],
+    segments: tuple[Cell, ...],
+    *,
+    remembers: bool,
 ) -> Any:
     title = f"Indentation of a layer: {name}"
     cells = filled(
@@ -229,6 +239,7 @@ def _fit_notebook(
             "title": title,
             "load": load,
             "segments_part": segments,
+            "time_part": filled("relaxation", {}) if remembers else (),
             "facts": {**facts, "random numbers": "none"},
             "files": files,
         },

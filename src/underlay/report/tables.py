@@ -55,7 +55,7 @@ def fit_table(result: Fit) -> pd.DataFrame:
     """
     told = result.instrument_moduli
     rows = []
-    for name in result.names:
+    for name in (*result.names, *result.derived):
         known = result.interval(name)
         unit, factor = human_unit(known.value, kind_of(name))
         half = 0.5 * (known.high - known.low)
@@ -97,7 +97,9 @@ def interval_table(result: Fit) -> pd.DataFrame:
     for entry in estimates(result):
         kind = kind_of(entry.path)
         others = {
-            f"{rival_name(place)} optimum": format_quantity(other.values[entry.name], kind)
+            f"{rival_name(place)} optimum": (
+                format_quantity(other.values[entry.name], kind) if entry.name in other.values else ""
+            )
             for place, other in enumerate(result.alternatives)
         }
         rows.append(
@@ -133,6 +135,8 @@ def _instrument_text(result: Fit, name: str) -> str:
 
 
 def _prior_text(result: Fit, name: str, kind: str) -> str:
+    if name in result.derived:
+        return "follows from the others"
     prior = result.problem.priors[name]
     low, high = prior.support
     bounds = [

@@ -59,6 +59,10 @@ class Simulated(Protocol):
     def elastic(self) -> Simulated:
         """The scene without memory."""
 
+    @property
+    def ages(self) -> bool:
+        """Whether the layer relaxes on an elastic base."""
+
     def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
         """Law of its contact up to `max_depth` (m)."""
 

@@ -171,6 +171,10 @@ def _relaxation_effects(given: Simulated, level: Simulated) -> list[Effect]:
     relaxation = given.layer.relaxation
     if relaxation is None:
         return [Effect("relaxation", None, None, simulated=False, note="the layer is declared elastic")]
+    if given.ages:
+        # What it does depends on the motion, and on how much error is allowed: the force itself says so.
+        note = "it acts on an elastic base: compare the forces of a history of depths with it and without"
+        return [Effect("relaxation", None, None, simulated=True, note=note)]
     ramp = relaxation.longest_time
     relaxing = replace(level, layer=replace(level.layer, relaxation=relaxation))
     note = f"a ramp of {ramp:.4g} s against the elastic layer of its modulus E; Poisson's ratio constant"

@@ -13,14 +13,14 @@ import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._files import write_atomic
-from underlay.errors import InputError
+from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import Base, Body, Layer
 from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.response import History, Remembered, Response
+from underlay.mechanics.response import History, Remembered, Response, checked_times
+from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
-from underlay.mechanics.viscoelastic.history import Viscoelastic, require_still_base
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
@@ -28,6 +28,9 @@ from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene_writer import scene_text
 
 __all__ = ["Scene"]
+
+# Depths (m) of the law that is tried first for a given force, and of the last; and how far one try may leap.
+_FIRST_DEPTH, _LAST_DEPTH, _LEAP = 1e-7, 1.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,12 @@ class Scene:
     def memory(self) -> History | None:
         """What remembers earlier depths: the layer's relaxation, the scene's history, or nothing."""
         relaxation = self.layer.relaxation
-        return self.history if relaxation is None else Viscoelastic(relaxation)
+        if relaxation is None:
+            return self.history
+        # Not loaded for a layer that does not relax, nor by the two methods below.
+        from underlay.mechanics.viscoelastic.history import Viscoelastic  # noqa: PLC0415  see above
+
+        return Viscoelastic(relaxation)
 
     @property
     def elastic(self) -> Scene:
@@ -147,11 +155,64 @@ class Scene:
         deepest = float(chain.travel(readings).max(initial=0.0))
         law = self.contact_law(deepest, solver=solver)
         response = self.response(law)
+        if self.ages:
+            response = self._aged(law, as_solver(solver), chain.travel(readings), time)
         return chain.reading(response.force(chain.tip_depth(response, readings), time), readings)
+
+    def depth(
+        self, force: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
+    ) -> FloatArray:
+        """Depth the instrument shows (m) where it is told its force readings `force` (N), same shape: load control.
+
+        `time` (s), (n,), is what a scene that remembers needs too: its layer creeps.
+
+        Raises
+        ------
+        InputError
+            If a history needs times and has none that fit, a force pulls, or the baseline is tilted.
+        RangeError
+            If no law reaches the largest force.
+        """
+        instrument = self.instrument
+        if instrument.baseline_slope:
+            raise InputError(
+                "under given forces a tilted baseline is not simulated: set instrument.baseline_slope to 0"
+            )
+        load = as_finite(force, "force") - instrument.baseline
+        w = _pressed(self, load, time, as_solver(solver))
+        return np.asarray(w + instrument.compliance * load + instrument.contact_depth)
 
     def response(self, law: ContactLaw) -> Response:
         """What the sample answers in time, given its elastic law: the law itself where it remembers nothing."""
         return law if self.memory is None else Remembered(law, self.memory)
+
+    @property
+    def ages(self) -> bool:
+        """Whether the layer relaxes on an elastic base, against which its kernel changes in time."""
+        if self.layer.relaxation is None:
+            return False
+        from underlay.mechanics.viscoelastic.elastic_base import ages  # noqa: PLC0415  see `memory`
+
+        return ages(self.layer, self.substrate)
+
+    def softened(self, share: float) -> Scene:
+        """Return the elastic scene with every modulus of its layer multiplied by `share`."""
+        elastic = self.elastic
+        moduli = {
+            path: share * number.value
+            for path, number in elastic._numbers.items()  # noqa: SLF001  own class
+            if path.startswith("layer.") and number.quantity.scales == "force"
+        }
+        return elastic.with_values(moduli)
+
+    def _aged(self, law: ContactLaw, solver: Solver, depth: FloatArray, time: ArrayLike | None) -> Response:
+        """What a layer that relaxes on an elastic base answers to depths since contact (m)."""
+        relaxation = self.layer.relaxation
+        if relaxation is None:
+            return law
+        from underlay.scene.ageing import ageing_response  # noqa: PLC0415  see `memory`
+
+        return ageing_response(self, relaxation, law, solver, depth, checked_times(time, depth))
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -199,6 +260,27 @@ class Scene:
         return write_atomic(path, scene_text(self))
 
 
+def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Solver) -> FloatArray:
+    """Depth of the tip (m) under contact forces (N), by a law that reaches deep enough."""
+    if scene.ages:
+        raise InputError(
+            "a layer that relaxes on an elastic base is simulated under given depths only: use a rigid base"
+        )
+    top = float(load.max(initial=0.0))
+    reach = _FIRST_DEPTH
+    while True:
+        law = scene.contact_law(reach, solver=solver)
+        try:
+            if scene.memory is None:
+                return law.depth(load)
+            return Remembered(law, scene.memory).depth(load, time)
+        except RangeError:
+            if law.max_depth < reach or reach > _LAST_DEPTH:
+                raise
+        # The law itself says how stiff it is at its end: its force grows at least in proportion to depth.
+        reach *= max(2.0, min(top / float(law.force(law.max_depth)), _LEAP))
+
+
 def _check_memory(scene: Scene) -> None:
     """Refuse a memory that is not simulated."""
     if scene.memory is None:
@@ -215,4 +297,3 @@ def _check_memory(scene: Scene) -> None:
             "a frame's compliance beside a history or a relaxation is not simulated: take it out of the "
             "depth first (depth - compliance * force) and set instrument.compliance to 0"
         )
-    require_still_base(scene.layer, scene.substrate)

@@ -43,8 +43,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from underlay._documents import parse_toml
 from underlay._door import FileKind, printable, read_text, understood
 from underlay.errors import InputError, UnderlayError
@@ -54,6 +52,7 @@ from underlay.scene.field_names import hint
 from underlay.scene.fit_section import FreeParameter, free_parameters
 from underlay.scene.noise import Noise
 from underlay.scene.noise_model import NoiseModel
+from underlay.scene.program import SimulatedDepths
 from underlay.scene.scene import Scene
 from underlay.scene.scene_schema import CurveSection, SimulateSection, check
 from underlay.scene.scene_sections import noise_of, scene_of, solver_of, table_of
@@ -73,26 +72,6 @@ _STAND_IN = "1 m"
 PLACE = "TODO"
 # A scene is a page of text.
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
-
-
-@dataclass(frozen=True)
-class SimulatedDepths:
-    """Depth readings of a made curve: `points` from `start` to `max_depth` (m), over `duration` (s)."""
-
-    max_depth: float
-    start: float = 0.0
-    points: int = 200
-    duration: float = 1.0
-
-    @property
-    def depth(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        """The readings (m), shape (points,)."""
-        return np.linspace(self.start, self.max_depth, self.points)
-
-    @property
-    def time(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        """The times of the readings (s), shape (points,)."""
-        return np.linspace(0.0, self.duration, self.points)
 
 
 @dataclass(frozen=True)
@@ -268,7 +247,4 @@ def _places(table: Mapping[str, Any], above: str) -> Iterator[str]:
 def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
     if "simulate" not in document:
         return None
-    depths = SimulatedDepths(**check(SimulateSection, "simulate", table_of(document, "simulate")))
-    if not depths.start < depths.max_depth:
-        raise InputError("[simulate] start must be below max_depth")
-    return depths
+    return SimulatedDepths(**check(SimulateSection, "simulate", table_of(document, "simulate")))

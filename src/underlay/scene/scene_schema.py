@@ -166,7 +166,19 @@ class SimulateSection(_Section):
     max_depth: Annotated[float, _quantity("length")] = Field(description="deepest reading")
     start: Annotated[float, _quantity("length")] = Field(default=0.0, description="first reading")
     points: int = Field(default=200, ge=2, le=10_000_000, description="number of readings")
-    duration: Annotated[float, _quantity("time")] = Field(default=1.0, description="from first to last")
+    duration: Annotated[float, _quantity("time")] = Field(
+        default=1.0, description="from first to last; a rate goes before it"
+    )
+    program: Literal["ramp", "triangle", "steps"] = Field(
+        default="ramp", description="in; in and out; or in by equal steps"
+    )
+    rate: Annotated[float | None, _quantity("speed")] = Field(
+        default=None, description="of every ramp, in place of the duration"
+    )
+    hold: Annotated[float, _quantity("time")] = Field(
+        default=0.0, description="rest at the end of every way in"
+    )
+    steps: int = Field(default=1, ge=1, le=1000, description='how many, for program = "steps"')
 
 
 def check(

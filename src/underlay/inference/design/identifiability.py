@@ -25,6 +25,7 @@ from underlay.inference.design.information import (
 )
 from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.relaxation_warnings import times_told_by
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solvers import AnySolver
 from underlay.scene.noise_model import NoiseModel
@@ -96,6 +97,8 @@ class Identifiability:
         Standard error over value for positive quantities; over the range of the curve for the others.
     combinations : tuple of Combination
         From best to worst fixed, data alone.
+    times_told : tuple of (float, float)
+        Shortest and longest relaxation time (s) that the record of each relaxing layer tells.
     """
 
     names: tuple[str, ...]
@@ -106,6 +109,7 @@ class Identifiability:
     stderr_data_only: Mapping[str, float]
     relative: Mapping[str, float]
     combinations: tuple[Combination, ...]
+    times_told: tuple[tuple[float, float], ...] = ()
 
     @property
     def correlations(self) -> pd.DataFrame:
@@ -133,6 +137,11 @@ class Identifiability:
     def report(self) -> str:
         """What is fixed and what is not, in words."""
         lines = [str(combination) for combination in self.combinations]
+        lines += [
+            f"relaxation times from {format_quantity(low, 'time')} to {format_quantity(high, 'time')} can be told: "
+            "the record is sampled so finely, and lasts so long"
+            for low, high in dict.fromkeys(self.times_told)
+        ]
         for name in self.names:
             kind = kind_of(name)
             error, bare = self.stderr[name], self.stderr_data_only[name]
@@ -150,6 +159,7 @@ def identifiability(
     test: Problem | Fit | Scene,
     *,
     depth: ArrayLike | None = None,
+    time: ArrayLike | None = None,
     free: Mapping[str, Given] | Iterable[str] | None = None,
     noise: NoiseModel | None = None,
     solver: AnySolver = "auto",
@@ -163,6 +173,8 @@ def identifiability(
         needs `depth`, `free` and `noise`.
     depth : array_like (n,), optional
         Depth readings the test will have (m).
+    time : array_like (n,), optional
+        Their times (s), for a sample that remembers; `Program` makes both.
     free, noise, solver
         As in `Problem`, for a scene.
 
@@ -185,7 +197,11 @@ def identifiability(
             raise InputError(
                 "before a test, depth, free and noise are needed: what it will be, and read how well"
             )
-        problem = expected_problem(test, depth, free, noise, solver=solver)
+        if test.memory is not None and time is None:
+            raise InputError(
+                "before a test of a sample that remembers, its times (s) are needed too: pass time"
+            )
+        problem = expected_problem(test, depth, free, noise, time=time, solver=solver)
         return judge(problem, problem.start, problem.noises(problem.start))
     fitted = test if isinstance(test, Fit) else fit(test)
     return judge(fitted.problem, fitted.vector, fitted.noises)
@@ -213,6 +229,7 @@ def judge(problem: Problem, vector: FloatArray, noises: tuple[NoiseModel, ...]) 
         stderr_data_only=dict(zip(names, (deviation_bare * slopes).tolist(), strict=True)),
         relative=dict(zip(names, deviation.tolist(), strict=True)),
         combinations=_combinations(marginal(fisher, scales, others), [names[i] for i in scales]),
+        times_told=tuple(times_told_by(problem)),
     )
 
 

@@ -48,6 +48,7 @@ def expected_problem(
     noise: NoiseModel,
     *,
     duration: float = 1.0,
+    time: ArrayLike | None = None,
     solver: AnySolver = "auto",
 ) -> Problem:
     """Return the problem a test would be, before it is done.
@@ -64,6 +65,8 @@ def expected_problem(
         The noise it will have; its size must be given.
     duration : float
         Time the test takes (s), for correlated noise.
+    time : array_like (n,), optional
+        Times of the readings (s) instead, for a sample that remembers.
 
     Raises
     ------
@@ -73,8 +76,8 @@ def expected_problem(
     if noise.size_is_unknown:
         raise InputError("before a test the noise must be given: Noise(force=...) in newtons")
     readings = as_finite(depth, "depth")
-    time = np.linspace(0.0, duration, len(readings))
-    curve: Curve = simulate(scene, readings, time=time, solver=solver)
+    clock = np.linspace(0.0, duration, len(readings)) if time is None else time
+    curve: Curve = simulate(scene, readings, time=clock, solver=solver)
     return Problem(scene, curve, free, noise, solver=solver)
 
 

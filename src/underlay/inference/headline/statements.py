@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.headline.averaged import averaged_fit, averaged_interval
+from underlay.inference.headline.derived import band, derived_interval
 from underlay.inference.headline.known_inputs import sensitivity
 from underlay.inference.headline.plain import plain_interval
 from underlay.inference.headline.verdict import verdict
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.stated import StatedInterval, Statements, Verdict
+from underlay.inference.least_squares.stated import Follows, StatedInterval, Statements, Verdict
 from underlay.inference.misfit.averaging import Averaged
 
 __all__ = ["Headline"]
@@ -33,15 +35,19 @@ class Headline(Statements):
 
     def interval(self, name: str, level: float) -> StatedInterval:
         """Interval of a parameter; see `Fit.interval`."""
-        if name not in self.fit.names:
-            raise InputError(f"{name!r} is not free here; free are {', '.join(self.fit.names)}")
         if not 0.0 < level <= 0.999:
             raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
         if (name, level) not in self._intervals:
             self._intervals[name, level] = self._found(name, level)
         return self._intervals[name, level]
 
+    def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Lower ends, middles and upper ends, (n,), of quantities that follow; see `Fit.band`."""
+        return band(self.fit, self.averaged, of, level)
+
     def _found(self, name: str, level: float) -> StatedInterval:
+        if name not in self.fit.names:
+            return derived_interval(self.fit, self.averaged, name, level)
         if self.averaged is None:
             return plain_interval(self.fit, name, level)
         try:

@@ -24,7 +24,7 @@ from underlay.inference.least_squares.instrument_modulus import InstrumentModulu
 from underlay.inference.least_squares.last_word import METHODS, Minimiser
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.provenance import provenance
-from underlay.inference.least_squares.stated import StatedInterval, Statements, Verdict
+from underlay.inference.least_squares.stated import Follows, StatedInterval, Statements, Verdict
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.quantities import field_quantities
@@ -117,7 +117,7 @@ class Fit:
         Parameters
         ----------
         name : str
-            One of `names`.
+            One of `names` or of `derived`.
         level : float, default 0.95
             Confidence.
 
@@ -132,6 +132,18 @@ class Fit:
             If the name is not fitted, or the level is not between 0 and 0.999.
         """
         return self._statements.interval(name, level)
+
+    def band(self, of: Follows, level: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Lower ends, middles and upper ends, each (n,), of positive quantities that follow from the parameters.
+
+        Parameters
+        ----------
+        of : callable
+            Quantities (draws, n) at parameters (draws, k), SI, in the order of `names`.
+        level : float, default 0.95
+            Confidence, point by point; under the noise that `interval` assumes, to first order.
+        """
+        return self._statements.band(of, level)
 
     @property
     def verdict(self) -> Verdict:
@@ -152,6 +164,16 @@ class Fit:
     def names(self) -> tuple[str, ...]:
         """The fitted parameters, in order."""
         return self.problem.names
+
+    @cached_property
+    def derived(self) -> tuple[str, ...]:
+        """Moduli of a relaxing layer that follow from what is fitted; `interval` states theirs too."""
+        if all(member.scene.layer.relaxation is None for member in self.problem.members):
+            return ()
+        # Not loaded for a sample that does not relax.
+        from underlay.inference.sampling.derived import relaxed_moduli  # noqa: PLC0415  see above
+
+        return tuple(relaxed_moduli(self.problem, self.problem.physical(self.vector)[None]))
 
     @property
     def scenes(self) -> tuple[Scene, ...]:
@@ -257,7 +279,7 @@ class Fit:
         document = {
             "values": dict(self.values),
             "stderr": dict(self.stderr),
-            "intervals": {name: asdict(self.interval(name)) for name in self.names},
+            "intervals": {name: asdict(self.interval(name)) for name in (*self.names, *self.derived)},
             "verdict": asdict(self.verdict),
             "sensitivity": {name: dict(row) for name, row in self.sensitivity.items()},
             "names": list(self.names),

@@ -13,6 +13,7 @@ from underlay.inference.least_squares.fit_result import Alternative, Fit, FitSta
 from underlay.inference.least_squares.fit_warnings import over_correlated, too_deep, warnings_of
 from underlay.inference.least_squares.noise_estimate import noise_covariance
 from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.relaxation_warnings import about_relaxation
 from underlay.inference.least_squares.settle import Optimum
 from underlay.inference.least_squares.stated import Statements
 from underlay.inference.problem import Problem
@@ -95,6 +96,7 @@ def judge(
             *too_deep(problem, vector),
             *over_correlated(objective.noise.models, whitened),
             *about_adhesion(problem, vector),
+            *about_relaxation(problem, vector),
             *warnings_of(problem, laws, reasons, bounds_hit, covariance, related, statistics, alternatives),
         ),
         state=state,

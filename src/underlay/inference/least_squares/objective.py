@@ -15,6 +15,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
+from underlay.inference.least_squares.fractions import Fractions
 from underlay.inference.least_squares.frozen_noise import FrozenNoise
 from underlay.inference.least_squares.projection import LinearDirections, Point
 from underlay.inference.model.members import Member
@@ -158,8 +159,19 @@ class Objective:
     def point(self, vector: FloatArray, low: FloatArray, high: FloatArray) -> Point | None:
         """Place of the search at `vector` (k,), its linear parameters solved for within the bounds (k,).
 
-        None where there is no law.
+        None where there is no law. Relaxing fractions are solved for too where that is worth a further model.
         """
+        if self._fractions is None:
+            return self._point(vector, low, high)
+        here = self._point(self._fractions.feasible(vector), low, high)
+        solved = None if here is None else self._fractions.solved(here)
+        if solved is None or not _within(solved, low, high):
+            return here
+        there = self._point(solved, low, high)
+        return there if there is not None and here is not None and there.square < here.square else here
+
+    def _point(self, vector: FloatArray, low: FloatArray, high: FloatArray) -> Point | None:
+        """The same with the fractions where they are."""
         if np.abs(vector).max(initial=0.0) > _FAR:
             self.failures += 1
             return None
@@ -189,6 +201,10 @@ class Objective:
     @cached_property
     def _linear(self) -> LinearDirections:
         return LinearDirections.of(self.problem, set(self.active) - set(self._informative))
+
+    @cached_property
+    def _fractions(self) -> Fractions | None:
+        return Fractions.of(self.problem, set(self.active) - set(self._informative), self._linear)
 
     def _against(
         self,

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
-__all__ = ["StatedInterval", "Statements", "Verdict"]
+from underlay._arrays import FloatArray
+
+__all__ = ["Follows", "StatedInterval", "Statements", "Verdict"]
+
+
+#: Quantities (draws, n) that follow from parameters (draws, k), SI.
+Follows: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,10 @@ class Statements(ABC):
     @abstractmethod
     def interval(self, name: str, level: float) -> StatedInterval:
         """Interval of a parameter; raises InputError for a name or a level that is none."""
+
+    @abstractmethod
+    def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Lower ends, middles and upper ends, (n,), of quantities that follow from the parameters."""
 
     @property
     @abstractmethod

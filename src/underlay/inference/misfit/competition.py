@@ -127,6 +127,11 @@ class Competition:
         """Probability that the force does not jump at contact."""
         return float(self.weights[:, self.sizes.columns[:, 1] == 0.0].sum())
 
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """The combinations that weigh something, (noises, c)."""
+        return np.asarray(self.weights > _LIGHT)
+
     def covariance(self, kept: NDArray[np.bool_]) -> FloatArray:
         """Covariance of the coordinates for the combinations marked in `kept` (noises, c), (g, k, k)."""
         k = self.parameters
@@ -136,7 +141,7 @@ class Competition:
     @cached_property
     def mixture(self) -> Mixture:
         """Distribution of the coordinates, the combinations averaged by their weights."""
-        kept = self.weights > _LIGHT
+        kept = self.kept
         variances = np.diagonal(self.covariance(kept), axis1=-2, axis2=-1)
         weights = self.weights[kept]
         shift = self.shift[kept][:, : self.parameters]

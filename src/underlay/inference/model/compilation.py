@@ -212,6 +212,11 @@ def _check_history(scene: Scene, curve: Curve, free: Mapping[str, int]) -> None:
         return
     if curve.time is None:
         raise CurveError("this scene remembers: give the curve the times of its points (s)")
+    if scene.ages:
+        raise InputError(
+            "a layer that relaxes on an elastic base is simulated but not fitted: its force is not one elastic "
+            "force seen through a memory; take a rigid base, or one 1000 times stiffer"
+        )
     scene.memory.require_told(tuple(free), checked_times(curve.time, curve.depth))
     if Frame.path in free:
         raise ParameterError(

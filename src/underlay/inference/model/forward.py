@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from underlay._arrays import FloatArray
+from underlay._arrays import ArrayLike, FloatArray
 from underlay.errors import InputError
 from underlay.inference.model.laws import LawSource, LawStore
 from underlay.inference.model.similarity import Similarity, compile_similarity
@@ -100,15 +100,20 @@ class Forward:
         b, _ = self.similarity.factors(values)
         return self.laws.for_statements(self.similarity.reduced(values), b * self._deepest(Chain.of(values)))
 
-    def reading(self, values: Mapping[str, float]) -> Reading:
-        """Force and stiffness at every reading; raises as `law` does."""
+    def reading(self, values: Mapping[str, float], *, stiffness: bool = True) -> Reading:
+        """Force and stiffness at every reading; raises as `law` does.
+
+        Without `stiffness` a sample that remembers is not asked for it: it is zero.
+        """
         chain = Chain.of(values)
         law = self.law(values, self._deepest(chain))
         w = chain.tip_depth(law, self.depth)
-        contact, stiffness = law.force_and_stiffness(w)
         if self.history is not None:
             contact = self._remembered(law, self.history, values).force(w, self.time)
-        return Reading(contact, stiffness, chain.reading(contact, self.depth))
+            slope = law.stiffness(w) if stiffness else np.zeros_like(contact)
+            return Reading(contact, slope, chain.reading(contact, self.depth))
+        contact, slope = law.force_and_stiffness(w)
+        return Reading(contact, slope, chain.reading(contact, self.depth))
 
     def force(self, values: Mapping[str, float]) -> FloatArray:
         """Force of the instrument (N), (n,), alone; raises as `law` does."""
@@ -180,24 +185,32 @@ class Forward:
         The law's own derivatives go through the history as the law's force does.
         """
         history, time = self._remembered(law, history, values).history, checked_times(self.time, w)
-        through = history.prepared(w, time)
+        through, kept = history.prepared(w, time), _Kept(law)
+        force = through(kept.force)
 
-        def changed(path: str) -> Elastic:
-            if path == ContactPoint.path:
-                return lambda x: -law.stiffness(x)
-
-            def slope(x: FloatArray) -> FloatArray:
-                P, S = law.force_and_stiffness(x)
+        def slope(path: str) -> Elastic:
+            def of(x: FloatArray) -> FloatArray:
+                P, S = kept.force_and_stiffness(x)
                 return self._mechanical(path, values, deepest, law, x, P, S, {}, rough=rough)
 
-            return slope
+            return of
 
         own = [path for path in paths if self._remembers(path)]
-        columns |= history.slopes(own, law.force, w, time)
+        columns |= through.slopes(own, kept)
         for path in paths:
-            if path not in columns:
-                columns[path] = through(changed(path))
-        return through(law.force)
+            if path == ContactPoint.path and path not in columns:
+                columns[path] = through(lambda x: -kept.stiffness(x))
+            elif path not in columns:
+                scale = self._force_scale(path, values)
+                columns[path] = through(slope(path)) if scale is None else scale * force
+        return force
+
+    def _force_scale(self, path: str, values: Mapping[str, float]) -> float | None:
+        """d ln P / dp where the parameter is a factor on the force and no more; None where it is."""
+        log_b, log_c = self.similarity.factor_slopes(path, values)
+        if log_b or self.similarity.ratio_slopes(path, values):
+            return None
+        return log_c / values[path]
 
     def _mechanical(
         self,
@@ -256,6 +269,31 @@ class Forward:
     def reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law at the reference with these ratios, for its depths up to `depth` (m)."""
         return self.laws.law(reduced, depth)
+
+
+class _Kept(Response):
+    """A law that remembers what it answered to the depths asked last: several derivatives ask the same."""
+
+    def __init__(self, law: ContactLaw) -> None:
+        self.law, self.max_depth = law, law.max_depth
+        self._answers: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+
+    def force_and_stiffness(self, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Force (N) and stiffness (N/m), each (n,)."""
+        key = depth.tobytes()
+        if key not in self._answers:
+            self._answers[key] = self.law.force_and_stiffness(depth)
+        return self._answers[key]
+
+    def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
+        """Force (N), (n,)."""
+        del time
+        return self.force_and_stiffness(np.asarray(depth))[0]
+
+    def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
+        """Stiffness (N/m), (n,)."""
+        del time
+        return self.force_and_stiffness(np.asarray(depth))[1]
 
 
 #: (steps, weights) of a difference quotient.

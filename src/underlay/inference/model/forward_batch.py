@@ -9,6 +9,9 @@ Five ways, the first that applies:
 4. moduli and thicknesses of a stack vary: through `ExactBatch` too, in groups of like ratios;
 5. otherwise set by set, through `Forward.reading`.
 
+A sample that remembers goes one of these ways with its elastic force, and then through its memory (see
+`remembered_batch.py`).
+
 A set's answer does not depend on the company it is asked in: a chain can be repeated bit by bit.
 """
 
@@ -69,18 +72,34 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     Readings
         A set without a law does not exist; its row is zero.
     """
-    if np.any(values[Frame.path]) or forward.history is not None or _is_shaped_by_lengths(forward):
-        return _one_by_one(forward, values, range(sets), Readings.empty(sets, len(forward.depth)))
+    empty = Readings.empty(sets, len(forward.depth))
+    if forward.history is not None:
+        return _remembered(forward, values, empty, stiffness=stiffness)
+    if np.any(values[Frame.path]) or _is_shaped_by_lengths(forward):
+        return _one_by_one(forward, values, range(sets), empty)
     asked = ParameterSets(forward, values, sets)
     if asked.shared is not None:
         return _by_one_law(asked, asked.shared, stiffness=stiffness)
     if forward.laws.table is not None:
         return _from_tables(asked, forward.laws.table, stiffness=stiffness)
-    if _has_exact_batches(asked):
-        return _in_groups(asked, stiffness=stiffness)
-    if has_stack_batches(asked):
-        return _in_stack_groups(asked, stiffness=stiffness)
-    return _one_by_one(forward, values, range(sets), Readings.empty(sets, len(forward.depth)))
+    in_groups = (
+        _in_groups if _has_exact_batches(asked) else _in_stack_groups if has_stack_batches(asked) else None
+    )
+    if in_groups is not None:
+        return in_groups(asked, stiffness=stiffness)
+    return _one_by_one(forward, values, range(sets), empty)
+
+
+def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
+    """All sets of a sample that remembers: together where they can, else one by one."""
+    # Not loaded for a sample that does not remember.
+    from underlay.inference.model.remembered_batch import remembered_readings  # noqa: PLC0415  see above
+
+    sets = len(empty.possible)
+    together = None if stiffness else remembered_readings(forward, values, sets, batched_readings)
+    if together is not None:
+        return Readings(*together)
+    return _one_by_one(forward, values, range(sets), empty, stiffness=stiffness)
 
 
 def _is_shaped_by_lengths(forward: Forward) -> bool:
@@ -88,11 +107,13 @@ def _is_shaped_by_lengths(forward: Forward) -> bool:
     return any(path.startswith(("indenter.", "layer.thickness")) for path in forward.similarity.direct)
 
 
-def _one_by_one(forward: Forward, values: Values, rows: Iterable[int], readings: Readings) -> Readings:
+def _one_by_one(
+    forward: Forward, values: Values, rows: Iterable[int], readings: Readings, *, stiffness: bool = True
+) -> Readings:
     """Put the readings of some sets into `readings`; a set without a law is left out."""
     for row in rows:
         try:
-            one = forward.reading(values_of(values, row))
+            one = forward.reading(values_of(values, row), stiffness=stiffness)
         except InputError:
             continue
         readings.contact[row], readings.stiffness[row] = one.contact, one.stiffness

@@ -296,13 +296,15 @@ def _selected(
     group: str | None,
     doubtful: str,
 ) -> tuple[list[LabelledCurve], list[LeftOut]]:
-    if isinstance(results, str | os.PathLike):
-        from underlay.inference.batch.map_table import read_map  # noqa: PLC0415  brings pandas
+    import pandas as pd  # noqa: PLC0415  where a table is read
 
+    from underlay.inference.batch.map_table import read_map  # noqa: PLC0415  brings pandas
+
+    if isinstance(results, pd.DataFrame):
+        return select_rows(results, parameter, by, group, doubtful)
+    if isinstance(results, str | os.PathLike):
         return select_rows(read_map(results), parameter, by, group, doubtful)
-    if isinstance(results, Sequence):
-        return select_results(results, parameter, by, group), []
-    return select_rows(results, parameter, by, group, doubtful)
+    return select_results(results, parameter, by, group), []
 
 
 def _group(

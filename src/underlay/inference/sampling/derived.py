@@ -3,7 +3,7 @@
 - reduced modulus 2 theta, for an isotropic material E / (1 - nu^2) (Pa): what a shallow indentation sees;
 - oedometric modulus A33 = 1/c, for an isotropic material E (1 - nu) / ((1 + nu)(1 - 2 nu)) (Pa): what a thin
   confined layer sees; infinite, and left out, where the material is incompressible;
-- equilibrium modulus E e(infinity) of a layer that relaxes to one (Pa); its E is the one at once;
+- instantaneous and equilibrium modulus of a layer that relaxes from one to the other (Pa), E and E e(infinity);
 - stiffness dP/dw of the contact at the deepest point of the curve (N/m).
 """
 
@@ -20,12 +20,13 @@ from underlay.mechanics.relaxation import Prony
 from underlay.quantities import Quantity, numbers_of, path_of
 from underlay.scene.parameters import kind_of
 
-__all__ = ["DERIVED", "derived_quantities", "kind_of_quantity"]
+__all__ = ["DERIVED", "derived_quantities", "kind_of_quantity", "relaxed_moduli"]
 
 #: What the derived quantities are, by the last word of their names.
 DERIVED = {
     "reduced_modulus": Quantity("pressure", "reduced modulus of the {part}"),
     "oedometric_modulus": Quantity("pressure", "oedometric modulus of the {part}"),
+    "instantaneous_modulus": Quantity("pressure", "instantaneous modulus of the {part}"),
     "equilibrium_modulus": Quantity("pressure", "equilibrium modulus of the {part}"),
     "stiffness": Quantity("stiffness", "contact stiffness at the deepest point"),
 }
@@ -63,17 +64,27 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
             suffix = f"[{number}]" if own else ""
             for name, values in _moduli(member, part, flat).items():
                 quantities.setdefault(f"{part}.{name}{suffix}", values)
-            for name, values in _relaxed(member, part, flat).items():
-                quantities.setdefault(f"{part}.{name}{suffix}", values)
         suffix = f"[{number}]" if several else ""
         stiffness, possible = _deepest_stiffness(member, flat)
         if possible:
             quantities[f"stiffness{suffix}"] = stiffness
+    quantities |= relaxed_moduli(problem, flat)
     return {name: values.reshape(physical.shape[:-1]) for name, values in quantities.items()}
 
 
+def relaxed_moduli(problem: Problem, flat: FloatArray) -> dict[str, FloatArray]:
+    """Instantaneous and equilibrium modulus of every relaxing layer, (n,), at draws (n, parameters)."""
+    found: dict[str, FloatArray] = {}
+    for number, member in enumerate(problem.members):
+        entries = [entry for path, entry in member.entries.items() if path.startswith("layer.")]
+        own = len(problem.members) > 1 and any("[" in problem.names[entry] for entry in entries)
+        for name, values in _relaxed(member, "layer", flat).items():
+            found.setdefault(f"layer.{name}{f'[{number}]' if own else ''}", values)
+    return found
+
+
 def _relaxed(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArray]:
-    """Equilibrium modulus of a layer whose relaxation has one, if a fraction of it or the modulus is free."""
+    """Moduli at once and at equilibrium of a layer that relaxes, if the modulus or a fraction of it is free."""
     relaxation = getattr(getattr(member.scene, part), "relaxation", None)
     if not isinstance(relaxation, Prony):
         return {}
@@ -84,7 +95,8 @@ def _relaxed(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArra
         flat[:, member.entries[path]] if path in member.entries else np.full(len(flat), member.base[path])
         for path in (f"{part}.E", *paths)
     )
-    return {"equilibrium_modulus": modulus * (1.0 - np.sum(fractions, axis=0))}
+    kept = 1.0 - np.sum(fractions, axis=0)
+    return {"instantaneous_modulus": modulus, "equilibrium_modulus": modulus * kept}
 
 
 def _moduli(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArray]:

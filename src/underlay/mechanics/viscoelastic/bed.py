@@ -20,13 +20,14 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.mechanics.relaxation import Modes
 from underlay.mechanics.response import Elastic
-from underlay.mechanics.viscoelastic.memory import Memory
+from underlay.mechanics.viscoelastic.memory import Memory, even
 
-__all__ = ["Bed"]
+__all__ = ["Bed", "depth_under"]
 
 # Two cycles of a paraboloid, relative to the largest force against four times as many of both: see the tests.
 _SPRINGS = 400
 _STEPS = 1600
+_LAST_DIGITS = 1e-13
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,52 @@ class Bed:
     def __call__(self, elastic: Elastic) -> FloatArray:
         """Force (N), (n,)."""
         return np.asarray(self.slopes @ -np.diff(elastic(self.springs)))
+
+
+def depth_under(elastic: Elastic, force: FloatArray, memory: Memory, deepest: float) -> FloatArray:
+    """Depth (m), (n,), under any forces (N), (n,), zero or more, that never reach beyond `deepest` (m).
+
+    With c_j the steps of the slope of P_el at the springs, P(w) = sum_j c_j Q_j(w), where a spring in contact adds
+    a straight line and one out of contact nothing: convex and increasing, so Newton's method ends after some steps.
+    """
+    modes, time = memory.modes, memory.time
+    pieces = max(int(np.ceil(_STEPS / (len(force) - 1))), 1)
+    fine = np.arange((len(force) - 1) * pieces + 1) / pieces
+    clock, load = (np.interp(fine, np.arange(len(force)), values) for values in (time, force))
+    springs = np.linspace(0.0, deepest, _SPRINGS + 1)[:-1]
+    slopes = np.diff(elastic(np.append(springs, deepest))) * (len(springs) / deepest)
+    stiffness = np.diff(slopes, prepend=0.0)
+    steps = np.diff(clock) / modes.times[:, None]
+    decay, share = np.exp(-steps), modes.weights[:, None] * even(steps)
+    at_once = modes.constant + float(modes.weights.sum())
+    w = _pressed(stiffness, -at_once * springs, at_once, float(load[0]), deepest)
+    compression = np.maximum(w - springs, 0.0)
+    parts, depths = modes.weights[:, None] * compression, np.empty(len(load))
+    depths[0] = w
+    for n, target in enumerate(load[1:].tolist()):
+        parts = parts * decay[:, n, None]
+        rate = modes.constant + float(share[:, n].sum())
+        standing = modes.constant * compression + parts.sum(axis=0)
+        w = _pressed(stiffness, standing - rate * (springs + compression), rate, target, deepest)
+        change = np.maximum(w - springs - compression, -standing / rate)
+        compression = compression + change
+        parts += share[:, n, None] * change
+        depths[n + 1] = w
+    return depths[::pieces]
+
+
+def _pressed(stiffness: FloatArray, offset: FloatArray, rate: float, target: float, w: float) -> float:
+    """Depth w (m) at which sum_j stiffness_j max(offset_j + rate w, 0) is `target` (N), from above."""
+    for _ in range(len(offset)):
+        bears = stiffness * (offset + rate * w > 0.0)
+        slope = rate * float(bears.sum())
+        if not slope > 0.0:
+            return w
+        lower = (target - float(bears @ offset)) / slope
+        if lower >= w * (1.0 - _LAST_DIGITS):
+            return lower
+        w = lower
+    return w
 
 
 def _stepped(path: FloatArray, memory: Memory, springs: FloatArray) -> FloatArray:

@@ -2,30 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError, ParameterError
-from underlay.mechanics.body import Body, Layer
-from underlay.mechanics.relaxation import Relaxation
-from underlay.mechanics.response import Elastic, History
+from underlay.errors import ParameterError
+from underlay.mechanics.relaxation import Modes, ModesOfSets, Relaxation
+from underlay.mechanics.response import Elastic, History, Invertible, Motion, Response
 from underlay.mechanics.viscoelastic.bed import Bed
+from underlay.mechanics.viscoelastic.creep import crept
 from underlay.mechanics.viscoelastic.loading import Loading
 from underlay.mechanics.viscoelastic.memory import Memory
 from underlay.mechanics.viscoelastic.unloading import Unloading, equal_radius
 from underlay.quantities import inlined, numbers_of
 
-__all__ = ["Viscoelastic", "require_still_base"]
+__all__ = ["Viscoelastic", "ViscoelasticMotion", "times_told"]
 
 # A motion counts as growing while it falls back from its deepest point by no more than this part of it, first
 # none, then the noise of a depth reading. The springs that lift off there hold less than the square of it:
 # measured against the bed, whose own error is 1e-5, 3e-5 of the largest force at ripples of up to 2.8e-3.
 _RIPPLES = (0.0, 3e-3)
 _ROUNDING = 1e-9
+# A sudden step as a share of the first one: what relaxes within it is as small a part of the force.
+_SUDDEN = 1e-7
+
+
+def times_told(time: FloatArray) -> tuple[float, float]:
+    """Shortest and longest relaxation time (s) of which a record says something: its sampling and its length."""
+    return float(np.median(np.diff(time))), float(time[-1] - time[0])
 
 
 @dataclass(frozen=True)
@@ -51,14 +58,24 @@ class Viscoelastic(History):
         """
         return self.prepared(depth, time)(elastic)
 
-    def prepared(self, depth: FloatArray, time: FloatArray) -> Callable[[Elastic], FloatArray]:
+    def prepared(self, depth: FloatArray, time: FloatArray) -> ViscoelasticMotion:
         """The map from an elastic force to `force` for one motion."""
         if len(depth) < 2 or not (depth > 0.0).any():
-            return lambda elastic: np.asarray(elastic(np.maximum(depth, 0.0)))
-        if depth[0] > 0.0 and not self.relaxation.bounded:
+            return ViscoelasticMotion(self, depth, time, None)
+        begun = depth[0] > 0.0
+        if begun and not self.relaxation.bounded:
             # It came in within one step: a sudden one would be resisted without end.
-            longer = self.prepared(np.append(0.0, depth), np.append(2.0 * time[0] - time[1], time))
-            return lambda elastic: longer(elastic)[1:]
+            form = self._form(*_led_in(depth, time, 1.0))
+        else:
+            form = self._form(depth, time)
+            begun = begun and not isinstance(form, Loading)
+            if begun:
+                # The contact shrinks back through the radii of the sudden step, which must have a time.
+                form = self._form(*_led_in(depth, time, _SUDDEN))
+        return ViscoelasticMotion(self, depth, time, form, first=int(begun))
+
+    def _form(self, depth: FloatArray, time: FloatArray) -> Loading | Unloading | Bed:
+        """The simplest construction that holds for depths (m) at times (s), each (n,)."""
         modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
         memory = Memory(modes, time)
         for ripple in _RIPPLES:
@@ -67,38 +84,47 @@ class Viscoelastic(History):
                 return found
         return Bed.of(depth, modes, time)
 
+    def only_grows(self, depth: FloatArray) -> bool:
+        """Whether depths since contact (m), (n,), grow or rest but for the noise of a reading."""
+        w = np.maximum(depth, 0.0)
+        return bool((np.maximum.accumulate(w) - w <= (_RIPPLES[-1] + _ROUNDING) * w.max()).all())
+
+    def loaded(self, modes: ModesOfSets, at: FloatArray, middle: FloatArray, time: FloatArray) -> FloatArray:
+        """Forces (N), (sets, n), of motions that grow or rest, from the elastic ones at points and middles."""
+        sets, count = modes.weights.shape
+        rows = Memory(Modes(0.0, np.ones(sets * count), modes.times.ravel()), time)
+        z = rows.integrals(np.repeat(at, count, axis=0), np.repeat(middle, count, axis=0))
+        parts = modes.weights[:, :, None] * z.reshape(sets, count, -1)
+        return np.asarray(modes.constant[:, None] * at + parts.sum(axis=1))
+
+    def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
+        """Depth (m), (n,), under any forces (N), (n,), that press."""
+        if len(force) < 2:
+            return np.asarray(law.depth(force))
+        modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
+        return crept(law, modes, force, time)
+
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
-        """Refuse a free relaxation time outside what the record spans, from its sampling to its length.
+        """Refuse a free relaxation time, or a free fraction at a time, that the record does not tell.
 
         Raises
         ------
         ParameterError
             With the times that the record can tell.
         """
-        shortest, longest = float(np.median(np.diff(time))), float(time[-1] - time[0])
+        shortest, longest = times_told(time)
+        known = numbers_of(self.relaxation, self.prefix)
         for path in free:
-            if path not in (known := numbers_of(self.relaxation, self.prefix)) or ".times[" not in path:
+            of_time = path.replace(".fractions[", ".times[")
+            if path not in known or ".times[" not in of_time:
                 continue
-            value = known[path].value
+            value = known[of_time].value
             if not shortest <= value <= longest:
+                what = "start it there, or leave it fixed" if of_time == path else "leave the fraction fixed"
                 raise ParameterError(
-                    f"{path} is {value:.4g} s, and this record tells times from its sampling, {shortest:.3g} s, to "
-                    f"its length, {longest:.4g} s: start it there, or leave it fixed"
+                    f"{of_time} is {value:.4g} s, and this record tells times from its sampling, {shortest:.3g} s, "
+                    f"to its length, {longest:.4g} s: {what}"
                 )
-
-    def slopes(
-        self, paths: Sequence[str], elastic: Elastic, depth: FloatArray, time: FloatArray
-    ) -> Mapping[str, FloatArray]:
-        """d force / d number, (n,), at its own `paths`; the elastic force is asked once for equal depths."""
-        known: dict[bytes, FloatArray] = {}
-
-        def kept(x: FloatArray) -> FloatArray:
-            key = x.tobytes()
-            if key not in known:
-                known[key] = elastic(x)
-            return known[key]
-
-        return super().slopes(paths, kept, depth, time)
 
     def dynamic_modulus(self, frequency: FloatArray, longest: float) -> FloatArray:
         """E*(i omega) / E, complex, at angular frequencies (1/s) of a small oscillation that lasts `longest` (s).
@@ -111,7 +137,50 @@ class Viscoelastic(History):
         return np.asarray(modes.constant + (turned / (1.0 + turned)) @ modes.weights)
 
 
-def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Callable[[Elastic], FloatArray] | None:
+@dataclass(frozen=True)
+class ViscoelasticMotion(Motion):
+    """A motion of a relaxing layer, and the construction that holds for it.
+
+    Parameters
+    ----------
+    form : Loading, Unloading, Bed or None
+        The construction; None where nothing is touched.
+    first : int, default 0
+        Points at the beginning that were added.
+    """
+
+    form: Loading | Unloading | Bed | None = None
+    first: int = 0
+
+    def __call__(self, elastic: Elastic) -> FloatArray:
+        """Force (N), (n,), that the layer makes of an elastic force."""
+        if self.form is None:
+            return np.asarray(elastic(np.maximum(self.depth, 0.0)))
+        return self.form(elastic)[self.first :]
+
+    def slopes(self, paths: Sequence[str], law: Response) -> Mapping[str, FloatArray]:
+        """d force / d number of the relaxation, (n,), at its `paths`."""
+        if self.form is None or not paths:
+            return {path: np.zeros(len(self.depth)) for path in paths}
+        relaxation, prefix = self.history.relaxation, self.history.prefix  # type: ignore[attr-defined]  # a Viscoelastic
+        known = None if isinstance(self.form, Bed) else relaxation.mode_slopes(self.form.memory.modes)
+        if known is None or isinstance(self.form, Bed):
+            return super().slopes(paths, law)
+        along = self.form.mode_slopes(law.force, law.stiffness)
+        found = {}
+        for path in paths:
+            change = known[path.removeprefix(f"{prefix}.")]
+            slope = change.constant * along.constant + change.weights @ along.weights
+            found[path] = (slope + change.times @ along.times)[self.first :]
+        return found
+
+
+def _led_in(depth: FloatArray, time: FloatArray, share: float) -> tuple[FloatArray, FloatArray]:
+    """The same motion after a rise from first contact within this share of its first step."""
+    return np.append(0.0, depth), np.append(time[0] - share * (time[1] - time[0]), time)
+
+
+def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Loading | Unloading | None:
     """Lee and Radok up to the last deepest point and Ting after it; None where they do not hold."""
     w = np.maximum(depth, 0.0)
     allowed = (ripple + _ROUNDING) * w.max()
@@ -119,41 +188,9 @@ def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Callable[[Elast
     if (np.maximum.accumulate(w[: turn + 1]) - w[: turn + 1] > allowed).any():
         return None
     if turn == len(w) - 1:
-        return Loading(w, memory)
+        return Loading(depth, memory)
     # Before contact the motion does not count, and after it the tip may leave the surface.
-    path = np.concatenate((w[: turn + 1], depth[turn + 1 :]))
-    found = equal_radius(path, memory, turn)
+    found = equal_radius(np.concatenate((w[: turn + 1], depth[turn + 1 :])), memory, turn)
     if (found.depths - np.minimum.accumulate(found.depths) > allowed).any():
         return None
-    return Unloading(w[: turn + 1], memory, found)
-
-
-# A base this much stiffer than the layer is as good as rigid: the kernel of the unrelaxed layer then serves all
-# times, since relaxing only brings the layer closer to a rigid base.
-_AS_GOOD_AS_RIGID = 1e3
-
-
-def require_still_base(layer: Layer, substrate: Body | None) -> None:
-    """Refuse a relaxing layer on a base that its kernel ages with.
-
-    Raises
-    ------
-    InputError
-        If the base is elastic and less than 1000 times stiffer than the layer at once. The force by moduli at the
-        current time (quasi-elastic) would be wrong by 2 % where half of the modulus relaxes, 29 % where nine
-        tenths do (nu = 0.5, base as stiff as the layer).
-    """
-    if layer.relaxation is None or layer.thickness == np.inf or substrate is None:
-        return
-    below = [*(deeper.material for deeper in substrate.layers), substrate.base]
-    elastic = [part.plane_constants for part in below if part.plane_constants is not None]
-    ratio = min((float(plane.theta) / layer.material.theta for plane in elastic), default=np.inf)
-    if ratio >= _AS_GOOD_AS_RIGID:
-        return
-    half = layer.relaxation.equilibrium >= 0.5
-    size = "2 %" if half else "11 to 29 % (measured where nine tenths of it relax)"
-    raise InputError(
-        f"a layer that relaxes on an elastic base only {ratio:.3g} times stiffer is not simulated: its force by "
-        f"the moduli of the moment would be up to {size} too low in a hold; a base 1000 times stiffer, a rigid "
-        "one, or none at all is exact"
-    )
+    return Unloading(depth, turn, memory, found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,23 @@ from underlay._arrays import FloatArray
 from underlay.mechanics.response import Elastic
 from underlay.mechanics.viscoelastic.memory import Memory
 
-__all__ = ["Loading", "loads"]
+__all__ = ["Loading", "ModeSlopes", "loads"]
+
+
+class ModeSlopes(NamedTuple):
+    """d force / d number of the modes of a relaxation.
+
+    Parameters
+    ----------
+    constant : FloatArray
+        In what never relaxes, (n,).
+    weights, times : FloatArray
+        In the weight and in the time of every exponential, (K, n).
+    """
+
+    constant: FloatArray
+    weights: FloatArray
+    times: FloatArray
 
 
 def loads(elastic: Elastic, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -18,7 +35,7 @@ def loads(elastic: Elastic, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
     # Where the tip rests, and before contact, the force is that of the point before.
     w = np.maximum(depth, 0.0)
     moved = np.flatnonzero(np.diff(w))
-    asked = np.concatenate((w[:1], w[moved + 1], 0.5 * (w[moved + 1] + w[moved])))
+    asked = np.concatenate((w[:1], w[moved + 1], np.maximum(0.5 * (depth[moved + 1] + depth[moved]), 0.0)))
     found = elastic(asked)
     at, half = found[: len(moved) + 1], found[len(moved) + 1 :]
     last = np.zeros(len(w), dtype=np.intp)
@@ -51,3 +68,12 @@ class Loading:
     def __call__(self, elastic: Elastic) -> FloatArray:
         """Force (N), (n,)."""
         return self.memory.hereditary(*loads(elastic, self.depth))
+
+    def mode_slopes(self, elastic: Elastic, stiffness: Elastic) -> ModeSlopes:
+        """d force / d number of the modes; the elastic stiffness (N/m) is not asked here."""
+        del stiffness
+        memory = self.memory
+        at, middle = loads(elastic, self.depth)
+        z = memory.integrals(at, middle)
+        in_times = memory.integral_slopes(z, at, middle)
+        return ModeSlopes(at, z, memory.modes.weights[:, None] * in_times)

@@ -17,6 +17,8 @@ __all__ = ["Memory", "curved", "even"]
 _SERIES_BELOW = 0.3
 #: g2(x) = sum_{n >= 1} (-x)^n / n! [2 / (n + 2) - 1 / (n + 1)], the highest power first.
 _SERIES = [(2.0 / (n + 2) - 1.0 / (n + 1)) / math.factorial(n) for n in range(12, -1, -1)]
+# Below this the first terms of it do: the next is 1e-17 of the first.
+_SHORT, _SHORT_TERMS = 0.03, 9
 # Steps that differ by less than this part are one: it moves e(t) by no more.
 _EQUAL = 1e-9
 # Products of decays smaller than this no longer show beside 1.
@@ -33,9 +35,13 @@ def even(x: FloatArray) -> FloatArray:
 def curved(x: FloatArray, g1: FloatArray) -> FloatArray:
     """g2(x) = 2 [1 - e^-x (1 + x)] / x^2 - g1(x): the same of the part quadratic in time."""
     near = x < _SERIES_BELOW
+    if near.all():
+        # Of steps this short the higher powers are below the rounding of the first.
+        terms = _SERIES[-_SHORT_TERMS:] if x.max(initial=0.0) < _SHORT else _SERIES
+        return np.asarray(np.polyval(terms, -x), dtype=np.float64)
     safe = np.where(near, 1.0, x)
     far = 2.0 * (g1 - np.exp(-safe)) / safe - g1
-    return np.where(near, np.polyval(_SERIES, np.where(near, -x, 0.0)), far) if near.any() else far
+    return np.where(near, np.polyval(_SERIES, np.where(near, -x, 0.0)), far)
 
 
 @dataclass(frozen=True)
@@ -82,20 +88,35 @@ class Memory:
         Parameters
         ----------
         values : FloatArray
-            At the points, (n,); it was zero before the first.
+            At the points, (n,), or (K, n) where every exponential has a function of its own; it was zero before
+            the first.
         middle : FloatArray, optional
-            At the middle of each step, (n - 1,); without it the function is linear between points.
+            At the middle of each step, (..., n - 1); without it the function is linear between points.
         """
         added = self.even * np.diff(values)
         if middle is not None:
-            added += self.curved * (4.0 * middle - 2.0 * (values[1:] + values[:-1]))
-        return self._summed(added, float(values[0]))
+            added += self.curved * (4.0 * middle - 2.0 * (values[..., 1:] + values[..., :-1]))
+        return self._summed(added, values[..., 0])
+
+    def integral_slopes(
+        self, z: FloatArray, values: FloatArray, middle: FloatArray | None = None
+    ) -> FloatArray:
+        """dz_k / dtau_k at every point, (K, n), of the integrals `z` of these values, as in `integrals`.
+
+        With x = step / tau_k it obeys the recursion of z_k with x e^-x z_k - d x g1' - c x g2' over tau_k added,
+        where x g1' = e^-x - g1 and x g2' = e^-x - g1 - 2 g2.
+        """
+        bent = self.decay - self.even
+        added = self.steps * self.decay * z[:, :-1] - bent * np.diff(values)
+        if middle is not None:
+            added -= (bent - 2.0 * self.curved) * (4.0 * middle - 2.0 * (values[1:] + values[:-1]))
+        return self._summed(added / self.modes.times[:, None], np.zeros(()))
 
     def hereditary(self, values: FloatArray, middle: FloatArray | None = None) -> FloatArray:
         """int e(t - s) dF(s) at every point, (n,); the arguments are those of `integrals`."""
         return np.asarray(self.modes.constant * values + self.modes.weights @ self.integrals(values, middle))
 
-    def _summed(self, added: FloatArray, start: float) -> FloatArray:
+    def _summed(self, added: FloatArray, start: FloatArray) -> FloatArray:
         """Solve z_{n+1} = decay_n z_n + added_n from z_0 = `start`, (K, n).
 
         Only decaying factors occur, so no step is too long or too short.

@@ -4,7 +4,7 @@ from underlay.report.plots.accuracy import accuracy_cost
 from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
 from underlay.report.plots.effects import effects
-from underlay.report.plots.fit import fit
+from underlay.report.plots.fit import fit, fit_in_time
 from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
 from underlay.report.plots.map import map  # noqa: A004  the public name
@@ -12,7 +12,7 @@ from underlay.report.plots.plan import plan
 from underlay.report.plots.population import population
 from underlay.report.plots.predictive import predictive
 from underlay.report.plots.profile import profile
-from underlay.report.plots.relaxation import fit_in_time, relaxation
+from underlay.report.plots.relaxation import relaxation
 from underlay.report.plots.scene import scene
 from underlay.report.plots.segments import segments
 from underlay.report.plots.style import save

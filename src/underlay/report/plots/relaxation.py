@@ -1,4 +1,4 @@
-"""A relaxing sample in time: force against time beside the fit, and the relaxation that it found."""
+"""The relaxation that a fit found: modulus of the layer against time."""
 
 from __future__ import annotations
 
@@ -8,70 +8,23 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay.errors import InputError
-from underlay.report.plots.style import DATA, FIT, axes, style, unit_for, with_strip
+from underlay.report.plots.style import FIT, axes, style, unit_for
 
 if TYPE_CHECKING:
     from underlay._arrays import FloatArray
     from underlay.inference.least_squares import Fit
-    from underlay.scene.scene import Scene
+    from underlay.mechanics.body import Layer
 
-__all__ = ["fit_in_time", "relaxation"]
+__all__ = ["relaxation"]
 
-_MOST_POINTS = 2000
-_CURVE_POINTS = 200
-# Draws of the fitted numbers behind a band of 95 %: its ends are known to a tenth of its width.
-_DRAWS = 2000
-_BAND = (2.5, 97.5)
-
-
-def fit_in_time(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw one curve of a fit against time, with its residuals below.
-
-    Parameters
-    ----------
-    result : Fit
-        What `fit` returned.
-    curve : int, default 0
-        Which curve of a joint fit.
-    ax : matplotlib Axes, optional
-        Where to draw; its lower part becomes a strip of residuals.
-
-    Returns
-    -------
-    matplotlib Axes
-        The upper axes.
-
-    Raises
-    ------
-    InputError
-        If the curve has no times.
-    """
-    measured, residual = result.curves[curve], result.residuals[curve]
-    if measured.time is None:
-        raise InputError("this curve has no times to be drawn against")
-    load, newton = unit_for(measured.force, "force")
-    small, fine = unit_for(residual, "force")
-    step = max(1, len(measured) // _MOST_POINTS)
-    with style():
-        upper, lower = with_strip(axes(ax, height=3.4))
-        time = measured.time[::step]
-        upper.plot(time, measured.force[::step] / newton, ".", ms=2.2, color=DATA, label="measured")
-        upper.plot(measured.time, (measured.force - residual) / newton, color=FIT, label="fit")
-        upper.set_ylabel(f"force ({load})")
-        upper.tick_params(labelbottom=False)
-        upper.legend(loc="best")
-        lower.axhline(0.0, color=FIT, lw=1.0)
-        lower.plot(time, residual[::step] / fine, ".", ms=1.8, color=DATA)
-        lower.set_xlabel("time (s)")
-        lower.set_ylabel(f"residual ({small})")
-    return upper
+_CURVE_POINTS = 60
 
 
 def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     """Draw the modulus of a relaxing layer against time, with the band of 95 % that its fit leaves.
 
-    The band is that of the fit's covariance; draws that are no relaxation are left out. It reaches from the
-    sampling interval of the record to its length: about other times the record says nothing.
+    The band is that of `Fit.band`, point by point. It reaches from the sampling interval of the record to its
+    length: about other times the record says nothing.
 
     Parameters
     ----------
@@ -95,15 +48,18 @@ def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     if scene.layer.relaxation is None or clock is None:
         raise InputError("this layer does not relax: there is nothing to draw against time")
     time = np.geomspace(float(np.median(np.diff(clock))), float(clock[-1] - clock[0]), _CURVE_POINTS)
-    band = _draws(result, scene, time)
-    best = scene.parameters["layer.E"] * scene.layer.relaxation.modulus(time)
-    name, pascal = unit_for(best, "pressure")
+    member = result.problem.members[curve]
+
+    def moduli(physical: FloatArray) -> FloatArray:
+        return np.stack([_modulus(member.scene_at(row).layer, time) for row in physical])
+
+    low, middle, high = result.band(moduli)
+    name, pascal = unit_for(middle, "pressure")
     with style():
         panel = axes(ax)
-        if len(band):
-            low, high = np.percentile(band, _BAND, axis=0)
+        if np.isfinite(low).all():
             panel.fill_between(time, low / pascal, high / pascal, color=FIT, alpha=0.25, lw=0.0, label="95 %")
-        panel.plot(time, best / pascal, color=FIT, label="fit")
+        panel.plot(time, middle / pascal, color=FIT, label="fit")
         panel.set_xscale("log")
         panel.set_xlabel("time after a sudden strain (s)")
         panel.set_ylabel(f"layer modulus ({name})")
@@ -111,19 +67,8 @@ def relaxation(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     return panel
 
 
-def _draws(result: Fit, scene: Scene, time: FloatArray) -> FloatArray:
-    """Modulus (Pa) at times (s), (draws, n), by numbers drawn from the covariance of a fit."""
-    paths = [name for name in result.names if name == "layer.E" or name.startswith("layer.relaxation.")]
-    rows = [result.names.index(name) for name in paths]
-    covariance = np.asarray(result.covariance)[np.ix_(rows, rows)]
-    middle = np.array([result.values[name] for name in paths])
-    drawn = np.random.default_rng(0).multivariate_normal(middle, covariance, size=_DRAWS if paths else 0)
-    moduli = []
-    for numbers in drawn.tolist():
-        try:
-            layer = scene.with_values(dict(zip(paths, numbers, strict=True))).layer
-        except InputError:
-            continue
-        if layer.relaxation is not None:
-            moduli.append(layer.material.E * layer.relaxation.modulus(time))
-    return np.array(moduli)
+def _modulus(layer: Layer, time: FloatArray) -> FloatArray:
+    """In-plane modulus (Pa), (n,), of a relaxing layer at times (s), (n,), after a sudden strain."""
+    if layer.relaxation is None:
+        return np.full(len(time), layer.material.E)
+    return np.asarray(layer.material.E * layer.relaxation.modulus(time))

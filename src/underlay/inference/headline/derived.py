@@ -1,0 +1,107 @@
+"""Intervals of what follows from the fitted parameters, such as the modulus that a layer relaxes to.
+
+To first order in the scaled coordinates, in the logarithm of the quantity: its interval is one of ratios, like that
+of a modulus.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import special
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.stated import Follows, StatedInterval
+from underlay.inference.misfit.averaging import Averaged
+from underlay.inference.misfit.mixture import Mixture
+from underlay.inference.sampling.derived import derived_quantities
+
+__all__ = ["band", "derived_interval"]
+
+# Central difference in scaled coordinates: truncation 1e-10 of the derivative, rounding 1e-11.
+_STEP = 1e-5
+# A factor of e, as for a fitted parameter, fixes nothing.
+_OPEN = 1.0
+
+
+def derived_interval(fit: Fit, averaged: Averaged | None, name: str, level: float) -> StatedInterval:
+    """Interval of a derived quantity.
+
+    Raises
+    ------
+    InputError
+        If the quantity does not follow from what is fitted.
+    """
+
+    def of(physical: FloatArray) -> FloatArray:
+        found = derived_quantities(fit.problem, physical)
+        if name not in found:
+            free, derived = ", ".join(fit.names), ", ".join(found)
+            raise InputError(
+                f"{name!r} is not free here; free are {free}; from these follow {derived or 'none'}"
+            )
+        return found[name][:, None]
+
+    low, middle, high = (float(end[0]) for end in band(fit, averaged, of, level))
+    return StatedInterval(name, level, middle, low, high, "quadratic" if averaged is None else "averaged")
+
+
+def band(
+    fit: Fit, averaged: Averaged | None, of: Follows, level: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lower ends, middles and upper ends, each (n,), of quantities that follow from the parameters.
+
+    `of` takes parameters (draws, k), SI, and gives the quantities (draws, n). An end is infinite where the data
+    leave it open, or the quantity is not positive.
+    """
+    vector = fit.vector if averaged is None else averaged.vector
+    k = len(fit.names)
+    steps = np.concatenate((np.zeros((1, k)), _STEP * np.eye(k), -_STEP * np.eye(k)))
+    found = of(fit.problem.physical(vector + steps))
+    low, middle, high = np.full(found.shape[1], -np.inf), np.array(found[0]), np.full(found.shape[1], np.inf)
+    for n, values in enumerate(found.T):
+        if not (values > 0.0).all():
+            continue
+        logs = np.log(values)
+        ends = _ends(fit, averaged, (logs[1 : k + 1] - logs[k + 1 :]) / (2.0 * _STEP), level)
+        if ends is not None:
+            low[n], middle[n], high[n] = values[0] * np.exp(ends)
+    return low, middle, high
+
+
+def _ends(
+    fit: Fit, averaged: Averaged | None, gradient: FloatArray, level: float
+) -> tuple[float, float, float] | None:
+    """Lower end, middle and upper end of the change of a logarithm with this gradient (k,); None where open."""
+    acting = [name for name, slope in zip(fit.names, gradient, strict=True) if slope]
+    if any(name in fit.no_error_bars and name not in fit.bounds_hit for name in acting):
+        return None
+    half = 0.5 * (1.0 + level)
+    if averaged is not None:
+        mixture = _along(averaged, gradient)
+        return mixture.quantile(0, 1.0 - half), mixture.quantile(0, 0.5), mixture.quantile(0, half)
+    s = fit.statistics
+    freedom = max(s.points - s.parameters, 1)
+    times = float(special.stdtrit(freedom, half) if s.noise_estimated else special.ndtri(half))
+    deviation = math.sqrt(float(gradient @ fit.scaled_covariance @ gradient))
+    return None if deviation > _OPEN else (-times * deviation, 0.0, times * deviation)
+
+
+def _along(averaged: Averaged, gradient: FloatArray) -> Mixture:
+    """Distribution of the change of the logarithm, from the optimum of the likeliest combination."""
+    weights, shifts, deviations = [], [], []
+    for share, (vector, competition) in zip(averaged.shares, averaged.optima, strict=True):
+        kept = competition.kept
+        covariance = competition.covariance(kept)
+        moved = competition.shift[kept][:, : competition.parameters] + (vector - averaged.vector)
+        own = competition.weights[kept]
+        weights.append(share * own / own.sum())
+        shifts.append(moved @ gradient)
+        deviations.append(np.sqrt(np.einsum("i,gij,j->g", gradient, covariance, gradient)))
+    degrees = averaged.competition.degrees
+    return Mixture(
+        np.concatenate(weights), np.concatenate(shifts)[:, None], np.concatenate(deviations)[:, None], degrees
+    )

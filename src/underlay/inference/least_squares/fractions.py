@@ -1,0 +1,178 @@
+"""Relaxing fractions, in which the force is nearly linear: solved for together with the moduli, never negative.
+
+While the contact grows, P = E_inf A + sum_k E f_k z_k with A the elastic force and z_k its integrals: linear in the
+moduli E_inf = E (1 - sum f) and E f_k, all of which are positive or zero. On the way out the point of equal radius
+moves with them, so the force at the solution is computed again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.inference.least_squares.projection import LinearDirections, Point
+from underlay.inference.model.members import Member
+from underlay.inference.problem import Problem
+
+__all__ = ["Fractions"]
+
+# A solution that promises to lower the sum of squares by less than this share of it waits for the next step of
+# the search, which moves the fractions too: a model costs as much as a step.
+_WORTH = 0.02
+_ROUNDING = 1e-9
+# The moduli stay where they are rather than make a force that is not there, as in `projection`.
+_LEAST_FACTOR = 0.1
+
+
+@dataclass(frozen=True)
+class _Layer:
+    """Fractions of one relaxing layer: its free entries, and the sum of the fixed ones."""
+
+    entries: list[int]
+    fixed: float
+
+
+@dataclass(frozen=True)
+class Fractions:
+    """The relaxing fractions among the free parameters.
+
+    Parameters
+    ----------
+    problem : Problem
+        Whose they are.
+    layers : list
+        What may not be negative, layer by layer.
+    directions : LinearDirections
+        Baselines, fractions, and the moduli together where they scale the force, in this order.
+    """
+
+    problem: Problem
+    layers: list[_Layer]
+    directions: LinearDirections
+
+    @classmethod
+    def of(cls, problem: Problem, free: set[int], linear: LinearDirections) -> Self | None:
+        """Fractions among the entries `free`, solved for beside what is `linear`; None where there are none."""
+        layers = [_layer_of(member, free) for member in problem.members]
+        entries = sorted({entry for layer in layers for entry in layer.entries})
+        if not entries:
+            return None
+        rows = np.insert(
+            linear.rows, len(linear.rows) - linear.scales, np.eye(len(problem.coordinates))[entries], 0
+        )
+        known = LinearDirections(rows, linear.scales, linear.through_force)
+        return cls(problem, [layer for layer in layers if layer.entries], known)
+
+    def feasible(self, vector: FloatArray) -> FloatArray:
+        """The vector (k,) with fractions that sum over 1 brought back in proportion."""
+        for layer in self.layers:
+            values = self._values(vector, layer)
+            if values.sum() > 1.0 - layer.fixed:
+                vector = self._placed(vector, layer, values * ((1.0 - layer.fixed) / values.sum()))
+        return vector
+
+    def solved(self, point: Point) -> FloatArray | None:
+        """Vector (k,) with the fractions and what is linear at their best; None where it is not worth a model."""
+        rows = self.directions.rows
+        normal, gradient = rows @ point.normal @ rows.T, rows @ point.gradient
+        if not (np.diag(normal) > 0.0).all():
+            return None
+        slope, offset = self._moduli(point.vector)
+        step = _least(normal, gradient, slope @ rows.T, offset)
+        if step is None or -(2.0 * gradient + normal @ step) @ step < _WORTH * point.square:
+            return None
+        factor = 1.0 + float(step[-1]) if self.directions.scales else 1.0
+        if factor <= _LEAST_FACTOR:
+            return None
+        along = step[: len(step) - self.directions.scales] @ rows[: len(step) - self.directions.scales]
+        vector = point.vector + np.where(self._is_fraction, along / factor, along)
+        if self.directions.scales:
+            vector = vector + np.log(factor) * rows[-1]
+        for layer in self.layers:
+            # On a bound but for the rounding of the solution.
+            values = self._values(vector, layer)
+            if (values < -_ROUNDING).any() or values.sum() > 1.0 - layer.fixed + _ROUNDING:
+                return None
+            vector = self._placed(vector, layer, np.maximum(values, 0.0))
+        return self.feasible(vector)
+
+    @property
+    def _is_fraction(self) -> NDArray[np.bool_]:
+        mask = np.zeros(len(self.problem.coordinates), dtype=bool)
+        mask[[entry for layer in self.layers for entry in layer.entries]] = True
+        return mask
+
+    def _moduli(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Moduli of every layer over its E, as slope (m, k) times a step plus offset (m,).
+
+        A step is that of the linear model: in the moduli the relative change of E, in a fraction F (f' - f) with F
+        the factor on E.
+        """
+        scale = np.array([1.0 if c.scale is None else c.scale for c in self.problem.coordinates])
+        grows = self.directions.rows[-1] if self.directions.scales else np.zeros(len(scale))
+        # The moduli take the same step, which counts once.
+        grows = grows / max(float(grows.sum()), 1.0)
+        slopes, offsets = [], []
+        for layer in self.layers:
+            values = self._values(vector, layer)
+            rest = 1.0 - layer.fixed - float(values.sum())
+            for entry, value in zip(layer.entries, values.tolist(), strict=True):
+                slopes.append(value * grows + scale[entry] * np.eye(len(scale))[entry])
+                offsets.append(value)
+            shares = np.zeros(len(scale))
+            shares[layer.entries] = scale[layer.entries]
+            slopes.append(rest * grows - shares)
+            offsets.append(rest)
+        return np.array(slopes), np.array(offsets)
+
+    def _values(self, vector: FloatArray, layer: _Layer) -> FloatArray:
+        return np.array([float(self.problem.coordinates[i].physical(vector[i])) for i in layer.entries])
+
+    def _placed(self, vector: FloatArray, layer: _Layer, values: FloatArray) -> FloatArray:
+        vector = np.array(vector)
+        for entry, value in zip(layer.entries, values.tolist(), strict=True):
+            vector[entry] = self.problem.coordinates[entry].scaled(value)
+        return vector
+
+
+def _layer_of(member: Member, free: set[int]) -> _Layer:
+    """Free fractions of a curve's layer."""
+    paths = [path for path in member.base if ".relaxation.fractions[" in path]
+    held = [path for path in paths if member.entries.get(path) not in free]
+    if any(path in member.entries for path in held):
+        # One of them is measured otherwise or held by a search: what is left is not linear by itself.
+        return _Layer([], 0.0)
+    entries = [member.entries[path] for path in paths if path not in held]
+    return _Layer(entries, sum(member.base[path] for path in held))
+
+
+def _least(
+    normal: FloatArray, gradient: FloatArray, slope: FloatArray, offset: FloatArray
+) -> FloatArray | None:
+    """Minimum of s'Ns / 2 + g's where slope s + offset >= 0: by an active set.
+
+    None where it does not settle or the active constraints are not independent.
+    """
+    active: list[int] = []
+    p = len(gradient)
+    for _ in range(3 * len(offset) + 1):
+        rows, corner = slope[active], np.zeros((len(active), len(active)))
+        system = np.block([[normal, -rows.T], [rows, corner]])
+        try:
+            solution = np.linalg.solve(system, np.concatenate((-gradient, -offset[active])))
+        except np.linalg.LinAlgError:
+            return None
+        step, pressed = solution[:p], solution[p:]
+        if active and pressed.min() < 0.0:
+            active.pop(int(np.argmin(pressed)))
+            continue
+        left = slope @ step + offset
+        left[active] = 0.0
+        if left.min() >= -_ROUNDING:
+            return np.asarray(step)
+        active.append(int(np.argmin(left)))
+    return None

@@ -1,0 +1,200 @@
+"""How a test moves the tip: ramps at a rate, holds, triangles and steps, sampled evenly in time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from underlay._arrays import FloatArray, finite, positive
+from underlay.errors import InputError
+
+__all__ = ["PROGRAMS", "Program", "SimulatedDepths"]
+
+#: Motions that a scene file names.
+PROGRAMS = ("ramp", "triangle", "steps")
+
+
+@dataclass(frozen=True)
+class Program:
+    """A motion of straight pieces: depth readings at its corners, and when they are reached.
+
+    Begin with ``Program()`` or ``Program.at(depth)``, add `ramp` and `hold`, and ask for `sampled`.
+
+    Parameters
+    ----------
+    depths : tuple of float
+        Depth readings (m) at the corners.
+    times : tuple of float
+        Their times (s), increasing from 0.
+
+    Examples
+    --------
+    >>> program = Program().ramp(to=1e-4, rate=1e-5).hold(300.0).ramp(to=0.0, rate=1e-4)
+    >>> program.times
+    (0.0, 10.0, 310.0, 311.0)
+    >>> depth, time = program.sampled(points=4)
+    >>> [round(float(t), 2) for t in time]
+    [0.0, 103.67, 207.33, 311.0]
+    """
+
+    depths: tuple[float, ...] = (0.0,)
+    times: tuple[float, ...] = (0.0,)
+
+    @classmethod
+    def at(cls, depth: float) -> Self:
+        """Begin at a depth reading (m)."""
+        return cls((finite(depth, "depth", "m"),))
+
+    @classmethod
+    def triangle(cls, depth: float, rate: float, *, start: float = 0.0, hold: float = 0.0) -> Self:
+        """From `start` to `depth` (m) at a rate (m/s), rest for `hold` (s), and back."""
+        return cls.at(start).ramp(depth, rate).hold(hold).ramp(start, rate)
+
+    @classmethod
+    def steps(cls, depths: Sequence[float], rate: float, hold: float, *, start: float = 0.0) -> Self:
+        """To each of `depths` (m) at a rate (m/s), resting there for `hold` (s)."""
+        program = cls.at(start)
+        for depth in depths:
+            program = program.ramp(depth, rate).hold(hold)
+        return program
+
+    def ramp(self, to: float, rate: float) -> Self:
+        """Go on to a depth reading (m) at a rate (m/s), in or out."""
+        there = finite(to, "to", "m")
+        travel = abs(there - self.depths[-1])
+        if not travel:
+            raise InputError(f"a ramp needs a depth to go to: the tip is at {there:.6g} m already")
+        return self._then(there, travel / positive(rate, "rate", "m/s"))
+
+    def hold(self, duration: float) -> Self:
+        """Rest for a time (s); of zero is none."""
+        seconds = finite(duration, "hold", "s")
+        if seconds < 0.0:
+            raise InputError(f"a hold lasts zero seconds or longer; got {duration!r}")
+        return self if not seconds else self._then(self.depths[-1], seconds)
+
+    def sampled(
+        self, points: int | None = None, *, sampling_rate: float | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Depth readings (m) and times (s), each (n,), evenly in time.
+
+        Parameters
+        ----------
+        points : int, optional
+            How many, two or more; the last is the end of the program.
+        sampling_rate : float, optional
+            Points per second (Hz), instead.
+
+        Raises
+        ------
+        InputError
+            If not exactly one of the two is given, or the program does not move.
+        """
+        end = self.times[-1]
+        if not end:
+            raise InputError("this program does not last: add a ramp or a hold")
+        if points is not None and sampling_rate is None:
+            if points < 2:
+                raise InputError(f"points must be 2 or more; got {points!r}")
+            time = np.linspace(0.0, end, points)
+        elif points is not None or sampling_rate is None:
+            raise InputError("say how many points, or how many a second: one of them")
+        else:
+            rate = positive(sampling_rate, "sampling_rate", "Hz")
+            # The last point may miss the end by rounding.
+            time = np.arange(int(end * rate * (1.0 + 1e-12)) + 1) / rate
+        return np.interp(time, self.times, self.depths), time
+
+    def _then(self, depth: float, seconds: float) -> Self:
+        return type(self)((*self.depths, depth), (*self.times, self.times[-1] + seconds))
+
+
+@dataclass(frozen=True)
+class SimulatedDepths:
+    """Depth readings of a made curve, as a scene file says them.
+
+    Parameters
+    ----------
+    max_depth : float
+        Deepest reading (m).
+    start : float
+        First reading (m).
+    points : int
+        Number of readings.
+    duration : float
+        From first to last (s); a `rate` goes before it.
+    program : {"ramp", "triangle", "steps"}
+        In; in and out; or in by equal steps.
+    rate : float, optional
+        Of every ramp (m/s).
+    hold : float
+        Rest at the end of every way in (s).
+    steps : int
+        How many, for "steps".
+
+    Raises
+    ------
+    InputError
+        If the readings do not go in, or the holds leave no time to move.
+    """
+
+    max_depth: float
+    start: float = 0.0
+    points: int = 200
+    duration: float = 1.0
+    program: str = "ramp"
+    rate: float | None = None
+    hold: float = 0.0
+    steps: int = 1
+
+    def __post_init__(self) -> None:
+        if not self.start < self.max_depth:
+            raise InputError("[simulate] start must be below max_depth")
+        if self.hold < 0.0:
+            raise InputError(f"[simulate] hold must be zero or longer; got {self.hold:.6g} s")
+        if self.rate is not None and not self.rate > 0.0:
+            raise InputError(f"[simulate] rate must be positive; got {self.rate:.6g} m/s")
+        if self.steps != 1 and self.program != "steps":
+            raise InputError(f'[simulate] steps belongs to program = "steps", not to {self.program!r}')
+        if not self._moving > 0.0:
+            raise InputError(
+                f"[simulate] duration {self.duration:.6g} s leaves no time to move beside the holds: make it "
+                "longer, or say the rate instead"
+            )
+
+    @property
+    def depth(self) -> FloatArray:
+        """The readings (m), (points,)."""
+        return self._sampled[0]
+
+    @property
+    def time(self) -> FloatArray:
+        """The times of the readings (s), (points,)."""
+        return self._sampled[1]
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether the file says how fast the tip moves or how long it rests."""
+        return self.rate is not None or bool(self.hold) or self.program != "ramp"
+
+    @property
+    def _sampled(self) -> tuple[FloatArray, FloatArray]:
+        return self.motion.sampled(self.points)
+
+    @property
+    def motion(self) -> Program:
+        """The program that it names."""
+        travel = self.max_depth - self.start
+        rate = self.rate or travel * (2.0 if self.program == "triangle" else 1.0) / self._moving
+        if self.program == "triangle":
+            return Program.triangle(self.max_depth, rate, start=self.start, hold=self.hold)
+        depths = np.linspace(self.start, self.max_depth, self.steps + 1)[1:]
+        return Program.steps(depths.tolist(), rate, self.hold, start=self.start)
+
+    @property
+    def _moving(self) -> float:
+        """Time that the holds leave for the ramps (s)."""
+        return self.duration - self.steps * self.hold if self.rate is None else np.inf
