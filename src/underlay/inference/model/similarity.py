@@ -137,7 +137,8 @@ class Similarity:
         E, s = self._modulus_ratio(values), self.length_ratio(values)
         if self.exponent is None:
             return E * s
-        return E * self._coefficient_ratio(values) ** 2 * float(s ** (2.0 * self.exponent - 1.0))
+        length: Any = s ** (2.0 * self.exponent - 1.0)  # numbers, or arrays of them: see `ParameterSets`
+        return E * self._coefficient_ratio(values) ** 2 * length
 
     def _modulus_ratio(self, values: Mapping[str, float]) -> float:
         return values["layer.E"] / self.values["layer.E"] if self.moduli else 1.0
