@@ -1,12 +1,14 @@
 """The forward model for many parameter sets at once, as a sampler asks for it.
 
-Four ways, the first that applies:
+Five ways, the first that applies:
 
-1. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
-2. only the ratio of two moduli varies: every set's curve is read off the table of its cell (`curve_family`);
-3. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
+1. something sticks, and of the ratios only that of the work of adhesion may vary: the sets are read off the
+   adhesion's own table (`Adhesion.table`), a frame's compliance included;
+2. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
+3. only the ratio of two moduli varies: every set's curve is read off the table of its cell (`curve_family`);
+4. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
    go through it, in groups whose stiffness ratio and range are alike;
-4. otherwise set by set, through `Forward.reading`.
+5. otherwise set by set, through `Forward.reading`.
 
 A set's answer does not depend on the company it is asked in: a chain can be repeated bit by bit.
 """
@@ -66,6 +68,8 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     Readings
         A set without a law does not exist; its row is zero.
     """
+    if forward.similarity.energies and forward.history is None and not _is_shaped_by_lengths(forward):
+        return _sticking(forward, values, sets)
     if np.any(values[Frame.path]) or forward.history is not None or _is_shaped_by_lengths(forward):
         return _one_by_one(forward, values, range(sets), Readings.empty(sets, len(forward.depth)))
     asked = ParameterSets(forward, values, sets)
@@ -94,6 +98,29 @@ def _one_by_one(forward: Forward, values: Values, rows: Iterable[int], readings:
         readings.force[row] = one.force
         readings.possible[row] = True
     return readings
+
+
+def _sticking(forward: Forward, values: Values, sets: int) -> Readings:
+    """All sets off the tables of their adhesion; those that these do not reach, or that have none, one by one."""
+    # A table solves for the tip's depth itself: the chain is asked for travel and offsets alone.
+    asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
+    similarity = forward.similarity
+    ratios = dict(zip(similarity.ratio_paths, asked.ratios, strict=True))
+    work = np.broadcast_to(ratios.pop(similarity.energies[0]), (sets,))
+    varying = [path for path, ratio in ratios.items() if isinstance(ratio, np.ndarray)]
+    table = None
+    if not varying or (len(varying) == 1 and varying[0] in similarity.moduli):
+        fixed = {path: float(ratio) for path, ratio in ratios.items() if path not in varying}
+        table = forward.laws.adhesion_table(fixed, varying[0] if varying else None)
+    if table is None:
+        return _one_by_one(forward, values, range(sets), Readings.empty(sets, len(forward.depth)))
+    b, c = asked.factors
+    ratio = np.asarray(ratios[varying[0]]) if varying else None
+    compliance = np.broadcast_to(b * c * values[Frame.path], (sets,))
+    found = table.readings(work, b[:, None] * asked.tip, compliance, ratio)
+    contact, stiffness = c[:, None] * found.force, (b * c)[:, None] * found.stiffness
+    readings = Readings(contact, stiffness, asked.instrument_force(contact), found.possible)
+    return _one_by_one(forward, values, np.flatnonzero(~found.possible).tolist(), readings)
 
 
 def _by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:

@@ -15,10 +15,22 @@ from underlay.mechanics.adhesion.branch import AdhesiveBranch
 from underlay.mechanics.adhesion.stable_path import Jump, StablePath
 from underlay.mechanics.contact_law import ContactLaw
 
-__all__ = ["STATES", "AdhesiveLaw", "PullOff"]
+__all__ = ["STATES", "AdhesiveLaw", "PullOff", "in_touch"]
 
 #: Which states a law takes: see `JKR`.
 STATES = ("separating", "approaching", "cycle")
+
+
+def in_touch(states: str, travel: FloatArray, end: float | FloatArray) -> NDArray[np.bool_]:
+    """Whether there is contact at travels (..., n) that are reached in this order; it is lost at `end`."""
+    if states == "approaching":
+        return np.asarray(travel > 0.0)
+    if states == "separating":
+        return np.asarray(travel > end)
+    # In between the last that happened counts: a touch at zero, or the loss at `end`.
+    event = np.where(travel > 0.0, 1, np.where(travel <= end, -1, 0))
+    last = np.maximum.accumulate(np.where(event != 0, np.arange(travel.shape[-1]), -1), axis=-1)
+    return np.asarray((last >= 0) & (np.take_along_axis(event, np.maximum(last, 0), axis=-1) > 0))
 
 
 class PullOff(NamedTuple):
@@ -145,7 +157,7 @@ class AdhesiveLaw(ContactLaw):
     def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray:
         """Depth (m) behind a spring of this compliance (m/N) at travels (m), (n,); the travel where it is off."""
         path = self._behind(compliance)
-        here = self._in_touch(travel, path.end)
+        here = in_touch(self.states, travel, path.end)
         depth = np.array(travel, dtype=np.float64)
         if here.any():
             depth[here] = self.branch.at(path.radius(depth[here])).depth
@@ -165,18 +177,7 @@ class AdhesiveLaw(ContactLaw):
         return self.branch.path(compliance, self.rtol)
 
     def _touching(self, depth: FloatArray) -> NDArray[np.bool_]:
-        return self._in_touch(depth, self.path.end)
-
-    def _in_touch(self, travel: FloatArray, end: float) -> NDArray[np.bool_]:
-        """Whether there is contact at travels (..., n) that are reached in this order; it is lost at `end`."""
-        if self.states == "approaching":
-            return np.asarray(travel > 0.0)
-        if self.states == "separating":
-            return np.asarray(travel > end)
-        # In between the last that happened counts: a touch at zero, or the loss at `end`.
-        event = np.where(travel > 0.0, 1, np.where(travel <= end, -1, 0))
-        last = np.maximum.accumulate(np.where(event != 0, np.arange(travel.shape[-1]), -1), axis=-1)
-        return np.asarray((last >= 0) & (np.take_along_axis(event, np.maximum(last, 0), axis=-1) > 0))
+        return in_touch(self.states, depth, self.path.end)
 
     def _force(self, depth: FloatArray) -> FloatArray:
         return self.branch.force_scale * np.sinh(self.path.values(depth)[0][:, 1])

@@ -20,6 +20,7 @@ the depth is given, dP/da = 0 when the force is, dP/da + k dw/da = 0 behind a sp
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -29,16 +30,17 @@ from underlay._arrays import FloatArray, positive
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.adhesion.adhesive_law import STATES, AdhesiveLaw
 from underlay.mechanics.adhesion.branch import AdhesiveBranch, BranchPoint
-from underlay.mechanics.adhesion.punch_law import adhesive_punch_law
+from underlay.mechanics.adhesion.jkr_table import JKRTable
 from underlay.mechanics.adhesion.radius_relation import (
     HalfspaceRelation,
     RadiusRelation,
     largest_radius,
     solve_relation,
 )
-from underlay.mechanics.contact import Adhesion, BuildsElastic, Contact
+from underlay.mechanics.contact import Adhesion, AdhesionTable, BuildsElastic, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.exact.law import ExactPunchLaw, exact_punch_law
 from underlay.mechanics.indenters import FlatPunch
 from underlay.quantities import one_of, quantity
 
@@ -99,9 +101,9 @@ class JKR(Adhesion):
             If the contact would be wider than 20 thicknesses, or reach the end of the indenter's shape.
         """
         deepest, rtol = max(max_depth, 0.0), elastic_tolerance(solver)
-        body = contact if solver.sees_base else replace(contact, thickness=np.inf)
+        body = _body(contact, solver)
         if isinstance(contact.indenter, FlatPunch):
-            return adhesive_punch_law(body, self.work, deepest, rtol)
+            return _punch(body, self.work, deepest, rtol)
         branch = jkr_branch(body, self.work, deepest, rtol)
         path = branch.path(0.0, rtol)
         reason = f"JKR on the {'exact contact problem' if body.layered else 'half-space'}"
@@ -122,6 +124,19 @@ class JKR(Adhesion):
             path=path,
             rtol=rtol,
             states=self.branch,
+        )
+
+    def table(
+        self, contact: Contact, contact_at: Callable[[float], Contact], solver: BuildsElastic
+    ) -> AdhesionTable | None:
+        """See `Adhesion`; none for a flat punch."""
+        if isinstance(contact.indenter, FlatPunch):
+            return None
+        return JKRTable(
+            lambda value: _body(contact_at(value), solver),
+            _body(contact, solver),
+            self.branch,
+            elastic_tolerance(solver),
         )
 
 
@@ -168,6 +183,11 @@ class JKRBranch(AdhesiveBranch):
         return -2.0 * np.pi * self.work * radius * radius_slope
 
 
+def _body(contact: Contact, solver: BuildsElastic) -> Contact:
+    """The contact as the solver sees it."""
+    return contact if solver.sees_base else replace(contact, thickness=np.inf)
+
+
 def elastic_tolerance(solver: BuildsElastic) -> float:
     """Relative error of a solver that adhesion can stand on.
 
@@ -212,6 +232,13 @@ def jkr_branch(contact: Contact, work: float, max_depth: float, rtol: float) -> 
         if end >= widest:
             raise _too_wide(contact, float(last.depth[0]), float(last.force[0]), max_depth)
         end = min(_WIDEN * end, widest)
+
+
+def _punch(contact: Contact, work: float, max_depth: float, rtol: float) -> ExactPunchLaw:
+    """Kendall's flat punch: the elastic law down to w = -q, where it comes off at once."""
+    law = exact_punch_law(contact, max_depth, rtol)
+    pull = float(np.sqrt(np.pi * law.radius * work / contact.theta)) / law.edge
+    return replace(law, reason=f"JKR with a flat punch (Kendall); {law.reason}", pull_off_depth=-pull)
 
 
 def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: float, widest: float) -> float:
