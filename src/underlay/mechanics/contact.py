@@ -82,6 +82,10 @@ class AdhesionTable(ABC):
             A set that the table does not reach is not possible here; a caller then asks for a law of its own.
         """
 
+    @abstractmethod
+    def pull_offs(self, work: FloatArray, ratio: FloatArray | None) -> FloatArray:
+        """Pull-off force (N, positive, load given) and depth (m, depth given), (2, sets); NaN out of reach."""
+
 
 class Adhesion(Part, ABC):
     """What holds tip and surface together; its numbers stand under ``adhesion.``.

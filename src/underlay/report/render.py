@@ -16,6 +16,7 @@ from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.posterior import Posterior
+from underlay.report.adhesion_tables import adhesion_part
 from underlay.report.csv_text import csv_text
 from underlay.report.execution import execute
 from underlay.report.measured import beyond_loading, segments_of_file, segments_part
@@ -113,7 +114,8 @@ def _fit_report(result: Fit, target: Path, inputs: Path, repeat: Mapping[str, st
     }
     facts = {**repeat, **_origins(problem)}
     load = Source(problem_source(problem, names))
-    return _fit_notebook(_title(problem), load, facts, names, segments_part(measured))
+    parts = {"segments_part": segments_part(measured), "adhesion_part": adhesion_part(problem.base_scenes)}
+    return _fit_notebook(_title(problem), load, facts, names, parts)
 
 
 def file_notebook(
@@ -131,8 +133,9 @@ def file_notebook(
         What repeats it.
     """
     names = [_seen_from(folder, path) for path in (curve, scene)]
-    segments = _file_segments(curve, scene)
-    return _fit_notebook(Path(curve).name, _load_source(names), {"to repeat": command}, names, segments)
+    scenes = load_problem(curve, scene).base_scenes
+    parts = {"segments_part": _file_segments(curve, scene), "adhesion_part": adhesion_part(scenes)}
+    return _fit_notebook(Path(curve).name, _load_source(names), {"to repeat": command}, names, parts)
 
 
 def posterior_notebook(
@@ -212,7 +215,11 @@ def _map_notebook(name: str, facts: Mapping[str, str], table: str) -> Any:
 
 
 def _fit_notebook(
-    name: str, load: Source, facts: Mapping[str, str], files: list[str], segments: tuple[Cell, ...]
+    name: str,
+    load: Source,
+    facts: Mapping[str, str],
+    files: list[str],
+    parts: Mapping[str, tuple[Cell, ...]],
 ) -> Any:
     title = f"Indentation of a layer: {name}"
     cells = filled(
@@ -220,7 +227,7 @@ def _fit_notebook(
         {
             "title": title,
             "load": load,
-            "segments_part": segments,
+            **parts,
             "facts": {**facts, "random numbers": "none"},
             "files": files,
         },

@@ -71,11 +71,14 @@ class Layout:
     kinds: Mapping[str, str]
 
     @classmethod
-    def of(cls, parameters: Sequence[str], given: Sequence[str], *, sampled: bool) -> Layout:
-        """Columns for fitted `parameters` and, of the manifest, `given` ones."""
+    def of(
+        cls, parameters: Sequence[str], given: Sequence[str], derived: Sequence[str] = (), *, sampled: bool
+    ) -> Layout:
+        """Columns for fitted `parameters`, of the manifest `given` ones, and what is `derived` from them."""
         ends = ("", ".stderr", ".low", ".high") if sampled else ("", ".stderr")
         fitted = [(f"{path}{end}", _NUMBER) for path in parameters for end in ends]
         known = [(path, _NUMBER) for path in given if path not in parameters]
+        known += [(name, _NUMBER) for name in derived]
         if "layer.E" in parameters:
             known += [(column, _NUMBER) for column in (INSTRUMENT, DIFFERENCE)]
         columns = (*_BEFORE, *fitted, *known, *_AFTER, *(_SAMPLED if sampled else ()))

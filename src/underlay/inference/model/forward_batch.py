@@ -26,12 +26,13 @@ from underlay.errors import InputError, RangeError
 from underlay.inference.model.exact_groups import exact_groups
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.parameter_sets import ParameterSets, Values, values_of
+from underlay.mechanics.contact import AdhesionTable
 from underlay.mechanics.exact.family_batch import family_batch
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.mechanics.materials import PlaneConstants, isotropic_constants
 from underlay.scene.chain import Frame
 
-__all__ = ["Readings", "batched_readings"]
+__all__ = ["Readings", "batched_pull_offs", "batched_readings"]
 
 
 class Readings(NamedTuple):
@@ -104,23 +105,41 @@ def _sticking(forward: Forward, values: Values, sets: int) -> Readings:
     """All sets off the tables of their adhesion; those that these do not reach, or that have none, one by one."""
     # A table solves for the tip's depth itself: the chain is asked for travel and offsets alone.
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
-    similarity = forward.similarity
-    ratios = dict(zip(similarity.ratio_paths, asked.ratios, strict=True))
-    work = np.broadcast_to(ratios.pop(similarity.energies[0]), (sets,))
-    varying = [path for path, ratio in ratios.items() if isinstance(ratio, np.ndarray)]
-    table = None
-    if not varying or (len(varying) == 1 and varying[0] in similarity.moduli):
-        fixed = {path: float(ratio) for path, ratio in ratios.items() if path not in varying}
-        table = forward.laws.adhesion_table(fixed, varying[0] if varying else None)
+    table, work, ratio = _adhesion_table(asked)
     if table is None:
         return _one_by_one(forward, values, range(sets), Readings.empty(sets, len(forward.depth)))
     b, c = asked.factors
-    ratio = np.asarray(ratios[varying[0]]) if varying else None
     compliance = np.broadcast_to(b * c * values[Frame.path], (sets,))
     found = table.readings(work, b[:, None] * asked.tip, compliance, ratio)
     contact, stiffness = c[:, None] * found.force, (b * c)[:, None] * found.stiffness
     readings = Readings(contact, stiffness, asked.instrument_force(contact), found.possible)
     return _one_by_one(forward, values, np.flatnonzero(~found.possible).tolist(), readings)
+
+
+def _adhesion_table(asked: ParameterSets) -> tuple[AdhesionTable | None, FloatArray, FloatArray | None]:
+    """Table of the sets' adhesion, if they have one, their works, and their ratio of moduli where it varies."""
+    similarity = asked.forward.similarity
+    ratios = dict(zip(similarity.ratio_paths, asked.ratios, strict=True))
+    work = np.broadcast_to(ratios.pop(similarity.energies[0]), (asked.sets,))
+    varying = [path for path, ratio in ratios.items() if isinstance(ratio, np.ndarray)]
+    if len(varying) > 1 or not set(varying) <= set(similarity.moduli):
+        return None, work, None
+    fixed = {path: float(ratio) for path, ratio in ratios.items() if path not in varying}
+    table = asked.forward.laws.adhesion_table(fixed, varying[0] if varying else None)
+    return table, work, np.asarray(ratios[varying[0]]) if varying else None
+
+
+def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[FloatArray, FloatArray] | None:
+    """Pull-off force (N) and depth (m) of many parameter sets, each (sets,); None without a table for them all."""
+    if not forward.similarity.energies or _is_shaped_by_lengths(forward):
+        return None
+    asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
+    table, work, ratio = _adhesion_table(asked)
+    if table is None:
+        return None
+    b, c = asked.factors
+    force, depth = table.pull_offs(work, ratio)
+    return (c * force, depth / b) if np.isfinite(force + depth).all() else None
 
 
 def _by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +12,16 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite, finite
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.adhesion.branch import AdhesiveBranch
 from underlay.mechanics.adhesion.stable_path import Jump, StablePath
-from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.contact_law import ContactLaw, ContactPoint
 
-__all__ = ["STATES", "AdhesiveLaw", "PullOff", "in_touch"]
+__all__ = ["STATES", "AdhesiveLaw", "in_touch"]
 
 #: Which states a law takes: see `JKR`.
 STATES = ("separating", "approaching", "cycle")
+
+
+# Points of the equilibria that a picture draws.
+_DRAWN = 600
 
 
 def in_touch(states: str, travel: FloatArray, end: float | FloatArray) -> NDArray[np.bool_]:
@@ -31,14 +34,6 @@ def in_touch(states: str, travel: FloatArray, end: float | FloatArray) -> NDArra
     event = np.where(travel > 0.0, 1, np.where(travel <= end, -1, 0))
     last = np.maximum.accumulate(np.where(event != 0, np.arange(travel.shape[-1]), -1), axis=-1)
     return np.asarray((last >= 0) & (np.take_along_axis(event, np.maximum(last, 0), axis=-1) > 0))
-
-
-class PullOff(NamedTuple):
-    """Where the last contact is lost: depth of the tip (m), force (N, negative) and contact radius (m)."""
-
-    depth: float
-    force: float
-    radius: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,18 +84,25 @@ class AdhesiveLaw(ContactLaw):
         """Depths (m) at which the contact radius jumps to another while the tip is withdrawn; mostly none."""
         return tuple(jump for jump in self.path.jumps if jump.inner)
 
-    def pull_off(self, compliance: float = 0.0) -> PullOff:
+    def pull_off(self, compliance: float = 0.0) -> ContactPoint:
         """Where the tip comes off behind a spring (m/N): 0 for a given depth, inf for a given load."""
         path = self._behind(compliance)
         here = self.branch.at(np.array([path.end_radius]))
-        return PullOff(float(here.depth[0]), float(here.force[0]), path.end_radius)
+        return ContactPoint(float(here.depth[0]), float(here.force[0]), path.end_radius)
 
-    def jump_in(self, compliance: float = 0.0) -> PullOff:
+    def jump_in(self, compliance: float = 0.0) -> ContactPoint:
         """State (depth, force, radius) right after the first touch behind a spring (m/N)."""
         path = self._behind(compliance)
         radius = path.radius(np.zeros(1))
         here = self.branch.at(radius)
-        return PullOff(float(here.depth[0]), float(here.force[0]), float(radius[0]))
+        return ContactPoint(float(here.depth[0]), float(here.force[0]), float(radius[0]))
+
+    def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
+        """See `ContactLaw`; from a tenth of the pull-off's radius outwards."""
+        widest = float(self.path.radius(np.array([max_depth]))[0])
+        radius = np.geomspace(max(0.1 * self.path.end_radius, self.branch.start), widest, _DRAWN)
+        here = self.branch.at(np.clip(radius, self.branch.start, self.branch.end))
+        return here.depth, here.force
 
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
         """dP/d ln(work) (N) at fixed depth, (n,), at depths (m); zero where there is no contact.

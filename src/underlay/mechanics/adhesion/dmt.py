@@ -31,26 +31,16 @@ class DMTLaw(ContactLaw):
     ----------
     elastic : ContactLaw
         The law without adhesion.
-    pull_off_force : float
-        Attraction (N, positive): 2 pi R dgamma.
+    attraction : float
+        The pull (N, positive): 2 pi R dgamma.
     """
 
     elastic: ContactLaw
-    pull_off_force: float
-
-    @property
-    def pull_off_depth(self) -> float:
-        """Zero (m): the attraction beyond the contact is not modelled."""
-        return 0.0
-
-    @property
-    def zero_load_radius(self) -> float:
-        """Contact radius (m) at which the tip rests without load."""
-        return float(self.contact_radius(self.depth(0.0)))
+    attraction: float
 
     def work_slope(self, depth: FloatArray) -> FloatArray:
         """dP/d ln dgamma (N) at fixed depth, (n,), at depths (m)."""
-        return np.where(depth > 0.0, -self.pull_off_force, 0.0)
+        return np.where(depth > 0.0, -self.attraction, 0.0)
 
     @property
     def nodes(self) -> int | None:
@@ -63,10 +53,10 @@ class DMTLaw(ContactLaw):
 
     @property
     def _least_force(self) -> float:
-        return -self.pull_off_force
+        return -self.attraction
 
     def _force(self, depth: FloatArray) -> FloatArray:
-        return self.elastic._force(depth) - self.pull_off_force  # noqa: SLF001  as above
+        return self.elastic._force(depth) - self.attraction  # noqa: SLF001  as above
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
         return self.elastic._contact_radius(depth)  # noqa: SLF001  as above
@@ -114,5 +104,5 @@ class DMT(Adhesion):
             error_estimate=elastic.error_estimate,
             warnings=elastic.warnings,
             elastic=elastic,
-            pull_off_force=2.0 * float(np.pi) * tip.radius * self.work,
+            attraction=2.0 * float(np.pi) * tip.radius * self.work,
         )

@@ -238,7 +238,7 @@ def _punch(contact: Contact, work: float, max_depth: float, rtol: float) -> Exac
     """Kendall's flat punch: the elastic law down to w = -q, where it comes off at once."""
     law = exact_punch_law(contact, max_depth, rtol)
     pull = float(np.sqrt(np.pi * law.radius * work / contact.theta)) / law.edge
-    return replace(law, reason=f"JKR with a flat punch (Kendall); {law.reason}", pull_off_depth=-pull)
+    return replace(law, reason=f"JKR with a flat punch (Kendall); {law.reason}", lowest=-pull)
 
 
 def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: float, widest: float) -> float:

@@ -17,7 +17,7 @@ load, are left to the single law.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -83,8 +83,10 @@ class _Sets:
         return depth[0] - self.root_work * pull[0], depth[1] - self.root_work * pull[1]
 
     def travel(self, log_radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The travel y = w + C P and dy/d ln a."""
+        """The travel y = w + C P and dy/d ln a; the force where the load is given."""
         here = self.columns(log_radius)
+        if np.isinf(self.compliance).all():
+            return self.force(here)
         depth = self.depth(here)
         if not self.compliance.any():
             return depth
@@ -122,7 +124,24 @@ class JKRTable(AdhesionTable):
     ) -> AdhesiveReadings:
         """See `AdhesionTable`."""
         found = AdhesiveReadings.empty(*travel.shape)
-        deepest = np.maximum(travel.max(axis=1), 0.0)
+        for rows, sets, wide in self._groups(work, np.maximum(travel.max(axis=1), 0.0), compliance, ratio):
+            self._solve(sets, rows, wide, travel, found)
+        return found
+
+    def pull_offs(self, work: FloatArray, ratio: FloatArray | None) -> FloatArray:
+        """See `AdhesionTable`."""
+        found, shallow = np.full((2, work.size), np.nan), np.zeros(work.size)
+        for compliance, sign, row in ((np.inf, -1.0, found[0]), (0.0, 1.0, found[1])):
+            held = np.full(work.size, compliance)
+            for rows, sets, wide in self._groups(work, shallow, held, ratio):
+                _, least, good = self._branches(sets, wide)
+                row[rows[good]] = sign * _ends_of(sets.of(good), least[good])[1]
+        return found
+
+    def _groups(
+        self, work: FloatArray, deepest: FloatArray, compliance: FloatArray, ratio: FloatArray | None
+    ) -> Iterator[tuple[NDArray[np.intp], _Sets, NDArray[np.bool_]]]:
+        """Sets that share a table, and which of them it is wide enough for; the others come again with a wider."""
         octave = self._first_octaves(work, deepest)
         cells = Span.numbers(work.size, ratio)
         waiting = np.ones(work.size, dtype=bool)
@@ -136,12 +155,11 @@ class JKRTable(AdhesionTable):
                 nodes, table = span.nodes(rows.size, None if ratio is None else ratio[rows])
                 sets = _Sets(nodes, table, np.sqrt(work[rows]), compliance[rows])
                 wide = _reaches(sets, deepest[rows])
-                self._solve(sets, rows, wide, travel, found)
+                yield rows, sets, wide
             waiting[rows[wide]] = False
             octave[rows[~wide]] += 1
             if span is None or self._is_last(key[0]):
                 waiting[rows] = False
-        return found
 
     def _first_octaves(self, work: FloatArray, deepest: FloatArray) -> NDArray[np.intp]:
         """Octaves of the radius that each set needs on a half-space; the layer may ask for more."""
@@ -176,6 +194,18 @@ class JKRTable(AdhesionTable):
             self.spans[key] = Span.solve(contact_at, end, self.rtol, cell if varies else None)
         return self.spans[key]
 
+    def _branches(
+        self, sets: _Sets, wide: NDArray[np.bool_]
+    ) -> tuple[FloatArray, NDArray[np.intp], NDArray[np.intp]]:
+        """The travel at the nodes, where it is least, and the sets that have one stable branch from there."""
+        grid = sets.nodes.log_radius
+        y = sets.of((slice(None), None)).travel(grid)[0]
+        least = y.argmin(axis=1)
+        rising = (np.diff(y, axis=1) > 0.0) | (np.arange(grid.size - 1) < least[:, None])
+        lowest = np.log(_LOWEST * self._reference(depth_measure(self.contact.indenter), sets.root_work**2))
+        good = np.flatnonzero(wide & (least > 0) & rising.all(axis=1) & (lowest > grid[0]))
+        return y, least, good
+
     def _solve(
         self,
         sets: _Sets,
@@ -185,14 +215,10 @@ class JKRTable(AdhesionTable):
         found: AdhesiveReadings,
     ) -> None:
         """Put the readings of those sets into `found` that the table is wide enough for and has one branch of."""
-        grid = sets.nodes.log_radius
-        y = sets.of((slice(None), None)).travel(grid)[0]
-        least = y.argmin(axis=1)
-        rising = (np.diff(y, axis=1) > 0.0) | (np.arange(grid.size - 1) < least[:, None])
-        lowest = np.log(_LOWEST * self._reference(depth_measure(self.contact.indenter), sets.root_work**2))
-        good = np.flatnonzero(wide & (least > 0) & rising.all(axis=1) & (lowest > grid[0]))
+        y, least, good = self._branches(sets, wide)
         if not good.size:
             return
+        grid = sets.nodes.log_radius
         sets, rows, y, least = sets.of(good), rows[good], y[good], least[good]
         end, start = _ends_of(sets, least)
         which, point = np.nonzero(in_touch(self.states, travel[rows], start[:, None]))

@@ -103,7 +103,7 @@ class ExactPunchLaw(ContactLaw):
         g(1), the solution at the edge: what adhesion pulls on.
     resolution : Resolution
         Nodes of the solution.
-    pull_off_depth : float, default 0
+    lowest : float, default 0
         Depth (m) at which the punch comes off, whether depth or load is given: negative where it sticks.
     """
 
@@ -111,22 +111,12 @@ class ExactPunchLaw(ContactLaw):
     incremental: float
     edge: float
     resolution: Resolution
-    pull_off_depth: float = 0.0
-
-    @property
-    def pull_off_force(self) -> float:
-        """Tension (N, positive) at which it comes off."""
-        return -self.incremental * self.pull_off_depth
-
-    @property
-    def zero_load_radius(self) -> float:
-        """The punch's (m)."""
-        return self.radius
+    lowest: float = 0.0
 
     @property
     def domain(self) -> tuple[float, float]:
         """From where it comes off to `max_depth` (m)."""
-        return self.pull_off_depth, self.max_depth
+        return self.lowest, self.max_depth
 
     def work_slope(self, depth: FloatArray) -> FloatArray:
         """dP/d ln dgamma (N) at fixed depth: zero, the work of adhesion moves the pull-off alone."""

@@ -39,8 +39,9 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     """
     measured, scene = result.curves[curve], result.scenes[curve]
     depth, time = np.linspace(measured.depth.min(), measured.depth.max(), 400), None
-    if scene.memory is not None:
-        depth, time = measured.depth, measured.time  # between the points nobody knows the time
+    if scene.memory is not None or scene.adhesion is not None:
+        # Between the points nobody knows the time, nor whether the tip is on its way in or out.
+        depth, time = measured.depth, measured.time
     length, mm = unit_for(measured.depth, "length")
     load, mN = unit_for(measured.force, "force")
     step = max(1, len(measured.depth) // _MOST_POINTS)
@@ -74,4 +75,4 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
 
 def halfspace_of(scene: Scene) -> Scene:
     """Return the scene with the layer made infinitely thick: what a half-space formula assumes."""
-    return Scene(scene.indenter, Layer(scene.layer.material), None, scene.instrument)
+    return Scene(scene.indenter, Layer(scene.layer.material), None, scene.instrument, adhesion=scene.adhesion)
