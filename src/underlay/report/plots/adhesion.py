@@ -67,7 +67,8 @@ def adhesion(
         if measured is not None:
             max_depth = min(max_depth, float(measured[0].max()))
     if measured is not None:
-        measured = tuple(column[measured[0] <= max_depth] for column in measured)
+        shown = measured[0] <= max_depth
+        measured = measured[0][shown], measured[1][shown]
     law = scene.contact_law(max(max_depth, 0.0), solver=wanted)
     depth, force = law.equilibria(law.max_depth)
     length, metre = unit_for(depth, "length")
