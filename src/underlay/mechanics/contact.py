@@ -110,6 +110,11 @@ class Adhesion(Part, ABC):
         """The same with an attraction of no range, for a model that has one: what JKR would say."""
         return self
 
+    def about_range(self, contact: Contact, solver: BuildsElastic) -> str:
+        """Say for which range of the attraction the model holds; empty where it does not know."""
+        del contact, solver
+        return ""
+
     def table(
         self, contact: Contact, contact_at: Callable[[float], Contact], solver: BuildsElastic
     ) -> AdhesionTable | None:

@@ -16,7 +16,7 @@ import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, positive
 from underlay.errors import RangeError
-from underlay.mechanics.contact import Adhesion
+from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter, Paraboloid, Sphere
 from underlay.mechanics.materials import (
@@ -74,6 +74,10 @@ class Simulated(Protocol):
     @property
     def adhesion(self) -> Adhesion | None:
         """What holds tip and surface together."""
+
+    @property
+    def contact(self) -> Contact:
+        """Indenter and body."""
 
     @property
     def elastic(self) -> Simulated:
@@ -154,7 +158,7 @@ def effects_table(
     wanted = as_solver(solver)
     deepest = positive(max_depth, "max_depth", "m")
     law = scene.contact_law(deepest, solver=wanted)
-    found = (*_effects(scene, law), *(rule(scene, law) for rule in further))
+    found = (*_effects(scene, law), *_range_asked(scene, wanted), *(rule(scene, law) for rule in further))
     table = pd.DataFrame([_row(effect, deepest, wanted) for effect in found])
     table.attrs["law"] = f"{law.method}: {law.reason}"
     return table
@@ -348,6 +352,13 @@ def _adhesion_effects(scene: Simulated, level: Simulated, law: ContactLaw) -> li
             Effect("range of attraction", ranged, level, simulated=True, note=f"against JKR; {law.reason}")
         )
     return found
+
+
+def _range_asked(scene: Simulated, solver: Solver) -> list[Effect]:
+    """What range of attraction a model that has none stands for: whether it may be used is for the user to see."""
+    adhesion = scene.adhesion
+    note = "" if adhesion is None else adhesion.about_range(scene.contact, solver)
+    return [Effect("range of attraction", None, None, simulated=False, note=note)] if note else []
 
 
 def _history_effect(*, remembers: bool) -> Effect:

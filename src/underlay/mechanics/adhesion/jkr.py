@@ -37,12 +37,14 @@ from underlay.mechanics.adhesion.radius_relation import (
     largest_radius,
     solve_relation,
 )
+from underlay.mechanics.adhesion.range_limit import range_limit
 from underlay.mechanics.contact import Adhesion, AdhesionTable, BuildsElastic, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import depth_measure
 from underlay.mechanics.exact.law import ExactPunchLaw, exact_punch_law
 from underlay.mechanics.indenters import FlatPunch
 from underlay.quantities import one_of, quantity
+from underlay.units import format_quantity
 
 __all__ = ["JKR", "WORK", "JKRBranch", "elastic_tolerance", "jkr_branch"]
 
@@ -53,6 +55,8 @@ WORK = quantity("surface energy", "work of adhesion", symbol=r"\Delta\gamma", bo
 _HALFSPACE_RTOL = 1e-9
 # Of the reference radius: the branch's end is at 0.3 of it and more for every shape tried.
 _SMALLEST = 1e-3
+# What is said of the range of the attraction: to this accuracy, for this share of the force.
+_RANGE_RTOL, _RANGE_SHARE = 1e-4, 0.05
 # The radius is widened by this until the contact is wide enough.
 _WIDEN = 1.4
 
@@ -124,6 +128,23 @@ class JKR(Adhesion):
             path=path,
             rtol=rtol,
             states=self.branch,
+        )
+
+    def about_range(self, contact: Contact, solver: BuildsElastic) -> str:
+        """See `Adhesion`: how short the attraction must reach for JKR to hold, by (c - a)/a."""
+        if isinstance(contact.indenter, FlatPunch):
+            return ""
+        body = _body(contact, solver)
+        branch = jkr_branch(body, self.work, 0.0, _RANGE_RTOL)
+        radius = branch.path(np.inf, _RANGE_RTOL).radius(np.zeros(1))
+        elastic = float(branch.relation.at(radius).force[0])
+        limit = range_limit(body, self.work, float(radius[0]), elastic, _RANGE_SHARE)
+        where = f" at a/h = {radius[0] / body.thickness:.3g}" if body.layered else ""
+        return (
+            f"none is declared; JKR is right to {100.0 * _RANGE_SHARE:g} % (of what adhesion adds to the force of "
+            f"the unloaded contact) for an attraction that ends within "
+            f"{format_quantity(limit.separation, 'length')} of the surface, (c - a)/a = {limit.ring:.2g}{where}; "
+            "Maugis(work, range) computes with one that reaches further"
         )
 
     def table(
@@ -230,7 +251,7 @@ def jkr_branch(contact: Contact, work: float, max_depth: float, rtol: float) -> 
         if grows and last.depth[0] >= max_depth and last.force[0] >= 0.0:
             return branch
         if end >= widest:
-            raise _too_wide(contact, float(last.depth[0]), float(last.force[0]), max_depth)
+            raise _too_wide(branch, contact, max_depth)
         end = min(_WIDEN * end, widest)
 
 
@@ -253,18 +274,24 @@ def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: f
     return end
 
 
-def _too_wide(contact: Contact, depth: float, force: float, asked: float) -> RangeError:
+def _too_wide(branch: JKRBranch, contact: Contact, asked: float) -> RangeError:
+    """What is named when no contact is wide enough: the largest depth, or the largest work of adhesion."""
+    edge = np.array([branch.end])
+    last, elastic = branch.at(edge), branch.relation.at(edge)
     shape = contact.indenter.max_radius <= largest_radius(contact)
     why = (
         "the contact reaches the end of the indenter's shape; use a larger radius"
         if shape
         else "the contact radius is 20 thicknesses; use a thicker layer or the half-space law of the substrate"
     )
-    if force < 0.0:
+    if last.force[0] < 0.0:
+        # What adhesion takes from the force goes with the root of the work.
+        most = branch.work * float(elastic.force[0] / (elastic.force[0] - last.force[0])) ** 2
         return RangeError(
-            f"adhesion alone draws the tip in until {why}, or declare a smaller work of adhesion"
+            f"a work of adhesion of {branch.work:.4g} J/m^2 draws the tip in until {why}, or declare no more than "
+            f"{most:.4g} J/m^2"
         )
     return RangeError(
-        f"depth {asked:.6g} m is beyond the largest that works here, {depth:.6g} m: there {why}",
-        max_depth=depth,
+        f"depth {asked:.6g} m is beyond the largest that works here, {last.depth[0]:.6g} m: there {why}",
+        max_depth=float(last.depth[0]),
     )
