@@ -67,25 +67,30 @@ def readings_of(mode, law):
     return np.linspace(CONTACT + DEEPEST + share, -1.5e-6, POINTS)
 
 
-def run(mode, curves, progress=lambda _: None):
-    """Coverage of every parameter asked for."""
+def run(mode, seeds, progress=lambda _: None):
+    """Whether the profile holds the truth, and the pull (error over standard error), by parameter and curve."""
     scene = scene_of(mode)
     law = scene.contact_law(1.1 * DEEPEST)
     noise = ul.Noise(force=NOISE * law.pull_off_force)
     depth, truth = readings_of(mode, law), scene.parameters
-    held = {path: np.zeros(curves, dtype=bool) for path in ASKED}
-    pulls = {path: np.zeros(curves) for path in ASKED}
-    for seed in range(curves):
+    held = {path: np.zeros(len(seeds), dtype=bool) for path in ASKED}
+    pulls = {path: np.zeros(len(seeds)) for path in ASKED}
+    for place, seed in enumerate(seeds):
         curve = ul.synthesize(scene, depth, noise, rng=seed)
         fit = ul.fit(ul.Problem(scene.with_values(WRONG), curve, FREE, noise))
         threshold = interval_threshold(fit, LEVEL)
         for path in ASKED:
-            held[path][seed] = delta_chi_square_at(fit, path, truth[path]) <= threshold
-            pulls[path][seed] = (fit.values[path] - truth[path]) / fit.stderr[path]
-        progress(seed)
+            held[path][place] = delta_chi_square_at(fit, path, truth[path]) <= threshold
+            pulls[path][place] = (fit.values[path] - truth[path]) / fit.stderr[path]
+        progress(place)
+    return held, pulls
+
+
+def summary(mode, held, pulls):
+    """Row of the stored study."""
     return {
         "mode": mode,
-        "curves": curves,
+        "curves": len(held[ASKED[0]]),
         "profile": {path: float(inside.mean()) for path, inside in held.items()},
         "standard error": {path: float((np.abs(pull) < WIDTH).mean()) for path, pull in pulls.items()},
         "sd of the pulls": {path: round(float(pull.std()), 3) for path, pull in pulls.items()},
@@ -110,7 +115,10 @@ def main():
     parser.add_argument("--output", type=Path, default=Path(__file__).with_suffix(".json"))
     arguments = parser.parse_args()
     for mode in arguments.modes:
-        row = run(mode, arguments.curves, lambda n, mode=mode: (n + 1) % 50 or print(mode, n + 1, flush=True))
+        told = run(
+            mode, range(arguments.curves), lambda n, mode=mode: (n + 1) % 50 or print(mode, n + 1, flush=True)
+        )
+        row = summary(mode, *told)
         print(
             f"{mode}: " + ", ".join(f"{path} {100.0 * share:.1f} %" for path, share in row["profile"].items())
         )

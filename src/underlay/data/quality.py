@@ -42,6 +42,8 @@ _CONTACT_SHARE = 0.15
 _FEW_POINTS = 20
 # Further below the baseline than noise goes in a million points.
 _CLEAR = 6.0
+# Standard deviation over the median size of the differences of neighbours, for normal noise.
+_MAD = 1.4826 / 2.0**0.5
 # What to do about a dip.
 _FIT_IT = (
     'fit it with adhesion: add [adhesion] with model = "jkr", a work such as "1 mJ/m^2" to begin with, and free '
@@ -224,7 +226,9 @@ def _stickiness(curve: Curve, contact: Contact, beyond: _Beyond, peak: float) ->
     if not len(out) or len(out) == len(curve):
         return
     below = contact.baseline + contact.baseline_slope * out.depth - out.force
-    if below.max() > max(_ADHESION * peak, _CLEAR * contact.noise):
+    # Its own scatter: the noise in front of contact is no measure where the tip jumped in.
+    scatter = _MAD * float(np.median(np.abs(np.diff(out.force)))) if len(out) > 1 else 0.0
+    if below.max() > max(_ADHESION * peak, _CLEAR * scatter):
         yield (
             f"adhesion: on the way out the force dips to {format_quantity(-float(below.max()), 'force')}; "
             f'{_FIT_IT}, and of this curve the withdrawal: segment = "unloading"'

@@ -96,7 +96,8 @@ class DMT(Adhesion):
                 f"DMT has no pull-off force for a {type(tip).__name__}: 2 pi R work holds for a paraboloid or a "
                 "sphere; use JKR(work), or Maugis(work, range) for an attraction of finite range"
             )
-        elastic = solver.law(replace(contact, adhesion=None), max(max_depth, 0.0))
+        attraction = 2.0 * float(np.pi) * tip.radius * self.work
+        elastic = _elastic(replace(contact, adhesion=None), max_depth, attraction, tip.radius, solver)
         return DMTLaw(
             method=elastic.method,
             reason=f"DMT; {elastic.reason}",
@@ -104,5 +105,18 @@ class DMT(Adhesion):
             error_estimate=elastic.error_estimate,
             warnings=elastic.warnings,
             elastic=elastic,
-            attraction=2.0 * float(np.pi) * tip.radius * self.work,
+            attraction=attraction,
         )
+
+
+def _elastic(
+    contact: Contact, max_depth: float, attraction: float, radius: float, solver: BuildsElastic
+) -> ContactLaw:
+    """Elastic law that reaches `max_depth` (m), and the depth at which it balances the attraction (N)."""
+    balanced = (3.0 * attraction / (8.0 * contact.theta * np.sqrt(radius))) ** (2.0 / 3.0)  # on a half-space
+    depth = max(max_depth, float(balanced))
+    law = solver.law(contact, depth)
+    while float(law.force(depth)) < attraction:
+        depth *= 2.0
+        law = solver.law(contact, depth)
+    return law
