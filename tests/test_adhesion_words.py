@@ -77,7 +77,7 @@ def test_three_halves_is_held_against_the_layer():
 def test_maps_have_columns_of_the_pull_off():
     free = ["layer.E", "adhesion.work"]
     table = ul.fit_many(
-        [made(depth=DEPTH[::2])], SCENE, free=free, workers=1, options=ul.MapOptions(progress=False)
+        [made(depth=DEPTH[::2])], SCENE, free=free, workers=0, options=ul.MapOptions(progress=False)
     )
     assert (table["status"] == "fitted").all()
     for _, row in table.iterrows():
@@ -85,7 +85,7 @@ def test_maps_have_columns_of_the_pull_off():
         assert row["adhesion.pull_off_force"] == pytest.approx(law.pull_off_force, rel=1e-9)
         assert row["adhesion.pull_off_depth"] == pytest.approx(law.pull_off_depth, rel=1e-9)
     bare = ul.fit_many(
-        [made(BARE, DEPTH[::-1])], BARE, free=["layer.E"], workers=1, options=ul.MapOptions(progress=False)
+        [made(BARE, DEPTH[::-1])], BARE, free=["layer.E"], workers=0, options=ul.MapOptions(progress=False)
     )
     assert not [column for column in bare if column.startswith("adhesion.")]
 
@@ -206,7 +206,7 @@ def test_a_dip_is_a_proposal():
 
 def test_wide_contacts_are_refused_with_the_bound():
     thin = replace(SCENE, layer=replace(SCENE.layer, thickness=1e-7))
-    with pytest.raises(ul.RangeError, match="20 thicknesses.*no more than") as error:
+    with pytest.raises(ul.RangeError, match=r"20 thicknesses.*no more than") as error:
         replace(thin, adhesion=ul.JKR(1.0)).contact_law(0.0)
     most = float(str(error.value).rsplit("no more than ", 1)[1].split()[0])
     assert replace(thin, adhesion=ul.JKR(0.999 * most)).contact_law(0.0).zero_load_radius < 20 * 1e-7

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["adhesion_frame", "adhesion_part", "adhesion_table", "halfspace_sentence"]
 
-#: Names of the derived numbers that are taken as they are with adhesion's own.
+# Over pi R w, on a half-space.
 _HALF_SPACE = 1.5
 
 
@@ -93,17 +93,17 @@ _HELD = {
 def halfspace_sentence(scene: Scene, pull_off_force: float) -> str:
     """Say what work of adhesion the formula 3/2 pi R w of the half-space would read from a pull-off force (N).
 
-    Empty for a tip that is neither paraboloid nor sphere, or without JKR adhesion.
+    Empty on a half-space, for a tip that is neither paraboloid nor sphere, and without JKR.
     """
     radius, adhesion = scene.parameters.get("indenter.radius"), scene.adhesion
     rounded = scene.indenter.shape in ("paraboloid", "sphere")
-    if radius is None or adhesion is None or adhesion.model != "jkr" or not rounded:
+    if radius is None or adhesion is None or adhesion.model != "jkr" or not rounded or scene.substrate is None:
         return ""
     read, work = pull_off_force / (_HALF_SPACE * math.pi * radius), scene.parameters["adhesion.work"]
     return (
         f"Read from this pull-off force as 3/2 pi R w, which holds on a half-space, the work of adhesion would be "
-        f"{format_quantity(read, 'surface energy')}: {100.0 * (read / work - 1.0):+.2g} % of the "
-        f"{format_quantity(work, 'surface energy')} found on this layer."
+        f"{format_quantity(read, 'surface energy')}: {100.0 * (read / work - 1.0):+.2g} % against "
+        f"the {format_quantity(work, 'surface energy')} found on this layer."
     )
 
 
