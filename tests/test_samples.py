@@ -99,7 +99,9 @@ def test_the_tip_that_sticks_is_held_by_what_the_curve_shows():
     assert law.pull_off_force == pytest.approx(deepest, rel=0.25)
     # The tip leaves where the cantilever's base was when the force came back to nothing.
     off = law.pull_off(fit.scenes[0].instrument.compliance)
-    base = fit.values["instrument.contact_depth"] + off.depth + fit.scenes[0].instrument.compliance * off.force
+    base = (
+        fit.values["instrument.contact_depth"] + off.depth + fit.scenes[0].instrument.compliance * off.force
+    )
     after = slice(int(curve.force.argmin()), None)
     level = abs(curve.force[after] - fit.values["instrument.baseline"])
     gone = curve.depth[after][level < 1e-9].max()

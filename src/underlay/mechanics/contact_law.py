@@ -22,7 +22,7 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError, LawError, RangeError, UnderlayError
 from underlay.mechanics.response import Response
 
-__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactPoint"]
+__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState"]
 
 #: Why a law ends at the depth it was built for; completes the sentence of a RangeError.
 CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; build it with a larger max_depth"
@@ -36,7 +36,7 @@ _LARGEST = float(np.finfo(float).max)
 _DRAWN = 400
 
 
-class ContactPoint(NamedTuple):
+class ContactState(NamedTuple):
     """One state of a contact: depth of the tip (m), force (N) and contact radius (m)."""
 
     depth: float
@@ -148,17 +148,17 @@ class ContactLaw(Response, ABC):
         """Contact radius (m) at which the tip rests without load."""
         return float(self.contact_radius(self.depth(0.0))) if self._least_force else 0.0
 
-    def pull_off(self, compliance: float = 0.0) -> ContactPoint:
+    def pull_off(self, compliance: float = 0.0) -> ContactState:
         """Where the tip comes off behind a spring (m/N): 0 for a given depth, inf for a given load."""
         del compliance
         start = self.domain[0]
         edge = np.array([start])
-        return ContactPoint(start, self._least_force, float(self._contact_radius(edge)[0]) if start else 0.0)
+        return ContactState(start, self._least_force, float(self._contact_radius(edge)[0]) if start else 0.0)
 
-    def jump_in(self, compliance: float = 0.0) -> ContactPoint:
+    def jump_in(self, compliance: float = 0.0) -> ContactState:
         """State right after the first touch behind a spring (m/N)."""
         del compliance
-        return ContactPoint(0.0, 0.0, 0.0)
+        return ContactState(0.0, 0.0, 0.0)
 
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
         """Depths (m) and forces (N), each (n,), of every contact up to `max_depth` (m), unstable ones included."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray
-from underlay.mechanics.contact_law import ContactLaw, ContactPoint
+from underlay.mechanics.contact_law import ContactLaw, ContactState
 
 __all__ = ["ScaledLaw"]
 
@@ -75,11 +75,11 @@ class ScaledLaw(ContactLaw):
         """That of the reference (m)."""
         return self.s * self.law.zero_load_radius
 
-    def pull_off(self, compliance: float = 0.0) -> ContactPoint:
+    def pull_off(self, compliance: float = 0.0) -> ContactState:
         """As the reference."""
         return self._here(self.law.pull_off(self.b * self.c * compliance))
 
-    def jump_in(self, compliance: float = 0.0) -> ContactPoint:
+    def jump_in(self, compliance: float = 0.0) -> ContactState:
         """As the reference."""
         return self._here(self.law.jump_in(self.b * self.c * compliance))
 
@@ -88,8 +88,8 @@ class ScaledLaw(ContactLaw):
         depth, force = self.law.equilibria(self.b * max_depth)
         return depth / self.b, self.c * force
 
-    def _here(self, there: ContactPoint) -> ContactPoint:
-        return ContactPoint(there.depth / self.b, self.c * there.force, self.s * there.radius)
+    def _here(self, there: ContactState) -> ContactState:
+        return ContactState(there.depth / self.b, self.c * there.force, self.s * there.radius)
 
     def depth(self, force: ArrayLike) -> FloatArray:
         """See `ContactLaw.depth`; the reference's own inverse."""

@@ -97,7 +97,13 @@ def halfspace_sentence(scene: Scene, pull_off_force: float) -> str:
     """
     radius, adhesion = scene.parameters.get("indenter.radius"), scene.adhesion
     rounded = scene.indenter.shape in ("paraboloid", "sphere")
-    if radius is None or adhesion is None or adhesion.model != "jkr" or not rounded or scene.substrate is None:
+    if (
+        radius is None
+        or adhesion is None
+        or adhesion.model != "jkr"
+        or not rounded
+        or scene.substrate is None
+    ):
         return ""
     read, work = pull_off_force / (_HALF_SPACE * math.pi * radius), scene.parameters["adhesion.work"]
     return (

@@ -12,7 +12,7 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite, finite
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.adhesion.branch import AdhesiveBranch
 from underlay.mechanics.adhesion.stable_path import Jump, StablePath
-from underlay.mechanics.contact_law import ContactLaw, ContactPoint
+from underlay.mechanics.contact_law import ContactLaw, ContactState
 
 __all__ = ["STATES", "AdhesiveLaw", "in_touch"]
 
@@ -84,18 +84,18 @@ class AdhesiveLaw(ContactLaw):
         """Depths (m) at which the contact radius jumps to another while the tip is withdrawn; mostly none."""
         return tuple(jump for jump in self.path.jumps if jump.inner)
 
-    def pull_off(self, compliance: float = 0.0) -> ContactPoint:
+    def pull_off(self, compliance: float = 0.0) -> ContactState:
         """Where the tip comes off behind a spring (m/N): 0 for a given depth, inf for a given load."""
         path = self._behind(compliance)
         here = self.branch.at(np.array([path.end_radius]))
-        return ContactPoint(float(here.depth[0]), float(here.force[0]), path.end_radius)
+        return ContactState(float(here.depth[0]), float(here.force[0]), path.end_radius)
 
-    def jump_in(self, compliance: float = 0.0) -> ContactPoint:
+    def jump_in(self, compliance: float = 0.0) -> ContactState:
         """State (depth, force, radius) right after the first touch behind a spring (m/N)."""
         path = self._behind(compliance)
         radius = path.radius(np.zeros(1))
         here = self.branch.at(radius)
-        return ContactPoint(float(here.depth[0]), float(here.force[0]), float(radius[0]))
+        return ContactState(float(here.depth[0]), float(here.force[0]), float(radius[0]))
 
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
         """See `ContactLaw`; from a tenth of the pull-off's radius outwards."""
