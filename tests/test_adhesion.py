@@ -163,6 +163,33 @@ def test_identities(tip, ratio):
     )
 
 
+@pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(5.0, 0.3)], ids=["rigid", "elastic"])
+def test_a_layer_in_two_halves_is_the_layer(base):
+    whole = ul.Scene(ul.Paraboloid(1.0), layer(0.4), base, adhesion=ul.JKR(0.3))
+    half = layer(0.4, 0.5)
+    halves = replace(whole, layer=half, substrate=ul.Stack([half], base=base))
+    one, two = (scene.contact_law(0.5, solver=ul.Exact(1e-9)) for scene in (whole, halves))
+    assert two.pull_off_force == pytest.approx(one.pull_off_force, rel=1e-8)
+    assert two.pull_off_depth == pytest.approx(one.pull_off_depth, rel=1e-8)
+    w = np.linspace(-0.1, 0.5, 7)
+    np.testing.assert_allclose(two.force(w), one.force(w), rtol=1e-6, atol=1e-9)
+
+
+def test_a_layer_that_slips_lies_between_the_bonded_one_and_none():
+    """Free to slip it is softer: a smaller pull-off factor than bonded (nu = 0.5), a larger one than 3/2."""
+    bonded, slipping, thick = (
+        ul.Scene(ul.Paraboloid(1.0), top, ul.RIGID, adhesion=ul.JKR(1.0)).contact_law(
+            0.0, solver=ul.Exact(1e-8)
+        )
+        for top in (layer(0.5), replace(layer(0.5), bond="slip"), layer(0.5, 1e3))
+    )
+    assert bonded.pull_off_force > 1.05 * slipping.pull_off_force > 1.05 * thick.pull_off_force
+    a = np.array([0.5, 1.0, 1.5])
+    up, down, here = (slipping.branch.relation.at(a + shift) for shift in (1e-4, -1e-4, 0.0))
+    slope = ((a + 1e-4) * up.kappa - (a - 1e-4) * down.kappa) / 2e-4
+    np.testing.assert_allclose(slope, here.edge**2, rtol=1e-6)
+
+
 @pytest.mark.parametrize("ratio", [np.inf, 0.2])
 def test_the_work_of_a_cycle_is_that_of_its_jumps(ratio):
     """Adhesion gives dgamma dA back: int P dw = int G dA along the branch, with G = dgamma, plus the elastic."""
