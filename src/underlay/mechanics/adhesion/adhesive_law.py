@@ -100,8 +100,10 @@ class AdhesiveLaw(ContactLaw):
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
         """See `ContactLaw`; from a tenth of the pull-off's radius outwards."""
         widest = float(self.path.radius(np.array([max_depth]))[0])
-        radius = np.geomspace(max(0.1 * self.path.end_radius, self.branch.start), widest, _DRAWN)
-        here = self.branch.at(np.clip(radius, self.branch.start, self.branch.end))
+        narrowest = max(0.1 * self.path.end_radius, self.branch.start)
+        radius = np.geomspace(narrowest, widest, _DRAWN)
+        radius[0], radius[-1] = narrowest, widest  # to the last bit: beyond its ends a branch is not solved
+        here = self.branch.at(radius)
         return here.depth, here.force
 
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
