@@ -163,6 +163,33 @@ def test_identities(tip, ratio):
     )
 
 
+@pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(5.0, 0.3)], ids=["rigid", "elastic"])
+def test_a_layer_in_two_halves_is_the_layer(base):
+    whole = ul.Scene(ul.Paraboloid(1.0), layer(0.4), base, adhesion=ul.JKR(0.3))
+    half = layer(0.4, 0.5)
+    halves = replace(whole, layer=half, substrate=ul.Stack([half], base=base))
+    one, two = (scene.contact_law(0.5, solver=ul.Exact(1e-9)) for scene in (whole, halves))
+    assert two.pull_off_force == pytest.approx(one.pull_off_force, rel=1e-8)
+    assert two.pull_off_depth == pytest.approx(one.pull_off_depth, rel=1e-8)
+    w = np.linspace(-0.1, 0.5, 7)
+    np.testing.assert_allclose(two.force(w), one.force(w), rtol=1e-6, atol=1e-9)
+
+
+def test_a_layer_that_slips_lies_between_the_bonded_one_and_none():
+    """Free to slip it is softer: a smaller pull-off factor than bonded (nu = 0.5), a larger one than 3/2."""
+    bonded, slipping, thick = (
+        ul.Scene(ul.Paraboloid(1.0), top, ul.RIGID, adhesion=ul.JKR(1.0)).contact_law(
+            0.0, solver=ul.Exact(1e-8)
+        )
+        for top in (layer(0.5), replace(layer(0.5), bond="slip"), layer(0.5, 1e3))
+    )
+    assert bonded.pull_off_force > 1.05 * slipping.pull_off_force > 1.05 * thick.pull_off_force
+    a = np.array([0.5, 1.0, 1.5])
+    up, down, here = (slipping.branch.relation.at(a + shift) for shift in (1e-4, -1e-4, 0.0))
+    slope = ((a + 1e-4) * up.kappa - (a - 1e-4) * down.kappa) / 2e-4
+    np.testing.assert_allclose(slope, here.edge**2, rtol=1e-6)
+
+
 @pytest.mark.parametrize("ratio", [np.inf, 0.2])
 def test_the_work_of_a_cycle_is_that_of_its_jumps(ratio):
     """Adhesion gives dgamma dA back: int P dw = int G dA along the branch, with G = dgamma, plus the elastic."""
@@ -341,3 +368,55 @@ def test_adhesion_beyond_the_solution_is_refused():
         scene.contact_law(0.1)
     with pytest.raises(ul.RangeError, match="20"):
         ul.Scene(ul.FlatPunch(30.0), layer(0.5), ul.RIGID, adhesion=ul.JKR(1.0)).contact_law(0.1)
+
+
+def test_the_branch_of_a_paraboloid_does_not_fold_on_a_softer_base():
+    """E2/E1 = 0.1: one stable branch, of depth and of load, at every Lambda, where a cone's load has two."""
+    for work in (1e-4, 1e-2, 0.1, 1.0, 10.0, 100.0):
+        law = law_of(work, nu=0.3, ratio=0.1, solver=ul.Exact(1e-7))
+        assert law.jumps == ()
+        assert len(law.load_path.pieces) == 1, work
+
+
+# --- AtomicJ's bonded incompressible layer ------------------------------------------------------------------
+
+# Polynomials in a/h for kappa - 1 and for the share of the paraboloid, below and above 1.2: those of its class
+# XiApproximationBondedIncompressibleLayer (Hermanowicz, AtomicJ 2.4.0), as numbers.
+XI_ZERO = (
+    (
+        0.0,
+        1.127294838473304,
+        1.2534743855684407,
+        0.7845575578931572,
+        -0.8066500581952372,
+        0.25992549153472266,
+    ),
+    (-0.32200988000179354, 1.9372155069019295, 0.8542206369854419, 0.1474038965378127),
+)
+XI_TWO = (
+    (
+        0.0,
+        1.1262478390694162,
+        1.2949883832304696,
+        0.18732178957520357,
+        -0.6364554846834951,
+        0.27907820937683936,
+    ),
+    (-0.049463774585330134, 1.5972494791751466, 0.6385113885724849, 0.07384012861062446),
+)
+
+
+def test_atomicj_agrees_within_its_own_tenth_of_a_per_cent():
+    """Its force, P = (4/3) theta a [3 w kappa - a^2 (1 + xi_2)/R], at the radii and depths of JKR."""
+    law = law_of(1.0, depth=2.5, solver=ul.Exact(1e-8))
+    radius = np.linspace(0.1, 0.98 * law.branch.end, 60)
+    here, elastic = law.branch.at(radius), law.branch.relation.at(radius)
+    above = radius > 1.2
+    xi_0, xi_2 = (
+        np.where(above, *(np.polynomial.polynomial.polyval(radius, part) for part in pair[::-1]))
+        for pair in (XI_ZERO, XI_TWO)
+    )
+    np.testing.assert_allclose(1.0 + xi_0, elastic.kappa, rtol=1e-3)
+    force = 4.0 / 3.0 * radius * (3.0 * here.depth * (1.0 + xi_0) - radius**2 * (1.0 + xi_2))
+    scale = np.maximum(elastic.force, np.abs(here.force))
+    assert (np.abs(force - here.force) < 1e-3 * scale).all()

@@ -205,3 +205,17 @@ def test_hysitron_load_control():
     # 3 mN held from 12.3 to 16.5 s; steel comes back so little that the depth alone would call it a hold.
     assert curve.time[curve.segments() == "unloading"].max() == pytest.approx(27.06, abs=0.01)
     assert len(curve.unloading()) > 2000
+
+
+def test_the_sample_that_sticks_is_of_its_file():
+    """Every fourth point of the withdrawal, bending put back, as its header says."""
+    path = real_file("afm/fmt-igor-fd_U3_3_p10004.ibw")
+    if not path.is_file():
+        pytest.skip("this file is not in the folder of real files")
+    curve = ul.read(path)
+    back = curve.unloading()
+    travel = back.depth + back.force / curve.metadata["spring_constant"]
+    sample = ul.read(SAMPLE.with_name("sticky_tip_withdrawal.csv"))
+    count = 4 * len(sample)
+    np.testing.assert_allclose(sample.force, back.force[:count:4], atol=1e-13)
+    np.testing.assert_allclose(np.diff(sample.depth), np.diff(travel[:count:4]), atol=2e-11)

@@ -88,3 +88,22 @@ def test_the_relaxation_curve_says_where_it_comes_from():
         assert needed in text
     licence = SAMPLES / "LICENSES" / "biomomentum-functions-MIT.txt"
     assert "Permission is hereby granted" in licence.read_text(encoding="utf-8")
+
+
+def test_the_tip_that_sticks_is_held_by_what_the_curve_shows():
+    """A real withdrawal: the fitted pull-off is near the smallest force, and the fit is not called good."""
+    problem = ul.load_problem(SAMPLES / "sticky_tip_withdrawal.csv", SAMPLES / "sticky_tip_withdrawal.toml")
+    fit = ul.fit(problem)
+    curve, law = problem.curves[0], fit.scenes[0].contact_law(0.0)
+    deepest = fit.values["instrument.baseline"] - curve.force.min()
+    assert law.pull_off_force == pytest.approx(deepest, rel=0.25)
+    # The tip leaves where the cantilever's base was when the force came back to nothing.
+    off = law.pull_off(fit.scenes[0].instrument.compliance)
+    base = (
+        fit.values["instrument.contact_depth"] + off.depth + fit.scenes[0].instrument.compliance * off.force
+    )
+    after = slice(int(curve.force.argmin()), None)
+    level = abs(curve.force[after] - fit.values["instrument.baseline"])
+    gone = curve.depth[after][level < 1e-9].max()
+    assert base == pytest.approx(gone, abs=2e-8)
+    assert str(fit.verdict).startswith("model wrong"), "its dip is deeper than JKR's, and the fit must say so"

@@ -80,6 +80,7 @@ def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
 
 def show_fit(result: Fit, name: str) -> None:
     """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
+    from underlay.report.adhesion_tables import adhesion_frame, halfspace_sentence
     from underlay.report.open_ends import advice, rivals
     from underlay.report.tables import correlated_pairs, fit_table
     from underlay.report.words import headline, stands_on, verdict_sentence
@@ -95,6 +96,11 @@ def show_fit(result: Fit, name: str) -> None:
     ):
         say(spoken(sentence))
     say_table(fit_table(result), f"Fit of {name}")
+    sticking = adhesion_frame(result)
+    if len(sticking):
+        say_table(sticking, "Adhesion")
+        law = result.scenes[0].contact_law(0.0, solver=result.solver)
+        say(halfspace_sentence(result.scenes[0], law.pull_off_force))
     for path, told in result.instrument_moduli.items():
         say(
             f"{path}: the instrument's own reduced modulus {format_quantity(told.reduced, 'pressure')} is "
@@ -114,6 +120,7 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
     """
     from underlay._csv_text import csv_text
     from underlay.report import plots
+    from underlay.report.adhesion_tables import adhesion_frame
     from underlay.report.measured import beyond_loading
     from underlay.report.tables import fit_table
 
@@ -126,6 +133,10 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
         written.append(plots.save(plots.fit_in_time(result), folder / f"{stem}.time.png"))
     if result.scene.layer.relaxation is not None:
         written.append(plots.save(plots.relaxation(result), folder / f"{stem}.relaxation.png"))
+    if result.scenes[0].adhesion is not None:
+        table = csv_text(adhesion_frame(result))
+        written.append(write_atomic(folder / f"{stem}.adhesion.csv", table))
+        written.append(plots.save(plots.adhesion(result), folder / f"{stem}.adhesion.png"))
     whole = beyond_loading(result.curves[0])
     if whole is not None:
         written.append(plots.save(plots.segments(whole), folder / f"{stem}.segments.png"))

@@ -294,7 +294,8 @@ def _notes(foot: Foot) -> tuple[str, ...]:
     if foot.dip > 2.0 * SIGNIFICANT * foot.noise and foot.dip > 0.01 * foot.peak:
         dip = format_quantity(foot.dip, "force")
         notes.append(
-            f"the force dips by {dip} before contact: adhesion (which a scene may have) or a bent baseline"
+            f"the force dips by {dip} before contact: a bent baseline, or adhesion: fit it with adhesion, "
+            '[adhesion] with model = "jkr" in a scene file'
         )
     if not foot.has_baseline:
         notes.append("the curve has no stretch in front of contact: its baseline is assumed, not measured")

@@ -41,6 +41,15 @@ _SLIP = 0.03
 _ADHESION = 0.1
 _CONTACT_SHARE = 0.15
 _FEW_POINTS = 20
+# Further below the baseline than noise goes in a million points.
+_CLEAR = 6.0
+# Standard deviation over the median size of the differences of neighbours, for normal noise.
+_MAD = 1.4826 / 2.0**0.5
+# What to do about a dip.
+_FIT_IT = (
+    'fit it with adhesion: add [adhesion] with model = "jkr", a work such as "1 mJ/m^2" to begin with, and free '
+    "adhesion.work"
+)
 # A paraboloid may stand for a ball while their forces differ by less than this.
 _SHAPE = 0.02
 # A test in air swings about the force at which the stage was told to stop; a real one goes far beyond it.
@@ -201,13 +210,30 @@ def _doubts(
             f"the contact depth is known to {format_quantity(contact.uncertainty, 'length')} only, "
             f"{100.0 * contact.uncertainty / deepest:.0f} % of the depth pressed"
         )
+    if scene is None or scene.adhesion is None:
+        yield from _stickiness(curve, contact, beyond, peak)
+    yield from _shape_doubts(curve, scene, deepest)
+
+
+def _stickiness(curve: Curve, contact: ContactPoint, beyond: _Beyond, peak: float) -> Iterator[str]:
+    """Propose adhesion where the force dips, on the way in beyond contact or anywhere on the way out."""
     dip = -float(beyond.force.min())
     if dip > _ADHESION * peak:
         yield (
-            f"adhesion: the force dips by {100.0 * dip / peak:.0f} % of its peak while the indenter goes in; fit "
-            "it with adhesion, JKR(work) or [adhesion] in a scene file"
+            f"adhesion: the force dips by {100.0 * dip / peak:.0f} % of its peak while the indenter goes in; "
+            f"{_FIT_IT}"
         )
-    yield from _shape_doubts(curve, scene, deepest)
+    out = curve.unloading()
+    if not len(out) or len(out) == len(curve):
+        return
+    below = contact.baseline + contact.baseline_slope * out.depth - out.force
+    # Its own scatter: the noise in front of contact is no measure where the tip jumped in.
+    scatter = _MAD * float(np.median(np.abs(np.diff(out.force)))) if len(out) > 1 else 0.0
+    if below.max() > max(_ADHESION * peak, _CLEAR * scatter):
+        yield (
+            f"adhesion: on the way out the force dips to {format_quantity(-float(below.max()), 'force')}; "
+            f'{_FIT_IT}, and of this curve the withdrawal: segment = "unloading"'
+        )
 
 
 def _about_exponent(exponent: float, expected: float) -> str:
@@ -247,6 +273,8 @@ def _expected_exponent(scene: Scene | None, beyond: _Beyond) -> float:
     """Exponent of the scene's own law over the same depths; 1.5 without a scene."""
     if scene is None:
         return 1.5
+    if scene.adhesion is not None:
+        return float("nan")  # no power law: the force begins below zero
     deepest = float(beyond.depth.max())
     depth = np.linspace(_DEEP * deepest, deepest, 24)
     try:

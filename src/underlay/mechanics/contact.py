@@ -8,10 +8,12 @@ compliance with the wavenumber. So a solver works for every body that has a kern
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, Self
+from typing import ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.body import Base, Body, Layer, Material
@@ -21,7 +23,7 @@ from underlay.mechanics.kernel import Kernel, StackKernel, SubstrateKernel
 from underlay.mechanics.stack import stacked
 from underlay.quantities import Part
 
-__all__ = ["Adhesion", "BuildsElastic", "Contact"]
+__all__ = ["Adhesion", "AdhesionTable", "AdhesiveReadings", "BuildsElastic", "Contact"]
 
 
 class BuildsElastic(Protocol):
@@ -41,6 +43,50 @@ class BuildsElastic(Protocol):
         """Law of a contact up to `max_depth` (m)."""
 
 
+class AdhesiveReadings(NamedTuple):
+    """Contact force (N) and stiffness dP/dw (N/m), (sets, n), and which sets could be read."""
+
+    force: FloatArray
+    stiffness: FloatArray
+    possible: NDArray[np.bool_]
+
+    @classmethod
+    def empty(cls, sets: int, points: int) -> Self:
+        """Room for `sets` sets, none of which is read yet."""
+        return cls(np.zeros((sets, points)), np.zeros((sets, points)), np.zeros(sets, dtype=bool))
+
+
+class AdhesionTable(ABC):
+    """Contacts of any work of adhesion that differ in one number more at most, for many sets at once."""
+
+    @abstractmethod
+    def readings(
+        self, work: FloatArray, travel: FloatArray, compliance: FloatArray, ratio: FloatArray | None
+    ) -> AdhesiveReadings:
+        """Force and stiffness of many sets.
+
+        Parameters
+        ----------
+        work : FloatArray
+            Works of adhesion (J/m^2), (sets,).
+        travel : FloatArray
+            Travels (m) since contact of the other end of a spring, (sets, n), in the order they are reached.
+        compliance : FloatArray
+            Of the spring (m/N), (sets,); zero where the depth itself is given.
+        ratio : FloatArray or None
+            Values of the number on which the contact depends, (sets,); None where it is the same for all.
+
+        Returns
+        -------
+        AdhesiveReadings
+            A set that the table does not reach is not possible here; a caller then asks for a law of its own.
+        """
+
+    @abstractmethod
+    def pull_offs(self, work: FloatArray, ratio: FloatArray | None) -> FloatArray:
+        """Pull-off force (N, positive, load given) and depth (m, depth given), (2, sets); NaN out of reach."""
+
+
 class Adhesion(Part, ABC):
     """What holds tip and surface together; its numbers stand under ``adhesion.``.
 
@@ -56,6 +102,21 @@ class Adhesion(Part, ABC):
     def short_ranged(self) -> Adhesion:
         """The same with an attraction of no range, for a model that has one: what JKR would say."""
         return self
+
+    def about_range(self, contact: Contact, solver: BuildsElastic) -> str:
+        """Say for which range of the attraction the model holds; empty where it does not know."""
+        del contact, solver
+        return ""
+
+    def table(
+        self, contact: Contact, contact_at: Callable[[float], Contact], solver: BuildsElastic
+    ) -> AdhesionTable | None:
+        """Return contacts like this one at any work of adhesion; None where sets are asked for one by one.
+
+        `contact_at` is the contact at a value of the one number more that may vary, a ratio of moduli.
+        """
+        del contact, contact_at, solver
+        return None
 
     @abstractmethod
     def law(self, contact: Contact, max_depth: float, solver: BuildsElastic) -> ContactLaw:

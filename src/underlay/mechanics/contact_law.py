@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError, LawError, RangeError, UnderlayError
 from underlay.mechanics.response import Response
 
-__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw"]
+__all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState"]
 
 #: Why a law ends at the depth it was built for; completes the sentence of a RangeError.
 CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; build it with a larger max_depth"
@@ -30,6 +30,18 @@ CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; build it with a l
 # Newton in log-log coordinates on a smooth increasing law: quadratic after the first steps.
 _MAX_NEWTON_STEPS = 60
 _LARGEST = float(np.finfo(float).max)
+
+
+# Points of the equilibria of a law.
+_DRAWN = 400
+
+
+class ContactState(NamedTuple):
+    """One state of a contact: depth of the tip (m), force (N) and contact radius (m)."""
+
+    depth: float
+    force: float
+    radius: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,6 +130,40 @@ class ContactLaw(Response, ABC):
     def domain(self) -> tuple[float, float]:
         """Smallest and largest depth (m) of the law; up to the smallest there is no contact."""
         return 0.0, self.max_depth
+
+    # --- where the contact is lost: an elastic law has no tension, and says zero --------------------------------
+
+    @property
+    def pull_off_force(self) -> float:
+        """Tension (N, positive) that takes the tip off when the load is given: the largest the contact bears."""
+        return -self._least_force
+
+    @property
+    def pull_off_depth(self) -> float:
+        """Depth (m, negative for most that stick) at which the contact is lost when the depth is given."""
+        return self.domain[0]
+
+    @property
+    def zero_load_radius(self) -> float:
+        """Contact radius (m) at which the tip rests without load."""
+        return float(self.contact_radius(self.depth(0.0))) if self._least_force else 0.0
+
+    def pull_off(self, compliance: float = 0.0) -> ContactState:
+        """Where the tip comes off behind a spring (m/N): 0 for a given depth, inf for a given load."""
+        del compliance
+        start = self.domain[0]
+        edge = np.array([start])
+        return ContactState(start, self._least_force, float(self._contact_radius(edge)[0]) if start else 0.0)
+
+    def jump_in(self, compliance: float = 0.0) -> ContactState:
+        """State right after the first touch behind a spring (m/N)."""
+        del compliance
+        return ContactState(0.0, 0.0, 0.0)
+
+    def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
+        """Depths (m) and forces (N), each (n,), of every contact up to `max_depth` (m), unstable ones included."""
+        depth = np.linspace(self.domain[0], max_depth, _DRAWN)
+        return depth, self.force(depth)
 
     def warned(self, doubt: object) -> Self:
         """Return the same law with one more entry among its `warnings`."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray
-from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.contact_law import ContactLaw, ContactState
 
 __all__ = ["ScaledLaw"]
 
@@ -64,6 +64,32 @@ class ScaledLaw(ContactLaw):
         """As the reference: the slope goes with the force."""
         slope = self.law.work_slope(self.b * depth)
         return None if slope is None else self.c * slope
+
+    @property
+    def pull_off_force(self) -> float:
+        """That of the reference (N)."""
+        return self.c * self.law.pull_off_force
+
+    @property
+    def zero_load_radius(self) -> float:
+        """That of the reference (m)."""
+        return self.s * self.law.zero_load_radius
+
+    def pull_off(self, compliance: float = 0.0) -> ContactState:
+        """As the reference."""
+        return self._here(self.law.pull_off(self.b * self.c * compliance))
+
+    def jump_in(self, compliance: float = 0.0) -> ContactState:
+        """As the reference."""
+        return self._here(self.law.jump_in(self.b * self.c * compliance))
+
+    def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
+        """Those of the reference."""
+        depth, force = self.law.equilibria(self.b * max_depth)
+        return depth / self.b, self.c * force
+
+    def _here(self, there: ContactState) -> ContactState:
+        return ContactState(there.depth / self.b, self.c * there.force, self.s * there.radius)
 
     def depth(self, force: ArrayLike) -> FloatArray:
         """See `ContactLaw.depth`; the reference's own inverse."""

@@ -17,11 +17,13 @@ from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.posterior import Posterior
+from underlay.report.adhesion_tables import adhesion_part
 from underlay.report.execution import execute
 from underlay.report.measured import beyond_loading, segments_of_file, segments_part
 from underlay.report.notebook import Cell, Source, Value, filled, make_notebook, report_library, with_sections
 from underlay.report.page import html_page
 from underlay.report.problem_source import problem_source, write_inputs, write_measured
+from underlay.scene.scene import Scene
 from underlay.scene.scene_file import read_scene_file
 
 __all__ = [
@@ -122,8 +124,7 @@ def _fit_report(result: Fit, target: Path, inputs: Path, repeat: Mapping[str, st
     }
     facts = {**repeat, **_origins(problem)}
     load = Source(problem_source(problem, names))
-    remembers = any(scene.memory is not None for scene in problem.base_scenes)
-    return _fit_notebook(_title(problem), load, facts, names, segments_part(measured), remembers=remembers)
+    return _fit_notebook(_title(problem), load, facts, names, segments_part(measured), problem.base_scenes)
 
 
 def file_notebook(
@@ -141,10 +142,10 @@ def file_notebook(
         What repeats it.
     """
     names = [_seen_from(folder, path) for path in (curve, scene)]
-    segments = _file_segments(curve, scene)
-    remembers = read_scene_file(scene).draft.memory is not None
+    scene_file = read_scene_file(scene)
     facts = {"to repeat": command}
-    return _fit_notebook(Path(curve).name, _load_source(names), facts, names, segments, remembers=remembers)
+    segments = _file_segments(curve, scene)
+    return _fit_notebook(Path(curve).name, _load_source(names), facts, names, segments, (scene_file.draft,))
 
 
 def posterior_notebook(
@@ -229,8 +230,7 @@ def _fit_notebook(
     facts: Mapping[str, str],
     files: list[str],
     segments: tuple[Cell, ...],
-    *,
-    remembers: bool,
+    scenes: Sequence[Scene],
 ) -> Any:
     title = f"Indentation of a layer: {name}"
     cells = filled(
@@ -239,7 +239,8 @@ def _fit_notebook(
             "title": title,
             "load": load,
             "segments_part": segments,
-            "time_part": filled("relaxation", {}) if remembers else (),
+            "time_part": filled("relaxation", {}) if any(s.memory is not None for s in scenes) else (),
+            "adhesion_part": adhesion_part(scenes),
             "facts": {**facts, "random numbers": "none"},
             "files": files,
         },

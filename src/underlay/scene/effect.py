@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Protocol, TypeAlias
 
 from underlay._arrays import ArrayLike, FloatArray
 from underlay.mechanics.body import Base, Body, Layer
-from underlay.mechanics.contact import Adhesion
+from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.response import History
@@ -54,6 +54,10 @@ class Simulated(Protocol):
     @property
     def adhesion(self) -> Adhesion | None:
         """What holds tip and surface together."""
+
+    @property
+    def contact(self) -> Contact:
+        """Indenter and body."""
 
     @property
     def elastic(self) -> Simulated:

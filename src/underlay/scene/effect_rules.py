@@ -11,11 +11,12 @@ from dataclasses import replace
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.solver import Solver
 from underlay.mechanics.stack import stacked
 from underlay.quantities import replace_values
 from underlay.scene.effect import Effect, Simulated
 
-__all__ = ["effects_of"]
+__all__ = ["effects_of", "range_asked"]
 
 
 def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:
@@ -154,6 +155,13 @@ def _adhesion_effects(scene: Simulated, level: Simulated, law: ContactLaw) -> li
             Effect("range of attraction", ranged, level, simulated=True, note=f"against JKR; {law.reason}")
         )
     return found
+
+
+def range_asked(scene: Simulated, solver: Solver) -> list[Effect]:
+    """What range of attraction a model that has none stands for: whether it may be used is for the user to see."""
+    adhesion = scene.adhesion
+    note = "" if adhesion is None else adhesion.about_range(scene.contact, solver)
+    return [Effect("range of attraction", None, None, simulated=False, note=note)] if note else []
 
 
 def _history_effect(*, remembers: bool) -> Effect:

@@ -16,7 +16,7 @@ from underlay.errors import RangeError
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.effect import Effect, EffectRule, Simulated
-from underlay.scene.effect_rules import effects_of
+from underlay.scene.effect_rules import effects_of, range_asked
 
 __all__ = ["effect_sizes", "effects_table"]
 
@@ -65,7 +65,7 @@ def effects_table(
     wanted = as_solver(solver)
     deepest = positive(max_depth, "max_depth", "m")
     law = scene.contact_law(deepest, solver=wanted)
-    found = (*effects_of(scene, law), *(rule(scene, law) for rule in further))
+    found = (*effects_of(scene, law), *range_asked(scene, wanted), *(rule(scene, law) for rule in further))
     table = pd.DataFrame([_row(effect, deepest, wanted) for effect in found])
     table.attrs["law"] = f"{law.method}: {law.reason}"
     return table

@@ -20,6 +20,7 @@ import pandas as pd
 
 from underlay._files import require_writable_folder
 from underlay.errors import InputError
+from underlay.inference.adhesive_numbers import ADHESIVE
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, with_stand_ins
 from underlay.inference.batch.dask import through_dask
 from underlay.inference.batch.journal import Journal
@@ -136,7 +137,14 @@ def fit_many(
             place if place.curve is None else replace(place, sha256=curve_hash(place.curve))
             for place in places
         ]
-    layout = Layout.of(list(model.free), (*given, *told), labels, sampled=model.sampling is not None)
+    derived = () if model.scene.adhesion is None else tuple(f"adhesion.{name}" for name in ADHESIVE)
+    layout = Layout.of(
+        list(model.free),
+        (*given, *told),
+        labels=labels,
+        derived=derived,
+        sampled=model.sampling is not None,
+    )
     with _table(output) as table:
         identity = _identity(model, places, layout)
         with _journal(table, identity, layout, options) as journal:

@@ -79,15 +79,22 @@ class Layout:
 
     @classmethod
     def of(
-        cls, parameters: Sequence[str], given: Sequence[str], labels: Sequence[str] = (), *, sampled: bool
+        cls,
+        parameters: Sequence[str],
+        given: Sequence[str],
+        *,
+        labels: Sequence[str] = (),
+        derived: Sequence[str] = (),
+        sampled: bool,
     ) -> Layout:
-        """Columns for fitted `parameters` and, of the manifest, `given` ones and `labels`.
+        """Columns for fitted `parameters`, of the manifest `given` ones and `labels`, and what is `derived`.
 
         A map with labels is one of a population: it keeps the likelihood of the modulus too.
         """
         ends = ("", ".stderr", ".low", ".high") if sampled else ("", ".stderr")
         fitted = [(f"{path}{end}", _NUMBER) for path in parameters for end in ends]
         known = [(path, _NUMBER) for path in given if path not in parameters]
+        known += [(name, _NUMBER) for name in derived]
         if "layer.E" in parameters:
             known += [(column, _NUMBER) for column in (INSTRUMENT, DIFFERENCE)]
         whose = [(label, _TEXT) for label in labels]

@@ -22,6 +22,7 @@ from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
 from underlay.data.readers import read, read_from_map
 from underlay.errors import CurveError, UnderlayError, UnderlayWarning
+from underlay.inference.adhesive_numbers import adhesive_numbers
 from underlay.inference.batch.curves import CurvePlace
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.options import Sampling
@@ -175,6 +176,9 @@ class CurveFitter:
             )
             if told is not None:
                 row.update({INSTRUMENT: told.youngs, DIFFERENCE: 100.0 * told.difference})
+        if self._model.scene.adhesion is not None:
+            fitted = self._model.scene.with_values({**place.values, **self._of_scene(outcome)})
+            row.update(adhesive_numbers(fitted, self._model.solver))
         row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})
         if _MODULUS_LIKELIHOOD in self._layout.kinds and self._error_will_not_do(outcome):
             row[_MODULUS_LIKELIHOOD] = self._likelihood(place, curve)

@@ -1,13 +1,15 @@
 """The forward model for many parameter sets at once, as a sampler asks for it.
 
-Five ways, the first that applies:
+Six ways, the first that applies:
 
-1. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
-2. one ratio alone varies: every set's curve is read off the table of its cell (`curve_family`);
-3. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
+1. something sticks, and of the ratios only that of the work of adhesion may vary: the sets are read off the
+   adhesion's own table (`Adhesion.table`), a frame's compliance included;
+2. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
+3. one ratio alone varies: every set's curve is read off the table of its cell (`curve_family`);
+4. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
    go through it, in groups whose stiffness ratio and range are alike;
-4. moduli and thicknesses of a stack vary: through `ExactBatch` too, in groups of like ratios;
-5. otherwise set by set, through `Forward.reading`.
+5. moduli and thicknesses of a stack vary: through `ExactBatch` too, in groups of like ratios;
+6. otherwise set by set, through `Forward.reading`.
 
 A sample that remembers goes one of these ways with its elastic force, and then through its memory (see
 `remembered_batch.py`).
@@ -30,12 +32,13 @@ from underlay.inference.model.forward import Forward
 from underlay.inference.model.parameter_sets import ParameterSets, Values, values_of
 from underlay.inference.model.stack_groups import has_stack_batches, stack_groups, stacked
 from underlay.inference.model.tables import OneRatio
+from underlay.mechanics.contact import AdhesionTable
 from underlay.mechanics.exact.family_batch import family_batch
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
 from underlay.scene.chain import Frame
 
-__all__ = ["Readings", "batched_readings"]
+__all__ = ["Readings", "batched_pull_offs", "batched_readings"]
 
 
 class Readings(NamedTuple):
@@ -75,7 +78,17 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     empty = Readings.empty(sets, len(forward.depth))
     if forward.history is not None:
         return _remembered(forward, values, empty, stiffness=stiffness)
-    if np.any(values[Frame.path]) or _is_shaped_by_lengths(forward):
+    if _is_shaped_by_lengths(forward):
+        return _one_by_one(forward, values, range(sets), empty)
+    return _of_this_depth(forward, values, empty, stiffness=stiffness)
+
+
+def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
+    """All sets of a sample whose force depends on the depth alone."""
+    sets = len(empty.possible)
+    if forward.similarity.energies:
+        return _sticking(forward, values, sets)
+    if np.any(values[Frame.path]):
         return _one_by_one(forward, values, range(sets), empty)
     asked = ParameterSets(forward, values, sets)
     if asked.shared is not None:
@@ -85,9 +98,9 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     in_groups = (
         _in_groups if _has_exact_batches(asked) else _in_stack_groups if has_stack_batches(asked) else None
     )
-    if in_groups is not None:
-        return in_groups(asked, stiffness=stiffness)
-    return _one_by_one(forward, values, range(sets), empty)
+    if in_groups is None:
+        return _one_by_one(forward, values, range(sets), empty)
+    return in_groups(asked, stiffness=stiffness)
 
 
 def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
@@ -120,6 +133,47 @@ def _one_by_one(
         readings.force[row] = one.force
         readings.possible[row] = True
     return readings
+
+
+def _sticking(forward: Forward, values: Values, sets: int) -> Readings:
+    """All sets off the tables of their adhesion; those that these do not reach, or that have none, one by one."""
+    # A table solves for the tip's depth itself: the chain is asked for travel and offsets alone.
+    asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
+    table, work, ratio = _adhesion_table(asked)
+    if table is None:
+        return _one_by_one(forward, values, range(sets), Readings.empty(sets, len(forward.depth)))
+    b, c = asked.factors
+    compliance = np.broadcast_to(b * c * values[Frame.path], (sets,))
+    found = table.readings(work, b[:, None] * asked.tip, compliance, ratio)
+    contact, stiffness = c[:, None] * found.force, (b * c)[:, None] * found.stiffness
+    readings = Readings(contact, stiffness, asked.instrument_force(contact), found.possible)
+    return _one_by_one(forward, values, np.flatnonzero(~found.possible).tolist(), readings)
+
+
+def _adhesion_table(asked: ParameterSets) -> tuple[AdhesionTable | None, FloatArray, FloatArray | None]:
+    """Table of the sets' adhesion, if they have one, their works, and their ratio of moduli where it varies."""
+    similarity = asked.forward.similarity
+    ratios = dict(zip(similarity.ratio_paths, asked.ratios, strict=True))
+    work = np.broadcast_to(ratios.pop(similarity.energies[0]), (asked.sets,))
+    varying = [path for path, ratio in ratios.items() if isinstance(ratio, np.ndarray)]
+    if len(varying) > 1 or not set(varying) <= set(similarity.moduli):
+        return None, work, None
+    fixed = {path: float(ratio) for path, ratio in ratios.items() if path not in varying}
+    table = asked.forward.laws.adhesion_table(fixed, varying[0] if varying else None)
+    return table, work, np.asarray(ratios[varying[0]]) if varying else None
+
+
+def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[FloatArray, FloatArray] | None:
+    """Pull-off force (N) and depth (m) of many parameter sets, each (sets,); None without a table for them all."""
+    if not forward.similarity.energies or _is_shaped_by_lengths(forward):
+        return None
+    asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
+    table, work, ratio = _adhesion_table(asked)
+    if table is None:
+        return None
+    b, c = asked.factors
+    force, depth = table.pull_offs(work, ratio)
+    return (c * force, depth / b) if np.isfinite(force + depth).all() else None
 
 
 def _by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:

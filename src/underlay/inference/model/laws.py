@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError, UnderlayWarning
 from underlay.inference.model.similarity import Similarity
 from underlay.inference.model.tables import OneRatio, one_ratio
-from underlay.mechanics.contact import Contact
+from underlay.mechanics.contact import AdhesionTable, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.solver import Solver
@@ -53,6 +53,7 @@ class LawStore:
     references: list[Scene] = field(default_factory=list)
     refusals: dict[tuple[object, ...], RangeError] = field(default_factory=dict)
     batches: dict[tuple[object, ...], ExactBatch | None] = field(default_factory=dict)
+    adhesion_tables: dict[tuple[object, ...], AdhesionTable | None] = field(default_factory=dict)
     built: int = 0
 
     def number(self, reference: Scene) -> int:
@@ -140,6 +141,25 @@ class LawSource:
         if not self.solver.judges_range or depth == 0.0:
             return law
         return quiet_law(self._scene(reduced), self.solver, depth)
+
+    def adhesion_table(self, fixed: Mapping[str, float], varying: str | None) -> AdhesionTable | None:
+        """Table of laws at any work of adhesion, at these ratios; None where there is none.
+
+        `varying` is the path of one ratio of moduli more that may vary.
+        """
+        key = (self.number, self.solver, self.similarity.length, varying, *fixed.values())
+        if key not in self.store.adhesion_tables:
+            scene = self.similarity.scene.with_values(fixed)
+            contact = scene.contact
+
+            def contact_at(value: float) -> Contact:
+                return contact if varying is None else scene.with_values({varying: value}).contact
+
+            table = (
+                None if contact.adhesion is None else contact.adhesion.table(contact, contact_at, self.solver)
+            )
+            self.store.adhesion_tables[key] = table
+        return self.store.adhesion_tables[key]
 
     def spans(self, depth: FloatArray) -> FloatArray:
         """Numbers of the ranges that depths (m), (sets,), belong to: those of one range share a law."""

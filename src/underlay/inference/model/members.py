@@ -13,6 +13,7 @@ from underlay.data.curve import Curve
 from underlay.inference.model.forward import Forward, Reading
 from underlay.inference.model.forward_batch import Readings, batched_readings
 from underlay.inference.model.noise_start import scatter
+from underlay.inference.model.parameter_sets import Values
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
@@ -147,7 +148,11 @@ class Member:
 
     def readings(self, physical: FloatArray, *, stiffness: bool = True) -> Readings:
         """Model at physical vectors (B, k); without `stiffness` that is left zero."""
+        return batched_readings(self.forward, self.values_of(physical), len(physical), stiffness=stiffness)
+
+    def values_of(self, physical: FloatArray) -> Values:
+        """Every number of the scene at physical vectors (B, k): (B,) where it is free."""
         values: dict[str, float | FloatArray] = dict(self.base)
         for path, entry in self.entries.items():
             values[path] = physical[:, entry]
-        return batched_readings(self.forward, values, len(physical), stiffness=stiffness)
+        return values

@@ -39,6 +39,8 @@ class ParameterSets:
 
     Attributes
     ----------
+    ratios : tuple of float or ndarray (sets,)
+        See `Similarity.reduced`.
     shared : tuple of float or None
         The ratios of all sets where none varies between them.
     tip : ndarray (sets, n)
@@ -52,9 +54,9 @@ class ParameterSets:
         similarity = forward.similarity
         # `reduced` and `factors` divide and multiply: arrays go through them as numbers do.
         numbers: Any = values
-        ratios = similarity.reduced(numbers)
+        self.ratios: tuple[Any, ...] = similarity.reduced(numbers)
         # By what may vary, not by what happens to: one set alone goes the way it would go in company.
-        self.shared = None if any(isinstance(ratio, np.ndarray) for ratio in ratios) else ratios
+        self.shared = None if any(isinstance(ratio, np.ndarray) for ratio in self.ratios) else self.ratios
         self.chain = Chain.of(
             {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
         )
@@ -65,11 +67,6 @@ class ParameterSets:
     def rtol(self) -> float:
         """Relative error asked of the laws."""
         return self.forward.laws.solver.tolerance
-
-    @property
-    def rows(self) -> range:
-        """Numbers of the sets."""
-        return range(self.sets)
 
     def varies(self, path: str) -> bool:
         """Whether a number may differ between the sets."""
@@ -116,10 +113,6 @@ class ParameterSets:
     @cached_property
     def factors(self) -> tuple[FloatArray, FloatArray]:
         """The factors b and c of `Similarity`, each (sets,)."""
-        similarity = self.forward.similarity
-        if self._shape_varies:
-            both = np.array([similarity.factors(values_of(self.values, row)) for row in self.rows])
-            return both[:, 0], both[:, 1]
         numbers: Any = self.values  # as in __init__
-        b, c = similarity.factors(numbers)
+        b, c = self.forward.similarity.factors(numbers)
         return np.broadcast_to(b, self.sets), np.broadcast_to(c, self.sets)

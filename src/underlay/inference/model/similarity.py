@@ -137,7 +137,8 @@ class Similarity:
         E, s = self._modulus_ratio(values), self.length_ratio(values)
         if self.exponent is None:
             return E * s
-        return E * self._coefficient_ratio(values) ** 2 * float(s ** (2.0 * self.exponent - 1.0))
+        ratio: float = E * self._coefficient_ratio(values) ** 2 * s ** (2.0 * self.exponent - 1.0)
+        return ratio
 
     def _modulus_ratio(self, values: Mapping[str, float]) -> float:
         return values["layer.E"] / self.values["layer.E"] if self.moduli else 1.0
@@ -146,7 +147,12 @@ class Similarity:
         """Lengths of the contact over those of the reference."""
         return values[self.length] / self.values[self.length] if self.length else 1.0
 
-    def _coefficient_ratio(self, values: Mapping[str, float]) -> float:
+    def _coefficient_ratio(self, values: Mapping[str, Any]) -> Any:  # a number, or one per set
+        sets = [value.size for path in self.shape if isinstance(value := values[path], np.ndarray)]
+        if sets:
+            shapes = np.array([np.broadcast_to(values[path], sets[0]) for path in self.shape]).T
+            rows = (dict(zip(self.shape, shape, strict=True)) for shape in shapes.tolist())
+            return np.array([self._coefficient_ratio(row) for row in rows])
         if all(values[path] == self.values[path] for path in self.shape):
             return 1.0
         changed = {path.partition(".")[2]: values[path] for path in self.shape}

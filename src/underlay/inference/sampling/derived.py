@@ -4,7 +4,8 @@
 - oedometric modulus A33 = 1/c, for an isotropic material E (1 - nu) / ((1 + nu)(1 - 2 nu)) (Pa): what a thin
   confined layer sees; infinite, and left out, where the material is incompressible;
 - instantaneous and equilibrium modulus of a layer that relaxes from one to the other (Pa), E and E e(infinity);
-- stiffness dP/dw of the contact at the deepest point of the curve (N/m).
+- stiffness dP/dw of the contact at the deepest point of the curve (N/m);
+- pull-off force (N) and depth (m) of a contact that sticks.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.inference.adhesive_numbers import ADHESIVE
+from underlay.inference.model.forward_batch import batched_pull_offs
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.relaxation import Prony
@@ -29,6 +32,7 @@ DERIVED = {
     "instantaneous_modulus": Quantity("pressure", "instantaneous modulus of the {part}"),
     "equilibrium_modulus": Quantity("pressure", "equilibrium modulus of the {part}"),
     "stiffness": Quantity("stiffness", "contact stiffness at the deepest point"),
+    **ADHESIVE,
 }
 
 
@@ -68,8 +72,18 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
         stiffness, possible = _deepest_stiffness(member, flat)
         if possible:
             quantities[f"stiffness{suffix}"] = stiffness
+        for name, values in _pull_offs(member, flat).items():
+            quantities[f"adhesion.{name}{suffix}"] = values
     quantities |= relaxed_moduli(problem, flat)
     return {name: values.reshape(physical.shape[:-1]) for name, values in quantities.items()}
+
+
+def _pull_offs(member: Member, flat: FloatArray) -> dict[str, FloatArray]:
+    """Pull-off of a contact that sticks, where it can be had for all draws at once."""
+    if member.scene.adhesion is None:
+        return {}
+    found = batched_pull_offs(member.forward, member.values_of(flat), len(flat))
+    return {} if found is None else {"pull_off_force": found[0], "pull_off_depth": found[1]}
 
 
 def relaxed_moduli(problem: Problem, flat: FloatArray) -> dict[str, FloatArray]:

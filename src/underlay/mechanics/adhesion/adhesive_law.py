@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,20 +12,28 @@ from underlay._arrays import ArrayLike, FloatArray, as_finite, finite
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.adhesion.branch import AdhesiveBranch
 from underlay.mechanics.adhesion.stable_path import Jump, StablePath
-from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.contact_law import ContactLaw, ContactState
 
-__all__ = ["STATES", "AdhesiveLaw", "PullOff"]
+__all__ = ["STATES", "AdhesiveLaw", "in_touch"]
 
 #: Which states a law takes: see `JKR`.
 STATES = ("separating", "approaching", "cycle")
 
 
-class PullOff(NamedTuple):
-    """Where the last contact is lost: depth of the tip (m), force (N, negative) and contact radius (m)."""
+# Points of the equilibria that a picture draws.
+_DRAWN = 600
 
-    depth: float
-    force: float
-    radius: float
+
+def in_touch(states: str, travel: FloatArray, end: float | FloatArray) -> NDArray[np.bool_]:
+    """Whether there is contact at travels (..., n) that are reached in this order; it is lost at `end`."""
+    if states == "approaching":
+        return np.asarray(travel > 0.0)
+    if states == "separating":
+        return np.asarray(travel > end)
+    # In between the last that happened counts: a touch at zero, or the loss at `end`.
+    event = np.where(travel > 0.0, 1, np.where(travel <= end, -1, 0))
+    last = np.maximum.accumulate(np.where(event != 0, np.arange(travel.shape[-1]), -1), axis=-1)
+    return np.asarray((last >= 0) & (np.take_along_axis(event, np.maximum(last, 0), axis=-1) > 0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,18 +84,27 @@ class AdhesiveLaw(ContactLaw):
         """Depths (m) at which the contact radius jumps to another while the tip is withdrawn; mostly none."""
         return tuple(jump for jump in self.path.jumps if jump.inner)
 
-    def pull_off(self, compliance: float = 0.0) -> PullOff:
+    def pull_off(self, compliance: float = 0.0) -> ContactState:
         """Where the tip comes off behind a spring (m/N): 0 for a given depth, inf for a given load."""
         path = self._behind(compliance)
         here = self.branch.at(np.array([path.end_radius]))
-        return PullOff(float(here.depth[0]), float(here.force[0]), path.end_radius)
+        return ContactState(float(here.depth[0]), float(here.force[0]), path.end_radius)
 
-    def jump_in(self, compliance: float = 0.0) -> PullOff:
+    def jump_in(self, compliance: float = 0.0) -> ContactState:
         """State (depth, force, radius) right after the first touch behind a spring (m/N)."""
         path = self._behind(compliance)
         radius = path.radius(np.zeros(1))
         here = self.branch.at(radius)
-        return PullOff(float(here.depth[0]), float(here.force[0]), float(radius[0]))
+        return ContactState(float(here.depth[0]), float(here.force[0]), float(radius[0]))
+
+    def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
+        """See `ContactLaw`; from a tenth of the pull-off's radius outwards."""
+        widest = float(self.path.radius(np.array([max_depth]))[0])
+        narrowest = max(0.1 * self.path.end_radius, self.branch.start)
+        radius = np.geomspace(narrowest, widest, _DRAWN)
+        radius[0], radius[-1] = narrowest, widest  # to the last bit: beyond its ends a branch is not solved
+        here = self.branch.at(radius)
+        return here.depth, here.force
 
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
         """dP/d ln(work) (N) at fixed depth, (n,), at depths (m); zero where there is no contact.
@@ -145,7 +161,7 @@ class AdhesiveLaw(ContactLaw):
     def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray:
         """Depth (m) behind a spring of this compliance (m/N) at travels (m), (n,); the travel where it is off."""
         path = self._behind(compliance)
-        here = self._in_touch(travel, path.end)
+        here = in_touch(self.states, travel, path.end)
         depth = np.array(travel, dtype=np.float64)
         if here.any():
             depth[here] = self.branch.at(path.radius(depth[here])).depth
@@ -165,18 +181,7 @@ class AdhesiveLaw(ContactLaw):
         return self.branch.path(compliance, self.rtol)
 
     def _touching(self, depth: FloatArray) -> NDArray[np.bool_]:
-        return self._in_touch(depth, self.path.end)
-
-    def _in_touch(self, travel: FloatArray, end: float) -> NDArray[np.bool_]:
-        """Whether there is contact at travels (..., n) that are reached in this order; it is lost at `end`."""
-        if self.states == "approaching":
-            return np.asarray(travel > 0.0)
-        if self.states == "separating":
-            return np.asarray(travel > end)
-        # In between the last that happened counts: a touch at zero, or the loss at `end`.
-        event = np.where(travel > 0.0, 1, np.where(travel <= end, -1, 0))
-        last = np.maximum.accumulate(np.where(event != 0, np.arange(travel.shape[-1]), -1), axis=-1)
-        return np.asarray((last >= 0) & (np.take_along_axis(event, np.maximum(last, 0), axis=-1) > 0))
+        return in_touch(self.states, depth, self.path.end)
 
     def _force(self, depth: FloatArray) -> FloatArray:
         return self.branch.force_scale * np.sinh(self.path.values(depth)[0][:, 1])

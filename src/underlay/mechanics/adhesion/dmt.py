@@ -31,26 +31,16 @@ class DMTLaw(ContactLaw):
     ----------
     elastic : ContactLaw
         The law without adhesion.
-    pull_off_force : float
-        Attraction (N, positive): 2 pi R dgamma.
+    attraction : float
+        The pull (N, positive): 2 pi R dgamma.
     """
 
     elastic: ContactLaw
-    pull_off_force: float
-
-    @property
-    def pull_off_depth(self) -> float:
-        """Zero (m): the attraction beyond the contact is not modelled."""
-        return 0.0
-
-    @property
-    def zero_load_radius(self) -> float:
-        """Contact radius (m) at which the tip rests without load."""
-        return float(self.contact_radius(self.depth(0.0)))
+    attraction: float
 
     def work_slope(self, depth: FloatArray) -> FloatArray:
         """dP/d ln dgamma (N) at fixed depth, (n,), at depths (m)."""
-        return np.where(depth > 0.0, -self.pull_off_force, 0.0)
+        return np.where(depth > 0.0, -self.attraction, 0.0)
 
     @property
     def nodes(self) -> int | None:
@@ -63,10 +53,10 @@ class DMTLaw(ContactLaw):
 
     @property
     def _least_force(self) -> float:
-        return -self.pull_off_force
+        return -self.attraction
 
     def _force(self, depth: FloatArray) -> FloatArray:
-        return self.elastic._force(depth) - self.pull_off_force  # noqa: SLF001  as above
+        return self.elastic._force(depth) - self.attraction  # noqa: SLF001  as above
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
         return self.elastic._contact_radius(depth)  # noqa: SLF001  as above
@@ -106,7 +96,8 @@ class DMT(Adhesion):
                 f"DMT has no pull-off force for a {type(tip).__name__}: 2 pi R work holds for a paraboloid or a "
                 "sphere; use JKR(work), or Maugis(work, range) for an attraction of finite range"
             )
-        elastic = solver.law(replace(contact, adhesion=None), max(max_depth, 0.0))
+        attraction = 2.0 * float(np.pi) * tip.radius * self.work
+        elastic = _elastic(replace(contact, adhesion=None), max_depth, attraction, tip.radius, solver)
         return DMTLaw(
             method=elastic.method,
             reason=f"DMT; {elastic.reason}",
@@ -114,5 +105,18 @@ class DMT(Adhesion):
             error_estimate=elastic.error_estimate,
             warnings=elastic.warnings,
             elastic=elastic,
-            pull_off_force=2.0 * float(np.pi) * tip.radius * self.work,
+            attraction=attraction,
         )
+
+
+def _elastic(
+    contact: Contact, max_depth: float, attraction: float, radius: float, solver: BuildsElastic
+) -> ContactLaw:
+    """Elastic law that reaches `max_depth` (m), and the depth at which it balances the attraction (N)."""
+    balanced = (3.0 * attraction / (8.0 * contact.theta * np.sqrt(radius))) ** (2.0 / 3.0)  # on a half-space
+    depth = max(max_depth, float(balanced))
+    law = solver.law(contact, depth)
+    while float(law.force(depth)) < attraction:
+        depth *= 2.0
+        law = solver.law(contact, depth)
+    return law

@@ -20,6 +20,7 @@ the depth is given, dP/da = 0 when the force is, dP/da + k dw/da = 0 behind a sp
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -29,18 +30,21 @@ from underlay._arrays import FloatArray, positive
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.adhesion.adhesive_law import STATES, AdhesiveLaw
 from underlay.mechanics.adhesion.branch import AdhesiveBranch, BranchPoint
-from underlay.mechanics.adhesion.punch_law import adhesive_punch_law
+from underlay.mechanics.adhesion.jkr_table import JKRTable
 from underlay.mechanics.adhesion.radius_relation import (
     HalfspaceRelation,
     RadiusRelation,
     largest_radius,
     solve_relation,
 )
-from underlay.mechanics.contact import Adhesion, BuildsElastic, Contact
+from underlay.mechanics.adhesion.range_limit import range_limit
+from underlay.mechanics.contact import Adhesion, AdhesionTable, BuildsElastic, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.exact.law import ExactPunchLaw, exact_punch_law
 from underlay.mechanics.indenters import FlatPunch
 from underlay.quantities import one_of, quantity
+from underlay.units import format_quantity
 
 __all__ = ["JKR", "WORK", "JKRBranch", "elastic_tolerance", "jkr_branch"]
 
@@ -51,6 +55,8 @@ WORK = quantity("surface energy", "work of adhesion", symbol=r"\Delta\gamma", bo
 _HALFSPACE_RTOL = 1e-9
 # Of the reference radius: the branch's end is at 0.3 of it and more for every shape tried.
 _SMALLEST = 1e-3
+# What is said of the range of the attraction: to this accuracy, for this share of the force.
+_RANGE_RTOL, _RANGE_SHARE = 1e-4, 0.05
 # The radius is widened by this until the contact is wide enough.
 _WIDEN = 1.4
 
@@ -99,9 +105,9 @@ class JKR(Adhesion):
             If the contact would be wider than 20 thicknesses, or reach the end of the indenter's shape.
         """
         deepest, rtol = max(max_depth, 0.0), elastic_tolerance(solver)
-        body = contact if solver.sees_base else replace(contact, thickness=np.inf)
+        body = _body(contact, solver)
         if isinstance(contact.indenter, FlatPunch):
-            return adhesive_punch_law(body, self.work, deepest, rtol)
+            return _punch(body, self.work, deepest, rtol)
         branch = jkr_branch(body, self.work, deepest, rtol)
         path = branch.path(0.0, rtol)
         reason = f"JKR on the {'exact contact problem' if body.layered else 'half-space'}"
@@ -122,6 +128,36 @@ class JKR(Adhesion):
             path=path,
             rtol=rtol,
             states=self.branch,
+        )
+
+    def about_range(self, contact: Contact, solver: BuildsElastic) -> str:
+        """See `Adhesion`: how short the attraction must reach for JKR to hold, by (c - a)/a."""
+        if isinstance(contact.indenter, FlatPunch):
+            return ""
+        body = _body(contact, solver)
+        branch = jkr_branch(body, self.work, 0.0, _RANGE_RTOL)
+        radius = branch.path(np.inf, _RANGE_RTOL).radius(np.zeros(1))
+        elastic = float(branch.relation.at(radius).force[0])
+        limit = range_limit(body, self.work, float(radius[0]), elastic, _RANGE_SHARE)
+        where = f" at a/h = {radius[0] / body.thickness:.3g}" if body.layered else ""
+        return (
+            f"none is declared; JKR is right to {100.0 * _RANGE_SHARE:g} % (of what adhesion adds to the force of "
+            f"the unloaded contact) for an attraction that ends within "
+            f"{format_quantity(limit.separation, 'length')} of the surface, (c - a)/a = {limit.ring:.2g}{where}; "
+            "Maugis(work, range) computes with one that reaches further"
+        )
+
+    def table(
+        self, contact: Contact, contact_at: Callable[[float], Contact], solver: BuildsElastic
+    ) -> AdhesionTable | None:
+        """See `Adhesion`; none for a flat punch."""
+        if isinstance(contact.indenter, FlatPunch):
+            return None
+        return JKRTable(
+            lambda value: _body(contact_at(value), solver),
+            _body(contact, solver),
+            self.branch,
+            elastic_tolerance(solver),
         )
 
 
@@ -168,6 +204,11 @@ class JKRBranch(AdhesiveBranch):
         return -2.0 * np.pi * self.work * radius * radius_slope
 
 
+def _body(contact: Contact, solver: BuildsElastic) -> Contact:
+    """The contact as the solver sees it."""
+    return contact if solver.sees_base else replace(contact, thickness=np.inf)
+
+
 def elastic_tolerance(solver: BuildsElastic) -> float:
     """Relative error of a solver that adhesion can stand on.
 
@@ -210,8 +251,15 @@ def jkr_branch(contact: Contact, work: float, max_depth: float, rtol: float) -> 
         if grows and last.depth[0] >= max_depth and last.force[0] >= 0.0:
             return branch
         if end >= widest:
-            raise _too_wide(contact, float(last.depth[0]), float(last.force[0]), max_depth)
+            raise _too_wide(branch, contact, max_depth)
         end = min(_WIDEN * end, widest)
+
+
+def _punch(contact: Contact, work: float, max_depth: float, rtol: float) -> ExactPunchLaw:
+    """Kendall's flat punch: the elastic law down to w = -q, where it comes off at once."""
+    law = exact_punch_law(contact, max_depth, rtol)
+    pull = float(np.sqrt(np.pi * law.radius * work / contact.theta)) / law.edge
+    return replace(law, reason=f"JKR with a flat punch (Kendall); {law.reason}", lowest=-pull)
 
 
 def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: float, widest: float) -> float:
@@ -226,18 +274,24 @@ def _halfspace_end(contact: Contact, work: float, max_depth: float, reference: f
     return end
 
 
-def _too_wide(contact: Contact, depth: float, force: float, asked: float) -> RangeError:
+def _too_wide(branch: JKRBranch, contact: Contact, asked: float) -> RangeError:
+    """What is named when no contact is wide enough: the largest depth, or the largest work of adhesion."""
+    edge = np.array([branch.end])
+    last, elastic = branch.at(edge), branch.relation.at(edge)
     shape = contact.indenter.max_radius <= largest_radius(contact)
     why = (
         "the contact reaches the end of the indenter's shape; use a larger radius"
         if shape
         else "the contact radius is 20 thicknesses; use a thicker layer or the half-space law of the substrate"
     )
-    if force < 0.0:
+    if last.force[0] < 0.0:
+        # What adhesion takes from the force goes with the root of the work.
+        most = branch.work * float(elastic.force[0] / (elastic.force[0] - last.force[0])) ** 2
         return RangeError(
-            f"adhesion alone draws the tip in until {why}, or declare a smaller work of adhesion"
+            f"a work of adhesion of {branch.work:.4g} J/m^2 draws the tip in until {why}, or declare no more than "
+            f"{most:.4g} J/m^2"
         )
     return RangeError(
-        f"depth {asked:.6g} m is beyond the largest that works here, {depth:.6g} m: there {why}",
-        max_depth=depth,
+        f"depth {asked:.6g} m is beyond the largest that works here, {last.depth[0]:.6g} m: there {why}",
+        max_depth=float(last.depth[0]),
     )

@@ -42,7 +42,6 @@ __all__ = [
     "RadiusRelation",
     "kernel_rule",
     "largest_radius",
-    "punch_factors",
     "solve_relation",
 ]
 
@@ -200,16 +199,6 @@ def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelati
                 halfspace, contact.thickness, radius, stretch, coefficients, error + fine, resolution.radial
             )
         terms += terms // 2
-
-
-def punch_factors(contact: Contact, radius: float, rtol: float) -> tuple[float, float]:
-    """(kappa, g(1)) at one contact radius (m)."""
-    if not contact.layered:
-        return 1.0, 1.0
-    eps = radius / contact.thickness
-    resolution = proved_resolution(contact.kernel, eps, rtol)
-    punch = PunchSolution.solve(contact.kernel, np.array([eps]), resolution)
-    return float(punch.kappa[0]), 1.0 + float(punch.rho[0] @ punch.rule.weights)
 
 
 def kernel_rule(contact: Contact, radius: float, rtol: float) -> tuple[FloatArray, FloatArray]:

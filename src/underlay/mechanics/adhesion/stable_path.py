@@ -10,7 +10,7 @@ and cubic splines give it back. What y is (depth, force, or the travel of a spri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
@@ -19,6 +19,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from underlay._arrays import FloatArray
+from underlay.errors import RangeError
 
 __all__ = ["Curve", "Jump", "StablePath", "stable_path"]
 
@@ -116,6 +117,11 @@ def stable_path(
         Radii (m), (n,), to further columns (n, k).
     rtol : float
         Relative error of the interpolation.
+
+    Raises
+    ------
+    RangeError
+        If y has no minimum on `grid`.
     """
     y = curve(grid)[0]
     outside = np.append(np.minimum.accumulate(y[::-1])[::-1][1:], np.inf)
@@ -153,7 +159,12 @@ def _piece(curve: Curve, lower: float, upper: float, columns: Columns | None, rt
 
 def _minimum(curve: Curve, grid: FloatArray, start: int) -> float:
     """Radius of the minimum of y next to grid point `start`."""
-    low, high = grid[max(start - 1, 0)], grid[min(start + 1, grid.size - 1)]
+    if start == 0:
+        raise RangeError(
+            f"the contact holds down to the smallest radius that is solved for, {grid[0]:.4g} m: it has no "
+            "pull-off of its own, as with DMT; an attraction that reaches so far calls for DMT(work)"
+        )
+    low, high = grid[start - 1], grid[min(start + 1, grid.size - 1)]
 
     def slope(radius: float) -> float:
         return float(curve(np.array([radius]))[1][0])
@@ -168,8 +179,3 @@ def _crossing(curve: Curve, level: float, low: float, high: float) -> float:
         return float(curve(np.array([radius]))[0][0]) - level
 
     return float(brentq(excess, low, high, xtol=1e-15 * high, rtol=1e-14))
-
-
-def all_jumps(paths: Sequence[StablePath]) -> tuple[Jump, ...]:
-    """Jumps of several paths that end in another contact, not in none."""
-    return tuple(jump for path in paths for jump in path.jumps if jump.inner)

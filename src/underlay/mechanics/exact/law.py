@@ -21,7 +21,7 @@ from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape
 
-__all__ = ["ExactLaw", "ExactPunchLaw", "exact_law"]
+__all__ = ["ExactLaw", "ExactPunchLaw", "exact_law", "exact_punch_law"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,13 +99,28 @@ class ExactPunchLaw(ContactLaw):
         Of the punch (m).
     incremental : float
         dP/dw (N/m), (9.1).
+    edge : float
+        g(1), the solution at the edge: what adhesion pulls on.
     resolution : Resolution
         Nodes of the solution.
+    lowest : float, default 0
+        Depth (m) at which the punch comes off, whether depth or load is given: negative where it sticks.
     """
 
     radius: float
     incremental: float
+    edge: float
     resolution: Resolution
+    lowest: float = 0.0
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """From where it comes off to `max_depth` (m)."""
+        return self.lowest, self.max_depth
+
+    def work_slope(self, depth: FloatArray) -> FloatArray:
+        """dP/d ln dgamma (N) at fixed depth: zero, the work of adhesion moves the pull-off alone."""
+        return np.zeros_like(depth)
 
     @property
     def nodes(self) -> int:
@@ -159,7 +174,7 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     """
     indenter = contact.indenter
     if isinstance(indenter, FlatPunch):
-        return _punch_law(indenter, contact, max_depth, rtol)
+        return exact_punch_law(contact, max_depth, rtol)
     length = contact.thickness
     if length == np.inf:
         length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
@@ -190,21 +205,24 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     )
 
 
-def _punch_law(indenter: FlatPunch, contact: Contact, max_depth: float, rtol: float) -> ExactPunchLaw:
-    eps = indenter.radius / contact.thickness
+def exact_punch_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> ExactPunchLaw:
+    """`exact_law` of a contact with a flat punch."""
+    radius = contact.indenter.max_radius
+    eps = radius / contact.thickness
     if eps > LARGEST_EPS:
         raise RangeError(
             f"the punch's radius is {eps:.4g} layer thicknesses, and {LARGEST_EPS:g} is the most that works "
             "here: use a smaller punch or, for contacts wider still, the half-space law of the substrate"
         )
     resolution = proved_resolution(contact.kernel, eps, rtol)
-    kappa = float(PunchSolution.solve(contact.kernel, np.array([eps]), resolution).kappa[0])
+    punch = PunchSolution.solve(contact.kernel, np.array([eps]), resolution)
     return ExactPunchLaw(
         method="exact",
         reason=f"exact contact problem, a/h = {eps:.3g}, {resolution.radial} nodes",
         max_depth=max_depth,
         error_estimate=0.3 * rtol,
-        radius=indenter.radius,
-        incremental=4.0 * contact.theta * indenter.radius * kappa,
+        radius=radius,
+        incremental=4.0 * contact.theta * radius * float(punch.kappa[0]),
+        edge=1.0 + float(punch.rho[0] @ punch.rule.weights),
         resolution=resolution,
     )

@@ -1,6 +1,7 @@
 """Pictures: each function takes ``ax=`` (or makes one), draws, and returns the axes; none shows a window."""
 
 from underlay.report.plots.accuracy import accuracy_cost
+from underlay.report.plots.adhesion import adhesion
 from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
 from underlay.report.plots.effects import effects
@@ -20,6 +21,7 @@ from underlay.report.plots.survey import survey, verdicts
 
 __all__ = [
     "accuracy_cost",
+    "adhesion",
     "corner",
     "correlations",
     "effects",

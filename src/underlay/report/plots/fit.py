@@ -41,8 +41,9 @@ def fit(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
     """
     measured, scene = result.curves[curve], result.scenes[curve]
     depth, time = np.linspace(measured.depth.min(), measured.depth.max(), 400), None
-    if scene.memory is not None:
-        depth, time = measured.depth, measured.time  # between the points nobody knows the time
+    if scene.memory is not None or scene.adhesion is not None:
+        # Between the points nobody knows the time, nor whether the tip is on its way in or out.
+        depth, time = measured.depth, measured.time
     length, mm = unit_for(measured.depth, "length")
     with style():
         upper, lower, newton = _measured(result, curve, measured.depth / mm, ax)
@@ -111,4 +112,4 @@ def _measured(result: Fit, curve: int, x: FloatArray, ax: Axes | None) -> tuple[
 def halfspace_of(scene: Scene) -> Scene:
     """Return the scene with the layer made infinitely thick: what a half-space formula assumes."""
     layer = Layer(scene.layer.material, relaxation=scene.layer.relaxation)
-    return Scene(scene.indenter, layer, None, scene.instrument, scene.history)
+    return Scene(scene.indenter, layer, None, scene.instrument, scene.history, adhesion=scene.adhesion)

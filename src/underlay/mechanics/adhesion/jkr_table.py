@@ -1,0 +1,300 @@
+"""JKR for many parameter sets at once: one tip, any work of adhesion, any depths, one ratio of moduli.
+
+The elastic contact does not know the work of adhesion. So the four functions of its radius that JKR needs,
+
+    w_el,   Q = sqrt(pi a/theta)/g(1),   P_el,   K = 4 theta a kappa,
+
+are tabulated once over ln a, and a set of the work dgamma is the curve w = w_el - sqrt(dgamma) Q and
+P = P_el - sqrt(dgamma) K Q. Behind a spring of compliance C the travel of its other end is y = w + C P. A set's
+contact radius at a given travel is the root of y(a) beyond the minimum of y, by Newton's method for all sets and
+points together; the minimum is where the tip comes off.
+
+The logarithms of the four are interpolated by cubics that have their values and slopes at the nodes
+(`punch_nodes`). The radii at which tables end, and the spans of the ratio, are fixed numbers: a set's answer does
+not depend on the sets beside it. Branches with more than one stable piece, and adhesion that is tiny against the
+load, are left to the single law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.mechanics.adhesion.adhesive_law import in_touch
+from underlay.mechanics.adhesion.punch_nodes import Columns, PunchNodes, Quantity, Span
+from underlay.mechanics.adhesion.radius_relation import largest_radius
+from underlay.mechanics.contact import AdhesionTable, AdhesiveReadings, Contact
+from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.indenters import PowerLawShape
+
+__all__ = ["JKRTable"]
+
+# Of the radius at zero depth on a half-space: a set whose table does not reach this far down is left out.
+_LOWEST = 0.03
+# Newton from the chord, or from the parabola at the end of the branch, takes three or four steps. One of less than
+# _CLOSE in ln a squares to below the rounding of the next.
+_STEPS, _CLOSE = 40, 1e-8
+
+
+@dataclass(frozen=True)
+class _Sets:
+    """Curves of some sets on their tables.
+
+    Parameters
+    ----------
+    nodes : PunchNodes
+        The tables, one for all or one for each set.
+    table : ndarray
+        Which of them, for each entry.
+    root_work : ndarray
+        sqrt(dgamma) of each.
+    compliance : ndarray
+        Of the spring (m/N) of each.
+    """
+
+    nodes: PunchNodes
+    table: NDArray[np.intp]
+    root_work: FloatArray
+    compliance: FloatArray
+
+    def of(self, rows: NDArray[np.intp] | tuple[slice, None]) -> _Sets:
+        """One set for each entry of `rows`."""
+        return _Sets(self.nodes, self.table[rows], self.root_work[rows], self.compliance[rows])
+
+    def columns(self, log_radius: FloatArray) -> Columns:
+        """The four functions at ln a."""
+        return Columns(self.nodes, self.table, log_radius)
+
+    def force(self, here: Columns) -> tuple[FloatArray, FloatArray]:
+        """P and dP/d ln a."""
+        force, pull, stiffness = (here.at(i) for i in (Quantity.FORCE, Quantity.PULL, Quantity.STIFFNESS))
+        product = stiffness[0] * pull[0]
+        slope = stiffness[1] * pull[0] + stiffness[0] * pull[1]
+        return force[0] - self.root_work * product, force[1] - self.root_work * slope
+
+    def depth(self, here: Columns) -> tuple[FloatArray, FloatArray]:
+        """The depth w and dw/d ln a."""
+        depth, pull = here.at(Quantity.DEPTH), here.at(Quantity.PULL)
+        return depth[0] - self.root_work * pull[0], depth[1] - self.root_work * pull[1]
+
+    def travel(self, log_radius: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The travel y = w + C P and dy/d ln a; the force where the load is given."""
+        here = self.columns(log_radius)
+        if np.isinf(self.compliance).all():
+            return self.force(here)
+        depth = self.depth(here)
+        if not self.compliance.any():
+            return depth
+        force = self.force(here)
+        return depth[0] + self.compliance * force[0], depth[1] + self.compliance * force[1]
+
+
+@dataclass(frozen=True)
+class JKRTable(AdhesionTable):
+    """JKR with one tip on one body, for any work of adhesion.
+
+    Parameters
+    ----------
+    contact_at : callable
+        The contact at a value of the ratio of moduli that varies; the same whatever the value where none does.
+    contact : Contact
+        One of these.
+    states : str
+        Which states are taken; see `JKR`.
+    rtol : float
+        Relative error of the elastic solution.
+    spans : dict
+        Tables that were asked for, by the octave of the radius at which they end and the span of the ratio; filled
+        as they are needed.
+    """
+
+    contact_at: Callable[[float], Contact]
+    contact: Contact
+    states: str
+    rtol: float
+    spans: dict[tuple[int, int], Span | None] = field(default_factory=dict, repr=False, compare=False)
+
+    def readings(
+        self, work: FloatArray, travel: FloatArray, compliance: FloatArray, ratio: FloatArray | None
+    ) -> AdhesiveReadings:
+        """See `AdhesionTable`."""
+        found = AdhesiveReadings.empty(*travel.shape)
+        for rows, sets, wide in self._groups(work, np.maximum(travel.max(axis=1), 0.0), compliance, ratio):
+            self._solve(sets, rows, wide, travel, found)
+        return found
+
+    def pull_offs(self, work: FloatArray, ratio: FloatArray | None) -> FloatArray:
+        """See `AdhesionTable`."""
+        found, shallow = np.full((2, work.size), np.nan), np.zeros(work.size)
+        for compliance, sign, row in ((np.inf, -1.0, found[0]), (0.0, 1.0, found[1])):
+            held = np.full(work.size, compliance)
+            for rows, sets, wide in self._groups(work, shallow, held, ratio):
+                _, least, good = self._branches(sets, wide)
+                row[rows[good]] = sign * _ends_of(sets.of(good), least[good])[1]
+        return found
+
+    def _groups(
+        self, work: FloatArray, deepest: FloatArray, compliance: FloatArray, ratio: FloatArray | None
+    ) -> Iterator[tuple[NDArray[np.intp], _Sets, NDArray[np.bool_]]]:
+        """Sets that share a table, and which of them it is wide enough for; the others come again with a wider."""
+        octave = self._first_octaves(work, deepest)
+        cells = Span.numbers(work.size, ratio)
+        waiting = np.ones(work.size, dtype=bool)
+        while waiting.any():
+            first = np.flatnonzero(waiting)[0]
+            key = (int(octave[first]), int(cells[first]))
+            rows = np.flatnonzero(waiting & (octave == key[0]) & (cells == key[1]))
+            span = self._span(*key, varies=ratio is not None)
+            wide = np.zeros(rows.size, dtype=bool)
+            if span is not None:
+                nodes, table = span.nodes(rows.size, None if ratio is None else ratio[rows])
+                sets = _Sets(nodes, table, np.sqrt(work[rows]), compliance[rows])
+                wide = _reaches(sets, deepest[rows])
+                yield rows, sets, wide
+            waiting[rows[wide]] = False
+            octave[rows[~wide]] += 1
+            if span is None or self._is_last(key[0]):
+                waiting[rows] = False
+
+    def _first_octaves(self, work: FloatArray, deepest: FloatArray) -> NDArray[np.intp]:
+        """Octaves of the radius that each set needs on a half-space; the layer may ask for more."""
+        measure = depth_measure(self.contact.indenter)
+        wide = np.maximum(1.2 * self._reference(measure, work), measure.halfspace_radius(deepest))
+        octave = np.ceil(np.log2(wide / self._unit))
+        return (np.minimum(octave, 0.0) if self._ends else octave).astype(np.intp)
+
+    def _reference(self, measure: PowerLawShape, work: FloatArray) -> FloatArray:
+        """Radii (m) of zero depth on a half-space."""
+        drop = np.sqrt(np.pi * work / self.contact.theta) / measure.abel_coefficient
+        return np.asarray(drop ** (1.0 / (measure.exponent - 0.5)))
+
+    @property
+    def _ends(self) -> bool:
+        return bool(np.isfinite(largest_radius(self.contact)))
+
+    @property
+    def _unit(self) -> float:
+        """Radius (m) at which octave 0 ends: the largest there is, or a metre where there is none."""
+        return largest_radius(self.contact) if self._ends else 1.0
+
+    def _is_last(self, number: int) -> bool:
+        return self._ends and number >= 0
+
+    def _span(self, octave: int, cell: int, *, varies: bool) -> Span | None:
+        """Tables that end at the radius of this octave; None where there is no solution."""
+        key = (octave, cell)
+        if key not in self.spans:
+            end = self._unit * 2.0**octave
+            contact_at = self.contact_at if varies else lambda _: self.contact
+            self.spans[key] = Span.solve(contact_at, end, self.rtol, cell if varies else None)
+        return self.spans[key]
+
+    def _branches(
+        self, sets: _Sets, wide: NDArray[np.bool_]
+    ) -> tuple[FloatArray, NDArray[np.intp], NDArray[np.intp]]:
+        """The travel at the nodes, where it is least, and the sets that have one stable branch from there."""
+        grid = sets.nodes.log_radius
+        y = sets.of((slice(None), None)).travel(grid)[0]
+        least = y.argmin(axis=1)
+        rising = (np.diff(y, axis=1) > 0.0) | (np.arange(grid.size - 1) < least[:, None])
+        lowest = np.log(_LOWEST * self._reference(depth_measure(self.contact.indenter), sets.root_work**2))
+        good = np.flatnonzero(wide & (least > 0) & rising.all(axis=1) & (lowest > grid[0]))
+        return y, least, good
+
+    def _solve(
+        self,
+        sets: _Sets,
+        rows: NDArray[np.intp],
+        wide: NDArray[np.bool_],
+        travel: FloatArray,
+        found: AdhesiveReadings,
+    ) -> None:
+        """Put the readings of those sets into `found` that the table is wide enough for and has one branch of."""
+        y, least, good = self._branches(sets, wide)
+        if not good.size:
+            return
+        grid = sets.nodes.log_radius
+        sets, rows, y, least = sets.of(good), rows[good], y[good], least[good]
+        end, start = _ends_of(sets, least)
+        which, point = np.nonzero(in_touch(self.states, travel[rows], start[:, None]))
+        own, target = sets.of(which), travel[rows[which], point]
+        here = own.columns(_roots(own, target, _brackets(grid, y, end, start, which, target)))
+        force, depth = own.force(here), own.depth(here)
+        found.force[rows[which], point] = force[0]
+        found.stiffness[rows[which], point] = force[1] / depth[1]
+        found.possible[rows] = True
+
+
+def _reaches(sets: _Sets, deepest: FloatArray) -> NDArray[np.bool_]:
+    """Whether the widest contact of the table lies beyond the deepest point and bears a load, as for one law."""
+    here = sets.columns(np.full(sets.root_work.size, sets.nodes.log_radius[-1]))
+    depth, force = sets.depth(here), sets.force(here)
+    return (depth[1] > 0.0) & (force[1] > 0.0) & (depth[0] >= deepest) & (force[0] >= 0.0)
+
+
+def _ends_of(sets: _Sets, least: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+    """ln a and y where y is least, from the node at which it is: dy/d ln a = 0 by the regula falsi of Illinois."""
+    grid = sets.nodes.log_radius
+    low, high = grid[least - 1], grid[np.minimum(least + 1, grid.size - 1)]
+    below, above = sets.travel(low)[1], sets.travel(high)[1]
+    side, x = np.zeros(least.size), low
+    for _ in range(_STEPS):
+        previous, x = x, low - below * (high - low) / (above - below)
+        if (np.abs(x - previous) <= _CLOSE).all():
+            break
+        slope = sets.travel(x)[1]
+        over = slope > 0.0
+        # The end that stays twice is given half its weight.
+        below = np.where(over, np.where(side == 1.0, 0.5 * below, below), slope)
+        above = np.where(over, slope, np.where(side == -1.0, 0.5 * above, above))
+        low, high, side = np.where(over, low, x), np.where(over, x, high), np.where(over, 1.0, -1.0)
+    return x, sets.travel(x)[0]
+
+
+def _brackets(
+    grid: FloatArray,
+    y: FloatArray,
+    end: FloatArray,
+    start: FloatArray,
+    which: NDArray[np.intp],
+    target: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """ln a below and above each root, and a first guess."""
+    upper = np.empty(target.size, dtype=np.intp)
+    edges = np.searchsorted(which, np.arange(y.shape[0] + 1))
+    for row, (first, last) in enumerate(pairwise(edges.tolist())):
+        least = int(np.searchsorted(grid, end[row], side="right"))
+        upper[first:last] = least + np.searchsorted(y[row, least:-1], target[first:last])
+    below = np.maximum(upper - 1, 0)
+    at_end = grid[below] <= end[which]
+    low = np.where(at_end, end[which], grid[below])
+    y_low, y_high = np.where(at_end, start[which], y[which, below]), y[which, upper]
+    share = (target - y_low) / (y_high - y_low)
+    return (
+        low,
+        grid[upper],
+        low + (grid[upper] - low) * np.where(at_end, np.sqrt(np.maximum(share, 0.0)), share),
+    )
+
+
+def _roots(
+    sets: _Sets, target: FloatArray, brackets: tuple[FloatArray, FloatArray, FloatArray]
+) -> FloatArray:
+    """ln a at which each set's travel is `target`, by Newton's method inside the brackets."""
+    low, high, x = brackets
+    for _ in range(_STEPS):
+        value, slope = sets.travel(x)
+        over = value > target
+        low, high = np.where(over, low, x), np.where(over, x, high)
+        trial = x - np.divide(value - target, slope, out=np.full_like(x, np.inf), where=slope > 0.0)
+        new = np.where((trial >= low) & (trial <= high), trial, 0.5 * (low + high))
+        settled = bool((np.abs(new - x) <= _CLOSE).all())
+        x = new
+        if settled:
+            break
+    return x

@@ -1,0 +1,118 @@
+"""Tables and the part of a page on a contact that sticks."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from underlay.inference.adhesive_numbers import adhesive_estimates
+from underlay.inference.sampling.derived import kind_of_quantity
+from underlay.report.labels import label
+from underlay.report.notebook import Cell, filled
+from underlay.report.tables import labelled_table
+from underlay.report.words import quantity_with_interval
+from underlay.units import format_quantity, human_unit
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from underlay.inference.least_squares.fit_result import Fit
+    from underlay.scene.scene import Scene
+
+__all__ = ["adhesion_frame", "adhesion_part", "adhesion_table", "halfspace_sentence"]
+
+# Over pi R w, on a half-space.
+_HALF_SPACE = 1.5
+
+
+def adhesion_frame(result: Fit) -> pd.DataFrame:
+    """Return what follows from the adhesion of each curve, as numbers; empty where nothing sticks.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``quantity``, ``value``, its 95 % interval ``low`` to ``high``, ``unit``, and ``curve`` where there are
+        several.
+    """
+    rows = []
+    for number in range(len(result.curves)):
+        for known in adhesive_estimates(result, number):
+            unit, factor = human_unit(known.value, kind_of_quantity(known.name))
+            low, high = known.low / factor, known.high / factor
+            row = {
+                "quantity": known.name,
+                "value": known.value / factor,
+                "low": low,
+                "high": high,
+                "unit": unit,
+            }
+            rows.append(row | ({"curve": number + 1} if len(result.curves) > 1 else {}))
+    return pd.DataFrame(rows)
+
+
+def adhesion_table(result: Fit, curve: int = 0) -> pd.DataFrame:
+    """Return what follows from the adhesion of one curve, as text: pull-off, jumps, and the half-space's 3/2."""
+    scene = result.scenes[curve]
+    rows = []
+    for known in adhesive_estimates(result, curve):
+        kind = kind_of_quantity(known.name)
+        value = (
+            quantity_with_interval(known.value, known.low, known.high, kind)
+            if math.isfinite(known.low)
+            else format_quantity(known.value, kind)
+        )
+        rows.append({"quantity": label(known.name), "value (95 % interval)": value, "of": _HELD[known.name]})
+    law = scene.contact_law(0.0, solver=result.solver)
+    compliance = scene.instrument.compliance
+    for words, state in (
+        ("the tip comes off", law.pull_off(compliance)),
+        ("after the first touch", law.jump_in(compliance)),
+    ):
+        rows.append(
+            {
+                "quantity": words,
+                "value (95 % interval)": (
+                    f"at {format_quantity(state.depth, 'length')} under {format_quantity(state.force, 'force')}, "
+                    f"contact radius {format_quantity(state.radius, 'length')}"
+                ),
+                "of": "this instrument" if compliance else "a stiff instrument",
+            }
+        )
+    return labelled_table(rows)
+
+
+_HELD = {
+    "adhesion.pull_off_force": "a given load",
+    "adhesion.pull_off_depth": "a given depth",
+    "adhesion.zero_load_radius": "no load",
+}
+
+
+def halfspace_sentence(scene: Scene, pull_off_force: float) -> str:
+    """Say what work of adhesion the formula 3/2 pi R w of the half-space would read from a pull-off force (N).
+
+    Empty on a half-space, for a tip that is neither paraboloid nor sphere, and without JKR.
+    """
+    radius, adhesion = scene.parameters.get("indenter.radius"), scene.adhesion
+    rounded = scene.indenter.shape in ("paraboloid", "sphere")
+    if (
+        radius is None
+        or adhesion is None
+        or adhesion.model != "jkr"
+        or not rounded
+        or scene.substrate is None
+    ):
+        return ""
+    read, work = pull_off_force / (_HALF_SPACE * math.pi * radius), scene.parameters["adhesion.work"]
+    return (
+        f"Read from this pull-off force as 3/2 pi R w, which holds on a half-space, the work of adhesion would be "
+        f"{format_quantity(read, 'surface energy')}: {100.0 * (read / work - 1.0):+.2g} % against "
+        f"the {format_quantity(work, 'surface energy')} found on this layer."
+    )
+
+
+def adhesion_part(scenes: Sequence[Scene]) -> tuple[Cell, ...]:
+    """Return the part of a notebook on adhesion; nothing where nothing sticks."""
+    return filled("adhesion", {}) if any(scene.adhesion is not None for scene in scenes) else ()
