@@ -31,6 +31,8 @@ from underlay.scene.chain import ContactPoint
 __all__ = ["Averaged", "average"]
 
 _MOST_PASSES = 3
+# A shift whose square, what a linear model leaves out, is below this share of a standard deviation is not followed.
+_STRAIGHT = 0.2
 # Below this probability of no jump other contacts are tried, at these shares of the depth of contact.
 _JUMP_LIKELY = 0.5
 _CONTACTS = (-0.08, -0.04, 0.04, 0.08)
@@ -85,14 +87,13 @@ class Averaged:
     def valley(self) -> Valley:
         """Profiles under the heaviest combination, every parameter free; raises InputError without a law."""
         free = self.blocked.released()
-        combination = _combination(self.competition)
+        combination = Combination.of(self.competition, self.competition.heaviest)
         return Valley(free, combination, descend(free, self.vector, combination))
 
-    def deviation(self, index: int) -> float:
-        """Standard deviation of an entry under the heaviest combination."""
-        kept = np.zeros(self.competition.weights.shape, dtype=bool)
-        kept[self.competition.heaviest] = True
-        return float(np.sqrt(self.competition.covariance(kept)[0, index, index]))
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviations of the scaled vector under the heaviest combination, (k,)."""
+        return _deviations(self.competition, self.competition.heaviest)[: len(self.vector)]
 
     def least_z(self, level: float) -> float:
         """Standard deviations from the optimum to an end, were the heaviest combination the only one."""
@@ -101,26 +102,34 @@ class Averaged:
     @property
     def drifts(self) -> list[float]:
         """Relative change of the law from contact to the deepest point, one per curve, of the likeliest drift."""
-        return [
-            float(own[:DRIFTS] @ (1.0 / np.arange(1, DRIFTS + 1))) * scatter / peak
-            for own, scatter, peak in self._misfits
-        ]
+        return [float(own[:DRIFTS] @ (1.0 / np.arange(1, DRIFTS + 1))) for own in self._misfits]
 
     @property
     def jumps(self) -> list[float]:
         """Force (N) that sets in about contact, one per curve, of the likeliest jump."""
-        return [float(own[DRIFTS:].sum()) / JUMPS**0.5 * scatter for own, scatter, _ in self._misfits]
+        return [
+            float(own[DRIFTS : DRIFTS + JUMPS].sum()) / JUMPS**0.5 * curve.member.scatter
+            for own, curve in zip(self._misfits, self.blocked.curves, strict=True)
+        ]
+
+    def moved_by(self, index: int, drift: float) -> float:
+        """Shift of an entry (scaled) if the law stiffens by the share `drift` to full depth, and nobody knows.
+
+        Linear in depth, as finite strain and a base would.
+        """
+        model = self.blocked.linearised(self.vector)
+        free = [i for i in range(len(self.vector)) if i not in self.blocked.held]
+        jacobian = np.vstack([part.jacobian[:, free] for part in model.parts])
+        # The second column is P w / (2 w_max).
+        added = np.concatenate([2.0 * drift * part.drift[:, 1] for part in model.parts])
+        shift = np.linalg.lstsq(jacobian, added, rcond=None)[0]
+        return float(shift[free.index(index)]) if index in free else 0.0
 
     @property
-    def _misfits(self) -> list[tuple[FloatArray, float, float]]:
-        """Columns of drift and jump, scatter (N) and largest contact force (N) of every curve."""
-        competition, curves = self.competition, self.blocked.curves
-        own = competition.shift[competition.heaviest][competition.parameters :]
-        physical = self.blocked.problem.physical(self.vector)
-        return [
-            (part, curve.member.scatter, curve.largest_force(physical))
-            for part, curve in zip(np.split(own, len(curves)), curves, strict=True)
-        ]
+    def _misfits(self) -> list[FloatArray]:
+        """Drift, jump and ramp of every curve, of the heaviest combination."""
+        own = self.competition.shift[self.competition.heaviest][self.competition.parameters :]
+        return np.split(own, len(self.blocked.curves))
 
     @property
     def exact_law(self) -> float:
@@ -165,12 +174,12 @@ def average(
     InputError
         If there is no contact law at the vector.
     """
-    sizes = sizes or Sizes()
+    sizes = sizes or Sizes.of(problem)
     blocked = Blocked.of(problem, vector, held)
     first = _settled(blocked, vector, sizes)
     optima = [first, *(_settled(blocked, other, sizes) for other in others)]
     if first[1].no_jump < _JUMP_LIKELY:
-        optima += [_settled(blocked, start, sizes) for start in _other_contacts(problem, blocked, first[0])]
+        optima += [_settled(blocked, other, sizes) for other in _at_other_contacts(blocked, *first)]
     return Averaged(blocked, _distinct(optima))
 
 
@@ -178,21 +187,35 @@ def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> tuple[FloatA
     """Optimum of the heaviest combination, from a start, and the weights about it."""
     competition = Competition.of(blocked.linearised(vector), sizes)
     for _ in range(_MOST_PASSES):
-        chosen = competition.heaviest
-        vector = descend(blocked, vector, _combination(competition)).vector
-        competition = Competition.of(blocked.linearised(vector), sizes)
-        if competition.heaviest == chosen:
+        at, k = competition.heaviest, len(vector)
+        shift, deviation = competition.shift[at][:k], _deviations(competition, at)[:k]
+        if (shift * shift <= _STRAIGHT * deviation).all():
             break
+        vector = descend(blocked, vector, Combination.of(competition, at)).vector
+        competition = Competition.of(blocked.linearised(vector), sizes)
     return vector, competition
 
 
-def _combination(competition: Competition) -> Combination:
-    noise, column = competition.heaviest
-    return Combination(competition.noises[noise], competition.sizes.scales_of(column))
+def _deviations(competition: Competition, at: int) -> FloatArray:
+    return np.asarray(np.sqrt(np.diagonal(competition.covariance[at])))
 
 
-def _other_contacts(problem: Problem, blocked: Blocked, vector: FloatArray) -> list[FloatArray]:
+def _at_other_contacts(blocked: Blocked, vector: FloatArray, competition: Competition) -> list[FloatArray]:
+    """Further optima of the likeliest combination with a jump, begun with the contact point elsewhere."""
+    jumping = np.where(competition.amounts[:, 1] > 0.0, competition.weights, 0.0)
+    at = int(np.argmax(jumping))
+    deviation = _deviations(competition, at)[: len(vector)]
+    found = [vector]
+    for start in _other_contacts(blocked, vector):
+        other = descend(blocked, start, Combination.of(competition, at)).vector
+        if all((np.abs(other - known) > _APART * deviation).any() for known in found):
+            found.append(other)
+    return found[1:]
+
+
+def _other_contacts(blocked: Blocked, vector: FloatArray) -> list[FloatArray]:
     """Starts with the contact point elsewhere, inside the bounds; none where it is known."""
+    problem = blocked.problem
     physical = problem.physical(vector)
     starts = []
     for share in _CONTACTS:

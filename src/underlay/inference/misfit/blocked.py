@@ -15,7 +15,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
-from underlay.inference.misfit.linearised import Linearised, Part, drift_columns, jump_columns
+from underlay.inference.misfit.linearised import Linearised, Part, drift_columns, jump_columns, ramp_column
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
@@ -130,10 +130,6 @@ class BlockedCurve:
         laws = replace(laws, solver=laws.solver.with_tolerance(_COARSE), store=LawStore())
         return replace(self, forward=replace(self.forward, laws=laws))
 
-    def largest_force(self, physical: FloatArray) -> float:
-        """Largest contact force (N) at a physical vector (k,)."""
-        return float(np.abs(self.forward.reading(self.member.values_at(physical)).contact).max())
-
     def part(self, physical: FloatArray, slopes: FloatArray, errors: tuple[KnownError, ...] = ()) -> Part:
         """Model about a physical vector (k,), whose slopes are dx/dq (k,); raises InputError without a law."""
         values = self.member.values_at(physical)
@@ -152,7 +148,8 @@ class BlockedCurve:
         return Part(
             (reading.force - self.force) / scatter,
             columns / scatter,
-            drift_columns(reading.contact, depth),
+            drift_columns(reading.contact / scatter, depth),
             jump_columns(depth),
+            ramp_column(reading.contact / scatter, self.time),
             self.time,
         )

@@ -21,13 +21,14 @@ from underlay.inference.misfit.descent import Combination, Place, descend
 
 __all__ = ["FARTHEST", "Valley"]
 
-_STEP = 0.8  # in z
+_STEP = 1.2  # in z
 _STEEPEST = 1.6
 _GROWTH = 2.0
 _FIRST = 0.25  # the longest first step, in a scaled coordinate
 #: As far as a profile is walked, in a scaled coordinate: a factor of 150, or five times the range of the curve.
 FARTHEST = 5.0
-_MOST_STEPS = 18
+# A law that nothing tabulates costs some 50 ms: so many places on the way, and steps of a descent to each.
+_MOST_STEPS, _DESCENT = 10, 6
 _SHORTEST = 0.02
 
 
@@ -50,7 +51,7 @@ class Valley:
         begin[index] = q
         low, high = self.blocked.problem.bounds.T
         try:
-            return descend(self.blocked, np.clip(begin, low, high), self.combination, held=index)
+            return descend(self.blocked, np.clip(begin, low, high), self.combination, index, _DESCENT)
         except InputError:
             return None
 
