@@ -3,7 +3,7 @@
 A law is wrong by per cents, and a baseline creeps by per cents of the force, whatever the noise is: in shares of
 the noise a loud curve would never allow for either. The interval of an exact law is paid for where the data could
 see a drift and see none: there its probability falls by itself. The default numbers are those of a study
-(`tests/studies/intervals.py`): with a prior probability of the exact law of 0.8 and drifts of 10 and 50 % clean
+(`tests/studies/intervals.py`): with a prior probability of the exact law of 0.75 and drifts of 10 and 30 % clean
 curves of a user's range pay a median width of 1.4, and stiffening by 15 % is covered.
 
 A thickness, a base or a Poisson's ratio that is fitted is read off the shape of the curve alone, and takes up a
@@ -48,11 +48,11 @@ class Sizes:
 
     times: int = 5
     shares: tuple[float, ...] = (0.1, 1.0, 10.0, 100.0, 1000.0)
-    drifts: tuple[float, ...] = (0.1, 0.5)
+    drifts: tuple[float, ...] = (0.1, 0.3)
     jumps: tuple[float, ...] = (1.0, 4.64, 21.5, 100.0)
     ramps: tuple[float, ...] = (0.03,)
     white: float = 0.7
-    exact: float = 0.8
+    exact: float = 0.75
     smooth: float = 0.5
     level: float = 0.8
 
