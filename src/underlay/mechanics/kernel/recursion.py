@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, read_only
 from underlay.mechanics.kernel.one_layer import passage
-from underlay.mechanics.materials import PlaneConstants
+from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["Sheet", "stack_one_minus_L"]
 
