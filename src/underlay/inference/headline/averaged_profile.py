@@ -67,7 +67,7 @@ def _side(averaged: Averaged, index: int, direction: float, *, bent: bool) -> li
     levels = 2.0 * special.ndtr(_HEIGHTS) - 1.0
     least = [averaged.least_z(level) for level in levels]
     path = averaged.valley.path(index, direction, least[-1]) if bent else None
-    ends = []
+    ends: list[float] = []
     for level, z in zip(levels, least, strict=True):
         end = averaged.mixture.quantile(index, 0.5 + 0.5 * direction * level)
         if path is not None:

@@ -19,6 +19,9 @@ GOOD, DOUBTFUL, MODEL_WRONG = "good", "doubtful", "model wrong"
 _EXACT, _SMOOTH = 0.01, 0.1
 # Probability of a drift from which on what is read off the shape of the curve is in doubt, and the drift named.
 _POSSIBLE, _NAMED = 0.05, 0.05
+# Probability of a level baseline, and of white noise, below which these are given up; and the share of the force
+# from which on a curve with such a baseline or noise is one to be looked at.
+_LEVEL, _WHITE, _LARGE = 0.1, 0.01, 0.03
 # Half of an interval of ln E that fixes nothing.
 _WIDE = 0.5
 # Warnings of the fit that make its numbers doubtful. Correlated residuals do not where they are averaged over.
@@ -28,7 +31,7 @@ _DOUBTS = ("not-converged", "bound", "law-range", "too-deep", "file", "over-whit
 def verdict(fit: Fit, averaged: Averaged | None, intervals: Mapping[str, StatedInterval]) -> Verdict:
     """Verdict of a fit, with the reasons."""
     wrong = [] if averaged is None else _of_the_law(averaged)
-    doubts = [] if averaged is None else _of_the_contact(averaged)
+    doubts = [] if averaged is None else [*_of_the_contact(averaged), *_of_the_baseline(averaged)]
     doubts += [] if averaged is None or wrong else _of_the_shape(fit, averaged)
     doubts += _of_the_intervals(fit, intervals)
     counted = _DOUBTS if averaged is not None else (*_DOUBTS, "correlated-residuals")
@@ -67,6 +70,18 @@ def _of_the_contact(averaged: Averaged) -> list[str]:
     if averaged.no_jump >= _SMOOTH:
         return []
     return [f"a force of {format_quantity(max(averaged.jumps, key=abs), 'force')} at contact"]
+
+
+def _of_the_baseline(averaged: Averaged) -> list[str]:
+    reasons = []
+    creep, wander = max(averaged.creeps, key=abs), max(averaged.wanders)
+    if averaged.level < _LEVEL and abs(creep) > _LARGE:
+        reasons.append(f"the baseline creeps by {100.0 * creep:+.2g} % of the largest force over the record")
+    if averaged.white < _WHITE and wander > _LARGE:
+        reasons.append(
+            f"the noise wanders by {100.0 * wander:.2g} % of the range of the force over the record"
+        )
+    return reasons
 
 
 def _of_the_intervals(fit: Fit, intervals: Mapping[str, StatedInterval]) -> list[str]:

@@ -126,6 +126,30 @@ class Averaged:
         return float(shift[free.index(index)]) if index in free else 0.0
 
     @property
+    def creeps(self) -> list[float]:
+        """Creep of the baseline as a share of the largest force, one per curve, of the likeliest ramp."""
+        return [float(own[DRIFTS + JUMPS]) for own in self._misfits]
+
+    @property
+    def wanders(self) -> list[float]:
+        """How far the likeliest correlated noise wanders over the record, as a share of the range of the force.
+
+        The standard deviation of its change from the first reading to the last, one per curve.
+        """
+        chosen = self.competition.heaviest
+        noise = self.competition.noises[self.competition.places[chosen, 0]]
+        if noise is None:
+            return [0.0] * len(self.blocked.curves)
+        tau, share = noise
+        white = np.sqrt(self.competition.variance[chosen])
+        return [
+            float(white * np.sqrt(-2.0 * share * np.expm1((curve.time[0] - curve.time[-1]) / tau)))
+            * curve.member.scatter
+            / float(np.ptp(curve.force))
+            for curve in self.blocked.curves
+        ]
+
+    @property
     def _misfits(self) -> list[FloatArray]:
         """Drift, jump and ramp of every curve, of the heaviest combination."""
         own = self.competition.shift[self.competition.heaviest][self.competition.parameters :]
@@ -140,6 +164,11 @@ class Averaged:
     def no_jump(self) -> float:
         """Probability that no force sets in at contact beside the law's."""
         return float(self.shares @ [competition.no_jump for _, competition in self.optima])
+
+    @property
+    def level(self) -> float:
+        """Probability that the baseline does not creep."""
+        return float(self.shares @ [competition.level for _, competition in self.optima])
 
     @property
     def white(self) -> float:
