@@ -187,7 +187,8 @@ def _doubts(
         sigmas = peak / contact.noise
         yield f"weak: the peak force {format_quantity(peak, 'force')} is {sigmas:.0f} sigma of noise"
     before = int(np.count_nonzero(curve.way_in().depth < contact.depth))
-    if before < _FEW_BEFORE:
+    # An instrument that searched for contact begins its record there, and says so.
+    if before < _FEW_BEFORE and curve.metadata.get("search_criterion") is None:
         yield (
             f"it begins in contact, or {before} points before it: the contact depth rests on the shape of the law, "
             "and its error with it"

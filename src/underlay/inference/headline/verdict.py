@@ -21,7 +21,7 @@ _EXACT, _SMOOTH = 0.01, 0.1
 _POSSIBLE, _NAMED = 0.05, 0.05
 # Probability of a level baseline, and of white noise, below which these are given up; and the share of the force
 # from which on a curve with such a baseline or noise is one to be looked at.
-_LEVEL, _WHITE, _LARGE = 0.1, 0.01, 0.03
+_LEVEL, _WHITE, _LARGE = 0.1, 0.1, 0.015
 # Half of an interval of ln E that fixes nothing.
 _WIDE = 0.5
 # Warnings of the fit that make its numbers doubtful. Correlated residuals do not where they are averaged over.
