@@ -4,8 +4,8 @@ A law is wrong by per cents, and a baseline creeps by per cents of the force, wh
 the noise a loud curve would never allow for either. The interval of an exact law is paid for where the data could
 see a drift and see none: there its probability falls by itself. The default numbers are those of a study
 (`tests/studies/intervals.py`, 200 curves each): with a prior probability of the exact law of 0.75 and drifts of 10
-and 30 % clean curves pay a median width of 1.4 (one scene) to 1.6 (a user's range), stiffening by 15 % is covered in
-95 and 92 %, relaxation by 20 to 60 % in 86 and 73 %.
+and 30 % clean curves pay a median width of 1.4 (one scene) to 1.6 (a user's range), stiffening by 15 % is covered
+in 95 and 92 %, relaxation by 20 to 60 % in 86 and 73 %.
 
 A thickness, a base or a Poisson's ratio that is fitted is read off the shape of the curve alone, and takes up a
 drift without a residual: no curve can then tell which of the two it shows, and the odds begin even.
