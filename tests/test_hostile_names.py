@@ -158,7 +158,7 @@ def test_usual_names_stay_readable():
 
 def test_names_of_parameters_hold_nothing_but_paths():
     assert labels.label("layer.E[1]") == "layer modulus (curve 2)"
-    assert labels.label("substrate.layers[0].E") == "substrate layer 1 modulus"
+    assert labels.label("substrate.layers[0].E") == "layer 2 modulus"
     assert labels.label("x[<b>]$") == "x[?b?]?"
     for name in NAMES:
         assert re.fullmatch(r"[\w.\[\]?]*", labels.label(f"layer.{name}"), re.ASCII)

@@ -10,6 +10,7 @@ import typer
 from underlay._version import VERSION
 from underlay.cli.accuracy import accuracy
 from underlay.cli.bench import bench
+from underlay.cli.compare import compare
 from underlay.cli.console import noted, say, say_error
 from underlay.cli.demo import demo
 from underlay.cli.effects import effects
@@ -54,7 +55,21 @@ def _whole(
     """Take the options that go before any command."""
 
 
-for command in (demo, fit, sample, simulate, effects, accuracy, identify, plan, report, formats, keys, bench):
+for command in (
+    demo,
+    fit,
+    compare,
+    sample,
+    simulate,
+    effects,
+    accuracy,
+    identify,
+    plan,
+    report,
+    formats,
+    keys,
+    bench,
+):
     app.command()(command)
 app.command("map")(map_curves)
 
