@@ -13,6 +13,7 @@ from underlay.inference.sampling.convergence import (
     highest_density_interval,
     median_error,
     rank_normalised_rhat,
+    tail_size,
 )
 from underlay.inference.sampling.stopping import judge
 
@@ -92,10 +93,35 @@ def test_stop_rule_needs_length_and_agreement():
     assert judge(chain, 10_000).converged
     early = judge(chain[:300], 10_000)
     assert not early.converged
-    assert "autocorrelation times (50 are needed)" in early.reason
+    assert "50 autocorrelation times are needed" in early.reason
     stuck = chain.copy()
     stuck[:, 0] = 4.0
     assert not judge(stuck, 10_000).converged
+
+
+def test_stop_rule_waits_for_tails_that_walkers_rarely_visit():
+    """White in the bulk, and centred; one state in twelve is three times as wide, held for 200 steps on average."""
+    rng = np.random.default_rng(11)
+    steps, walkers = 1000, 64
+    far = np.zeros((steps, walkers), dtype=bool)
+    far[0] = rng.random(walkers) < 1 / 12
+    for step in range(1, steps):
+        switch = rng.random(walkers) < np.where(far[step - 1], 1 / 200, 1 / 2200)
+        far[step] = far[step - 1] ^ switch
+    white = rng.standard_normal((steps, walkers))
+    chain = white * np.where(far, 3.0, 1.0)
+    assert judge(white[..., None], steps).converged
+    outcome = judge(chain[..., None], steps)
+    kept = steps - outcome.burn_in
+    assert kept > 50.0 * outcome.times.max()
+    assert kept < 50.0 * outcome.tail_times.max()
+    assert not outcome.converged
+
+
+def test_tail_size_is_that_of_arviz():
+    for phi in (0.0, 0.8):
+        chain = ar1(phi)
+        assert tail_size(chain) == pytest.approx(float(arviz.ess(chain.T, method="tail")), rel=1e-2)
 
 
 def test_burn_in_drops_a_far_start():

@@ -85,6 +85,39 @@ def test_without_a_stated_noise_the_interval_is_averaged():
     assert 1e6 in found
 
 
+def test_noise_that_is_stated_to_be_white_is_not_averaged():
+    fit = fitted(noise=ul.Noise())
+    assert fit.interval(E) == quadratic_interval(fit, E, 0.95)
+    unsaid = fitted(noise=None).interval(E)
+    assert unsaid.high / unsaid.low > fit.interval(E).high / fit.interval(E).low
+
+
+def test_the_profile_of_an_averaged_fit_ends_where_its_interval_does():
+    made = scene(thickness=2e-2)
+    data = curve(ul.Noise(force=1e-3), made=made)
+    problems = [
+        ul.Problem(scene(), curve(), [E, C]),
+        ul.Problem(made, data, {E: None, H: (1e-4, 1.0), C: None}),
+    ]
+    for fit in map(ul.fit, problems):
+        for name in {E, H} & set(fit.names):
+            walked = ul.profile(fit, name)
+            assert walked.averaged
+            assert "averaged over correlated noise" in walked.basis()
+            for level in (0.68, 0.95):
+                stated, read = fit.interval(name, level), walked.interval(level)
+                # Ends that are read by a monotone cubic between ends which are these very ones; walked ones anew.
+                allowed = 1e-6 if stated.kind == "averaged" else 0.05
+                for end, known, reason in (
+                    (read.low, stated.low, read.low_reason),
+                    (read.high, stated.high, read.high_reason),
+                ):
+                    assert (reason == "data") == math.isfinite(known)
+                    if math.isfinite(known):
+                        gone = math.log(known / stated.value)
+                        assert math.log(end / stated.value) == pytest.approx(gone, rel=allowed)
+
+
 def test_a_wide_interval_is_carried_along_the_profile_and_may_stay_open():
     # A thick layer barely touched shows no base.
     made = scene(thickness=2e-2)
@@ -98,7 +131,7 @@ def test_a_wide_interval_is_carried_along_the_profile_and_may_stay_open():
 
 
 def test_two_optima_are_inside_one_interval():
-    fit = ul.fit(ambiguous())
+    fit = ul.fit(ambiguous(noise=None))
     (other,) = fit.alternatives
     for name in (E, H):
         assert fit.values[name] in fit.interval(name)

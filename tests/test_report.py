@@ -12,8 +12,11 @@ import pandas as pd
 import pytest
 
 import underlay as ul
+from support import real_data
 from support.inverse import ambiguous
+from support.real_data import real_file
 from support.reports import SAMPLES, cells_of, joint_fit, page_text, small_posterior
+from underlay.data.recorded import recorded
 from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
 from underlay.inference.priors import Truncated
 from underlay.report import labels, maps, open_ends, tables, words
@@ -22,7 +25,7 @@ from underlay.report.execution import execute
 from underlay.report.intervals import estimates
 from underlay.report.notebook import filled, make_notebook
 from underlay.report.page import html_page
-from underlay.report.problem_source import problem_source, write_inputs
+from underlay.report.problem_source import _exact_csv, problem_source, write_inputs
 from underlay.scene.effects import effects_table
 
 # --- words -----------------------------------------------------------------------------------------------
@@ -425,3 +428,18 @@ def test_markup_in_names_is_text_on_the_page():
     assert "<script" not in page
     assert "<img" not in page
     assert "<td>" in page
+
+
+def test_the_page_says_which_instrument_recorded_the_curve_and_when(tmp_path):
+    """Also when it is made from a copy of the curve, whose file has no header of an instrument."""
+    curve = ul.read(real_file(real_data.CHIARO))
+    told = "Chiaro, V3.5.0, 12/05/2025, 11:20:38"
+    assert recorded(curve) == told
+    copy = tmp_path / "copy.csv"
+    copy.write_text(_exact_csv(curve.loading()), encoding="utf-8")
+    again = ul.read(copy)
+    assert recorded(again) == told
+    scene = ul.Scene(ul.Paraboloid(27.5e-6), ul.Layer(ul.Isotropic(200.0, 0.5)))
+    fit = ul.fit(ul.Problem(scene, again, ["layer.E", "instrument.contact_depth"], ul.Noise()))
+    assert fit.provenance["curves"][0]["recorded"] == told
+    assert told in tables.provenance_table(fit, {}).to_string()

@@ -1,13 +1,14 @@
 """Do the printed intervals hold the truth? Random tests of a user's range, undisturbed or disturbed.
 
-    python tests/studies/intervals.py [--curves 200] [--world clean] [--free E h] [--stated] [--seconds 600]
-                                      [--output tests/studies/results/intervals.csv]
+    python tests/studies/intervals.py [--curves 200] [--world clean slope ...] [--free E h] [--stated] [--one]
+                                      [--seconds 600] [--output tests/studies/results/intervals.csv]
 
 One row per world and set of free parameters is written over the row of the same study: how many 95 % intervals of
 each parameter hold the truth, how wide they are against the quadratic interval of white noise (median), how many
 verdicts were "model wrong", and the slowest headline in fits of the same curve. `--stated` hands the fit the noise
 it was made with. Worlds are those of `tests/support/worlds.py`; scenes those of `tests/support/user_scenes.py`, or
-with `--one` the single scene those worlds were first measured on.
+with `--one` the single scene those worlds were first measured on. `--world all` runs every one, `--seconds` long
+each at most, and writes every row as it is done.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import underlay as ul
 from support.user_scenes import user_test
-from support.worlds import WORLDS, Clean, disturbed
+from support.worlds import WORLDS, Clean, assumed, disturbed
 from underlay.inference.headline.plain import quadratic_interval
 
 PATHS = {"E": "layer.E", "h": "layer.thickness", "E2": "substrate.E"}
@@ -45,14 +46,15 @@ def measured(test, world, free, rng, *, stated):
     names = [PATHS[word] for word in free if word != "E2" or isinstance(scene.substrate, ul.Isotropic)]
     instrument = {"instrument.contact_depth": None, "instrument.baseline": None}
     given = ul.Noise(force=noise * clean.top) if stated else None
-    problem = ul.Problem(scene, curve, {**dict.fromkeys(names), **instrument}, given)
+    problem = ul.Problem(assumed(scene, world), curve, {**dict.fromkeys(names), **instrument}, given)
     began = time.perf_counter()
     fit = ul.fit(problem)
     spent = time.perf_counter() - began
     began = time.perf_counter()
     intervals = {name: fit.interval(name) for name in names}
     verdict = fit.verdict
-    cost = (time.perf_counter() - began) / spent
+    own = time.perf_counter() - began
+    cost = own / spent, own
     rows = []
     for name in names:
         truth, known, plain = scene.parameters[name], intervals[name], quadratic_interval(fit, name, 0.95)
@@ -63,7 +65,7 @@ def measured(test, world, free, rng, *, stated):
     return rows, verdict, cost
 
 
-def study(args):
+def study(args, world):
     """One line of the table."""
     rng = np.random.default_rng(args.seed)
     rows, words, costs, misses = [], [], [], 0
@@ -71,7 +73,7 @@ def study(args):
     while len(words) < args.curves and time.monotonic() < end:
         test = one_scene() if args.one else user_test(rng)
         try:
-            own, verdict, cost = measured(test, args.world, args.free, rng, stated=args.stated)
+            own, verdict, cost = measured(test, world, args.free, rng, stated=args.stated)
         except ul.UnderlayError as error:
             misses += 1
             print(f"{test[0]}: {error}")
@@ -82,7 +84,7 @@ def study(args):
     frame = pd.DataFrame(rows, columns=["parameter", "held", "width", "open", "plain held", "bound"])
     line = {
         "scenes": "one" if args.one else "random",
-        "world": args.world,
+        "world": world,
         "free": "+".join(args.free),
         "noise": "stated" if args.stated else "unknown",
         "seed": args.seed,
@@ -100,8 +102,20 @@ def study(args):
     line["model wrong %"] = round(100.0 * np.mean([word == "model wrong" for word, _ in words]), 1)
     line["good %"] = round(100.0 * np.mean([word == "good" for word, _ in words]), 1)
     line["held or wrong %"] = round(100.0 * np.mean([word == "model wrong" or ok for word, ok in words]), 1)
-    line["cost median"], line["cost largest"] = round(float(np.median(costs)), 1), round(max(costs), 1)
+    ratio, spent = np.array(costs).T
+    line["cost median"], line["cost largest"] = round(float(np.median(ratio)), 1), round(ratio.max(), 1)
+    line["slowest s"] = round(spent.max(), 2)
     return line
+
+
+def stored(line, path):
+    """Write a line over that of the same study."""
+    table = pd.DataFrame([line])
+    if path.exists():
+        old = pd.read_csv(path)
+        same = (old[KEYS] == pd.Series({key: line[key] for key in KEYS})).all(axis=1)
+        table = pd.concat([old[~same], table], ignore_index=True)
+    table.to_csv(path, index=False)
 
 
 def main() -> None:
@@ -109,7 +123,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--curves", type=int, default=200)
-    parser.add_argument("--world", choices=list(WORLDS), default="clean")
+    parser.add_argument("--world", nargs="+", choices=["all", *WORLDS], default=["clean"])
     parser.add_argument("--free", nargs="+", choices=list(PATHS), default=["E"])
     parser.add_argument("--stated", action="store_true")
     parser.add_argument("--one", action="store_true")
@@ -117,15 +131,11 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--output", type=Path, default=None)
     args = parser.parse_args()
-    line = study(args)
-    print(pd.Series(line).to_string())
-    if args.output is not None:
-        table = pd.DataFrame([line])
-        if args.output.exists():
-            old = pd.read_csv(args.output)
-            same = (old[KEYS] == pd.Series({key: line[key] for key in KEYS})).all(axis=1)
-            table = pd.concat([old[~same], table], ignore_index=True)
-        table.to_csv(args.output, index=False)
+    for world in WORLDS if "all" in args.world else args.world:
+        line = study(args, world)
+        print(pd.Series(line).to_string(), flush=True)
+        if args.output is not None:
+            stored(line, args.output)
 
 
 if __name__ == "__main__":

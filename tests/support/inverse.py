@@ -38,12 +38,13 @@ def exact_curve(scene, *, points=100, depth=1.5e-4, first=-3e-5):
 
 
 def problem(scene, free, curve=None, **options):
-    """A problem whose curve was made from its own scene."""
+    """A problem whose curve was made from its own scene; its noise is stated to be white, of unknown size."""
+    options = {"noise": Noise()} | options
     return Problem(scene, measured(scene) if curve is None else curve, free, **options)
 
 
-def ambiguous():
+def ambiguous(**options):
     """A problem of two optima: a thin, soft layer mimics a thick, stiff one within a rise of 11.6."""
     scene = layer_on(ul.RIGID)
     curve = measured(scene, points=200, depth=2e-4, first=-5e-5, level=0.005, rng=3)
-    return problem(scene, ["layer.E", "layer.thickness", "instrument.contact_depth"], curve)
+    return problem(scene, ["layer.E", "layer.thickness", "instrument.contact_depth"], curve, **options)

@@ -6,7 +6,7 @@ largest contact force, so that one function serves any scene.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -107,7 +107,18 @@ WORLDS = {
     "adhesion": (adhesion, 0.003),
     "stiffening": (stiffening, 0.003),
     "relaxation": (relaxation, 0.003),
+    "Hertz on a layer": (nothing, 0.003),
+    "paraboloid for a sphere": (nothing, 0.003),
 }
+
+
+def assumed(scene, world):
+    """Return the scene that a fit in this world takes the test for."""
+    if world == "Hertz on a layer":
+        return ul.Scene(scene.indenter, replace(scene.layer, thickness=np.inf))
+    if world == "paraboloid for a sphere":
+        return replace(scene, indenter=ul.Paraboloid(scene.indenter.radius))
+    return scene
 
 
 def disturbed(clean, world, rng, noise=0.003):

@@ -50,6 +50,8 @@ _FIT_IT = (
     'fit it with adhesion: add [adhesion] with model = "jkr", a work such as "1 mJ/m^2" to begin with, and free '
     "adhesion.work"
 )
+# With fewer points before contact there is no baseline to see it leave.
+_FEW_BEFORE = 4
 # A paraboloid may stand for a ball while their forces differ by less than this.
 _SHAPE = 0.02
 # A test in air swings about the force at which the stage was told to stop; a real one goes far beyond it.
@@ -193,6 +195,13 @@ def _doubts(
     if contact.noise > 0.0 and peak < _SIGNAL * contact.noise:
         sigmas = peak / contact.noise
         yield f"weak: the peak force {format_quantity(peak, 'force')} is {sigmas:.0f} sigma of noise"
+    before = int(np.count_nonzero(curve.way_in().depth < contact.depth))
+    # An instrument that searched for contact begins its record there, and says so.
+    if before < _FEW_BEFORE and curve.metadata.get("search_criterion") is None:
+        yield (
+            f"it begins in contact, or {before} points before it: the contact depth rests on the shape of the law, "
+            "and its error with it"
+        )
     if len(beyond.depth) < _FEW_POINTS:
         yield f"only {len(beyond.depth)} points beyond contact"
     if not np.isfinite(exponent):

@@ -41,8 +41,9 @@ class Problem:
         (``"noise.force"``, ...), each with a `Prior`, bounds ``(low, high)`` (SI) or None. Finite bounds mean
         LogUniform for a quantity that is positive by nature and Uniform for another.
     noise : Noise or another NoiseModel, optional
-        What disturbs the force. Without it, or with ``Noise(force=None)``, the noise is white (or AR(1)) of
-        unknown size: a fit estimates it, and the likelihood has it integrated out under 1/sigma.
+        What disturbs the force. Without it, or with ``Noise()``, the noise is white (or AR(1)) of unknown size: a
+        fit estimates it, and the likelihood has it integrated out under 1/sigma. ``Noise()`` states that it is
+        white, and intervals rest on that; without any, they are averaged over what else the residuals may be.
     solver : Solver or str, default "auto"
         What builds the contact law; see `contact_law`.
 
@@ -177,6 +178,12 @@ class Problem:
     def bounds(self) -> FloatArray:
         """Lower and upper bounds in scaled coordinates, (k, 2), read-only; infinite where there are none."""
         return read_only(np.array([coordinate.bounds for coordinate in self.coordinates]))
+
+    @property
+    def noise_is_stated(self) -> bool:
+        """Whether anything was said of the noise of any curve."""
+        given = self.noise
+        return any(entry is not None for entry in ([given] if isinstance(given, NoiseModel) else given or ()))
 
     @property
     def start(self) -> FloatArray:

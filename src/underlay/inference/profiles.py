@@ -9,6 +9,9 @@ Where the curve has two optima (thin and soft, thick and stiff) chi-square is to
 such curves cover 88 to 91 % (`tests/studies/coverage.py`). `calibrate` takes the threshold from curves drawn
 at the ends instead; see `profiling/calibration.py`.
 
+Where the noise was not stated there is no one likelihood to follow: the profile is then made of the ends of the
+intervals that `Fit.interval` states, at every level (`headline/averaged_profile.py`).
+
 The profile is walked from the optimum in steps of about half a standard deviation of z = sqrt(t), in which
 it is nearly straight, and read between the steps by monotone interpolation. lmfit's `conf_interval` looks
 for two crossings and fails where one does not exist.
@@ -17,6 +20,8 @@ for two crossings and fails where one does not exist.
 from __future__ import annotations
 
 from underlay._arrays import FloatArray
+from underlay.inference.headline.averaged import averaged_fit
+from underlay.inference.headline.averaged_profile import averaged_profile
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
@@ -84,6 +89,10 @@ def profile(
     index_of(fit, name)
     if calibrate:
         require_draws(calibrate, level, seed)
+    else:
+        averaged = averaged_fit(fit)
+        if averaged is not None:
+            return averaged_profile(fit, averaged, name)
     found = _walked(fit, name, _HIGHEST_CALIBRATED if calibrate else HIGHEST)
     return calibrated(found, level, calibrate, seed) if calibrate else found
 

@@ -11,6 +11,7 @@ from underlay._files import require_own_folder, write_atomic
 from underlay._text import comment_line
 from underlay.data.curve import Curve
 from underlay.data.readers.delimited import COMMENTED_NUMBERS
+from underlay.data.recorded import RECORDED, recorded
 from underlay.inference.priors import Prior
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
@@ -130,6 +131,8 @@ def _exact_csv(curve: Curve) -> str:
         for word, key in (("taken from", "path"), ("its sha256", "sha256"))
         if curve.metadata.get(key)
     ]
+    told = recorded(curve)
+    origin += [comment_line(f"{RECORDED}{told}")] if told else []
     # What the file says of the test goes with the copy: see the numbers that the reader of tables knows.
     origin += [
         f"# {key.replace('_', ' ')}: {float(curve.metadata[key])!r} {unit}"

@@ -222,6 +222,8 @@ def provenance_table(result: Fit | Posterior, facts: Mapping[str, str], *files: 
     record = result.provenance
     for number, curve in enumerate(record["curves"]):
         which = f" {number + 1}" if len(record["curves"]) > 1 else ""
+        if curve.get("recorded"):
+            rows[f"recorded{which}"] = one_line(curve["recorded"])
         rows[f"points used{which}"] = f"{curve['points']}, SHA-256 {curve['data_sha256']}"
     versions = record["versions"] | {
         "python": platform.python_version(),

@@ -14,17 +14,18 @@ from underlay.inference.least_squares.stated import StatedInterval
 from underlay.inference.misfit.averaging import Averaged, average
 from underlay.inference.misfit.valley import FARTHEST
 
-__all__ = ["averaged_fit", "averaged_interval"]
+__all__ = ["averaged_fit", "averaged_interval", "is_straight"]
 
 # The profile at an end of the linearised model may be off by this share of z before it is walked.
 _UNLIKE = 0.12
+# In scaled coordinates: an interval of a tenth is bent by no more than about half of that.
+_NARROW = 0.1
 
 
 def averaged_fit(fit: Fit) -> Averaged | None:
     """Average a fit over what its residuals may be; None where its noise was stated, or nothing can be averaged."""
     problem = fit.problem
-    stated = any(not m.scale_is_unknown or m.noise.correlation for m in problem.members)
-    if stated or problem.noise_entries or fit.statistics.robust != "none":
+    if problem.noise_is_stated or problem.noise_entries or fit.statistics.robust != "none":
         return None
     held = frozenset(
         i for i, name in enumerate(problem.names) if name in fit.no_error_bars or name in fit.bounds_hit
@@ -52,21 +53,23 @@ def averaged_interval(fit: Fit, averaged: Averaged, name: str, level: float) -> 
         return _of_the_profile_alone(fit, averaged, index, level)
     tails = (0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level)
     low, middle, high = (averaged.mixture.quantile(index, tail) for tail in tails)
-    # The profile is of one optimum: what is carried along it are the ends that belong to that.
-    centre, deviation = float(averaged.vector[index]), averaged.deviation(index)
-    own = averaged.competition.mixture
-    ends = [centre + own.quantile(index, tail) for tail in (tails[0], tails[2])]
-    heights = [abs(end - centre) / deviation for end in ends]
-    valley = averaged.valley
-    if ends[0] < centre < ends[1] and not held:
-        straight = all(valley.agrees(index, q, z, _UNLIKE) for q, z in zip(ends, heights, strict=True))
-        if straight:
-            return _stated(fit, index, level, np.array([low, middle, high]), "averaged")
+    if not held and is_straight(averaged, index, level):
+        return _stated(fit, index, level, np.array([low, middle, high]), "averaged")
     # Bent: both what other noises allow and what the likeliest allows far out belong to the interval.
-    least = averaged.least_z(level)
+    valley, least = averaged.valley, averaged.least_z(level)
     ends = [min(valley.end(index, -1.0, least), low), max(valley.end(index, 1.0, least), high)]
     middle = min(max(middle, ends[0]), ends[1])
     return _stated(fit, index, level, np.array([ends[0], middle, ends[1]]), "averaged profile")
+
+
+def is_straight(averaged: Averaged, index: int, level: float) -> bool:
+    """Whether the profile under the heaviest combination rises as that of a linear model does."""
+    z = averaged.least_z(level)
+    reach = z * averaged.deviations
+    if (reach < _NARROW).all():
+        return True
+    ends = averaged.vector[index] + reach[index] * np.array([-1.0, 1.0])
+    return all(averaged.valley.agrees(index, float(end), z, _UNLIKE) for end in ends)
 
 
 def _of_the_profile_alone(fit: Fit, averaged: Averaged, index: int, level: float) -> StatedInterval:

@@ -94,11 +94,10 @@ def _along(averaged: Averaged, gradient: FloatArray) -> Mixture:
     """Distribution of the change of the logarithm, from the optimum of the likeliest combination."""
     weights, shifts, deviations = [], [], []
     for share, (vector, competition) in zip(averaged.shares, averaged.optima, strict=True):
-        kept = competition.kept
-        covariance = competition.covariance(kept)
-        moved = competition.shift[kept][:, : competition.parameters] + (vector - averaged.vector)
-        own = competition.weights[kept]
-        weights.append(share * own / own.sum())
+        k = len(gradient)  # the amplitudes of known errors come after the coordinates
+        covariance = competition.covariance[:, :k, :k]
+        moved = competition.shift[:, :k] + (vector - averaged.vector)[:k]
+        weights.append(share * competition.weights)
         shifts.append(moved @ gradient)
         deviations.append(np.sqrt(np.einsum("i,gij,j->g", gradient, covariance, gradient)))
     degrees = averaged.competition.degrees

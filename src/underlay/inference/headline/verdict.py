@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.stated import StatedInterval, Verdict
 from underlay.inference.misfit.averaging import Averaged
+from underlay.inference.misfit.sizes import shape_parameters
 from underlay.units import format_quantity
 
 __all__ = ["DOUBTFUL", "GOOD", "MODEL_WRONG", "verdict"]
@@ -16,6 +17,11 @@ GOOD, DOUBTFUL, MODEL_WRONG = "good", "doubtful", "model wrong"
 
 # Probabilities of an exact law and of no jump below which they are given up.
 _EXACT, _SMOOTH = 0.01, 0.1
+# Probability of a drift from which on what is read off the shape of the curve is in doubt, and the drift named.
+_POSSIBLE, _NAMED = 0.05, 0.05
+# Probability of a level baseline, and of white noise, below which these are given up; and the share of the force
+# from which on a curve with such a baseline or noise is one to be looked at.
+_LEVEL, _WHITE, _LARGE = 0.1, 0.1, 0.015
 # Half of an interval of ln E that fixes nothing.
 _WIDE = 0.5
 # Warnings of the fit that make its numbers doubtful. Correlated residuals do not where they are averaged over.
@@ -25,7 +31,8 @@ _DOUBTS = ("not-converged", "bound", "law-range", "too-deep", "file", "over-whit
 def verdict(fit: Fit, averaged: Averaged | None, intervals: Mapping[str, StatedInterval]) -> Verdict:
     """Verdict of a fit, with the reasons."""
     wrong = [] if averaged is None else _of_the_law(averaged)
-    doubts = [] if averaged is None else _of_the_contact(averaged)
+    doubts = [] if averaged is None else [*_of_the_contact(averaged), *_of_the_baseline(averaged)]
+    doubts += [] if averaged is None or wrong else _of_the_shape(fit, averaged)
     doubts += _of_the_intervals(fit, intervals)
     counted = _DOUBTS if averaged is not None else (*_DOUBTS, "correlated-residuals")
     if fit.alternatives:
@@ -43,10 +50,38 @@ def _of_the_law(averaged: Averaged) -> list[str]:
     return [f"the apparent modulus changes by {size}; E is that at contact"]
 
 
+def _of_the_shape(fit: Fit, averaged: Averaged) -> list[str]:
+    """What a drift that the data cannot exclude would do to a parameter that it looks like."""
+    if 1.0 - averaged.exact_law < _POSSIBLE:
+        return []
+    reasons = []
+    for name in shape_parameters(fit.problem):
+        index = fit.names.index(name)
+        if fit.problem.coordinates[index].scale is None and index not in averaged.blocked.held:
+            moved = 100.0 * math.expm1(averaged.moved_by(index, _NAMED))
+            reasons.append(
+                f"{name} is read off the shape of the curve: a law {100.0 * _NAMED:g} % stiffer at full depth, "
+                f"which these data do not exclude, would move it by {moved:+.2g} %"
+            )
+    return reasons
+
+
 def _of_the_contact(averaged: Averaged) -> list[str]:
     if averaged.no_jump >= _SMOOTH:
         return []
     return [f"a force of {format_quantity(max(averaged.jumps, key=abs), 'force')} at contact"]
+
+
+def _of_the_baseline(averaged: Averaged) -> list[str]:
+    reasons = []
+    creep, wander = max(averaged.creeps, key=abs), max(averaged.wanders)
+    if averaged.level < _LEVEL and abs(creep) > _LARGE:
+        reasons.append(f"the baseline creeps by {100.0 * creep:+.2g} % of the largest force over the record")
+    if averaged.white < _WHITE and wander > _LARGE:
+        reasons.append(
+            f"the noise wanders by {100.0 * wander:.2g} % of the range of the force over the record"
+        )
+    return reasons
 
 
 def _of_the_intervals(fit: Fit, intervals: Mapping[str, StatedInterval]) -> list[str]:

@@ -22,6 +22,8 @@ __all__ = ["over_correlated", "too_deep", "warnings_of"]
 # A standard error of a factor e either way, or of the whole range of the curve, says nothing.
 _UNINFORMATIVE = 1.0
 _STRONG_CORRELATION = 0.99
+# A standard error, in scaled coordinates, above which a parameter is badly known.
+_BADLY_KNOWN = 0.05
 
 
 def warnings_of(
@@ -90,7 +92,7 @@ def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
 
 
 def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
-    """One warning for each group of parameters that strong correlations link."""
+    """One warning for each group of parameters that strong correlations link and that are known only together."""
     deviation = np.sqrt(np.diag(covariance))
     product = np.outer(deviation, deviation)
     known = product > 0.0
@@ -104,7 +106,7 @@ def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
     warnings = []
     for number in np.unique(group):
         members = np.flatnonzero(group == number)
-        if len(members) < 2:
+        if len(members) < 2 or not _only_together(covariance[np.ix_(members, members)]):
             continue
         block = np.triu(correlation[np.ix_(members, members)], 1)
         i, j = np.unravel_index(int(np.argmax(np.abs(block))), block.shape)
@@ -118,6 +120,16 @@ def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
             )
         )
     return warnings
+
+
+def _only_together(covariance: FloatArray) -> bool:
+    """Whether some parameter of a group is badly known by itself, and well were the others known.
+
+    A strong correlation alone says nothing: both may be known to a per mille.
+    """
+    single, inverse = np.diag(covariance), np.diag(np.linalg.pinv(covariance))
+    alone = np.divide(1.0, inverse, out=np.full_like(inverse, np.inf), where=inverse > 0.0)
+    return bool(((single > _BADLY_KNOWN**2) & (alone < _BADLY_KNOWN**2)).any())
 
 
 def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:

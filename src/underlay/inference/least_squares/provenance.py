@@ -9,6 +9,7 @@ from typing import Any
 
 from underlay._version import VERSION
 from underlay.data.curve import Curve
+from underlay.data.recorded import recorded
 
 __all__ = ["curve_hash", "provenance", "version_record"]
 
@@ -29,6 +30,7 @@ def provenance(curves: Sequence[Curve]) -> dict[str, Any]:
                 "name": curve.metadata.get("name"),
                 "path": curve.metadata.get("path"),
                 "scene_path": curve.metadata.get("scene_path"),
+                "recorded": recorded(curve),
                 "file_sha256": curve.metadata.get("sha256"),
                 "data_sha256": curve_hash(curve),
                 "points": len(curve),

@@ -31,6 +31,8 @@ from underlay.scene.chain import ContactPoint
 __all__ = ["Averaged", "average"]
 
 _MOST_PASSES = 3
+# A shift whose square, what a linear model leaves out, is below this share of a standard deviation is not followed.
+_STRAIGHT = 0.2
 # Below this probability of no jump other contacts are tried, at these shares of the depth of contact.
 _JUMP_LIKELY = 0.5
 _CONTACTS = (-0.08, -0.04, 0.04, 0.08)
@@ -72,12 +74,12 @@ class Averaged:
 
     @cached_property
     def mixture(self) -> Mixture:
-        """Distribution of the scaled vector, all optima in it."""
-        parts = [competition.mixture for _, competition in self.optima]
+        """Distribution of the scaled vector, all optima in it; amplitudes of known errors are left out."""
+        parts, k = [competition.mixture for _, competition in self.optima], len(self.vector)
         return Mixture(
             np.concatenate([s * part.weights for s, part in zip(self.shares, parts, strict=True)]),
-            np.concatenate([v + part.shift for (v, _), part in zip(self.optima, parts, strict=True)]),
-            np.concatenate([part.deviation for part in parts]),
+            np.concatenate([v + part.shift[:, :k] for (v, _), part in zip(self.optima, parts, strict=True)]),
+            np.concatenate([part.deviation[:, :k] for part in parts]),
             parts[0].degrees,
         )
 
@@ -85,14 +87,13 @@ class Averaged:
     def valley(self) -> Valley:
         """Profiles under the heaviest combination, every parameter free; raises InputError without a law."""
         free = self.blocked.released()
-        combination = _combination(self.competition)
+        combination = Combination.of(self.competition, self.competition.heaviest)
         return Valley(free, combination, descend(free, self.vector, combination))
 
-    def deviation(self, index: int) -> float:
-        """Standard deviation of an entry under the heaviest combination."""
-        kept = np.zeros(self.competition.weights.shape, dtype=bool)
-        kept[self.competition.heaviest] = True
-        return float(np.sqrt(self.competition.covariance(kept)[0, index, index]))
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviations of the scaled vector under the heaviest combination, (k,)."""
+        return _deviations(self.competition, self.competition.heaviest)[: len(self.vector)]
 
     def least_z(self, level: float) -> float:
         """Standard deviations from the optimum to an end, were the heaviest combination the only one."""
@@ -101,26 +102,58 @@ class Averaged:
     @property
     def drifts(self) -> list[float]:
         """Relative change of the law from contact to the deepest point, one per curve, of the likeliest drift."""
-        return [
-            float(own[:DRIFTS] @ (1.0 / np.arange(1, DRIFTS + 1))) * scatter / peak
-            for own, scatter, peak in self._misfits
-        ]
+        return [float(own[:DRIFTS] @ (1.0 / np.arange(1, DRIFTS + 1))) for own in self._misfits]
 
     @property
     def jumps(self) -> list[float]:
         """Force (N) that sets in about contact, one per curve, of the likeliest jump."""
-        return [float(own[DRIFTS:].sum()) / JUMPS**0.5 * scatter for own, scatter, _ in self._misfits]
+        return [
+            float(own[DRIFTS : DRIFTS + JUMPS].sum()) / JUMPS**0.5 * curve.member.scatter
+            for own, curve in zip(self._misfits, self.blocked.curves, strict=True)
+        ]
+
+    def moved_by(self, index: int, drift: float) -> float:
+        """Shift of an entry (scaled) if the law stiffens by the share `drift` to full depth, and nobody knows.
+
+        Linear in depth, as finite strain and a base would.
+        """
+        model = self.blocked.linearised(self.vector)
+        free = [i for i in range(len(self.vector)) if i not in self.blocked.held]
+        jacobian = np.vstack([part.jacobian[:, free] for part in model.parts])
+        # The second column is P w / (2 w_max).
+        added = np.concatenate([2.0 * drift * part.drift[:, 1] for part in model.parts])
+        shift = np.linalg.lstsq(jacobian, added, rcond=None)[0]
+        return float(shift[free.index(index)]) if index in free else 0.0
 
     @property
-    def _misfits(self) -> list[tuple[FloatArray, float, float]]:
-        """Columns of drift and jump, scatter (N) and largest contact force (N) of every curve."""
-        competition, curves = self.competition, self.blocked.curves
-        own = competition.shift[competition.heaviest][competition.parameters :]
-        physical = self.blocked.problem.physical(self.vector)
+    def creeps(self) -> list[float]:
+        """Creep of the baseline as a share of the largest force, one per curve, of the likeliest ramp."""
+        return [float(own[DRIFTS + JUMPS]) for own in self._misfits]
+
+    @property
+    def wanders(self) -> list[float]:
+        """How far the likeliest correlated noise wanders over the record, as a share of the range of the force.
+
+        The standard deviation of its change from the first reading to the last, one per curve.
+        """
+        chosen = self.competition.heaviest
+        noise = self.competition.noises[self.competition.places[chosen, 0]]
+        if noise is None:
+            return [0.0] * len(self.blocked.curves)
+        tau, share = noise
+        white = np.sqrt(self.competition.variance[chosen])
         return [
-            (part, curve.member.scatter, curve.largest_force(physical))
-            for part, curve in zip(np.split(own, len(curves)), curves, strict=True)
+            float(white * np.sqrt(-2.0 * share * np.expm1((curve.time[0] - curve.time[-1]) / tau)))
+            * curve.member.scatter
+            / float(np.ptp(curve.force))
+            for curve in self.blocked.curves
         ]
+
+    @property
+    def _misfits(self) -> list[FloatArray]:
+        """Drift, jump and ramp of every curve, of the heaviest combination."""
+        own = self.competition.shift[self.competition.heaviest][self.competition.parameters :]
+        return np.split(own, len(self.blocked.curves))
 
     @property
     def exact_law(self) -> float:
@@ -131,6 +164,11 @@ class Averaged:
     def no_jump(self) -> float:
         """Probability that no force sets in at contact beside the law's."""
         return float(self.shares @ [competition.no_jump for _, competition in self.optima])
+
+    @property
+    def level(self) -> float:
+        """Probability that the baseline does not creep."""
+        return float(self.shares @ [competition.level for _, competition in self.optima])
 
     @property
     def white(self) -> float:
@@ -165,12 +203,12 @@ def average(
     InputError
         If there is no contact law at the vector.
     """
-    sizes = sizes or Sizes()
+    sizes = sizes or Sizes.of(problem)
     blocked = Blocked.of(problem, vector, held)
     first = _settled(blocked, vector, sizes)
     optima = [first, *(_settled(blocked, other, sizes) for other in others)]
     if first[1].no_jump < _JUMP_LIKELY:
-        optima += [_settled(blocked, start, sizes) for start in _other_contacts(problem, blocked, first[0])]
+        optima += [_settled(blocked, other, sizes) for other in _at_other_contacts(blocked, *first)]
     return Averaged(blocked, _distinct(optima))
 
 
@@ -178,21 +216,35 @@ def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> tuple[FloatA
     """Optimum of the heaviest combination, from a start, and the weights about it."""
     competition = Competition.of(blocked.linearised(vector), sizes)
     for _ in range(_MOST_PASSES):
-        chosen = competition.heaviest
-        vector = descend(blocked, vector, _combination(competition)).vector
-        competition = Competition.of(blocked.linearised(vector), sizes)
-        if competition.heaviest == chosen:
+        at, k = competition.heaviest, len(vector)
+        shift, deviation = competition.shift[at][:k], _deviations(competition, at)[:k]
+        if (shift * shift <= _STRAIGHT * deviation).all():
             break
+        vector = descend(blocked, vector, Combination.of(competition, at)).vector
+        competition = Competition.of(blocked.linearised(vector), sizes)
     return vector, competition
 
 
-def _combination(competition: Competition) -> Combination:
-    noise, column = competition.heaviest
-    return Combination(competition.noises[noise], competition.sizes.scales_of(column))
+def _deviations(competition: Competition, at: int) -> FloatArray:
+    return np.asarray(np.sqrt(np.diagonal(competition.covariance[at])))
 
 
-def _other_contacts(problem: Problem, blocked: Blocked, vector: FloatArray) -> list[FloatArray]:
+def _at_other_contacts(blocked: Blocked, vector: FloatArray, competition: Competition) -> list[FloatArray]:
+    """Further optima of the likeliest combination with a jump, begun with the contact point elsewhere."""
+    jumping = np.where(competition.amounts[:, 1] > 0.0, competition.weights, 0.0)
+    at = int(np.argmax(jumping))
+    deviation = _deviations(competition, at)[: len(vector)]
+    found = [vector]
+    for start in _other_contacts(blocked, vector):
+        other = descend(blocked, start, Combination.of(competition, at)).vector
+        if all((np.abs(other - known) > _APART * deviation).any() for known in found):
+            found.append(other)
+    return found[1:]
+
+
+def _other_contacts(blocked: Blocked, vector: FloatArray) -> list[FloatArray]:
     """Starts with the contact point elsewhere, inside the bounds; none where it is known."""
+    problem = blocked.problem
     physical = problem.physical(vector)
     starts = []
     for share in _CONTACTS:
@@ -217,7 +269,7 @@ def _distinct(
     for vector, competition in ranked:
         if kept and _total(competition) < _total(kept[0][1]) + np.log(_LIGHTER):
             break
-        deviation = competition.mixture.deviation.min(axis=0)
+        deviation = competition.mixture.deviation.min(axis=0)[: len(vector)]
         if all((np.abs(vector - other) > _APART * deviation).any() for other, _ in kept):
             kept.append((vector, competition))
     return kept

@@ -1,21 +1,25 @@
-"""Noise, a drifting law and a jump at contact, weighed against each other by restricted likelihood.
+"""Noise, a drifting law, a jump at contact and a creeping baseline, weighed by restricted likelihood.
 
-About the present fit a reading is  F(theta) + Phi u + Z v + e:
+About the present fit a reading is  F(theta) + Phi u + Z v + t y + e:
 
 - e, white noise of variance s^2 and an Ornstein-Uhlenbeck process on it (`Whitener`);
 - Phi u, a law whose relative error is a smooth function of the contact radius and nil at contact (finite strain,
-  a base that is not what the scene says): Phi_j = P (w / w_max)^(j/2) / j, j = 1, 2, 3, u ~ N(0, sigma_drift^2);
+  a base that is not what the scene says): Phi_j = P (w / w_max)^(j/2) / j, j = 1, 2, 3, u ~ N(0, sigma_drift^2).
+  Its size is a share of the force, whatever the noise: laws are wrong by per cents on loud curves too;
 - Z v, a force that sets in near contact (adhesion, drag, a snap): steps about the contact point,
-  v ~ N(0, sigma_jump^2 / 8).
+  v ~ N(0, s^2 sigma_jump^2 / 8);
+- t y, a baseline that creeps in proportion to time, y ~ N(0, sigma_ramp^2), a share of the largest force: a line is
+  no Ornstein-Uhlenbeck process, which is rough.
 
-With J = dF/dtheta, A = [Phi sigma_drift / s, Z sigma_jump / s] and r = F - data, all whitened,
+With J = dF/dtheta, A = [Phi sigma_drift / s, Z sigma_jump, t sigma_ramp / s], r = F - data, products under V^-1,
 
-    N = [J A]'[J A] + diag(0, 1),   c = [J A]'r,   S = r'r - c'N^-1 c,
-    -2 log likelihood = (n - k) log S + log det V + log det N
+    N = [J A]'[J A] + diag(s^2 / sd^2, 1),   c = [J A]'r + ...,   S = r'r - c'N^-1 c,
+    -2 log likelihood = (n - k) log s^2 + S / s^2 + log det V + log det N
 
 (restricted maximum likelihood: Harville 1977, doi:10.1080/01621459.1977.10480998; a discrepancy with a prior:
-Kennedy and O'Hagan 2001, doi:10.1111/1467-9868.00294). No test decides which of them is there: every combination on
-a grid of sizes and times is weighed, and a parameter's interval is that of the mixture.
+Kennedy and O'Hagan 2001, doi:10.1111/1467-9868.00294), where a measured parameter or a known error has its prior's
+sd in N, c and S, and s^2 = S / (n - k + number of those). No test decides which of them is there: every combination
+on a grid of sizes and times is weighed, and a parameter's interval is that of the mixture.
 """
 
 from __future__ import annotations
@@ -34,124 +38,192 @@ from underlay.inference.misfit.sizes import Sizes
 
 __all__ = ["Competition"]
 
-# Combinations lighter than this together move no quantile by more than a thousandth of a standard deviation.
-_LIGHT = 1e-6
-# Each repetition of s^2 gains a factor of about n.
-_REPEATS = 2
+# Lighter combinations, hundreds of them, weigh together less than one in a thousand.
+_LIGHTEST = 1e-6
 
 
 @dataclass(frozen=True)
 class Competition:
-    """The weights of all combinations about one present fit.
+    """The weights of the combinations about one present fit, those left out that weigh nothing.
 
     Parameters
     ----------
-    noises : list of (tau, g) or None
+    noises : sequence of (tau, g) or None
         Correlated noises; the first is white noise alone.
     sizes : Sizes
         What was weighed.
+    places : NDArray
+        Number of the noise and of the amounts of drift, jump and ramp of every combination, (c, 2).
     log_evidence : FloatArray
-        Logarithm of prior times likelihood, (noises, c).
+        Logarithm of prior times likelihood, (c,).
     shift : FloatArray
-        Best shift of the coordinates and of the columns of drift and jump, (noises, c, k + 11).
-    normal : FloatArray
-        N, (noises, c, m, m).
-    white_variance : FloatArray
-        s^2 over the scatter of the curves squared, (noises, c).
-    degrees, parameters : int
-        n - k and k.
+        Best shift of the coordinates, amplitudes of known errors, and columns of drift, jump and ramp, (c, k + 12).
+    covariance : FloatArray
+        Of coordinates and amplitudes, (c, k, k).
+    variance : FloatArray
+        s^2 over the scatter of the curves squared, (c,).
+    degrees : int
+        n - k.
     """
 
     noises: Sequence[tuple[float, float] | None]
     sizes: Sizes
+    places: NDArray[np.intp]
     log_evidence: FloatArray
     shift: FloatArray
-    normal: FloatArray
-    white_variance: FloatArray
+    covariance: FloatArray
+    variance: FloatArray
     degrees: int
-    parameters: int
 
     @classmethod
-    def of(cls, model: Linearised, sizes: Sizes) -> Competition:
-        """Weigh every combination about a linearised model."""
+    def of(cls, model: Linearised, sizes: Sizes, lightest: float = _LIGHTEST) -> Competition:
+        """Weigh every combination about a linearised model; those below the share `lightest` are left out."""
         noises = sizes.noises([part.time for part in model.parts])
-        pairs = [model.gram(noise) for noise in noises]
-        grams = np.array([gram for gram, _ in pairs])
-        log_determinants = np.array([log_determinant for _, log_determinant in pairs])
-        k = len(model.precision)
-        scale = sizes.scales(k, len(model.parts))
-        normal = scale[:, :, None] * grams[:, None, :-1, :-1] * scale[:, None, :]
-        normal += np.diag(np.r_[np.zeros(k), np.ones(scale.shape[1] - k)])
-        gradient, square = scale * grams[:, None, :-1, -1], grams[:, None, -1, -1]
-        degrees = model.readings - k
-        measured = int(np.count_nonzero(model.precision))
-        solved, variance, left = _solved(normal, gradient, square, degrees)
-        for _ in range(_REPEATS if measured else 0):
-            # A measurement weighs s^2 against the readings: s^2 is found by repetition.
-            pulled, pulling = np.array(normal), np.array(gradient)
-            pulled[..., range(k), range(k)] += variance[..., None] * model.precision
-            pulling[..., :k] += variance[..., None] * model.pull
-            offset = square + variance * model.offset
-            solved, variance, left = _solved(pulled, pulling, offset, degrees + measured)
-        if measured:
-            normal = pulled
-        log_normal = np.linalg.slogdet(normal)[1]
-        likelihood = degrees * np.log(variance) + left / variance + log_determinants[:, None] + log_normal
-        evidence = sizes.log_prior(len(noises)) - 0.5 * likelihood
-        return cls(noises, sizes, evidence, np.asarray(-solved * scale), normal, variance, degrees, k)
+        found = _Weighed(model, sizes, *model.products(noises))
+        rough, square = found.roughly(sizes.log_prior(len(noises)))
+        weights = np.exp(rough - rough.max())
+        kept = np.argwhere(np.asarray(weights >= lightest * weights.sum()))
+        noise, column = kept.T
+        variance = square[noise, column] / found.freedom
+        prior = sizes.log_prior(len(noises))[noise, column]
+        evidence, shift, covariance, variance = found.closely(noise, column, variance, prior)
+        return cls(
+            noises, sizes, kept, evidence, shift, covariance, variance, model.readings - len(model.precision)
+        )
+
+    @property
+    def parameters(self) -> int:
+        """Number of coordinates and amplitudes."""
+        return int(self.covariance.shape[-1])
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Posterior probability of every combination, (noises, c)."""
+        """Posterior probability of every combination, (c,)."""
         weights = np.exp(self.log_evidence - self.log_evidence.max())
         return np.asarray(weights / weights.sum())
 
     @cached_property
-    def heaviest(self) -> tuple[int, int]:
+    def heaviest(self) -> int:
         """The combination with the largest weight."""
-        noise, column = np.unravel_index(int(np.argmax(self.weights)), self.weights.shape)
-        return int(noise), int(column)
+        return int(np.argmax(self.weights))
+
+    @cached_property
+    def amounts(self) -> FloatArray:
+        """Sizes of drift, jump and ramp of every combination, (c, 3)."""
+        return np.asarray(self.sizes.amounts[self.places[:, 1]])
 
     @property
     def white(self) -> float:
         """Probability that the noise is white."""
-        return float(self.weights[0].sum())
+        return float(self.weights[self.places[:, 0] == 0].sum())
 
     @property
     def exact_law(self) -> float:
         """Probability that the law does not drift."""
-        return float(self.weights[:, self.sizes.columns[:, 0] == 0.0].sum())
+        return float(self.weights[self.amounts[:, 0] == 0.0].sum())
 
     @property
     def no_jump(self) -> float:
         """Probability that the force does not jump at contact."""
-        return float(self.weights[:, self.sizes.columns[:, 1] == 0.0].sum())
+        return float(self.weights[self.amounts[:, 1] == 0.0].sum())
 
     @property
-    def kept(self) -> NDArray[np.bool_]:
-        """The combinations that weigh something, (noises, c)."""
-        return np.asarray(self.weights > _LIGHT)
+    def level(self) -> float:
+        """Probability that the baseline does not creep."""
+        return float(self.weights[self.amounts[:, 2] == 0.0].sum())
 
-    def covariance(self, kept: NDArray[np.bool_]) -> FloatArray:
-        """Covariance of the coordinates for the combinations marked in `kept` (noises, c), (g, k, k)."""
-        k = self.parameters
-        inverse = np.linalg.inv(self.normal[kept])[:, :k, :k]
-        return np.asarray(inverse * self.white_variance[kept][:, None, None])
-
-    @cached_property
+    @property
     def mixture(self) -> Mixture:
-        """Distribution of the coordinates, the combinations averaged by their weights."""
-        kept = self.kept
-        variances = np.diagonal(self.covariance(kept), axis1=-2, axis2=-1)
-        weights = self.weights[kept]
-        shift = self.shift[kept][:, : self.parameters]
-        return Mixture(weights / weights.sum(), shift, np.sqrt(variances), self.degrees)
+        """Distribution of coordinates and amplitudes, the combinations averaged by their weights."""
+        variances = np.diagonal(self.covariance, axis1=-2, axis2=-1)
+        return Mixture(self.weights, self.shift[:, : self.parameters], np.sqrt(variances), self.degrees)
 
 
-def _solved(
-    normal: FloatArray, gradient: FloatArray, square: FloatArray, degrees: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """N^-1 c, the variance s^2 = S / degrees, and S."""
-    solved = np.linalg.solve(normal, gradient[..., None])[..., 0]
-    left = square - np.einsum("gci,gci->gc", gradient, solved)
-    return np.asarray(solved), np.asarray(left / degrees), np.asarray(left)
+@dataclass(frozen=True)
+class _Weighed:
+    """The algebra of one linearised model: products of its columns (g, m, m) and log det V (g,) by noise."""
+
+    model: Linearised
+    sizes: Sizes
+    products: FloatArray
+    log_determinants: FloatArray
+
+    @property
+    def freedom(self) -> int:
+        """n - k, and one for each prior that is a measurement."""
+        return self.model.readings - len(self.model.precision) + self.model.measured
+
+    def roughly(self, log_prior: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Log evidence and S of all combinations, (g, c), with s^2 of their noise: what is light is seen here."""
+        k, amounts = len(self.model.precision), self.sizes.amounts
+        largest = np.broadcast_to(amounts.max(axis=0), (len(self.products), 3))
+        every = np.arange(len(self.products))
+        start = self._bordered(every, largest, np.ones(len(every)))
+        variance = np.linalg.cholesky(start)[:, -1, -1] ** 2 / self.freedom
+        reduced, log_kept = _eliminated(self._bordered(every, None, variance), k)
+        scale = self._scale(np.tile(amounts, (len(every), 1)), np.repeat(variance, len(amounts)))[:, k:]
+        scale = np.hstack((scale, np.ones((len(scale), 1)))).reshape(len(every), len(amounts), -1)
+        bordered = scale[:, :, :, None] * reduced[:, None] * scale[:, :, None, :]
+        inner = np.arange(bordered.shape[-1] - 1)
+        # The columns came with a size of one over s.
+        bordered[..., inner, inner] += 1.0
+        root = np.diagonal(np.linalg.cholesky(bordered), axis1=-2, axis2=-1)
+        square = root[..., -1] ** 2
+        log_normal = log_kept[:, None] + 2.0 * np.log(root[..., :-1]).sum(axis=-1)
+        evidence = self._evidence(square, self.log_determinants[:, None], log_normal)
+        return log_prior + evidence, square
+
+    def closely(
+        self, noise: NDArray[np.intp], column: NDArray[np.intp], variance: FloatArray, log_prior: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Log evidence, shifts, covariances and s^2 of some combinations, (c,), each with its own s^2."""
+        k, amounts = len(self.model.precision), self.sizes.amounts[column]
+        bordered = self._bordered(noise, amounts, variance)
+        normal, gradient = bordered[:, :-1, :-1], bordered[:, :-1, -1]
+        inverse = np.linalg.inv(normal)
+        solved = np.einsum("cij,cj->ci", inverse, gradient)
+        square = bordered[:, -1, -1] - np.einsum("ci,ci->c", gradient, solved)
+        log_normal = np.linalg.slogdet(normal)[1]
+        evidence = log_prior + self._evidence(square, self.log_determinants[noise], log_normal)
+        shift = -solved * self._scale(amounts, variance)
+        variance = square / self.freedom
+        return evidence, shift, inverse[:, :k, :k] * variance[:, None, None], variance
+
+    def _evidence(
+        self, square: FloatArray, log_determinant: FloatArray, log_normal: FloatArray
+    ) -> FloatArray:
+        variance, degrees = square / self.freedom, self.model.readings - len(self.model.precision)
+        total = degrees * np.log(variance) + self.freedom + log_determinant + log_normal
+        return np.asarray(-0.5 * total)
+
+    def _scale(self, amounts: FloatArray, variance: FloatArray) -> FloatArray:
+        return self.sizes.scales(amounts, variance, len(self.model.precision), len(self.model.parts))
+
+    def _bordered(
+        self, noise: NDArray[np.intp], amounts: FloatArray | None, variance: FloatArray
+    ) -> FloatArray:
+        """N with c and r'r beside it, (c, m, m), for noises, amounts (c, 3) and s^2 (c,).
+
+        Without amounts the columns of the misfits keep their size and have no prior.
+        """
+        k = len(self.model.precision)
+        bordered = np.array(self.products[noise])
+        if amounts is not None:
+            scale = np.ones(bordered.shape[:2])
+            scale[:, :-1] = self._scale(amounts, variance)
+            bordered *= scale[:, :, None] * scale[:, None, :]
+            inner = np.arange(k, bordered.shape[-1] - 1)
+            bordered[:, inner, inner] += 1.0
+        among = np.arange(k)
+        bordered[:, among, among] += variance[:, None] * self.model.precision
+        bordered[:, among, -1] += variance[:, None] * self.model.pull
+        bordered[:, -1, among] += variance[:, None] * self.model.pull
+        bordered[:, -1, -1] += variance * self.model.offset
+        return np.asarray(bordered)
+
+
+def _eliminated(products: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Products (g, m, m) of columns with the first `count` solved for, and log det of those' own, (g,)."""
+    first, cross = products[:, :count, :count], products[:, :count, count:]
+    left = products[:, count:, count:] - np.swapaxes(cross, 1, 2) @ np.linalg.solve(first, cross)
+    return np.asarray(left), np.asarray(np.linalg.slogdet(first)[1])

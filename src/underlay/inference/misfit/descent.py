@@ -1,4 +1,4 @@
-"""The optimum of one combination of noise, drift and jump: Levenberg-Marquardt, drift and jump solved for."""
+"""The optimum of one combination: Levenberg-Marquardt in the parameters, drift, jump and ramp solved for."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.misfit.blocked import Blocked
+from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.sizes import Sizes
 
 __all__ = ["Combination", "Place", "descend"]
 
 _MOST_STEPS = 12
-# A step below this share of a standard deviation moves no interval.
-_SETTLED = 0.02
+# A step below this share of a standard deviation moves no interval: z by a four-hundredth.
+_SETTLED = 0.1
 # No step goes further than this in a scaled coordinate: a factor of 7.
 _FARTHEST = 2.0
 # Curvature of a coordinate that does not act, as a share of the largest: keeps it where it is.
@@ -25,15 +26,22 @@ _LEAST = 1e-12
 
 @dataclass(frozen=True)
 class Combination:
-    """One of what is weighed: correlated noise (tau, g) or None, and the sizes of drift and jump."""
+    """One of what is weighed: correlated noise (tau, g) or None, drift, jump and ramp (3,), and s^2."""
 
     noise: tuple[float, float] | None
-    sizes: tuple[float, float]
+    amounts: FloatArray
+    variance: float
+
+    @classmethod
+    def of(cls, competition: Competition, at: int) -> Combination:
+        """One of those that were weighed, by its number."""
+        noise = competition.noises[competition.places[at, 0]]
+        return cls(noise, competition.amounts[at], float(competition.variance[at]))
 
 
 @dataclass(frozen=True)
 class Place:
-    """One combination at one vector: N, c and S with drift and jump solved for, and s^2."""
+    """One combination at one vector: N and c of the coordinates, and S, all else solved for; and s^2."""
 
     vector: FloatArray
     normal: FloatArray
@@ -43,25 +51,23 @@ class Place:
 
     @classmethod
     def of(cls, blocked: Blocked, vector: FloatArray, combination: Combination) -> Place:
-        """Solve for drift and jump at a scaled vector (k,); raises InputError where there is no law."""
+        """Solve for the misfits and known errors at a scaled vector (k,); raises InputError without a law."""
         model = blocked.linearised(vector)
-        k = len(vector)
-        gram, _ = model.gram(combination.noise)
-        scale = np.r_[Sizes.scale(combination.sizes, k, len(blocked.curves)), 1.0]
-        gram = gram * np.outer(scale, scale)
-        misfit = gram[k:-1, k:-1] + np.eye(len(gram) - 1 - k)
-        # The Schur complement of drift and jump, residuals and derivatives together.
-        kept = np.r_[np.arange(k), -1]
-        cross = gram[k:-1][:, kept]
-        reduced = gram[np.ix_(kept, kept)] - cross.T @ np.linalg.solve(misfit, cross)
-        variance = float(reduced[-1, -1]) / (model.readings - k)
-        return cls(
-            vector,
-            reduced[:k, :k] + variance * np.diag(model.precision),
-            reduced[:k, -1] + variance * model.pull,
-            float(reduced[-1, -1]) + variance * model.offset,
-            variance,
-        )
+        k, known, variance = len(model.precision), len(vector), combination.variance
+        scales = Sizes.scales(combination.amounts[None], np.array([variance]), k, len(blocked.curves))
+        scale = np.r_[scales[0], 1.0]
+        products = model.products([combination.noise])[0][0] * np.outer(scale, scale)
+        # What is measured besides weighs s^2 against the readings.
+        products[range(k), range(k)] += variance * model.precision
+        products[:k, -1] += variance * model.pull
+        products[-1, :k] += variance * model.pull
+        products[-1, -1] += variance * model.offset
+        inner = range(k, len(scale) - 1)
+        products[inner, inner] += 1.0
+        kept, gone = np.r_[0:known, -1], np.r_[known : len(scale) - 1]
+        cross = products[np.ix_(gone, kept)]
+        left = products[np.ix_(kept, kept)] - cross.T @ np.linalg.solve(products[np.ix_(gone, gone)], cross)
+        return cls(vector, left[:-1, :-1], left[:-1, -1], float(left[-1, -1]), variance)
 
     def step(self, damping: float, free: NDArray[np.bool_]) -> FloatArray:
         """Damped Gauss-Newton step (k,) of the coordinates that are `free`."""
@@ -79,7 +85,13 @@ class Place:
         return float(-(2.0 * self.gradient + self.normal @ step) @ step) / self.variance
 
 
-def descend(blocked: Blocked, vector: FloatArray, combination: Combination, held: int | None = None) -> Place:
+def descend(
+    blocked: Blocked,
+    vector: FloatArray,
+    combination: Combination,
+    held: int | None = None,
+    most_steps: int = _MOST_STEPS,
+) -> Place:
     """Optimum of one combination from a scaled vector (k,), with one entry held where it is if wanted.
 
     Raises
@@ -89,7 +101,7 @@ def descend(blocked: Blocked, vector: FloatArray, combination: Combination, held
     """
     low, high = blocked.problem.bounds.T
     here, damping = Place.of(blocked, vector, combination), 1e-6
-    for _ in range(_MOST_STEPS):
+    for _ in range(most_steps):
         downhill = -here.gradient
         free = ((here.vector > low) | (downhill > 0.0)) & ((here.vector < high) | (downhill < 0.0))
         if held is not None:

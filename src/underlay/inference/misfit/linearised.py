@@ -1,42 +1,60 @@
-"""A model about the present fit: derivatives, what a drift and a jump would add, residuals, measured priors."""
+"""A model about the present fit: derivatives, what drift, jump and ramp would add, residuals, measured priors."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.errors import InputError
 from underlay.inference.misfit.whitener import Whitener
 
-__all__ = ["DRIFTS", "JUMPS", "Linearised", "Part", "drift_columns", "jump_columns"]
+__all__ = ["DRIFTS", "JUMPS", "RAMPS", "Linearised", "Part", "drift_columns", "jump_columns", "ramp_column"]
 
 #: Columns of a drift, in half powers of the depth.
 DRIFTS = 3
 #: Where the steps of a jump stand, as shares of the largest depth: before contact and a little into it.
 _STEPS = np.array([-0.15, -0.1, -0.06, -0.03, -0.01, 0.01, 0.04, 0.08])
 JUMPS = len(_STEPS)
+#: Columns of a baseline that creeps.
+RAMPS = 1
 
 
 def drift_columns(force: FloatArray, depth: FloatArray) -> FloatArray:
-    """Phi: smooth relative errors of the law that vanish at contact, (n, 3), over the largest force.
+    """Phi: smooth relative errors of the law that vanish at contact, in the unit of the force, (n, 3).
 
     Parameters
     ----------
     force, depth : FloatArray
-        Contact force P (N) and indentation depth w (m), (n,); zero before contact.
+        Contact force P and indentation depth w (m), (n,); zero and negative before contact.
+
+    Raises
+    ------
+    InputError
+        If no depth is in contact.
     """
-    share = np.sqrt(np.maximum(depth, 0.0) / depth.max())[:, None]
+    deepest = float(depth.max())
+    if not deepest > 0.0:
+        raise InputError("a curve that never touches has no drift with depth")
+    share = np.sqrt(np.maximum(depth, 0.0) / deepest)[:, None]
     order = np.arange(1, DRIFTS + 1)
-    return np.asarray((force / np.abs(force).max())[:, None] * share**order / order)
+    return np.asarray(force[:, None] * share**order / order)
 
 
 def jump_columns(depth: FloatArray) -> FloatArray:
     """Z: steps of the force about contact, (n, 8), for depths w (m), (n,), negative before contact."""
     steps = depth[:, None] > _STEPS * depth.max()
     return np.asarray(steps.astype(float) / np.sqrt(JUMPS))
+
+
+def ramp_column(force: FloatArray, time: FloatArray) -> FloatArray:
+    """Return a baseline that creeps by the largest of the forces P (n,) over the times (s), (n,): (n, 1)."""
+    passed = (time - time[0]) / (time[-1] - time[0])
+    return np.asarray(float(np.abs(force).max()) * passed[:, None])
 
 
 @dataclass(frozen=True)
@@ -48,9 +66,9 @@ class Part:
     residuals : FloatArray
         Model minus data over the scatter of the curve, (n,).
     jacobian : FloatArray
-        Its derivatives in scaled coordinates, (n, k).
-    drift, jump : FloatArray
-        `drift_columns` and `jump_columns`, (n, 3) and (n, 8).
+        Its derivatives in scaled coordinates and in the amplitudes of known errors, (n, k).
+    drift, jump, ramp : FloatArray
+        `drift_columns` and `ramp_column` of the force over the scatter, and `jump_columns`; (n, 3), (n, 8), (n, 1).
     time : FloatArray
         Times of the readings (s), (n,), increasing; their numbers where there are none.
     """
@@ -59,12 +77,14 @@ class Part:
     jacobian: FloatArray
     drift: FloatArray
     jump: FloatArray
+    ramp: FloatArray
     time: FloatArray
 
     @cached_property
     def columns(self) -> FloatArray:
-        """All that is whitened, (n, k + 12): derivatives, drift, jump, residuals."""
-        return np.asfortranarray(np.column_stack((self.jacobian, self.drift, self.jump, self.residuals)))
+        """All that is whitened, (n, k + 13): derivatives, drift, jump, ramp, residuals."""
+        parts = (self.jacobian, self.drift, self.jump, self.ramp, self.residuals)
+        return np.asfortranarray(np.column_stack(parts))
 
 
 @dataclass(frozen=True)
@@ -74,10 +94,11 @@ class Linearised:
     Parameters
     ----------
     parts : sequence of Part
-        The curves. They share sizes and times of noise, drift and jump, each over its own scatter, and not
+        The curves. They share sizes and times of noise, drift, jump and ramp, each over its own scatter, and not
         what these happen to be.
     precision, pull : FloatArray
-        Of the priors: 1 / sd^2 and (value - mean) / sd^2 of every coordinate, (k,); zero where there is none.
+        Of the priors: 1 / sd^2 and (value - mean) / sd^2 of every coordinate and amplitude, (k,); zero where
+        there is none.
     held : tuple of int
         Entries that stay where they are; their derivatives are zero.
     """
@@ -98,22 +119,41 @@ class Linearised:
         acting = self.precision > 0.0
         return float(np.sum(np.square(self.pull[acting]) / self.precision[acting]))
 
-    def gram(self, noise: tuple[float, float] | None) -> tuple[FloatArray, float]:
-        """Products of all whitened columns, (m, m) with m = k + 11 curves + 1, and log det V.
+    @property
+    def measured(self) -> int:
+        """Number of coordinates and amplitudes with such a prior."""
+        return int(np.count_nonzero(self.precision))
 
-        The columns are the derivatives, drift and jump of each curve, and the residuals.
+    def products(self, noises: Sequence[tuple[float, float] | None]) -> tuple[FloatArray, FloatArray]:
+        """Products of all columns under V^-1, (g, m, m) with m = k + 12 curves + 1, and log det V, (g,).
+
+        The columns are the derivatives, drift, jump and ramp of each curve, and the residuals. Noises of one
+        correlation time share its work when they stand side by side.
         """
-        k, own = len(self.precision), self.parts[0].columns.shape[1] - len(self.precision) - 1
-        gram = np.zeros((k + own * len(self.parts) + 1,) * 2)
-        log_determinant = 0.0
+        k, own = len(self.precision), DRIFTS + JUMPS + RAMPS
+        products = np.zeros((len(noises), *(k + own * len(self.parts) + 1,) * 2))
+        log_determinants = np.zeros(len(noises))
         for number, part in enumerate(self.parts):
-            columns = part.columns
-            if noise is not None:
-                whitener = Whitener.of(part.time, *noise)
-                columns = whitener.whiten(columns)
-                log_determinant += whitener.log_determinant
             places = np.r_[np.arange(k), k + own * number + np.arange(own), -1]
-            gram[np.ix_(places, places)] += columns.T @ columns
+            for at, (product, log_determinant) in enumerate(_products(part, noises)):
+                products[at][np.ix_(places, places)] += product
+                log_determinants[at] += log_determinant
         # One on the diagonal, and nothing beside: the algebra keeps its shape, and the shift of these is zero.
-        gram[list(self.held), list(self.held)] += 1.0
-        return gram, log_determinant
+        products[:, list(self.held), list(self.held)] += 1.0
+        return products, log_determinants
+
+
+def _products(part: Part, noises: Sequence[tuple[float, float] | None]) -> Sequence[tuple[FloatArray, float]]:
+    """Products of one curve's columns and log det V, for every noise."""
+    columns = part.columns
+    found: list[tuple[FloatArray, float]] = []
+    for tau, group in groupby(noises, key=lambda noise: None if noise is None else noise[0]):
+        if tau is None:
+            found += [(columns.T @ columns, 0.0) for _ in group]
+            continue
+        whitener = Whitener.of(part.time, tau)
+        ahead = whitener.ahead(columns)
+        for noise in group:
+            solved, log_determinant = whitener.inverse(ahead, noise[1] if noise else 0.0)
+            found.append((ahead.T @ solved, log_determinant))
+    return found

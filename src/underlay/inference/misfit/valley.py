@@ -19,15 +19,16 @@ from underlay.errors import InputError
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.descent import Combination, Place, descend
 
-__all__ = ["FARTHEST", "Valley"]
+__all__ = ["FARTHEST", "Valley", "crossing"]
 
-_STEP = 0.8  # in z
+_STEP = 1.2  # in z
 _STEEPEST = 1.6
 _GROWTH = 2.0
 _FIRST = 0.25  # the longest first step, in a scaled coordinate
 #: As far as a profile is walked, in a scaled coordinate: a factor of 150, or five times the range of the curve.
 FARTHEST = 5.0
-_MOST_STEPS = 18
+# A law that nothing tabulates costs some 50 ms: so many places on the way, and steps of a descent to each.
+_MOST_STEPS, _DESCENT = 10, 6
 _SHORTEST = 0.02
 
 
@@ -50,7 +51,7 @@ class Valley:
         begin[index] = q
         low, high = self.blocked.problem.bounds.T
         try:
-            return descend(self.blocked, np.clip(begin, low, high), self.combination, held=index)
+            return descend(self.blocked, np.clip(begin, low, high), self.combination, index, _DESCENT)
         except InputError:
             return None
 
@@ -65,6 +66,16 @@ class Valley:
 
     def end(self, index: int, direction: float, z: float) -> float:
         """Where the profile first reaches `z`, going one way: scaled; infinite where it does not.
+
+        Raises
+        ------
+        InputError
+            If there is no law at the optimum.
+        """
+        return crossing(*self.path(index, direction, z), z, direction)
+
+    def path(self, index: int, direction: float, highest: float) -> tuple[FloatArray, FloatArray]:
+        """Scaled values of an entry from the optimum one way, (m,), and z at each, until that is `highest`.
 
         Raises
         ------
@@ -92,11 +103,11 @@ class Valley:
                 continue
             vectors.append(place.vector)
             heights.append(height)
-            if height >= z:
-                return _crossing(np.array([v[index] for v in vectors]), np.array(heights), z)
+            if height >= highest:
+                break
             slope = (heights[-1] - heights[-2]) / step
             step = min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
-        return direction * math.inf
+        return np.array([vector[index] for vector in vectors]), np.array(heights)
 
     @cached_property
     def _covariance(self) -> FloatArray:
@@ -120,13 +131,17 @@ def _ahead(vectors: list[FloatArray], index: int, step: float) -> FloatArray:
     return np.asarray(vectors[-1] + moved * (step / abs(float(moved[index]))))
 
 
-def _crossing(q: FloatArray, z: FloatArray, height: float) -> float:
-    """Where z reaches a height between the last two places."""
+def crossing(q: FloatArray, z: FloatArray, height: float, direction: float) -> float:
+    """Where z first reaches a height along a path (m,) that goes one way; infinite where it does not."""
+    reached = np.flatnonzero(z >= height)
+    if not reached.size:
+        return direction * math.inf
+    q, z = q[: reached[0] + 1], z[: reached[0] + 1]
     fraction = (height - z[-2]) / (z[-1] - z[-2])
     if len(q) < 3:
         return float(q[-2] + fraction * (q[-1] - q[-2]))
     distance = np.abs(q - q[0])
     inside = interpolate.PchipInterpolator(distance, z)
     roots = [root for root in inside.solve(height, extrapolate=False) if root >= distance[-2]]
-    reached = roots[0] if roots else distance[-2] + fraction * (distance[-1] - distance[-2])
-    return float(q[0] + np.sign(q[-1] - q[0]) * reached)
+    found = roots[0] if roots else distance[-2] + fraction * (distance[-1] - distance[-2])
+    return float(q[0] + np.sign(q[-1] - q[0]) * found)

@@ -1,13 +1,12 @@
-"""White noise and an Ornstein-Uhlenbeck process together, whitened in O(n).
+"""White noise and an Ornstein-Uhlenbeck process together: products under the inverse of their variance, in O(n).
 
 The variance of the readings is s^2 V with V = 1 + g K and K_ij = exp(-|t_i - t_j| / tau). W, the whitening of an
 AR(1) process on the same times, is lower bidiagonal and W K W' = 1, so that
 
-    V = W^-1 (W W' + g 1) W^-T,
+    V^-1 = W' T^-1 W,   T = W W' + g 1,   log det V = log det T - 2 log det W,
 
-where W W' + g 1 is tridiagonal and positive definite. With its Cholesky factor C the matrix C^-1 W whitens V, and
-log det V = 2 log det C - 2 log det W. No difference of large numbers occurs at any g or tau. (The same structure as
-in Rybicki and Press 1995, doi:10.1103/PhysRevLett.74.1060.)
+where T is tridiagonal and positive definite. W does not depend on g. No difference of large numbers occurs at any g
+or tau. (The same structure as in Rybicki and Press 1995, doi:10.1103/PhysRevLett.74.1060.)
 """
 
 from __future__ import annotations
@@ -25,38 +24,24 @@ __all__ = ["Whitener"]
 
 @dataclass(frozen=True)
 class Whitener:
-    """Turns residuals with the variance V = 1 + g K into independent ones of unit variance.
+    """Correlation time of a noise: what products under V^-1 are made of, for every share g of the process.
 
     Parameters
     ----------
     correlation, spread : FloatArray
         rho_i = exp(-(t_i - t_{i-1}) / tau) and sqrt(1 - rho_i^2), (n - 1,).
-    factor : FloatArray
-        The unit lower bidiagonal L of W W' + g 1 = L D L', banded, (2, n).
-    deviation : FloatArray
-        Square roots of D, (n,).
-    log_determinant : float
-        log det V.
+    diagonal, beside : FloatArray
+        Of W W', (n,) and (n - 1,).
     """
 
     correlation: FloatArray
     spread: FloatArray
-    factor: FloatArray
-    deviation: FloatArray
-    log_determinant: float
+    diagonal: FloatArray
+    beside: FloatArray
 
     @classmethod
-    def of(cls, time: FloatArray, correlation_time: float, share: float) -> Whitener:
-        """Whitening of white noise of unit variance and a process of variance `share` (g) on top.
-
-        Parameters
-        ----------
-        time : FloatArray
-            Times (s) of the readings, (n,), increasing.
-        correlation_time : float
-            tau (s), positive.
-        share : float
-            Variance g of the correlated part over that of the white part, positive.
+    def of(cls, time: FloatArray, correlation_time: float) -> Whitener:
+        """Prepare a process with the correlation time tau (s), read at times (s), (n,).
 
         Raises
         ------
@@ -65,18 +50,21 @@ class Whitener:
         """
         rho, spread = ar1_coefficients(time, correlation_time)
         scale = np.concatenate(([1.0], spread))
-        diagonal = np.concatenate(([1.0], (1.0 + rho * rho) / (spread * spread))) + share
-        beside = -rho / (spread * scale[:-1])
-        pivots, lower, _ = lapack.dpttrf(diagonal, beside)
-        factor = np.ones((2, len(diagonal)))
-        factor[1, :-1], factor[1, -1] = lower, 0.0
-        log_determinant = float(np.log(pivots).sum() + 2.0 * np.log(spread).sum())
-        return cls(rho, spread, factor, np.sqrt(pivots), log_determinant)
+        diagonal = np.concatenate(([1.0], (1.0 + rho * rho) / (spread * spread)))
+        return cls(rho, spread, diagonal, -rho / (spread * scale[:-1]))
 
-    def whiten(self, columns: FloatArray) -> FloatArray:
-        """Whitened columns, (n, m) as given."""
-        ahead = np.empty_like(columns, order="F")
-        ahead[0] = columns[0]
-        ahead[1:] = (columns[1:] - self.correlation[:, None] * columns[:-1]) / self.spread[:, None]
-        solved, _ = lapack.dtbtrs(self.factor, ahead, uplo="L", diag="U", overwrite_b=True)
-        return np.asarray(solved / self.deviation[:, None])
+    def ahead(self, columns: FloatArray) -> FloatArray:
+        """W times columns (n, m)."""
+        moved = np.empty(columns.shape, order="F")
+        moved[0] = columns[0]
+        moved[1:] = (columns[1:] - self.correlation[:, None] * columns[:-1]) / self.spread[:, None]
+        return moved
+
+    def inverse(self, ahead: FloatArray, share: float) -> tuple[FloatArray, float]:
+        """T^-1 times what `ahead` made of columns (n, m), for a share g of the process, and log det V.
+
+        For columns X and Y, ``ahead(X).T @ inverse(ahead(Y), g)[0]`` is X' V^-1 Y.
+        """
+        pivots, lower, _ = lapack.dpttrf(self.diagonal + share, self.beside)
+        solved, _ = lapack.dpttrs(pivots, lower, ahead)
+        return solved, float(np.log(pivots).sum() + 2.0 * np.log(self.spread).sum())

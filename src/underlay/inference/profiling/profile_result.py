@@ -47,6 +47,9 @@ class LikelihoodProfile:
         The same about every other optimum of the fit, t still measured from the best.
     calibration : Calibration, optional
         Curves drawn at the ends, where the thresholds come from them.
+    averaged : bool
+        Whether `delta_chi_square` is the squared normal deviate of the level at which a value becomes an end of
+        the interval that averages over what the residuals may be, as in `Fit.interval`.
     """
 
     name: str
@@ -57,6 +60,7 @@ class LikelihoodProfile:
     ends: tuple[str, str]
     branches: tuple[LikelihoodProfile, ...] = ()
     calibration: Calibration | None = None
+    averaged: bool = False
 
     @property
     def index(self) -> int:
@@ -97,18 +101,24 @@ class LikelihoodProfile:
         return centres[-1].threshold(level) if centres else plain
 
     @property
-    def _noise_is_frozen(self) -> bool:
-        return not self.name.startswith("noise.")
+    def _is_of_one_noise(self) -> bool:
+        return not self.averaged and not self.name.startswith("noise.")
 
     def _plain(self, level: float) -> float:
-        """T without calibration; what is profiled of the noise is no scatter about a fit: chi-square."""
+        """T without calibration; what is averaged, or of the noise, is no scatter about a fit: chi-square."""
         plain = interval_threshold(self.fit, level)
-        return plain if self._noise_is_frozen else float(special.chdtri(1, 1.0 - level))
+        return plain if self._is_of_one_noise else float(special.chdtri(1, 1.0 - level))
 
     def basis(self, level: float = 0.95) -> str:
         """What the thresholds are and why, in a sentence."""
         plain = self._plain(level)
-        if self._noise_is_frozen and _estimates_noise(self.fit):
+        if self.averaged:
+            return (
+                f"threshold {plain:.3g}, the squared normal deviate of {100.0 * level:g} %: the ends are those "
+                "of intervals averaged over correlated noise, a drifting law, a jump at contact and a creeping "
+                "baseline"
+            )
+        if self._is_of_one_noise and _estimates_noise(self.fit):
             law = f"F(1, {self.fit.statistics.points - self.fit.statistics.parameters}), the noise estimated"
         else:
             law = "chi-square with one degree of freedom"

@@ -22,6 +22,7 @@ __all__ = [
     "highest_density_interval",
     "median_error",
     "rank_normalised_rhat",
+    "tail_size",
 ]
 
 #: Fewest steps for which halves of a chain have a variance and an autocorrelation.
@@ -30,6 +31,9 @@ MIN_STEPS = 8
 
 #: The autocorrelation is summed over this many of its own times (Sokal's window).
 _WINDOW = 5.0
+
+#: Quantiles whose effective size is that of the tails.
+_TAILS = (0.05, 0.95)
 
 
 def autocorrelation_time(chain: FloatArray) -> float:
@@ -73,6 +77,16 @@ def rank_normalised_rhat(chain: FloatArray) -> float:
 def effective_size(chain: FloatArray) -> float:
     """Bulk effective sample size of one quantity, (steps, walkers): the independent draws it is worth."""
     return _effective_size(_rank_normalised(_split(chain)))
+
+
+def tail_size(chain: FloatArray) -> float:
+    """Tail effective sample size of one quantity, (steps, walkers): that of its 5 and 95 % quantiles, the smaller.
+
+    Walkers that go far out and stay there for long leave the autocorrelation of the quantity itself short.
+    """
+    halves = _split(chain)
+    beyond = [(halves <= quantile).astype(np.float64) for quantile in np.quantile(halves, _TAILS)]
+    return min(_effective_size(indicator) for indicator in beyond)
 
 
 def median_error(chain: FloatArray) -> float:

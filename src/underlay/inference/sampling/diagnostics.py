@@ -15,7 +15,7 @@ class SamplingDiagnostics:
     Parameters
     ----------
     converged : bool
-        Whether the stop rule was met: longer than 50 autocorrelation times and R-hat below 1.01.
+        Whether the stop rule was met: longer than 50 autocorrelation times, of the tails too, and R-hat below 1.01.
     reason : str
         Why it stopped, in words.
     steps, burn_in, thin, walkers : int

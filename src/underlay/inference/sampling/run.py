@@ -3,7 +3,8 @@
 Foreman-Mackey, Hogg, Lang and Goodman (2013), doi:10.1086/670067. The walkers see scaled coordinates, so a
 modulus moves in ratios; all walkers of a half-ensemble are evaluated in one call of the batched forward
 model. They start over-dispersed around the best fit, inside the priors, and go on until the chain is longer
-than 50 autocorrelation times and the rank-normalised R-hat is below 1.01, or the result says that it is not.
+than 50 autocorrelation times, of the tails too, and the rank-normalised R-hat is below 1.01, or the result says
+that it is not.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.sampling.convergence import autocorrelation_time, rank_normalised_rhat
+from underlay.inference.sampling.convergence import autocorrelation_time, rank_normalised_rhat, tail_size
 
 __all__ = ["Outcome", "judge"]
 
@@ -18,12 +18,16 @@ _BURN_IN_TIMES = 10.0
 
 
 class Outcome(NamedTuple):
-    """Where a chain stands: burn-in, autocorrelation times and R-hat after it, and a verdict in words."""
+    """Where a chain stands: burn-in; after it autocorrelation times, those of the tails, R-hat; a verdict in words.
+
+    The time of a tail is what its quantile's effective sample size says: steps of all walkers per sample.
+    """
 
     steps: int
     walkers: int
     burn_in: int
     times: FloatArray
+    tail_times: FloatArray
     rhat: FloatArray
     converged: bool
     reason: str
@@ -44,7 +48,8 @@ class Outcome(NamedTuple):
 def judge(coords: FloatArray, max_steps: int) -> Outcome:
     """Judge a chain in scaled coordinates, (steps, walkers, parameters), that may grow to `max_steps`.
 
-    R-hat is left out (nan) while the chain is too short for it to decide.
+    Every parameter is watched in its bulk, its tails and its spread: the slowest of them decides. R-hat and the
+    tails are left out (nan) while the chain is too short for them to decide.
     """
     steps, walkers, parameters = coords.shape
     late = np.array([autocorrelation_time(coords[steps // 2 :, :, i]) for i in range(parameters)])
@@ -54,19 +59,19 @@ def judge(coords: FloatArray, max_steps: int) -> Outcome:
     long_enough = len(kept) > _TIMES_NEEDED * times.max()
     # Ranking half a million numbers costs more than all autocorrelations: only when it can decide, or last.
     if not long_enough and steps < max_steps:
-        rhat = np.full(parameters, np.nan)
+        rhat = tails = np.full(parameters, np.nan)
     else:
         rhat = np.array([rank_normalised_rhat(kept[..., i]) for i in range(parameters)])
-    mixed = bool((rhat < _RHAT_NEEDED).all())
+        tails = kept[..., 0].size / np.array([tail_size(kept[..., i]) for i in range(parameters)])
+    mixed = bool((rhat < _RHAT_NEEDED).all()) and bool((len(kept) > _TIMES_NEEDED * tails).all())
+    lengths = len(kept) / times.max(), len(kept) / tails.max()
+    told = f"{lengths[0]:.0f} autocorrelation times ({lengths[1]:.0f} of the slowest tail)"
     if long_enough and mixed:
-        reason = (
-            f"converged: {len(kept)} steps after burn-in are {len(kept) / times.max():.0f} autocorrelation "
-            f"times, R-hat is {rhat.max():.4f}"
-        )
+        reason = f"converged: {len(kept)} steps after burn-in are {told}, R-hat is {rhat.max():.4f}"
     else:
         reason = (
-            f"not converged after {steps} steps: {len(kept)} of them, after burn-in, are "
-            f"{len(kept) / times.max():.1f} autocorrelation times ({_TIMES_NEEDED:.0f} are needed) and R-hat "
-            f"is {rhat.max():.4f} ({_RHAT_NEEDED} is needed)"
+            f"not converged after {steps} steps: {len(kept)} of them, after burn-in, are {told}, where "
+            f"{_TIMES_NEEDED:.0f} autocorrelation times are needed, and R-hat is {rhat.max():.4f} "
+            f"({_RHAT_NEEDED} is needed)"
         )
-    return Outcome(steps, walkers, burn_in, times, rhat, bool(long_enough and mixed), reason)
+    return Outcome(steps, walkers, burn_in, times, tails, rhat, bool(long_enough and mixed), reason)

@@ -61,7 +61,7 @@ def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
         for level, line in _LEVELS:
             _draw_threshold(ax, walk, level, line, factor)
         ax.set_xlabel(f"{label(walk.name)} ({unit})" if unit else label(walk.name))
-        ax.set_ylabel("rise of chi-square")
+        ax.set_ylabel("(deviate of the level)²" if walk.averaged else "rise of chi-square")
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
     return ax
 
