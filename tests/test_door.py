@@ -450,6 +450,7 @@ def test_tables_of_maps_whose_numbers_are_none(tmp_path):
         "name,status,verdict,reason,layer.E.stderr": "a,fitted,good,,1",
         "name,status,verdict": "a,fitted,good",
         "name,status,verdict,reason,x,y": "a,fitted,good,,1,[]",
+        "name,status,verdict,reason,layer.E,layer.E.stderr,layer.E.instrument": "a,fitted,good,,1,1,halfspace",
         "name,status,verdict,reason,layer.E": "a,fitted,good,,1" + "," * 140_000,
         "name,status,verdict,reason,seconds": "a,fitted,good,,1\na" + ',"\n"' * 40_000,
     }.items():

@@ -594,3 +594,9 @@ def test_a_table_of_good_cells_is_converted_in_one_go(tmp_path, monkeypatch):
         careful = read(path)
     np.testing.assert_array_equal(careful.depth, plain.depth)
     np.testing.assert_array_equal(careful.force, plain.force)
+
+
+def test_a_table_of_afmformats_without_its_first_mark_is_refused(put):
+    text = "# BEGIN METADATA of another kind\n# END METADATA\n# force\theight (measured)\n1\t2\n"
+    with pytest.raises(FileFormatError, match="no line '# BEGIN METADATA'"):
+        read(put(text.encode()), format="afm")

@@ -37,8 +37,10 @@ def read_tab(source: Source) -> tuple[dict[str, FloatArray], dict[str, Any]]:
     lines = lines_of(source)
     comments = [line.strip() for line in lines if line.startswith("#")]
     rows = [line.split("\t") for line in lines if not line.startswith("#")]
-    if _END not in comments or not rows:
-        raise FileFormatError(f"{source.name}: no line {_END!r}, or no rows of numbers below it")
+    if TAB_MARK not in comments or _END not in comments or not rows:
+        raise FileFormatError(
+            f"{source.name}: no line {TAB_MARK!r} or {_END!r}, or no rows of numbers below them"
+        )
     names = comments[-1].lstrip("# ").split("\t")
     wanted = [name for name in _WANTED if name in names]
     if "force" not in wanted or not any(name.startswith("height") for name in wanted):

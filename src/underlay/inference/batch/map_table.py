@@ -11,13 +11,13 @@ import pandas as pd
 from underlay._csv import numbered_rows
 from underlay._csv_text import unguarded
 from underlay._door import FileKind, PathLike, read_bytes, read_start, understood
-from underlay.inference.batch.results_table import read_parquet
+from underlay.inference.batch.results_table import LIKELIHOOD, read_parquet
 
 __all__ = ["is_map", "read_map"]
 
 _ERROR = ".stderr"
 _TEXTS = ("name", "status", "verdict", "reason")
-_NUMBERS = ("x", "y", "seconds")
+_NUMBERS = ("x", "y", "reduced_chi_square", "rms", "seconds")
 # A million curves with thirty numbers each.
 _KIND = FileKind("the table of a map", 1_000_000_000, "make it again with underlay map --resume")
 _MOST_COLUMNS, _MOST_CELLS = 1000, 50_000_000
@@ -58,7 +58,12 @@ def read_map(path: PathLike) -> pd.DataFrame:
             raise ValueError(f"it has no column {missing[0]!r}")
         if not table["verdict"].notna().any():
             raise ValueError("it has no row with a verdict")
-        errors = [name for name in map(str, table.columns) if name.endswith(_ERROR)]
-        fitted = [name.removesuffix(_ERROR) for name in errors]
-        known = [name for name in _NUMBERS if name in table.columns]
-        return table.astype(dict.fromkeys((*errors, *fitted, *known), "float64"))
+        names = [str(name) for name in table.columns]
+        fitted = [name.removesuffix(_ERROR) for name in names if name.endswith(_ERROR)]
+        absent = [name for name in fitted if name not in names]
+        if absent:
+            raise ValueError(f"it has no column {absent[0]!r} for its error")
+        # A path has a dot, a label has none.
+        paths = [name for name in names if "." in name and not name.endswith(f".{LIKELIHOOD}")]
+        numbers = {*paths, *fitted, *_NUMBERS} & set(names)
+        return table.astype(dict.fromkeys(sorted(numbers), "float64"))
