@@ -28,10 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, read_only
+from underlay.mechanics.kernel.kernel import Compliance
 from underlay.mechanics.kernel.one_layer import passage
 from underlay.mechanics.materials import PlaneConstants
 
-__all__ = ["Sheet", "stack_one_minus_L"]
+__all__ = ["Sheet", "scaled", "stack_compliance", "stack_one_minus_L"]
 
 # v sigma below which a layer is passed by transfer. Reflection alone loses every digit in a soft layer between
 # stiff ones (a glue 1e-8 as stiff, 0.01 as thick: 5 % of 1 - L), transfer alone in thick layers, where it grows
@@ -133,11 +134,39 @@ def stack_one_minus_L(u: FloatArray, sheets: tuple[Sheet, ...], base: PlaneConst
         Relative error below 1e-12 for the stacks of tests/test_stack_kernel.py, contrasts up to 1e8.
     """
     u = np.where(u == 0.0, _NEAREST, u)
+    return _seen(u, sheets[0], _under_the_top(u, sheets, base))
+
+
+def stack_compliance(u: FloatArray, sheets: tuple[Sheet, ...], base: PlaneConstants | None) -> Compliance:
+    """Change of the surface's compliance in every direction; arguments as `stack_one_minus_L`.
+
+    The axial entry keeps its digits where it decays; the others are differences with the half-space's, right to
+    the rounding of that.
+    """
+    u = np.where(u == 0.0, _NEAREST, u)
+    top = sheets[0]
+    below = _under_the_top(u, sheets, base)
+    (p, sigma), surface = top.roots, _above(u, top, below)
+    theta = top.constants.g / (p * sigma)
+    axial = np.asarray(1.0 - surface.c22 / top.halfspace[2])
+    thick = u * sigma >= _THIN
+    axial[thick] = _echo(u[thick], top, below.at(thick))
+    radial = 1.0 - (theta * p) * surface.c11
+    mixed = (theta * p**0.5) * (surface.c12 - top.halfspace[1])
+    return Compliance(np.asarray(radial), np.asarray(mixed), axial)
+
+
+def scaled(of: PlaneConstants, g: float) -> PlaneConstants:
+    """Plane constants in units of `g`."""
+    return PlaneConstants(float(of.q), float(of.c * g), float(of.g / g), float(of.S * g))
+
+
+def _under_the_top(u: FloatArray, sheets: tuple[Sheet, ...], base: PlaneConstants | None) -> _Compliance:
+    """C under the sheet on top, its interface included."""
     below = _Compliance(0.0, 0.0, 0.0) if base is None else _Compliance(*_halfspace(base))
     for sheet in reversed(sheets[1:]):
         below = _above(u, sheet, _opened(u, sheet, below))
-    top = sheets[0]
-    return _seen(u, top, _opened(u, top, below))
+    return _opened(u, sheets[0], below)
 
 
 def _halfspace(of: PlaneConstants) -> tuple[float, float, float]:

@@ -9,10 +9,10 @@ from math import inf
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.bonds import Bond, Spring
-from underlay.mechanics.kernel.kernel import Kernel, Layers
+from underlay.mechanics.kernel.kernel import Compliance, Kernel, Layers
 from underlay.mechanics.kernel.merging import joined, relative_effect
 from underlay.mechanics.kernel.quadrature import u_rule
-from underlay.mechanics.kernel.recursion import Sheet, stack_one_minus_L
+from underlay.mechanics.kernel.recursion import Sheet, scaled, stack_compliance, stack_one_minus_L
 from underlay.mechanics.kernel.scales import SOFTEST, Scales
 from underlay.mechanics.kernel.substrate import material_contrast
 from underlay.mechanics.materials import Layer, PlaneConstants, Substrate
@@ -49,6 +49,16 @@ class StackKernel(Kernel):
         sheets, base = self._sheets
         return stack_one_minus_L(u, sheets, base)
 
+    def compliance(self, u: FloatArray) -> Compliance:
+        """Change of the surface's compliance in every direction at `u` (nodes,)."""
+        sheets, base = self._sheets
+        return stack_compliance(u, sheets, base)
+
+    @property
+    def coupling(self) -> float:
+        """Gamma of the layer on top."""
+        return self.layers[0].material.plane_constants.coupling
+
     @cached_property
     def _sheets(self) -> tuple[tuple[Sheet, ...], PlaneConstants | None]:
         """The layers and the base, in units of the top layer's thickness and g."""
@@ -57,10 +67,10 @@ class StackKernel(Kernel):
         sheets = []
         for layer in self.layers:
             opening, sliding = (g / t * give for give in _give(layer.bond))
-            constants = _scaled(layer.material.plane_constants, g)
+            constants = scaled(layer.material.plane_constants, g)
             sheets.append(Sheet(constants, layer.thickness / t, opening, sliding))
         base = self.base.plane_constants
-        return tuple(sheets), None if base is None else _scaled(base, g)
+        return tuple(sheets), None if base is None else scaled(base, g)
 
     @cached_property
     def scales(self) -> Scales:
@@ -148,7 +158,3 @@ def _give(bond: Bond) -> tuple[float, float]:
     if isinstance(bond, Spring):
         return 1.0 / bond.normal, 1.0 / bond.shear if bond.shear else inf
     return 0.0, inf if bond == "slip" else 0.0
-
-
-def _scaled(of: PlaneConstants, g: float) -> PlaneConstants:
-    return PlaneConstants(float(of.q), float(of.c * g), float(of.g / g), float(of.S * g))
