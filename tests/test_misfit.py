@@ -1,12 +1,22 @@
 """Noise, drift and jump against each other: the algebra against dense matrices, the intervals by their coverage."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import integrate, stats
 
+import underlay as ul
+from underlay.errors import InputError
+from underlay.inference.headline.plain import quadratic_interval
+from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
+from underlay.inference.misfit.descent import Combination, Place
+from underlay.inference.misfit.known_error import KnownError, Pressed
+from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.linearised import Linearised, Part, drift_columns, jump_columns
 from underlay.inference.misfit.mixture import Mixture
+from underlay.inference.misfit.paraboloid_for_sphere import paraboloid_for_sphere
 from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.whitener import Whitener
 
@@ -189,3 +199,60 @@ def test_what_is_there_is_seen_and_what_is_not_is_not():
     assert drifting.exact_law < 0.01
     assert jumping.no_jump < 0.01
     assert jumping.exact_law > 0.01
+
+
+def blocked_paraboloid():
+    made = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3), ul.RIGID)
+    data = ul.synthesize(made, np.linspace(-3e-5, 1.5e-4, 150), ul.Noise(force=1e-3), 2)
+    problem = ul.Problem(made, data, ["layer.E", "instrument.contact_depth"])
+    return Blocked.of(problem, problem.start)
+
+
+def test_the_column_of_a_sphere_is_what_its_shape_does_to_the_force():
+    """To first order in (a/R)^2 on a half-space; the next order is 2/5 of it, of both signs' sum."""
+    for depth in (1e-6, 1e-5, 1e-4):
+        layer = ul.Layer(ul.Isotropic(1e6, 0.45))
+        scene = ul.Scene(ul.Paraboloid(1e-3), layer)
+        law = scene.contact_law(2.0 * depth)
+        w = np.array([-depth, 0.0, depth])
+        column = paraboloid_for_sphere(scene).column(Pressed(scene, law, w, law.force(w)))
+        sphere = ul.contact_law(ul.Sphere(1e-3), layer, None, max_depth=2.0 * depth)
+        assert column[:2] == pytest.approx([0.0, 0.0], abs=0.0)
+        assert column[2] == pytest.approx(sphere.force(depth) - law.force(depth), rel=depth / 1e-3)
+
+
+def test_a_known_error_is_a_parameter_with_a_prior():
+    """Its column beside the derivatives; a precise amplitude is a correction, a vague one a free parameter."""
+    blocked, white = blocked_paraboloid(), Combination(None, (0.0, 0.0))
+    (known,) = blocked.errors
+    start = np.zeros(2)
+    plain = Place.of(replace(blocked, errors=()), start, white)
+    sharp = Place.of(replace(blocked, errors=(replace(known, mean=0.0, deviation=1e-5),)), start, white)
+    assert sharp.gradient == pytest.approx(plain.gradient, rel=1e-6)
+    # The correction of a known size moves the residuals by the column.
+    vector = np.array([0.02, 0.01])
+    moved = Place.of(replace(blocked, errors=(replace(known, mean=0.3, deviation=1e-5),)), vector, white)
+    part = blocked.linearised(vector).parts[0]
+    residuals = part.residuals + 0.3 * part.jacobian[:, 2]
+    assert moved.square == pytest.approx(residuals @ residuals, rel=1e-6)
+    vague = Place.of(replace(blocked, errors=(replace(known, deviation=1e6),)), start, white)
+    freed = np.column_stack((part.jacobian, part.residuals))
+    assert vague.normal.shape == (2, 2)
+    left = freed[:, 3] - freed[:, 2] * (freed[:, 2] @ freed[:, 3]) / (freed[:, 2] @ freed[:, 2])
+    at = Place.of(replace(blocked, errors=(replace(known, deviation=1e6),)), vector, white)
+    assert at.square == pytest.approx(left @ left, rel=1e-6)
+
+
+def test_a_sphere_under_a_paraboloids_law_is_covered():
+    """The interval for a paraboloid that may be a sphere holds the truth, and is wider than that of the noise."""
+    layer = ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3)
+    sphere = ul.Scene(ul.Sphere(1e-3), layer, ul.RIGID)
+    assumed = ul.Scene(ul.Paraboloid(1e-3), layer, ul.RIGID)
+    data = ul.synthesize(sphere, np.linspace(-6e-5, 3e-4, 240), ul.Noise(force=2e-3), 5)
+    fit = ul.fit(ul.Problem(assumed, data, ["layer.E", "instrument.contact_depth"]))
+    plain = quadratic_interval(fit, "layer.E", 0.95)
+    assert 1e6 not in plain
+    assert 1e6 in fit.interval("layer.E")
+    assert known_errors([sphere]) == ()
+    with pytest.raises(InputError, match="deviation of 'x' must be positive"):
+        KnownError("x", lambda test: test.force, deviation=0.0)

@@ -10,6 +10,7 @@ import numpy as np
 from underlay._arrays import ArrayLike
 from underlay._text import one_line
 from underlay.inference.headline.known_inputs import FORCE
+from underlay.inference.misfit.known_errors import known_errors
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.intervals import Estimate, estimates, is_averaged, standing
 from underlay.report.labels import is_of_the_sample, label, start
@@ -219,9 +220,11 @@ def _range(values: ArrayLike, digits: int) -> str:
 def _width_sentence(result: Fit) -> str:
     if not is_averaged(result):
         return ""
+    errors = [error.words for error in known_errors(result.problem.base_scenes)]
+    allowed = f" They allow for {' and for '.join(errors)}." if errors else ""
     return (
         "No noise was stated: the intervals are averaged over white and correlated noise, a law that drifts with "
-        "depth and a force that sets in at contact, each by its probability."
+        f"depth and a force that sets in at contact, each by its probability.{allowed}"
     )
 
 

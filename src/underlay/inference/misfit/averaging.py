@@ -72,12 +72,12 @@ class Averaged:
 
     @cached_property
     def mixture(self) -> Mixture:
-        """Distribution of the scaled vector, all optima in it."""
-        parts = [competition.mixture for _, competition in self.optima]
+        """Distribution of the scaled vector, all optima in it; amplitudes of known errors are left out."""
+        parts, k = [competition.mixture for _, competition in self.optima], len(self.vector)
         return Mixture(
             np.concatenate([s * part.weights for s, part in zip(self.shares, parts, strict=True)]),
-            np.concatenate([v + part.shift for (v, _), part in zip(self.optima, parts, strict=True)]),
-            np.concatenate([part.deviation for part in parts]),
+            np.concatenate([v + part.shift[:, :k] for (v, _), part in zip(self.optima, parts, strict=True)]),
+            np.concatenate([part.deviation[:, :k] for part in parts]),
             parts[0].degrees,
         )
 
@@ -217,7 +217,7 @@ def _distinct(
     for vector, competition in ranked:
         if kept and _total(competition) < _total(kept[0][1]) + np.log(_LIGHTER):
             break
-        deviation = competition.mixture.deviation.min(axis=0)
+        deviation = competition.mixture.deviation.min(axis=0)[: len(vector)]
         if all((np.abs(vector - other) > _APART * deviation).any() for other, _ in kept):
             kept.append((vector, competition))
     return kept

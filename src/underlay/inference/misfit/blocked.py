@@ -13,6 +13,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
+from underlay.inference.misfit.known_error import KnownError, Pressed
+from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.linearised import Linearised, Part, drift_columns, jump_columns
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
@@ -38,29 +40,42 @@ class Blocked:
         What was fitted.
     curves : tuple of BlockedCurve
         Its curves.
+    errors : tuple of KnownError
+        What its laws are known to get wrong.
     held : frozenset of int
         Entries of a vector that stay where they are.
     """
 
     problem: Problem
     curves: tuple[BlockedCurve, ...]
+    errors: tuple[KnownError, ...] = ()
     held: frozenset[int] = frozenset()
 
     @classmethod
     def of(cls, problem: Problem, vector: FloatArray, held: frozenset[int] = frozenset()) -> Blocked:
         """Take the curves in blocks, their contact where it is at a scaled vector (k,)."""
         physical = problem.physical(vector)
-        return cls(problem, tuple(BlockedCurve.of(member, physical) for member in problem.members), held)
+        curves = tuple(BlockedCurve.of(member, physical) for member in problem.members)
+        return cls(problem, curves, known_errors(problem.base_scenes), held)
 
     def released(self) -> Blocked:
         """Return the same with nothing held, and with coarse laws, whose errors cancel between its places."""
         return replace(self, curves=tuple(curve.coarse() for curve in self.curves), held=frozenset())
 
     def linearised(self, vector: FloatArray) -> Linearised:
-        """Model about a scaled vector (k,); raises InputError where there is no law."""
+        """Model about a scaled vector (k,) and amplitudes zero of the known errors.
+
+        Raises
+        ------
+        InputError
+            If there is no law.
+        """
         physical = self.problem.physical(vector)
         slopes = np.array(self.problem.space.slopes(physical))
-        precision, pull = np.zeros(len(vector)), np.zeros(len(vector))
+        deviations = np.array([1.0] * len(vector) + [error.deviation for error in self.errors])
+        means = np.array([0.0] * len(vector) + [error.mean for error in self.errors])
+        precision = np.where(np.arange(len(means)) < len(vector), 0.0, deviations**-2.0)
+        pull = -means * precision
         slopes[list(self.held)] = 0.0
         for i, coordinate in enumerate(self.problem.coordinates):
             if coordinate.prior.informative and i not in self.held:
@@ -68,7 +83,10 @@ class Blocked:
                 precision[i] = (slope * slopes[i]) ** 2
                 pull[i] = value * slope * slopes[i]
         return Linearised(
-            [curve.part(physical, slopes) for curve in self.curves], precision, pull, tuple(self.held)
+            [curve.part(physical, slopes, self.errors) for curve in self.curves],
+            precision,
+            pull,
+            tuple(self.held),
         )
 
 
@@ -116,16 +134,20 @@ class BlockedCurve:
         """Largest contact force (N) at a physical vector (k,)."""
         return float(np.abs(self.forward.reading(self.member.values_at(physical)).contact).max())
 
-    def part(self, physical: FloatArray, slopes: FloatArray) -> Part:
+    def part(self, physical: FloatArray, slopes: FloatArray, errors: tuple[KnownError, ...] = ()) -> Part:
         """Model about a physical vector (k,), whose slopes are dx/dq (k,); raises InputError without a law."""
         values = self.member.values_at(physical)
         entries = list(self.member.entries.values())
         reading, own = self.forward.jacobian(values, tuple(self.member.entries), rough=True)
-        columns = np.zeros((len(self.force), len(physical)))
+        columns = np.zeros((len(self.force), len(physical) + len(errors)))
         columns[:, entries] = own * slopes[entries]
         depth = (
             self.forward.depth - values[ContactPoint.path] - values["instrument.compliance"] * reading.contact
         )
+        if errors:
+            law = self.forward.law(values, max(float(depth.max()), 0.0))
+            pressed = Pressed(self.member.scene_at(physical), law, depth, reading.contact)
+            columns[:, len(physical) :] = np.column_stack([error.column(pressed) for error in errors])
         scatter = self.member.scatter
         return Part(
             (reading.force - self.force) / scatter,

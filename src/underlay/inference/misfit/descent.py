@@ -43,25 +43,22 @@ class Place:
 
     @classmethod
     def of(cls, blocked: Blocked, vector: FloatArray, combination: Combination) -> Place:
-        """Solve for drift and jump at a scaled vector (k,); raises InputError where there is no law."""
+        """Solve for drift, jump and known errors at a scaled vector (k,); raises InputError without a law."""
         model = blocked.linearised(vector)
-        k = len(vector)
+        k, known = len(model.precision), len(vector)
         gram, _ = model.gram(combination.noise)
         scale = np.r_[Sizes.scale(combination.sizes, k, len(blocked.curves)), 1.0]
         gram = gram * np.outer(scale, scale)
-        misfit = gram[k:-1, k:-1] + np.eye(len(gram) - 1 - k)
-        # The Schur complement of drift and jump, residuals and derivatives together.
-        kept = np.r_[np.arange(k), -1]
-        cross = gram[k:-1][:, kept]
-        reduced = gram[np.ix_(kept, kept)] - cross.T @ np.linalg.solve(misfit, cross)
-        variance = float(reduced[-1, -1]) / (model.readings - k)
-        return cls(
-            vector,
-            reduced[:k, :k] + variance * np.diag(model.precision),
-            reduced[:k, -1] + variance * model.pull,
-            float(reduced[-1, -1]) + variance * model.offset,
-            variance,
-        )
+        gram[range(k, len(scale) - 1), range(k, len(scale) - 1)] += 1.0
+        reduced = _without(gram, slice(k, -1))
+        variance = float(_without(reduced, slice(known, -1))[-1, -1]) / (model.readings - k)
+        # What is measured besides weighs s^2 against the readings.
+        reduced[range(k), range(k)] += variance * model.precision
+        reduced[:k, -1] += variance * model.pull
+        reduced[-1, :k] += variance * model.pull
+        reduced[-1, -1] += variance * model.offset
+        reduced = _without(reduced, slice(known, -1))
+        return cls(vector, reduced[:-1, :-1], reduced[:-1, -1], float(reduced[-1, -1]), variance)
 
     def step(self, damping: float, free: NDArray[np.bool_]) -> FloatArray:
         """Damped Gauss-Newton step (k,) of the coordinates that are `free`."""
@@ -106,6 +103,18 @@ def descend(blocked: Blocked, vector: FloatArray, combination: Combination, held
         if settled:
             break
     return here
+
+
+def _without(products: FloatArray, entries: slice) -> FloatArray:
+    """Products (m, m) of columns, those of some of them solved for: their Schur complement."""
+    count = len(products)
+    gone = np.arange(count)[entries]
+    kept = np.setdiff1d(np.arange(count), gone)
+    left = products[np.ix_(kept, kept)]
+    if not len(gone):
+        return left
+    cross = products[np.ix_(gone, kept)]
+    return np.asarray(left - cross.T @ np.linalg.solve(products[np.ix_(gone, gone)], cross))
 
 
 def _exists(blocked: Blocked, vector: FloatArray, combination: Combination) -> Place | None:

@@ -48,7 +48,7 @@ class Part:
     residuals : FloatArray
         Model minus data over the scatter of the curve, (n,).
     jacobian : FloatArray
-        Its derivatives in scaled coordinates, (n, k).
+        Its derivatives in scaled coordinates and in the amplitudes of known errors, (n, k).
     drift, jump : FloatArray
         `drift_columns` and `jump_columns`, (n, 3) and (n, 8).
     time : FloatArray
@@ -77,7 +77,8 @@ class Linearised:
         The curves. They share sizes and times of noise, drift and jump, each over its own scatter, and not
         what these happen to be.
     precision, pull : FloatArray
-        Of the priors: 1 / sd^2 and (value - mean) / sd^2 of every coordinate, (k,); zero where there is none.
+        Of the priors: 1 / sd^2 and (value - mean) / sd^2 of every coordinate and amplitude, (k,); zero where
+        there is none.
     held : tuple of int
         Entries that stay where they are; their derivatives are zero.
     """

@@ -1,0 +1,99 @@
+"""An error that the contact law is known to have, of a size that is only roughly known.
+
+A paraboloid stands for a sphere, a frictionless law for a tip that sticks, small strains for finite ones: the
+shape of such an error over the depth can be computed, its size is uncertain, and no residual tells it from another
+thickness. It enters a fit as a column with a prior,
+
+    reading = F(theta) + sum_i amplitude_i column_i(theta) + ...,   amplitude_i ~ N(mean_i, deviation_i^2),
+
+solved for together with the parameters and averaged over (`competition.py`): the interval of every parameter
+is as wide as the error makes it, and a mean that is not zero moves its middle.
+
+To add one, write a module with a column and a function that says for which scenes it counts, and name that function
+in `known_errors.py`:
+
+    def _column(test: Pressed) -> FloatArray:
+        return 0.05 * test.force * test.law.contact_radius(test.depth) / test.scene.indenter.radius
+
+    def soft_tip(scene: Scene) -> KnownError | None:
+        if not isinstance(scene.indenter, Sphere):
+            return None
+        return KnownError("the tip gives way", _column, mean=1.0, deviation=0.5)
+
+A column is the force (N) that the error adds to the law at amplitude one, smooth in depth and zero up to contact.
+It follows the present law: depths, contact radii and forces are those of the vector at hand, and it is asked again
+wherever the fit goes. Where the error is known only up to a sign take mean 0; where theory gives its size, mean 1
+and the share by which theories differ. Curves of a joint fit share the amplitude of an error, by its words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.scene.scene import Scene
+
+__all__ = ["Column", "KnownError", "Pressed"]
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """A test at the present values of its parameters.
+
+    Parameters
+    ----------
+    scene : Scene
+        With those values.
+    law : ContactLaw
+        Its law.
+    depth : FloatArray
+        Indentation depth w (m), (n,), negative before contact.
+    force : FloatArray
+        Contact force P (N), (n,), of the law.
+    """
+
+    scene: Scene
+    law: ContactLaw
+    depth: FloatArray
+    force: FloatArray
+
+
+#: Force (N), (n,), that an error of amplitude one adds.
+Column: TypeAlias = Callable[[Pressed], FloatArray]
+
+
+@dataclass(frozen=True)
+class KnownError:
+    """An error of the law with a known shape and a prior of its size.
+
+    Parameters
+    ----------
+    words : str
+        What it is, to complete "the intervals allow for ...".
+    column : callable
+        Force (N) at amplitude one, (n,), of a `Pressed`.
+    mean, deviation : float
+        Of the normal prior of the amplitude; the deviation positive.
+
+    Raises
+    ------
+    InputError
+        If the deviation is not positive.
+    """
+
+    words: str
+    column: Column
+    mean: float = 0.0
+    deviation: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse a prior that is none."""
+        if not self.deviation > 0.0:
+            raise InputError(
+                f"deviation of {self.words!r} must be positive; got {self.deviation!r}: an error of exactly known "
+                "size belongs into the law"
+            )
