@@ -91,6 +91,8 @@ class Contact:
     adhesion : Adhesion or None
         What holds tip and surface together; None where nothing does. Solvers know nothing of it: the law of a
         contact with adhesion is built by `Adhesion.law`.
+    friction : str
+        One of `FRICTIONS`; ``"unknown"`` is computed as ``"none"``.
     """
 
     indenter: Indenter
@@ -99,6 +101,7 @@ class Contact:
     thickness: float = np.inf
     isotropic: IsotropicLayer | None = None
     adhesion: Adhesion | None = None
+    friction: str = "none"
 
     @classmethod
     def of(cls, indenter: Indenter, layer: Layer, substrate: Body | None) -> Self:
@@ -129,6 +132,11 @@ class Contact:
         top, *under = found.layers
         body = Stack(under, found.base) if under else found.base
         return type(self).of(self.indenter, top, body), "; ".join(found.said)
+
+    @property
+    def sticks(self) -> bool:
+        """Whether points of the surface stick to the tip where they touch it."""
+        return self.friction == "stuck"
 
     @property
     def layered(self) -> bool:

@@ -3,6 +3,7 @@
 ==================  ===========================================================================================
 ``Auto``            half-space where a bound says that nothing under the surface matters, else exact
 ``Exact``           the contact problem solved to a relative error
+``Stuck``           the same with a tip on which points stick where they touch
 ``Asymptotic``      the paper's explicit formulas, orders 0 to 4: contacts smaller than the layer is thick
 ``HalfSpace``       no layer effect: Hertz, Sneddon, Boussinesq
 ``Published``       a correction from the literature, by name
@@ -26,12 +27,14 @@ from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.curve_family import range_numbers
 from underlay.mechanics.exact.family_law import table_number, tabulated_law
 from underlay.mechanics.exact.law import exact_law
+from underlay.mechanics.friction import as_friction
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, Sphere
 from underlay.mechanics.materials import Layer
 from underlay.mechanics.published import PublishedCorrection, published_law, published_names
 from underlay.mechanics.solver import Scaling, Solver
 from underlay.mechanics.stack import Body
+from underlay.mechanics.stuck.law import stuck_law
 
 __all__ = [
     "AnySolver",
@@ -40,6 +43,7 @@ __all__ = [
     "Exact",
     "HalfSpace",
     "Published",
+    "Stuck",
     "as_solver",
     "contact_law",
     "solver_named",
@@ -81,6 +85,11 @@ class _ToTolerance(Solver):
         """Return the same solver at `rtol`."""
         return replace(self, rtol=rtol)
 
+    @property
+    def without_slip(self) -> Solver:
+        """`Stuck` at the same tolerance."""
+        return Stuck(self.rtol)
+
     def for_differences(self, rtol: float) -> Solver:
         """Return the exact solver, at `rtol` or finer."""
         return Exact(min(self.rtol, rtol))
@@ -113,9 +122,9 @@ def _is_rounded_power_law(tip: Indenter) -> bool:
 
 
 def _is_plain_layer(contact: Contact) -> bool:
-    """Whether it is an isotropic layer on its base and nothing sticks."""
+    """Whether it is an isotropic layer on its base, without adhesion and friction."""
     isotropic = contact.isotropic is not None and bool(np.isfinite(contact.thickness))
-    return isotropic and contact.adhesion is None
+    return isotropic and contact.adhesion is None and not contact.sticks
 
 
 @dataclass(frozen=True)
@@ -137,6 +146,52 @@ class Exact(_ToTolerance):
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Solve; see `exact_law`."""
         return exact_law(contact, max_depth, self.rtol)
+
+
+@dataclass(frozen=True)
+class Stuck(_ToTolerance):
+    """The contact problem without slip: points stick where the tip touches them.
+
+    Parameters
+    ----------
+    rtol : float, default 1e-6
+        As for `Exact`.
+    """
+
+    @property
+    def name(self) -> str:
+        """``"stuck"``."""
+        return "stuck"
+
+    def build(self, contact: Contact, max_depth: float) -> ContactLaw:
+        """Solve; see `stuck_law`."""
+        if not max_depth > 0.0:
+            # No contact is asked for: any law says that there is no force.
+            return replace(halfspace_law(contact), method=self.name, max_depth=0.0, reason="no contact")
+        return stuck_law(contact, max_depth, self.rtol)
+
+    def law(self, contact: Contact, max_depth: float) -> ContactLaw:
+        """Build the law; a contact with adhesion is refused."""
+        if contact.adhesion is not None:
+            raise InputError(
+                "adhesion beside a tip that sticks is not simulated: leave the adhesion out, or take friction "
+                'as "none"'
+            )
+        return super().law(contact, max_depth)
+
+    def for_differences(self, rtol: float) -> Solver:
+        """Return the same at `rtol` or finer."""
+        return Stuck(min(self.rtol, rtol))
+
+    def has_table(self, contact: Contact) -> bool:
+        """There are no tables."""
+        del contact
+        return False
+
+    def has_batches(self, contact: Contact) -> bool:
+        """There are no batches."""
+        del contact
+        return False
 
 
 @dataclass(frozen=True)
@@ -297,6 +352,7 @@ _NAMED: Mapping[str, type[Any]] = {
     "halfspace": HalfSpace,
     "asymptotic": Asymptotic,
     "exact": Exact,
+    "stuck": Stuck,
 }
 
 
@@ -395,6 +451,7 @@ def contact_law(
     *,
     max_depth: float,
     solver: AnySolver = "auto",
+    friction: str = "none",
 ) -> ContactLaw:
     """Build the law of an indenter on a layer on a substrate.
 
@@ -409,9 +466,11 @@ def contact_law(
     max_depth : float
         Largest indentation depth (m) that will be asked.
     solver : Solver, str or object, default "auto"
-        ``Auto(rtol)``, ``Exact(rtol)``, ``Asymptotic(order, form)``, ``HalfSpace()``, ``Published(name)``; a
-        name (``"auto"``, ``"exact"``, ``"asymptotic"``, ``"halfspace"``, or that of a published correction)
-        as shorthand; or an object of your own with ``build(contact, max_depth)``.
+        ``Auto(rtol)``, ``Exact(rtol)``, ``Stuck(rtol)``, ``Asymptotic(order, form)``, ``HalfSpace()``,
+        ``Published(name)``; a name (``"auto"``, ``"exact"``, ``"stuck"``, ``"asymptotic"``, ``"halfspace"``, or
+        that of a published correction) as shorthand; or an object of your own with ``build(contact, max_depth)``.
+    friction : {"none", "stuck"}
+        Whether points slide freely along the tip, or stick where they touch it.
 
     Returns
     -------
@@ -427,4 +486,5 @@ def contact_law(
     LawError
         If a solver of your own does not build a law.
     """
-    return as_solver(solver).law(Contact.of(indenter, layer, substrate), max_depth)
+    contact = replace(Contact.of(indenter, layer, substrate), friction=as_friction(friction))
+    return as_solver(solver).law(contact, max_depth)

@@ -16,6 +16,7 @@ from underlay._files import write_atomic
 from underlay.errors import InputError
 from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.friction import as_friction
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, Layer, Rigid, TransverselyIsotropic
 from underlay.mechanics.response import History, Remembered, Response
@@ -51,6 +52,12 @@ class Scene:
         What the sample remembers of earlier depths; without one it is elastic and no time is asked for.
     adhesion : Adhesion, optional
         What holds tip and surface together: ``JKR(work)``, ``DMT(work)``; without one nothing does.
+    friction : {"unknown", "none", "stuck"}
+        What is known of friction under the tip: points slide freely, or stick where they touch. Unknown friction
+        is computed as none, and a fit says what it could do.
+    finite_strain : bool, optional
+        Whether strains are large enough to count: False says that they are not, True refuses a test in which
+        what they do is not known. By default a fit says what they could do, where that is known.
 
     Raises
     ------
@@ -71,6 +78,8 @@ class Scene:
     instrument: Instrument = Instrument()
     history: History | None = None
     adhesion: Adhesion | None = None
+    friction: str = "unknown"
+    finite_strain: bool | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.indenter, Indenter):
@@ -85,7 +94,11 @@ class Scene:
             raise InputError(f"adhesion must be JKR(work), DMT(work) or None; got {self.adhesion!r}")
         if not isinstance(self.history, History | None):
             raise InputError(f"history must be a History or None; got {self.history!r}")
+        as_friction(self.friction)
+        if self.finite_strain not in (None, True, False):
+            raise InputError(f"finite_strain must be True, False or None; got {self.finite_strain!r:.60}")
         _check_memory(self)
+        _check_sticking(self)
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
                 f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
@@ -114,6 +127,8 @@ class Scene:
     def contact(self) -> Contact:
         """What a solver is given."""
         contact = Contact.of(self.indenter, self.layer, self.substrate)
+        if self.friction == "stuck":
+            contact = replace(contact, friction=self.friction)
         return contact if self.adhesion is None else replace(contact, adhesion=self.adhesion)
 
     def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
@@ -188,6 +203,19 @@ class Scene:
             If the file cannot be written; an older file stays whole.
         """
         return write_atomic(path, scene_text(self))
+
+
+def _check_sticking(scene: Scene) -> None:
+    """Refuse what is not simulated with a tip that sticks."""
+    if scene.friction != "stuck":
+        return
+    if scene.adhesion is not None:
+        raise InputError('adhesion beside friction = "stuck" is not simulated: leave one of them out')
+    if scene.memory is not None:
+        raise InputError(
+            'friction = "stuck" beside a history or a relaxation is not simulated: how stuck points come loose '
+            "in time is another problem; leave one of them out"
+        )
 
 
 def _check_memory(scene: Scene) -> None:

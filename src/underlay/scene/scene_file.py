@@ -52,6 +52,7 @@ from underlay.errors import InputError, UnderlayError, UnderlayWarning
 from underlay.mechanics.adhesion import MODELS
 from underlay.mechanics.bonds import Bond, Spring, as_bond
 from underlay.mechanics.contact import Adhesion
+from underlay.mechanics.friction import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter
 from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
 from underlay.mechanics.relaxation import Relaxation
@@ -222,6 +223,8 @@ EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
 _LONGEST_MESSAGE = 1000
 _SECTIONS = (
     "title",
+    "friction",
+    "finite_strain",
     "indenter",
     "layer",
     "substrate",
@@ -241,7 +244,7 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
     for name in document:
         if name not in _SECTIONS:
             meant = hint(name, _SECTIONS) or ";"
-            raise InputError(f"unknown section [{name}]{meant} allowed: {', '.join(_SECTIONS[1:])}")
+            raise InputError(f"unknown section [{name}]{meant} allowed: {', '.join(_SECTIONS[3:])}")
     for name in ("indenter", "layer"):
         if name not in document:
             raise InputError(f"section [{name}] is missing")
@@ -254,6 +257,7 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
         instrument=_build(Instrument, "instrument", _table(document, "instrument")),
         history=_history(document),
         adhesion=_adhesion(document),
+        **_words(document),
     )
     return SceneFile(
         draft=scene,
@@ -266,6 +270,16 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
         left_out=left_out,
         stated=frozenset(f"instrument.{name}" for name in _table(document, "instrument")),
     )
+
+
+def _words(document: Mapping[str, Any]) -> dict[str, Any]:
+    """What the file says of the whole scene, before its sections."""
+    said = {key: document[key] for key in ("friction", "finite_strain") if key in document}
+    if said.get("friction", "none") not in FRICTIONS:
+        raise InputError(f"friction: {said['friction']!r:.60} is not known; allowed: {', '.join(FRICTIONS)}")
+    if not isinstance(said.get("finite_strain", True), bool):
+        raise InputError(f"finite_strain: must be true or false, not {said['finite_strain']!r:.60}")
+    return said
 
 
 def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
