@@ -38,8 +38,9 @@ ComplexArray = NDArray[np.complex128]
 # Beyond, V_n is integrated: nearer the pole at y spoils that, further the closed form cancels. At the switch both
 # are right to 1e-15 for 12 functions, and the closed form to 1e-11 for 40.
 _FAR = 1.1
-# Nodes of a transform: half of rho for the waves, and so many for full digits.
-_TRANSFORM_NODES = 8
+# Orders of a transform: half of rho, where Bessel functions of that order begin to fall, so many cube roots of rho
+# over which they fall, and so many more. Right to 4e-12 for rho up to 150.
+_FALL, _BEYOND = 2.0, 5
 # Nodes of the rule inside the contact and orders of the Legendre polynomials beside them that are ready-made: their
 # products with 24 functions are integrated to 1e-12.
 _READY_NODES, _READY_ORDERS = 128, 32
@@ -66,6 +67,8 @@ def end_rule(count: int, reach: float = 3.2) -> EndRule:
     return EndRule(nodes, rest, (k[1] - k[0]) * pi * np.cosh(k) * nodes * rest)
 
 
+# Finding a rule takes longer than a contact solved with it: these are constants, and their counts the ones taken.
+_READY_RULES = {count: even_rule(count) for count in (16, 20, 24, _READY_ORDERS)}
 _READY = end_rule(_READY_NODES, _READY_REACH)
 _READY_LEGENDRE = even_legendre(_READY.nodes, _READY_ORDERS)
 
@@ -120,7 +123,7 @@ class Basis:
         shrink = np.multiply.accumulate(1.0 + (eta / np.maximum(n, 1)) ** 2 * (n > 0))
         norms = np.sqrt((2 * n + 1) / (sqrt(1.0 - gamma * gamma) * whole * shrink))
         load, orders = float(norms[0]) * whole, _orders(rho)
-        rule = _READY if max(orders, modes) <= _READY_ORDERS else end_rule(64 + 2 * orders + modes)
+        rule = _READY if max(orders, modes) <= _READY_ORDERS else end_rule(80 + 3 * orders + modes)
         bare = cls(gamma, eta, norms, load, rule, norms[:, None], norms[:, None])
         inside = bare.values(rule) * rule.weights
         return replace(bare, even=inside.real, odd=inside.imag * rule.nodes)
@@ -147,7 +150,7 @@ class Basis:
         these integrated against e_n.
         """
         count = _orders(rho)
-        rule = even_rule(count)
+        rule = _READY_RULES.get(count) or even_rule(count)
         ready = self.rule is _READY
         legendre = _READY_LEGENDRE[:, :count] if ready else even_legendre(self.rule.nodes, count)
         even, odd = (half @ legendre @ rule.projection for half in (self.even, self.odd))
@@ -184,4 +187,5 @@ class Basis:
 
 def _orders(rho: float) -> int:
     """Even Legendre polynomials that cos(rho y) takes."""
-    return _TRANSFORM_NODES + ceil(0.5 * rho)
+    count = _BEYOND + ceil(0.5 * rho + _FALL * rho ** (1.0 / 3.0))
+    return next((ready for ready in _READY_RULES if count <= ready), count + count % 2)
