@@ -11,8 +11,9 @@ from typer.testing import CliRunner
 
 from underlay.cli.app import app
 from underlay.errors import FileAccessError, FileFormatError, InputError, RangeError
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.solvers import Asymptotic
 from underlay.report import bench, plots
 from underlay.report.accuracy_table import accuracy_summary

@@ -16,11 +16,12 @@ from underlay.errors import InputError, RangeError
 from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.asymptotic.blunt_relations import BluntLayer, explicit_force, parametric_stiffness
 from underlay.mechanics.asymptotic.law import kernel_moments
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.kernel import SubstrateKernel
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.profile import Profile
 
 # --- range ----------------------------------------------------------------------------------------------

@@ -9,7 +9,6 @@ from scipy import stats
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
-from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.frozen_noise import freeze
@@ -20,6 +19,7 @@ from underlay.inference.profiles import delta_chi_square_at, p_value_at, profile
 from underlay.inference.profiling.calibration import Draws
 from underlay.inference.profiling.drawing import draw_delta_chi_squares
 from underlay.inference.profiling.redraw import redrawn
+from underlay.scene.noise import Noise
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import coverage

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from support.calibration import BINS, DRAWS, cases, levels, replica, uniformity
-from underlay.data.noise import Noise
+from underlay.scene.noise import Noise
 
 REPLICAS = 30
 

@@ -6,8 +6,9 @@ import pytest
 from underlay.data.contact_point import METHODS, find_contact
 from underlay.data.curve import Curve
 from underlay.errors import CurveError, InputError
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, Paraboloid
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 from underlay.scene.scene import Scene
 
 TRUE = 1.3e-6

@@ -5,11 +5,12 @@ import pytest
 
 from support.laws import exact_law
 from underlay.errors import RangeError
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.curve_family import Cell, curve_family, range_number
 from underlay.mechanics.exact.family_law import tabulated_law
 from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 
 TIPS = {"paraboloid": Paraboloid(2e-4), "cone": Cone(np.deg2rad(70.0)), "quartic": PowerLaw(4.0, 1e9)}
 THICKNESS = 3e-4

@@ -450,6 +450,8 @@ def test_tables_of_maps_whose_numbers_are_none(tmp_path):
         "name,status,verdict,reason,layer.E.stderr": "a,fitted,good,,1",
         "name,status,verdict": "a,fitted,good",
         "name,status,verdict,reason,x,y": "a,fitted,good,,1,[]",
+        "name,status,verdict,reason,layer.E": "a,fitted,good,,1" + "," * 140_000,
+        "name,status,verdict,reason,seconds": "a,fitted,good,,1\na" + ',"\n"' * 40_000,
     }.items():
         path.write_text(f"{header}\n{row}\n")
         with pytest.raises(FileFormatError, match=r"map\.csv is not the table of a map"):

@@ -11,9 +11,10 @@ from support.call_counter import count_calls
 from underlay.cli.app import app
 from underlay.errors import InputError
 from underlay.mechanics import materials
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, Sphere
 from underlay.mechanics.kernel import one_layer
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.response import Remembered
 from underlay.mechanics.solvers import Auto
 from underlay.mechanics.viscoelastic.history import Viscoelastic

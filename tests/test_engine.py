@@ -6,12 +6,12 @@ import pytest
 
 import underlay as ul
 from support.inverse import ambiguous, exact_curve, layer_on, measured, problem
-from underlay.data.noise import Noise
 from underlay.inference.least_squares.engine import Search, minimise
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.priors import Normal
+from underlay.scene.noise import Noise
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
 BASELINE = "instrument.baseline"

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from support.laws import exact_law
 from underlay.errors import InputError, RangeError
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.profile import Profile
 
 SHAPES = {

@@ -9,8 +9,9 @@ from support import reference_contact
 from support.hard_case_table import HardCaseTable, Row
 from support.laws import exact_law
 from underlay.errors import RangeError
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 
 INCOMPRESSIBLE = Isotropic(1.0, 0.5)
 # Shape, layer, substrate, contact radius over thickness, nodes of the reference, relative error allowed. The

@@ -9,8 +9,9 @@ import pytest
 from support import reference_contact
 from support.laws import exact_law
 from support.reference_solver import DIGITS, EXPONENTS, MATERIALS, STORED, solve, weighted_kernel
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 
 ROWS = json.loads(STORED.read_text(encoding="utf-8"))
 

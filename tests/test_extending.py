@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 import underlay as ul
-from underlay.data.noise import NoiseModel
+from underlay.data.curve_csv import curve_csv
 from underlay.data.readers import Format
 from underlay.data.readers._format import make_curve
 from underlay.data.readers._text import lines_of
@@ -25,7 +25,9 @@ from underlay.mechanics.response import History
 from underlay.quantities import quantity
 from underlay.report import tables as fit_tables
 from underlay.report.labels import label
-from underlay.scene.effects import Effect, effects_table
+from underlay.scene.effect import Effect
+from underlay.scene.effects import effects_table
+from underlay.scene.noise_model import NoiseModel
 
 # --- an indenter -----------------------------------------------------------------------------------------
 
@@ -448,6 +450,7 @@ def test_memory_stands_in_a_scene_file_and_in_the_ledger(tmp_path):
 class Pump(NoiseModel):
     """Noise that is louder from the moment a pump starts."""
 
+    model: ClassVar[str] = "pump"
     start: ClassVar[float] = 1.0  # s
 
     quiet: float = field(metadata=quantity("force", "noise before the pump starts", bounds=(0.0, np.inf)))
@@ -480,6 +483,27 @@ def test_noise_model_is_drawn_and_fitted():
         assert density == pytest.approx(stats.norm.logpdf(curve.force, model, sigma).sum(), rel=1e-5)
     with pytest.raises(ParameterError, match=r"did you mean 'noise\.loud'"):
         ul.Problem(scene, curve, {"layer.E": None, "noise.laud": None}, noise=Pump(2e-5, 1e-4))
+
+
+def test_noise_model_stands_in_a_scene_file(tmp_path):
+    scene = replace(RELAXING, history=None)
+    path, rows = scene.save(tmp_path / "scene.toml"), tmp_path / "curve.csv"
+    stated = path.read_text() + (
+        '\n[noise]\nmodel = "pump"\nquiet = "20 uN"\nloud = "100 uN"\n'
+        '[fit]\nnoise.loud = { min = "1 uN", max = "1 N" }\n'
+    )
+    path.write_text(stated)
+    curve = ul.synthesize(scene, RAMP_AND_HOLD, Pump(2e-5, 4e-4), rng=2, time=CLOCK)
+    rows.write_text(curve_csv(curve))
+    problem = ul.load_problem(rows, path)
+    assert problem.noise == Pump(2e-5, 1e-4)
+    assert problem.names == ("noise.loud",)
+    path.write_text(stated.replace("pump", "punp"))
+    with pytest.raises(InputError, match=r"\[noise\] model: 'punp' is not known; allowed: gaussian, pump"):
+        ul.load_scene(path)
+    path.write_text(stated.replace("noise.loud", "noise.laud"))
+    with pytest.raises(ParameterError, match=r"did you mean 'noise\.loud'"):
+        ul.load_scene(path)
 
 
 # --- an effect -------------------------------------------------------------------------------------------

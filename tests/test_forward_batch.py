@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.model import forward_batch
 from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.solvers import Auto
 from underlay.scene.instrument import Instrument
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
 DEPTH = np.linspace(-1e-5, 1e-4, 30)

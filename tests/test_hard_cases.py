@@ -11,8 +11,9 @@ import pytest
 
 from support.hard_case_table import HardCaseTable, Row
 from support.transfer_matrix import TransferMatrixKernel
+from underlay.mechanics.body import RIGID
 from underlay.mechanics.kernel import SubstrateKernel
-from underlay.mechanics.materials import RIGID, Isotropic, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 
 # --- the kernel L(u) --------------------------------------------------------------------------------------
 

@@ -5,12 +5,12 @@ import pytest
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
-from underlay.data.noise import Noise
 from underlay.errors import InputError
-from underlay.inference.identifiability import Combination, identifiability
-from underlay.inference.information import marginal
+from underlay.inference.design.identifiability import Combination, identifiability
+from underlay.inference.design.information import marginal
 from underlay.inference.least_squares import fit
 from underlay.inference.priors import Normal
+from underlay.scene.noise import Noise
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
 RADIUS, THICKNESS, MODULUS = 1e-3, 1e-3, 1e6

@@ -15,9 +15,10 @@ from support.laws import asymptotic_law
 from support.reference_contact import Contact, moments, solve
 from underlay.mechanics.asymptotic import integral_relations as relations
 from underlay.mechanics.asymptotic.integral_relations import PressedLayer
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.kernel import SubstrateKernel
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 
 THICKNESS = 1.3
 LAYER = Isotropic(2.0, 0.45)

@@ -11,13 +11,13 @@ import pytest
 import underlay as ul
 from support.inverse import ambiguous, exact_curve, layer_on, measured, problem
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.errors import FileAccessError, InputError
 from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.diagnostics import diagnose
 from underlay.inference.priors import LogNormal, Normal
 from underlay.inference.problem import Problem
+from underlay.scene.noise import Noise
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import starts

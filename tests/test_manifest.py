@@ -35,6 +35,12 @@ def test_other_separators_and_a_byte_order_mark(tmp_path, separator):
     assert entry.values == {"layer.thickness": 2e-3}
 
 
+def test_a_sharp_inside_a_row_is_no_comment(tmp_path):
+    read = manifest(tmp_path, "# of today\nfile,thickness (mm)\nsite #3.csv,2\n")
+    (entry,) = read.for_curves(["site #3.csv"])
+    assert entry.values == {"layer.thickness": 2e-3}
+
+
 def test_a_table_in_memory_is_si():
     read = read_manifest(pd.DataFrame({"file": ["a"], "layer.thickness": [2e-3], "x": [float("nan")]}), SCENE)
     (entry,) = read.for_curves(["a"])
@@ -67,6 +73,14 @@ def test_rows_go_with_their_curves_in_any_order(tmp_path):
         ("file,thickness (mm),layer.thickness (mm)\na,1,1\n", "two columns"),
         ("file,thickness (mm)\n,1\n", "no file"),
         ("file,thickness (mm)\na,1,2,3\nb,2\n", "more cells than there are names"),
+        (
+            "file,thickness (mm)\n" + "," * 140_000,
+            "line 2 has more cells than there are names: 140001 under 2",
+        ),
+        ("file" + ",x" * 140_000, "more cells than the 1000 allowed"),
+        # One row over many lines: what is counted by line does not see it.
+        ("file,thickness (mm)\na" + ',"\n"' * 40_000, "more cells than there are names"),
+        ("# a\n\nfile,thickness (mm)\n# b\na,-1\n", r"line 5 \(a\)"),
     ],
 )
 def test_bad_manifests_say_where(tmp_path, text, message):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.errors import InputError
 from underlay.inference.priors import LogUniform
@@ -15,8 +14,10 @@ from underlay.inference.sampling.model_comparison import (
     with_model_error,
 )
 from underlay.inference.sampling.run import sample
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
 LAYERED = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.45), 5e-4), RIGID)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from underlay.data.noise import Noise, ar1_whiten
 from underlay.errors import InputError
+from underlay.scene.correlated_noise import ar1_whiten
+from underlay.scene.noise import Noise
 
 TIME = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.3, 40))
 FORCE = np.linspace(0.0, 2e-3, 40)

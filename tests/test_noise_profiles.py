@@ -6,10 +6,10 @@ from scipy import optimize
 
 import underlay as ul
 from support.inverse import layer_on, measured
-from underlay.data.noise import Noise
 from underlay.inference.least_squares import fit
 from underlay.inference.problem import Problem
 from underlay.inference.profiles import profile
+from underlay.scene.noise import Noise
 
 E, C = "layer.E", "instrument.contact_depth"
 SIZE, TAU, RELATIVE = "noise.force", "noise.correlation_time", "noise.relative"

@@ -8,8 +8,9 @@ from support.reference_contact import solve
 from support.series import MOMENTS, blunt_cases, depth_5_3, fifty_digits, force_5_2, order_of, series
 from underlay.mechanics.asymptotic import blunt, blunt_relations
 from underlay.mechanics.asymptotic.blunt_relations import BluntLayer
+from underlay.mechanics.body import RIGID
 from underlay.mechanics.indenters import FlatPunch
-from underlay.mechanics.materials import RIGID, Isotropic
+from underlay.mechanics.materials import Isotropic
 
 __all__ = ["fifty_digits"]  # used by pytest
 

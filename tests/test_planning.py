@@ -5,13 +5,13 @@ import pytest
 
 import underlay as ul
 from support.inverse import layer_on
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.errors import InputError, ParameterError
+from underlay.inference.design.planning import plan
 from underlay.inference.least_squares import fit
-from underlay.inference.planning import plan
 from underlay.inference.priors import Normal
 from underlay.inference.problem import Problem
+from underlay.scene.noise import Noise
 
 E, H, C = "layer.E", "layer.thickness", "instrument.contact_depth"
 SCENE = layer_on(ul.RIGID)

@@ -10,7 +10,6 @@ import pytest
 from scipy import stats
 
 from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.errors import FileAccessError, FileFormatError, InputError, MissingExtraError
 from underlay.inference.priors import LogUniform, Normal, Uniform
@@ -27,8 +26,10 @@ from underlay.inference.sampling.informed import (
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.predictive import PREDICTIVE_LEVELS
 from underlay.inference.sampling.run import sample
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
 

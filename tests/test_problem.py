@@ -9,10 +9,10 @@ from scipy import integrate, stats
 import underlay as ul
 from support.inverse import exact_curve, layer_on, measured, problem
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.errors import CurveError, InputError, ParameterError
 from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
+from underlay.scene.noise import Noise
 
 ELASTIC = ul.Isotropic(4e6, 0.3)
 EVERYTHING = {

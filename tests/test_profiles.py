@@ -10,11 +10,11 @@ from scipy import stats
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
-from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.least_squares import fit
 from underlay.inference.priors import Normal
 from underlay.inference.profiles import Interval, delta_chi_square_at, profile
+from underlay.scene.noise import Noise
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
 import coverage

@@ -25,8 +25,9 @@ from support.fredholm import (
 from support.laws import published_law
 from support.published_errors import contact_of, exact_factor, factor_of, remeasure
 from underlay.errors import InputError, RangeError, UnderlayError, UnderlayWarning
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.published import OutOfRange, published_corrections, published_names
 from underlay.mechanics.published.correction import ELASTIC
 from underlay.mechanics.published.dimitriadis2002 import _expansion

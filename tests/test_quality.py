@@ -6,8 +6,9 @@ import pytest
 from underlay.data.curve import Curve
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
 from underlay.errors import CurveError
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 from underlay.scene.scene import Scene
 
 RNG_SEED = 21

@@ -550,6 +550,26 @@ def test_afm_workshop_side_by_side_and_its_missing_stiffness(put):
     np.testing.assert_allclose(bare.depth - given.depth, given.force / 0.1, atol=1e-15)
 
 
+def test_afm_workshop_keeps_its_own_calibration_beside_the_one_given(put):
+    header = "Light Lever Gain, mV/nm:\t20.0\r\nForce Constant, nN/nm:\t0.08\r\n"
+    path = put(files.workshop(header, "T-B(V)"))
+    own = read(path)
+    assert own.metadata["sensitivity"] == pytest.approx(50e-9, rel=1e-12)  # 20 mV/nm is 50 nm/V
+    assert np.ptp(own.loading().force) == pytest.approx(2.0 * 50e-9 * 0.08, rel=1e-3)
+    given = read(path, calibration={"spring_constant": "0.1 N/m", "sensitivity": "60 nm/V"})
+    assert given.metadata["spring_constant"] == 0.1
+    assert given.metadata["file_spring_constant"] == 0.08
+    assert given.metadata["file_sensitivity"] == pytest.approx(50e-9, rel=1e-12)
+    unset = header.replace("20.0", "1").replace("0.08", "1")
+    given = read(
+        put(files.workshop(unset, "T-B(V)")),
+        calibration={"spring_constant": "0.1 N/m", "sensitivity": "60 nm/V"},
+    )
+    assert "file_sensitivity" not in given.metadata  # 1 stands for "not set"
+    with pytest.raises(InputError, match="holds forces, not volts"):
+        read(put(files.workshop()), calibration={"sensitivity": "60 nm/V"})
+
+
 def test_ntmdt_takes_a_current_sensitivity(put):
     path = put(files.ntmdt())
     with pytest.raises(InputError, match=r"'60 nm/nA'"):

@@ -21,7 +21,6 @@ from support.posterior_cases import (
     halfspace_problem,
     halfspace_scene,
 )
-from underlay.data.noise import Noise
 from underlay.errors import InputError, UnderlayWarning
 from underlay.inference.priors import Flat, LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
@@ -30,6 +29,7 @@ from underlay.inference.sampling.convergence import autocorrelation_time, effect
 from underlay.inference.sampling.informed import INFORMED, NOT_INFORMED
 from underlay.inference.sampling.moves import moves
 from underlay.inference.sampling.run import sample
+from underlay.scene.noise import Noise
 
 TESTS = Path(__file__).parent
 

@@ -61,7 +61,7 @@ def test_reads_units_and_what_is_fitted(tmp_path):
     assert (thickness.prior, dict(thickness.numbers)) == ("normal", {"mean": 1.5e-3, "sd": 1e-4})
     assert (baseline.path, baseline.low, baseline.high) == ("instrument.baseline", -np.inf, np.inf)
     assert file.solver == ul.Auto(1e-4)
-    assert file.noise == {"force": 1e-6}
+    assert file.noise == ul.Noise(force=1e-6)
     assert file.simulate.depth == pytest.approx(np.linspace(0, 5e-5, 11))
 
 

@@ -12,9 +12,10 @@ import pytest
 from support.call_counter import count_calls
 from support.laws import exact_law
 from underlay.errors import InputError, RangeError
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.kernel import SubstrateKernel, one_layer
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.solvers import (
     Asymptotic,
     Auto,

@@ -9,7 +9,7 @@ from support.maps import FREE
 from underlay.errors import RangeError, UnderlayWarning
 from underlay.mechanics.depth_doubt import DeeperThanLayer
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.materials import isotropic_constants
+from underlay.mechanics.plane_constants import isotropic_constants
 
 R = 1e-6
 BALL = ul.Sphere(R)

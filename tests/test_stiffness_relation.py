@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.asymptotic.law import punch_factor
+from underlay.mechanics.body import RIGID
 from underlay.mechanics.kernel import SubstrateKernel
-from underlay.mechanics.materials import RIGID, Isotropic
+from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.stiffness_relation import modulus_from_stiffness
 
 

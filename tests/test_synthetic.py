@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from underlay.data.noise import Noise
 from underlay.data.synthetic import simulate, synthesize
 from underlay.errors import InputError
+from underlay.mechanics.body import Layer
 from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 from underlay.scene.instrument import Instrument
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
 BARE = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.5)), instrument=Instrument(contact_depth=2e-6))

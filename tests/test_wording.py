@@ -18,7 +18,7 @@ PYTHON = re.compile(
 )
 #: Wherever these are, the command line does not come: arguments that only Python can give.
 PYTHON_ONLY = {
-    "inference/remedy.py",
+    "inference/design/second_test.py",
     "report/problem_source.py",
     "report/render.py",
     "mechanics/profile.py",

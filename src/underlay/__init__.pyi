@@ -1,10 +1,6 @@
 # The public names and where each lives: `__init__.py` reads this file and loads a module when it is asked for.
 from .data.contact_point import find_contact as find_contact
 from .data.curve import Curve as Curve
-from .data.noise import (
-    Noise as Noise,
-    NoiseModel as NoiseModel,
-)
 from .data.quality import check_quality as check_quality
 from .data.readers import (
     Format as Format,
@@ -36,12 +32,12 @@ from .inference.batch.options import MapOptions as MapOptions
 from .inference.batch.options import Sampling as Sampling
 from .inference.compare import compare as compare
 from .inference.from_files import load_problem as load_problem
-from .inference.identifiability import identifiability as identifiability
+from .inference.design.identifiability import identifiability as identifiability
 from .inference.least_squares import (
     Fit as Fit,
     fit as fit,
 )
-from .inference.planning import plan as plan
+from .inference.design.planning import plan as plan
 from .inference.priors import (
     HalfNormal as HalfNormal,
     LogNormal as LogNormal,
@@ -52,7 +48,7 @@ from .inference.priors import (
 )
 from .inference.problem import Problem as Problem
 from .inference.profiles import profile as profile
-from .inference.remedy import remedy as remedy
+from .inference.design.second_test import remedy as remedy
 from .inference.sampling.model_comparison import (
     compare_models as compare_models,
     with_model_error as with_model_error,
@@ -62,6 +58,11 @@ from .inference.sampling.run import sample as sample
 from .mechanics.adhesion.dmt import DMT as DMT
 from .mechanics.adhesion.jkr import JKR as JKR
 from .mechanics.adhesion.maugis import Maugis as Maugis
+from .mechanics.body import (
+    RIGID as RIGID,
+    Layer as Layer,
+    Material as Material,
+)
 from .mechanics.bonds import Spring as Spring
 from .mechanics.contact import (
     Adhesion as Adhesion,
@@ -82,9 +83,7 @@ from .mechanics.kernel import (
     SubstrateKernel as SubstrateKernel,
 )
 from .mechanics.materials import (
-    RIGID as RIGID,
     Isotropic as Isotropic,
-    Layer as Layer,
     TransverselyIsotropic as TransverselyIsotropic,
 )
 from .mechanics.profile import Profile as Profile
@@ -121,6 +120,8 @@ from .report import plots as plots
 from .report.render import report as report
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.instrument import Instrument as Instrument
+from .scene.noise import Noise as Noise
+from .scene.noise_model import NoiseModel as NoiseModel
 from .scene.scene import Scene as Scene
 from .scene.scene_file import load_scene as load_scene
 

@@ -16,6 +16,8 @@ from underlay.errors import InputError
 SMALLEST_LENGTH = 1e-18
 
 FloatArray: TypeAlias = NDArray[np.float64]
+#: One number for all sets of parameters, or one per set: shape () or (sets, 1).
+PerSet: TypeAlias = float | FloatArray
 #: A number, a sequence of numbers, a numpy array or a pandas Series.
 ArrayLike: TypeAlias = float | Sequence[float] | NDArray[Any] | Any
 

@@ -20,11 +20,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, fields, is_dataclass, replace
-from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from underlay.errors import ParameterError
+from underlay.errors import InputError, ParameterError
 
 __all__ = [
     "Number",
@@ -124,10 +124,39 @@ class Part:
     """A part of a test that holds numbers: an indenter, a material, a noise model.
 
     `parts` says under which first words of a path its numbers may stand. Classes that derive from it, wherever
-    they are defined, are found by `declared`.
+    they are defined, are found by `declared`. Where a part may be of several kinds, a scene file says which by the
+    key `chosen_by`, whose value is the name that the concrete class has in the attribute of that name.
     """
 
     parts: ClassVar[tuple[str, ...]] = ()
+    #: Key of a scene file that says which kind of the part it is, and attribute that holds the name.
+    chosen_by: ClassVar[str] = ""
+
+    @classmethod
+    def kinds(cls) -> dict[str, type[Self]]:
+        """Every concrete kind there is, wherever it was defined, by its name in scene files."""
+        found: dict[str, type[Self]] = {}
+        for child in cls.__subclasses__():
+            name = getattr(child, cls.chosen_by)
+            found |= ({name: child} if name else {}) | child.kinds()
+        return found
+
+    @property
+    def choice(self) -> dict[str, Any]:
+        """What a scene file says of its kind, beside its numbers.
+
+        Raises
+        ------
+        InputError
+            If it is a kind without a name.
+        """
+        if not self.chosen_by:
+            return {}
+        name = getattr(self, self.chosen_by)
+        if not name:
+            kind = type(self).__name__
+            raise InputError(f"{kind} has no name in scene files: give its class a `{self.chosen_by}`")
+        return {self.chosen_by: name}
 
 
 def field_quantities(part: Any) -> dict[str, Quantity]:

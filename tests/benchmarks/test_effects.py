@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from support.laws import exact_law
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.indenters import Paraboloid, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.solvers import Auto
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene

@@ -46,11 +46,11 @@ from pathlib import Path
 import numpy as np
 
 import underlay as ul
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.inference.least_squares import fit
 from underlay.inference.problem import Problem
 from underlay.inference.profiles import delta_chi_square_at, interval_threshold, p_value_at, profile
+from underlay.scene.noise import Noise
 
 LEVEL = 0.95
 DRAWS = 99

@@ -25,15 +25,16 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent.parent / "src")]
 
-from underlay.data.noise import Noise  # noqa: E402  # after the path is set
 from underlay.data.synthetic import synthesize  # noqa: E402
 from underlay.inference.priors import LogUniform, Uniform  # noqa: E402
 from underlay.inference.problem import Problem  # noqa: E402
 from underlay.inference.sampling.convergence import autocorrelation_time  # noqa: E402
 from underlay.inference.sampling.run import sample  # noqa: E402
+from underlay.mechanics.body import Layer  # noqa: E402
 from underlay.mechanics.indenters import Paraboloid  # noqa: E402
-from underlay.mechanics.materials import Isotropic, Layer  # noqa: E402
+from underlay.mechanics.materials import Isotropic  # noqa: E402
 from underlay.mechanics.solvers import Auto  # noqa: E402
+from underlay.scene.noise import Noise  # noqa: E402  # after the path is set
 from underlay.scene.scene import Scene  # noqa: E402
 
 WALKERS, STEPS, POINTS, ROUNDS = 64, 2000, 500, 3

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 import underlay as ul
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.inference.least_squares import fit
 from underlay.inference.problem import Problem
+from underlay.scene.noise import Noise
 
 FREE = ("layer.E", "layer.thickness", "instrument.contact_depth")
 NOISE = 0.001  # of the largest force

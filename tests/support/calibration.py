@@ -12,16 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.errors import UnderlayWarning
-from underlay.inference.information import information, prior_information
+from underlay.inference.design.information import information, prior_information
 from underlay.inference.priors import LogNormal, Normal
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.solvers import Auto
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
 #: Draws a true value is ranked among: ranks are 0 .. DRAWS, in BINS bins of equal width.

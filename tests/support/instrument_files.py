@@ -387,15 +387,16 @@ def saved(book):
 # --- AFM
 
 
-def workshop():
-    """AFM Workshop: approach and retract side by side."""
+def workshop(header="", force="Force(nN)"):
+    """AFM Workshop: approach and retract side by side; `header` has further lines, `force` may be T-B(V)."""
     z = np.linspace(4000.0, 5000.0, 60)
-    force = 2.0 * np.clip((z - 4500.0) / 500.0, 0.0, None) ** 1.5 + 0.05
+    pressed = 2.0 * np.clip((z - 4500.0) / 500.0, 0.0, None) ** 1.5 + 0.05
     text = "Force-Distance Curve\r\nFile Format:\t3\r\n\r\n"
     text += "Date:\t22 October 2020\r\nTime:\t14:16:20\r\nMode:\tSingle\r\n"
     text += "Point:\t1\r\nX, um:\t0.500000\r\nY, um:\t0.500000\r\n\r\n"
-    text += "Extend Z-Sense(nm),Extend Force(nN),Retract Z-Sense(nm),Retract Force(nN)\r\n"
-    return (text + rows((z, force, z[::-1], 0.8 * force[::-1]), "%.4f", ",")).encode("ascii")
+    text = text.removesuffix("\r\n") + header + "\r\n"
+    text += f"Extend Z-Sense(nm),Extend {force},Retract Z-Sense(nm),Retract {force}\r\n"
+    return (text + rows((z, pressed, z[::-1], 0.8 * pressed[::-1]), "%.4f", ",")).encode("ascii")
 
 
 def ntmdt():

@@ -4,9 +4,9 @@ import numpy as np
 
 import underlay as ul
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.inference.problem import Problem
+from underlay.scene.noise import Noise
 
 #: Of the largest force.
 NOISE = 0.01

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.materials import Layer, Substrate
 from underlay.mechanics.solvers import Asymptotic, Exact, Published
 
 
 def exact_law(
-    indenter: Indenter, layer: Layer, substrate: Substrate | None, *, max_depth: float, rtol: float = 1e-6
+    indenter: Indenter, layer: Layer, substrate: Base | None, *, max_depth: float, rtol: float = 1e-6
 ) -> ContactLaw:
     return Exact(rtol).build(Contact.of(indenter, layer, substrate), max_depth)
 
@@ -18,7 +18,7 @@ def exact_law(
 def asymptotic_law(
     indenter: Indenter,
     layer: Layer,
-    substrate: Substrate | None,
+    substrate: Base | None,
     max_depth: float,
     *,
     order: int = 4,
@@ -28,6 +28,6 @@ def asymptotic_law(
 
 
 def published_law(
-    correction: object, indenter: Indenter, layer: Layer, substrate: Substrate, max_depth: float
+    correction: object, indenter: Indenter, layer: Layer, substrate: Base, max_depth: float
 ) -> ContactLaw:
     return Published(correction).build(Contact.of(indenter, layer, substrate), max_depth)

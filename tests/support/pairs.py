@@ -1,7 +1,8 @@
 """Pairs of materials and shapes that span what the asymptotic model meets; thickness and E1 are 1."""
 
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 
 FORMS = ("explicit", "parametric", "compliance")
 PARABOLOID = Paraboloid(0.5)

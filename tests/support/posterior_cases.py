@@ -2,14 +2,15 @@
 
 import numpy as np
 
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.inference.priors import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
+from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import RIGID, Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.solvers import Auto
 from underlay.scene.instrument import Instrument
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
 WHITE = 2e-5

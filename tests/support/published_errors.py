@@ -13,8 +13,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from support.fredholm import bonded_kernel, flat_punch, power_law
+from underlay.mechanics.body import RIGID
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid
-from underlay.mechanics.materials import RIGID, Isotropic
+from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.published import published_corrections
 from underlay.mechanics.published.correction import ELASTIC
 from underlay.mechanics.published.layer_contact import LayerContact

@@ -14,7 +14,8 @@ from typing import Any
 
 import mpmath as mp
 
-from underlay.mechanics.materials import Isotropic, Rigid, TransverselyIsotropic
+from underlay.mechanics.body import Rigid
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 
 #: Digits that are left after the growth of exp(k h A) has taken its share.
 DIGITS = 50

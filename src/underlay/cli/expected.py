@@ -16,7 +16,7 @@ from underlay.errors import InputError
 if TYPE_CHECKING:
     from underlay._arrays import FloatArray
     from underlay.data.curve import Curve
-    from underlay.data.noise import Noise
+    from underlay.scene.noise_model import NoiseModel
     from underlay.scene.scene import Scene
     from underlay.scene.scene_file import SceneFile, SimulatedDepths
 
@@ -79,16 +79,16 @@ def doubt_depth(scene: Scene, depth: float) -> None:
         say_warnings([str(doubt)])
 
 
-def expected_noise(file: SceneFile, deepest: float, curve: Curve | None = None) -> Noise:
+def expected_noise(file: SceneFile, deepest: float, curve: Curve | None = None) -> NoiseModel:
     """Noise of [noise], else what the curve scatters, else a default that is said."""
     import numpy as np
 
-    from underlay.data.noise import Noise
     from underlay.inference.model.noise_start import scatter
+    from underlay.scene.noise import Noise
     from underlay.units import format_quantity
 
-    if file.noise:
-        return Noise(**file.noise)
+    if file.noise is not None:
+        return file.noise
     if curve is not None:
         spread = scatter(curve)
         if spread > 0.0:

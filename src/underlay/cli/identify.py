@@ -13,7 +13,7 @@ from underlay.cli.wanted_solver import wanted_solver
 from underlay.cli.wording import spoken
 
 if TYPE_CHECKING:
-    from underlay.inference.identifiability import Identifiability
+    from underlay.inference.design.identifiability import Identifiability
     from underlay.scene.scene_file import SceneFile
 
 __all__ = ["identify"]
@@ -32,8 +32,8 @@ def identify(
 
     Example: `underlay identify scene.toml --curve curve.csv`
     """
+    from underlay.inference.design.identifiability import identifiability
     from underlay.inference.from_files import problem_from
-    from underlay.inference.identifiability import identifiability
     from underlay.report import plots
     from underlay.report.csv_text import csv_text
     from underlay.scene.scene_file import read_scene_file
@@ -53,8 +53,8 @@ def identify(
 
 
 def _before(file: SceneFile) -> Identifiability:
+    from underlay.inference.design.identifiability import identifiability
     from underlay.inference.from_files import free_of
-    from underlay.inference.identifiability import identifiability
 
     deepest = deepest_point(file, None)
     return identifiability(

@@ -49,8 +49,8 @@ def plan(
     """
     import numpy as np
 
+    from underlay.inference.design.planning import plan as plan_tests
     from underlay.inference.from_files import free_of
-    from underlay.inference.planning import plan as plan_tests
     from underlay.report import plots
     from underlay.report.csv_text import csv_text
     from underlay.scene.scene_file import read_scene_file

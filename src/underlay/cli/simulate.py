@@ -20,7 +20,7 @@ from underlay.errors import InputError
 
 if TYPE_CHECKING:
     from underlay.data.curve import Curve
-    from underlay.data.noise import Noise
+    from underlay.scene.noise_model import NoiseModel
     from underlay.scene.scene_file import SceneFile
 
 __all__ = ["simulate"]
@@ -95,25 +95,27 @@ def simulate(
 def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate: str | None) -> Curve:
     """The curve of a scene file with what the options change."""
     from underlay._arrays import positive
-    from underlay.data.noise import Noise
     from underlay.data.synthetic import simulate as noiseless
     from underlay.data.synthetic import synthesize
     from underlay.scene.instrument import Instrument
+    from underlay.scene.noise import Noise
     from underlay.units import parse_quantity
 
     if file.simulate is None:
         raise InputError(f"{file.path.name} has no [simulate] section")
     given = [text for text in noise if text.strip() != "none"]
-    stated = file.noise if len(given) == len(noise) else {}
-    of_noise, of_instrument = _kinds(Noise), _kinds(Instrument)
+    stated = file.noise if len(given) == len(noise) else None
+    kind = Noise if stated is None else type(stated)
+    of_noise, of_instrument = _kinds(kind), _kinds(Instrument)
     of_instrument.pop("compliance")
-    numbers = {**stated, **named_quantities("--noise", given, {**of_noise, **_DISTURBANCES})}
+    written = {} if stated is None else {name: getattr(stated, name) for name in of_noise}
+    numbers = {**written, **named_quantities("--noise", given, {**of_noise, **_DISTURBANCES})}
     offsets = named_quantities("--offset", offset, of_instrument)
     scene = file.scene.with_values({f"instrument.{name}": value for name, value in offsets.items()})
     if numbers.get("outlier_sd") and not numbers.get("outliers"):
         raise InputError("outlier_sd is the size of outliers; say how many too, e.g. --noise outliers=1%")
     disturbances: dict[str, Any] = {name: numbers[name] for name in _DISTURBANCES if numbers.get(name)}
-    model = _noise_model({name: numbers[name] for name in of_noise if numbers.get(name)})
+    model = _noise_model(kind, {name: numbers[name] for name in of_noise if numbers.get(name)})
     clock: dict[str, Any] = {"time": file.simulate.time}
     if rate is not None:
         clock = {"sampling_rate": positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")}
@@ -129,17 +131,15 @@ def _kinds(declared: type) -> dict[str, str]:
     return {name: known.kind for name, known in field_quantities(declared).items()}
 
 
-def _noise_model(numbers: Mapping[str, float]) -> Noise | None:
+def _noise_model(kind: type[NoiseModel], numbers: Mapping[str, float]) -> NoiseModel | None:
     """The noise model of what is not zero; none of nothing."""
-    from underlay.data.noise import Noise
-
     if not numbers:
         return None
     if set(numbers) == {"correlation_time"}:
         raise InputError(
             'correlation_time says how long a noise lasts; name the noise too, e.g. --noise force="2 uN"'
         )
-    return Noise(**numbers)
+    return kind(**numbers)
 
 
 def _command(

@@ -24,7 +24,7 @@ from underlay.errors import CurveError, InputError
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
-__all__ = ["METHODS", "Contact", "ContactEstimate", "find_contact"]
+__all__ = ["METHODS", "ContactEstimate", "ContactPoint", "find_contact"]
 
 #: Names of the estimators, the one used by default first.
 METHODS = ("foot", "change-point", "threshold")
@@ -63,7 +63,7 @@ class ContactEstimate:
 
 
 @dataclass(frozen=True)
-class Contact:
+class ContactPoint:
     """The contact depth of a curve.
 
     Parameters
@@ -94,7 +94,7 @@ class Contact:
 
 def find_contact(
     curve: Curve, method: str = "auto", *, scene: Scene | None = None, exponent: float = 1.5
-) -> Contact:
+) -> ContactPoint:
     """Estimate the depth reading at which the indenter touches.
 
     Parameters
@@ -110,7 +110,7 @@ def find_contact(
 
     Returns
     -------
-    Contact
+    ContactPoint
         The estimate with its uncertainty, and those of all estimators.
 
     Raises
@@ -144,7 +144,7 @@ def find_contact(
     if not chosen:
         raise CurveError(f"no contact found by {method}: the force does not rise as from a contact")
     spread = float(np.std([estimate.depth for estimate in estimates]))
-    return Contact(
+    return ContactPoint(
         depth=chosen[0].depth,
         uncertainty=float(np.hypot(chosen[0].uncertainty, spread)),
         method=chosen[0].method,

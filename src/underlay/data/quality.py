@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.contact_point import Contact, find_contact
+from underlay.data.contact_point import ContactPoint, find_contact
 from underlay.data.curve import Curve
 from underlay.errors import CurveError, RangeError
+from underlay.mechanics.body import Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import Isotropic, Layer
+from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.solvers import contact_law
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
@@ -56,7 +57,7 @@ class Quality:
         ``"good"``, ``"doubtful"`` or ``"refused"``.
     reasons : tuple of str
         One line each; empty for a good curve.
-    contact : Contact or None
+    contact : ContactPoint or None
         Where contact was found.
     exponent, exponent_uncertainty, expected_exponent : float
         Of force against depth beyond contact, its standard error, and what the scene (or a ball on a
@@ -67,7 +68,7 @@ class Quality:
 
     verdict: str
     reasons: tuple[str, ...]
-    contact: Contact | None = None
+    contact: ContactPoint | None = None
     exponent: float = float("nan")
     exponent_uncertainty: float = float("nan")
     expected_exponent: float = float("nan")
@@ -125,7 +126,7 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
     )
 
 
-def _contact(curve: Curve, scene: Scene | None) -> Contact:
+def _contact(curve: Curve, scene: Scene | None) -> ContactPoint:
     if scene is None:
         return find_contact(curve)
     exponent = _shape_exponent(scene.indenter)
@@ -143,14 +144,14 @@ class _Beyond:
     force: FloatArray
 
     @classmethod
-    def of(cls, loading: Curve, contact: Contact, shift: float = 0.0) -> _Beyond:
+    def of(cls, loading: Curve, contact: ContactPoint, shift: float = 0.0) -> _Beyond:
         pressed = loading.depth - (contact.depth + shift)
         force = loading.force - (contact.baseline + contact.baseline_slope * loading.depth)
         inside = pressed > 0.0
         return cls(pressed[inside], force[inside])
 
 
-def _refuse_failed_search(curve: Curve, contact: Contact) -> None:
+def _refuse_failed_search(curve: Curve, contact: ContactPoint) -> None:
     """Refuse a test in air: the search for contact before it failed, and the force stayed as small."""
     asked = curve.metadata.get("search_criterion")
     reached = curve.metadata.get("search_reached")
@@ -170,7 +171,7 @@ def _grams(force: float) -> str:
 
 def _doubts(
     curve: Curve,
-    contact: Contact,
+    contact: ContactPoint,
     beyond: _Beyond,
     scene: Scene | None,
     *,
@@ -218,7 +219,7 @@ def _about_exponent(exponent: float, expected: float) -> str:
     return f"force-depth exponent {exponent:.2f} where {expected:.2f} is expected: {why}"
 
 
-def _exponent(loading: Curve, contact: Contact) -> tuple[float, float]:
+def _exponent(loading: Curve, contact: ContactPoint) -> tuple[float, float]:
     """Slope of log force against log depth, and what the uncertain contact depth makes of it."""
     best = _slope(_Beyond.of(loading, contact))
     shifted = [_slope(_Beyond.of(loading, contact, sign * contact.uncertainty)) for sign in (-1.0, 1.0)]

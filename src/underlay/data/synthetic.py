@@ -15,10 +15,11 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, finite, positive
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import InputError
 from underlay.mechanics.solvers import AnySolver
 from underlay.quantities import field_quantities
+from underlay.scene.noise import Noise
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
 __all__ = ["simulate", "synthesize"]

@@ -11,7 +11,6 @@ import numpy as np
 
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.data.readers import JpkMapCurve, read, read_from_map
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.data.signs import flipped, require_signs
@@ -179,7 +178,6 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
             f"{file.path.name} says nothing to fit: add a [fit] section such as layer.E = {{}} with "
             'bounds like { min = "1 kPa", max = "10 MPa" }'
         )
-    noise = Noise(**file.noise) if file.noise else None
     settled = settle(
         file.draft,
         curve,
@@ -190,7 +188,7 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
     file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
     curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
     free = {**free_of(file, curve), **(priors or {})}
-    problem = Problem(_started(file, curve), curve, free, noise, solver=file.solver)
+    problem = Problem(_started(file, curve), curve, free, file.noise, solver=file.solver)
     require_plausible(problem)
     return problem
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.data.curve import Curve
-from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
@@ -22,6 +21,7 @@ from underlay.inference.model.laws import LawStore
 from underlay.inference.priors import Given, Prior
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
 __all__ = ["Given", "Problem"]

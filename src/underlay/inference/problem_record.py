@@ -8,14 +8,13 @@ either, and `problem_record` says so.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from underlay.data.curve import Curve
 from underlay.data.metadata import Metadata
-from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import FileFormatError, InputError
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.priors import (
@@ -30,6 +29,9 @@ from underlay.inference.priors import (
 )
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solvers import solver_named, solver_record
+from underlay.quantities import field_quantities
+from underlay.scene.noise import Noise
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import scene_from_text
 from underlay.scene.scene_writer import scene_text
@@ -164,12 +166,16 @@ def _from_given(entry: Mapping[str, Any] | None) -> Given:
 
 def _noise(noise: Any) -> Any:
     """A noise model, or one per curve, as plain values."""
-    if isinstance(noise, NoiseModel) and not isinstance(noise, Noise):
-        raise InputError(f"its noise model, {type(noise).__name__}, is not part of underlay")
-    if noise is None or isinstance(noise, Noise):
-        return None if noise is None else asdict(noise)
+    if noise is None:
+        return None
+    if isinstance(noise, NoiseModel):
+        return {**noise.choice, **{name: getattr(noise, name) for name in field_quantities(type(noise))}}
     return [_noise(entry) for entry in noise]
 
 
-def _from_noise(entry: Mapping[str, Any] | None) -> Noise | None:
-    return None if entry is None else Noise(**entry)
+def _from_noise(entry: Mapping[str, Any] | None) -> NoiseModel | None:
+    if entry is None:
+        return None
+    # Any: what its numbers are, its class knows.
+    numbers: dict[str, Any] = dict(entry)
+    return NoiseModel.kinds()[numbers.pop("model", Noise.model)](**numbers)

@@ -8,18 +8,17 @@ compliance with the wavenumber. So a solver works for every body that has a kern
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.mechanics.body import Base, Body, Layer, Material
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import Kernel, StackKernel, SubstrateKernel
-from underlay.mechanics.materials import IsotropicLayer, Layer, isotropic_layer
-from underlay.mechanics.stack import Body, Stack
+from underlay.mechanics.stack import stacked
 from underlay.quantities import Part
 
 __all__ = ["Adhesion", "BuildsElastic", "Contact"]
@@ -49,16 +48,9 @@ class Adhesion(Part, ABC):
     """
 
     parts: ClassVar[tuple[str, ...]] = ("adhesion",)
+    chosen_by: ClassVar[str] = "model"
     #: Name in scene files.
     model: ClassVar[str] = ""
-
-    @classmethod
-    def models(cls) -> Iterator[type[Adhesion]]:
-        """Every concrete model of adhesion there is, wherever it was defined."""
-        for child in cls.__subclasses__():
-            if child.model:
-                yield child
-            yield from child.models()
 
     @property
     def short_ranged(self) -> Adhesion:
@@ -68,6 +60,29 @@ class Adhesion(Part, ABC):
     @abstractmethod
     def law(self, contact: Contact, max_depth: float, solver: BuildsElastic) -> ContactLaw:
         """Law of a contact that sticks, for depths up to `max_depth` (m); `solver` says how the body is solved."""
+
+
+@dataclass(frozen=True)
+class IsotropicLayer:
+    """A layer and its base in engineering constants, as formulas of the literature need them.
+
+    Parameters
+    ----------
+    layer : Isotropic
+        What the layer is made of.
+    base : Isotropic or None
+        What it is bonded to; None is rigid.
+    """
+
+    layer: Material
+    base: Material | None
+
+    @classmethod
+    def of(cls, layer: Material, base: Base) -> Self | None:
+        """Describe a layer on its base; None where either is anisotropic."""
+        if not (layer.isotropic and base.isotropic):
+            return None
+        return cls(layer, base if isinstance(base, Material) else None)
 
 
 @dataclass(frozen=True)
@@ -106,18 +121,18 @@ class Contact:
     @classmethod
     def of(cls, indenter: Indenter, layer: Layer, substrate: Body | None) -> Self:
         """Contact with a layer on a substrate or on further layers; None continues the layer."""
-        material, thickness, base = layer.material, layer.thickness, substrate
-        if base is None or thickness == np.inf:
-            thickness, base = np.inf, material
-        if isinstance(base, Stack) or (layer.bond != "bonded" and np.isfinite(thickness)):
-            under, base = (base.layers, base.base) if isinstance(base, Stack) else ((), base)
+        material, thickness = layer.material, layer.thickness
+        if substrate is None or thickness == np.inf:
+            thickness, substrate = np.inf, material
+        under, base = substrate.layers, substrate.base
+        if under or (layer.bond != "bonded" and np.isfinite(thickness)):
             return cls(indenter, StackKernel((layer, *under), base), material.theta, thickness)
         return cls(
             indenter,
             SubstrateKernel(material, base),
             material.theta,
             thickness,
-            isotropic_layer(material, base),
+            IsotropicLayer.of(material, base),
         )
 
     def simplified(self, max_depth: float, allowed: float) -> tuple[Self, str]:
@@ -130,8 +145,7 @@ class Contact:
         if found is None:
             return self, ""
         top, *under = found.layers
-        body = Stack(under, found.base) if under else found.base
-        return type(self).of(self.indenter, top, body), "; ".join(found.said)
+        return type(self).of(self.indenter, top, stacked(under, found.base)), "; ".join(found.said)
 
     @property
     def sticks(self) -> bool:

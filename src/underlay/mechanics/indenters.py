@@ -17,7 +17,6 @@ To add an indenter: a frozen dataclass that derives from `Indenter` (or from `Po
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Self
@@ -39,15 +38,8 @@ class Indenter(Part, ABC):
     """
 
     parts: ClassVar[tuple[str, ...]] = ("indenter",)
+    chosen_by: ClassVar[str] = "shape"
     shape: ClassVar[str] = ""
-
-    @classmethod
-    def shapes(cls) -> Iterator[type[Indenter]]:
-        """Every concrete indenter there is, wherever it was defined."""
-        for child in cls.__subclasses__():
-            if child.shape:
-                yield child
-            yield from child.shapes()
 
     @property
     def max_radius(self) -> float:

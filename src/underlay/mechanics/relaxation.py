@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -61,19 +61,12 @@ class Relaxation(Part, ABC):
     """
 
     parts: ClassVar[tuple[str, ...]] = ("layer",)
+    chosen_by: ClassVar[str] = "model"
     #: Name in scene files.
     model: ClassVar[str] = ""
 
     #: "shear_and_bulk" (constant Poisson's ratio) or "shear"; a field of the concrete class.
     relaxes: str
-
-    @classmethod
-    def models(cls) -> Iterator[type[Relaxation]]:
-        """Every concrete relaxation there is, wherever it was defined."""
-        for child in cls.__subclasses__():
-            if child.model:
-                yield child
-            yield from child.models()
 
     @abstractmethod
     def modulus(self, time: ArrayLike) -> FloatArray:

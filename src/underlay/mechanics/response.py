@@ -14,7 +14,7 @@ To add a memory: a frozen dataclass that derives from `History`, its numbers dec
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, TypeAlias
 
@@ -69,16 +69,9 @@ class History(Part, ABC):
     parts: ClassVar[tuple[str, ...]] = ("history",)
     #: Under which path its numbers stand.
     prefix: ClassVar[str] = "history"
+    chosen_by: ClassVar[str] = "model"
     #: Name in scene files.
     model: ClassVar[str] = ""
-
-    @classmethod
-    def models(cls) -> Iterator[type[History]]:
-        """Every concrete history there is, wherever it was defined."""
-        for child in cls.__subclasses__():
-            if child.model:
-                yield child
-            yield from child.models()
 
     @abstractmethod
     def force(self, elastic: Elastic, depth: FloatArray, time: FloatArray) -> FloatArray:

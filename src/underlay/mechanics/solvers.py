@@ -22,6 +22,7 @@ import numpy as np
 from underlay._arrays import FloatArray, finite
 from underlay.errors import InputError
 from underlay.mechanics.asymptotic.law import FORMS, asymptotic_law
+from underlay.mechanics.body import Body, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.curve_family import range_numbers
@@ -30,10 +31,8 @@ from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.friction import as_friction
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, Sphere
-from underlay.mechanics.materials import Layer
 from underlay.mechanics.published import PublishedCorrection, published_law, published_names
 from underlay.mechanics.solver import Scaling, Solver
-from underlay.mechanics.stack import Body
 from underlay.mechanics.stuck.law import stuck_law
 
 __all__ = [

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import ClassVar, TypeAlias
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
 from underlay.errors import InputError
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, Rigid, Substrate, TransverselyIsotropic
-from underlay.quantities import Part, inlined, no_number
+from underlay.mechanics.body import RIGID, Base, Body, Layer
+from underlay.quantities import inlined, no_number
 
-__all__ = ["MOST_LAYERS", "Body", "Stack"]
+__all__ = ["MOST_LAYERS", "Stack", "stacked"]
 
 #: Most layers of a body, the one on top included: graded materials want another method.
 MOST_LAYERS = 8
 
 
 @dataclass(frozen=True)
-class Stack(Part):
+class Stack(Body):
     """Layers on a base, under the layer of a scene.
 
     Parameters
@@ -46,7 +46,7 @@ class Stack(Part):
     parts: ClassVar[tuple[str, ...]] = ("substrate",)
 
     layers: Sequence[Layer] = field(metadata=no_number())
-    base: Substrate = field(default=RIGID, metadata=inlined())
+    base: Base = field(default=RIGID, metadata=inlined())
 
     def __post_init__(self) -> None:
         given = (self.layers,) if isinstance(self.layers, Layer) else tuple(self.layers)
@@ -66,15 +66,25 @@ class Stack(Part):
                 f"a Stack has up to {MOST_LAYERS - 1} layers, {MOST_LAYERS} with the one on top; got {len(given)}. "
                 "Join layers that are alike"
             )
-        if not isinstance(self.base, Isotropic | TransverselyIsotropic | Rigid):
+        if not isinstance(self.base, Base):
             raise InputError(f"the base of a Stack must be a material or RIGID; got {self.base!r}")
         object.__setattr__(self, "layers", given)
 
-    def without(self, index: int) -> Substrate | Stack:
-        """Return what is left when one layer is taken out."""
-        left = (*self.layers[:index], *self.layers[index + 1 :])
-        return Stack(left, self.base) if left else self.base
+    def on(self, base: Base) -> Stack:
+        """Return the same layers on another half-space."""
+        return replace(self, base=base)
+
+    @property
+    def in_plane(self) -> Stack:
+        """The stack of isotropic materials of the in-plane E and nu."""
+        return Stack([layer.in_plane for layer in self.layers], self.base.in_plane)
+
+    @property
+    def bonded(self) -> Stack:
+        """The stack without slip and springs."""
+        return replace(self, layers=tuple(replace(layer, bond="bonded") for layer in self.layers))
 
 
-#: What a layer may stand on.
-Body: TypeAlias = Substrate | Stack
+def stacked(layers: Sequence[Layer], base: Base) -> Body:
+    """Return layers on a base, or the base alone where there are none."""
+    return Stack(layers, base) if layers else base

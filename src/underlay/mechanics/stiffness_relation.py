@@ -18,13 +18,14 @@ from scipy import optimize
 from underlay._arrays import ArrayLike, FloatArray, as_finite, positive
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.asymptotic.law import punch_factor
+from underlay.mechanics.body import RIGID, Base
 from underlay.mechanics.kernel import SubstrateKernel
-from underlay.mechanics.materials import RIGID, Isotropic, Substrate
+from underlay.mechanics.materials import Isotropic
 
 __all__ = ["PunchFactor", "modulus_from_stiffness"]
 
 #: kappa_inf from (a/h, layer material, substrate): the flat punch's factor of (9.5).
-PunchFactor = Callable[[float, Isotropic, Substrate], float]
+PunchFactor = Callable[[float, Isotropic, Base], float]
 
 # The modulus is looked for within this factor of the half-space value either way.
 _WIDEST_RATIO = 1e8
@@ -37,7 +38,7 @@ def modulus_from_stiffness(
     contact_radius: ArrayLike | None = None,
     contact_area: ArrayLike | None = None,
     thickness: float = np.inf,
-    substrate: Substrate | None = None,
+    substrate: Base | None = None,
     order: int = 4,
     form: str = "auto",
     kappa_inf: PunchFactor | None = None,
@@ -75,7 +76,7 @@ def modulus_from_stiffness(
 
     Examples
     --------
-    >>> from underlay.mechanics.materials import RIGID
+    >>> from underlay.mechanics.body import RIGID
     >>> float(modulus_from_stiffness(4.0, nu=0.0, contact_radius=1.0))
     2.0
     >>> E = modulus_from_stiffness(4.0, nu=0.0, contact_radius=1.0, thickness=4.0, substrate=RIGID)
@@ -108,14 +109,14 @@ def modulus_from_stiffness(
 
 
 def _asymptotic_factor(order: int, form: str) -> PunchFactor:
-    def factor(eps: float, layer: Isotropic, substrate: Substrate) -> float:
+    def factor(eps: float, layer: Isotropic, substrate: Base) -> float:
         a_0, a_1 = SubstrateKernel(layer, substrate).coefficients(2)
         return punch_factor(eps, float(a_0), float(a_1), order=order, form=form)
 
     return factor
 
 
-def _solve(halfspace: float, eps: float, nu: float, substrate: Substrate, factor: PunchFactor) -> float:
+def _solve(halfspace: float, eps: float, nu: float, substrate: Base, factor: PunchFactor) -> float:
     """Solve E kappa_inf(E) = `halfspace` in ln E between brackets that double."""
 
     def excess(log_modulus: float) -> float:

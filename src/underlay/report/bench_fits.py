@@ -8,14 +8,15 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.data.synthetic import synthesize
 from underlay.inference.least_squares import fit
 from underlay.inference.plain_hertz import plain_hertz_fit
 from underlay.inference.problem import Problem
+from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.indenters import Paraboloid
-from underlay.mechanics.materials import Isotropic, Layer, Substrate
+from underlay.mechanics.materials import Isotropic
 from underlay.scene.instrument import Instrument
+from underlay.scene.noise import Noise
 from underlay.scene.scene import Scene
 
 __all__ = ["exact_fit", "hertz_fit"]
@@ -29,7 +30,7 @@ _NOISE = 0.005  # of the largest force
 _WRONG = {"layer.E": 3.0, "layer.thickness": 0.5, "substrate.E": 0.3, "instrument.contact_depth": 0.0}
 
 
-def exact_fit(base: Substrate, free: Sequence[str]) -> Callable[[FloatArray], Callable[[], object]]:
+def exact_fit(base: Base, free: Sequence[str]) -> Callable[[FloatArray], Callable[[], object]]:
     """Fit the parameters at `free` with the exact law: a new problem each time, from a wrong start."""
 
     def prepare(depth: FloatArray) -> Callable[[], object]:
@@ -40,7 +41,7 @@ def exact_fit(base: Substrate, free: Sequence[str]) -> Callable[[FloatArray], Ca
     return prepare
 
 
-def hertz_fit(base: Substrate) -> Callable[[FloatArray], Callable[[], object]]:
+def hertz_fit(base: Base) -> Callable[[FloatArray], Callable[[], object]]:
     """Fit Hertz's formula to the same points, from the same modulus and contact."""
 
     def prepare(depth: FloatArray) -> Callable[[], object]:
@@ -51,7 +52,7 @@ def hertz_fit(base: Substrate) -> Callable[[FloatArray], Callable[[], object]]:
     return prepare
 
 
-def _measured(base: Substrate, depth: FloatArray) -> tuple[Scene, Curve]:
+def _measured(base: Base, depth: FloatArray) -> tuple[Scene, Curve]:
     """A scene and a curve of it with as many points as `depth` (m)."""
     deepest = _SHARE * float(depth[-1])
     layer = Layer(Isotropic(_E, _NU), _THICKNESS)

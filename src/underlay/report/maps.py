@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from underlay._csv import numbered_rows
 from underlay._door import FileKind, PathLike, read_bytes, read_start, understood
 from underlay.inference.batch.results_table import FITTED, read_parquet
 from underlay.report.csv_text import unguarded
@@ -67,10 +69,11 @@ def read_map(path: PathLike) -> pd.DataFrame:
         if Path(path).suffix.lower() == ".parquet":
             table = read_parquet(content, _MOST_CELLS)
         else:
-            if content.readline().count(b",") >= _MOST_COLUMNS:
-                raise ValueError(f"more than {_MOST_COLUMNS} columns")
-            content.seek(0)
-            table = unguarded(pd.read_csv(content, dtype=dict.fromkeys(_TEXTS, "str")))
+            text = content.getvalue().decode("utf-8-sig")
+            deque(numbered_rows(text, _MOST_COLUMNS), maxlen=0)
+            table = unguarded(
+                pd.read_csv(io.StringIO(text), index_col=False, dtype=dict.fromkeys(_TEXTS, "str"))
+            )
         missing = [name for name in _TEXTS if name not in table.columns]
         if missing:
             raise ValueError(f"it has no column {missing[0]!r}")

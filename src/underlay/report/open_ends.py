@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 from underlay.errors import UnderlayError
+from underlay.inference.design.second_test import remedy
 from underlay.inference.profiles import interval_threshold
-from underlay.inference.remedy import remedy
 from underlay.report.intervals import estimates
 from underlay.report.labels import is_of_the_sample, label, start
 from underlay.scene.parameters import kind_of

@@ -10,13 +10,13 @@ from typing import Any
 from underlay._files import require_own_folder, write_atomic
 from underlay._text import comment_line
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.data.readers.delimited import COMMENTED_NUMBERS
 from underlay.inference.priors import Prior
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Auto, solver_record
 from underlay.report.measured import beyond_loading
+from underlay.scene.noise import Noise
 
 __all__ = ["problem_source", "write_inputs", "write_measured"]
 

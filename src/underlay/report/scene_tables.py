@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from underlay.mechanics.materials import Layer, Rigid
-from underlay.mechanics.stack import Stack
+from underlay.mechanics.body import RIGID, Layer
 from underlay.quantities import quantity_of
 from underlay.report.tables import labelled_table
 from underlay.units import format_quantity
@@ -36,16 +35,14 @@ def _scene_rows(scene: Scene) -> pd.DataFrame:
     rows = [{"part": "indenter", "quantity": "shape", "value": scene.indenter.shape.replace("_", " ")}]
     rows += _numbers("indenter", scene.indenter)
     rows += _layer_rows("layer", scene.layer)
-    stack = scene.substrate if isinstance(scene.substrate, Stack) else None
-    for number, layer in enumerate(() if stack is None else stack.layers):
-        rows += _layer_rows(f"layer {number + 2}", layer)
-    base = scene.substrate if stack is None else stack.base
-    if isinstance(base, Rigid):
-        bonded = scene.layer.bond == "bonded" and stack is None
+    for number, layer in enumerate(scene.layers[1:], start=2):
+        rows += _layer_rows(f"layer {number}", layer)
+    if scene.base == RIGID:
+        bonded = scene.layer.bond == "bonded" and len(scene.layers) == 1
         value = "rigid, bonded to the layer" if bonded else "rigid"
         rows.append({"part": "substrate", "quantity": "material", "value": value})
-    elif base is not None:
-        rows += _numbers("substrate", base)
+    elif scene.base is not None:
+        rows += _numbers("substrate", scene.base)
     if scene.adhesion is not None:
         rows.append({"part": "adhesion", "quantity": "model", "value": scene.adhesion.model})
         rows += _numbers("adhesion", scene.adhesion)

@@ -12,18 +12,18 @@ import pandas as pd
 
 from underlay._door import sha256_of
 from underlay._text import one_line
-from underlay.data.noise import NoiseModel
 from underlay.inference.least_squares.provenance import version_record
 from underlay.quantities import numbers_of
 from underlay.report.intervals import estimates, standing
 from underlay.report.labels import label
 from underlay.report.open_ends import rival_name
 from underlay.report.words import quantity_with_interval, strong_pairs
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
-    from underlay.inference.identifiability import Identifiability
+    from underlay.inference.design.identifiability import Identifiability
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.sampling.posterior import Posterior
 

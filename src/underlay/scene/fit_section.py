@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from underlay.errors import InputError, ParameterError
+from underlay.quantities import field_quantities
 from underlay.scene.field_names import fields_meant
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of, unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.scene.scene_schema import check, free_parameter_schema
@@ -41,15 +43,15 @@ class FreeParameter:
     numbers: Mapping[str, float]
 
 
-def free_parameters(table: Mapping[str, Any], scene: Scene) -> list[FreeParameter]:
-    """Read the ``[fit]`` section of a scene file.
+def free_parameters(table: Mapping[str, Any], scene: Scene, noise: NoiseModel) -> list[FreeParameter]:
+    """Read the ``[fit]`` section of a scene file: what of the scene and its noise is fitted.
 
     Raises
     ------
     InputError
         If a path is not one of the scene or its noise, or what is said of it is not allowed.
     """
-    known = [*scene.parameters, "noise.force", "noise.relative", "noise.correlation_time", "noise.depth"]
+    known = [*scene.parameters, *(f"noise.{name}" for name in field_quantities(type(noise)))]
     free = []
     for path, entry in _flatten(table, known):
         if path not in known:

@@ -14,14 +14,13 @@ import pandas as pd
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay._files import write_atomic
 from underlay.errors import InputError
+from underlay.mechanics.body import Base, Body, Layer
 from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.friction import as_friction
 from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.materials import Isotropic, Layer, Rigid, TransverselyIsotropic
 from underlay.mechanics.response import History, Remembered, Response
 from underlay.mechanics.solvers import AnySolver, as_solver
-from underlay.mechanics.stack import Body, Stack
 from underlay.mechanics.viscoelastic.history import Viscoelastic, require_still_base
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
@@ -86,7 +85,7 @@ class Scene:
             raise InputError(f"indenter must be an Indenter such as Sphere(radius); got {self.indenter!r}")
         if not isinstance(self.layer, Layer):
             raise InputError(f"layer must be Layer(material, thickness); got {self.layer!r}")
-        if not isinstance(self.substrate, Isotropic | TransverselyIsotropic | Rigid | Stack | None):
+        if not isinstance(self.substrate, Body | None):
             raise InputError(f"substrate must be a material, RIGID, a Stack or None; got {self.substrate!r}")
         if not isinstance(self.instrument, Instrument):
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
@@ -122,6 +121,16 @@ class Scene:
         if self.memory is None:
             return self
         return replace(self, layer=replace(self.layer, relaxation=None), history=None)
+
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """Every layer, from the top down."""
+        return (self.layer, *(() if self.substrate is None else self.substrate.layers))
+
+    @property
+    def base(self) -> Base | None:
+        """The half-space that the layers stand on; None where the layer is one itself."""
+        return None if self.substrate is None else self.substrate.base
 
     @property
     def contact(self) -> Contact:

@@ -49,24 +49,26 @@ import numpy as np
 from underlay._documents import parse_toml
 from underlay._door import FileKind, printable, read_text, understood
 from underlay.errors import InputError, UnderlayError, UnderlayWarning
-from underlay.mechanics.adhesion import MODELS
+from underlay.mechanics.adhesion import Adhesion
+from underlay.mechanics.body import RIGID, Base, Body, Layer, Material
 from underlay.mechanics.bonds import Bond, Spring, as_bond
-from underlay.mechanics.contact import Adhesion
 from underlay.mechanics.friction import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter
-from underlay.mechanics.materials import RIGID, Isotropic, Layer, Material, Substrate, TransverselyIsotropic
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
-from underlay.mechanics.stack import Body, Stack
+from underlay.mechanics.stack import Stack
+from underlay.quantities import Part
 from underlay.scene.field_names import hint
 from underlay.scene.fit_section import FreeParameter, free_parameters
 from underlay.scene.instrument import Instrument
+from underlay.scene.noise import Noise
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 from underlay.scene.scene_schema import (
     CurveSection,
-    NoiseSection,
     SimulateSection,
     SolverSection,
     ThicknessSection,
@@ -124,8 +126,8 @@ class SceneFile:
         What is fitted; empty if there is no ``[fit]``.
     solver : Solver
         What builds the contact law; `Auto` where the file does not say.
-    noise : mapping
-        Numbers of ``[noise]``, SI.
+    noise : NoiseModel or None
+        What ``[noise]`` says; None where there is no such section, or nothing in it.
     curve : mapping
         Which part of which curve file: file (a path beside the scene file); format, test, columns and
         calibration for the reader; flip for signs that are the other way round; segment, min_depth and
@@ -144,7 +146,7 @@ class SceneFile:
     draft: Scene
     free: tuple[FreeParameter, ...]
     solver: Solver
-    noise: Mapping[str, float]
+    noise: NoiseModel | None
     curve: Mapping[str, Any]
     simulate: SimulatedDepths | None
     path: Path
@@ -259,11 +261,12 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
         adhesion=_adhesion(document),
         **_words(document),
     )
+    noise = _noise(document)
     return SceneFile(
         draft=scene,
-        free=tuple(free_parameters(_table(document, "fit"), scene)),
+        free=tuple(free_parameters(_table(document, "fit"), scene, noise or Noise())),
         solver=_solver(_table(document, "solver")),
-        noise=check(NoiseSection, "noise", _table(document, "noise")),
+        noise=noise,
         curve=check(CurveSection, "curve", _table(document, "curve")),
         simulate=_simulated_depths(document),
         path=path,
@@ -284,7 +287,7 @@ def _words(document: Mapping[str, Any]) -> dict[str, Any]:
 
 def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
     """What a section of the indenter leaves to the file of a curve: the radius of a shape that has one."""
-    shape: Any = next((kind for kind in Indenter.shapes() if kind.shape == tip.get("shape")), None)
+    shape: Any = Indenter.kinds().get(str(tip.get("shape")))
     if shape is None or "radius" in tip:
         return ()
     return ("indenter.radius",) if any(field.name == "radius" for field in fields(shape)) else ()
@@ -316,7 +319,7 @@ def _table(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 
 def _indenter(table: dict[str, Any]) -> Indenter:
-    shapes = {shape.shape: shape for shape in Indenter.shapes()}
+    shapes = Indenter.kinds()
     name = table.pop("shape", None)
     if isinstance(name, str) and name in EQUIVALENT_CONES:
         return _equivalent_cone(name, table)
@@ -343,7 +346,7 @@ def _relaxation(layer: dict[str, Any]) -> Relaxation | None:
     if not isinstance(given, Mapping):
         raise InputError(f"[{section}] must be a section, not {given!r}")
     table = dict(given)
-    kind = _named({kind.model: kind for kind in Relaxation.models()}, section, table)
+    kind = _named(Relaxation, section, table)
     words = {"relaxes": table.pop("relaxes")} if "relaxes" in table else {}
     numbers = check(schema_of(kind), section, table)
     try:
@@ -410,7 +413,7 @@ def _substrate(document: Mapping[str, Any]) -> Body | None:
         raise InputError(f"[[substrate.layers]] {error}") from error
 
 
-def _base(table: dict[str, Any]) -> Substrate:
+def _base(table: dict[str, Any]) -> Base:
     rigid = table.pop("rigid", False)
     if not isinstance(rigid, bool):
         raise InputError(f"[substrate] rigid: must be true or false, not {rigid!r}")
@@ -425,14 +428,13 @@ def _history(document: Mapping[str, Any]) -> History | None:
     if "history" not in document:
         return None
     table = dict(_table(document, "history"))
-    kind = _named({kind.model: kind for kind in History.models()}, "history", table)
-    history: History = _build(kind, "history", table)
+    history: History = _build(_named(History, "history", table), "history", table)
     return history
 
 
-def _named(models: Mapping[str, type[Any]], section: str, table: dict[str, Any]) -> type[Any]:
+def _named(family: type[Part], section: str, table: dict[str, Any]) -> type[Any]:
     """The class that a section's ``model`` names; the key is taken out."""
-    name = table.pop("model", None)
+    name, models = table.pop("model", None), family.kinds()
     if not isinstance(name, str) or name not in models:
         raise InputError(
             f"[{section}] model: {name!r:.80} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
@@ -444,9 +446,17 @@ def _adhesion(document: Mapping[str, Any]) -> Adhesion | None:
     if "adhesion" not in document:
         return None
     table = dict(_table(document, "adhesion"))
-    models = {kind.model: kind for kind in (*MODELS, *Adhesion.models())}
-    adhesion: Adhesion = _build(_named(models, "adhesion", table), "adhesion", table)
+    adhesion: Adhesion = _build(_named(Adhesion, "adhesion", table), "adhesion", table)
     return adhesion
+
+
+def _noise(document: Mapping[str, Any]) -> NoiseModel | None:
+    table = dict(_table(document, "noise"))
+    if not table:
+        return None
+    kind = _named(NoiseModel, "noise", {"model": Noise.model, **table})
+    noise: NoiseModel = _build(kind, "noise", {key: table[key] for key in table if key != "model"})
+    return noise
 
 
 #: Keys that [solver] had once, and what to write now.

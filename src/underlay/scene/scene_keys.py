@@ -13,15 +13,17 @@ from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
 import numpy as np
 
+from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import RELAXES, Relaxation
+from underlay.quantities import Part
 from underlay.scene.instrument import Instrument
+from underlay.scene.noise import Noise
 from underlay.scene.scene_file import EQUIVALENT_CONES
 from underlay.scene.scene_schema import (
     CurveSection,
     FieldInfo,
-    NoiseSection,
     SimulateSection,
     SolverSection,
     ThicknessSection,
@@ -71,7 +73,7 @@ def scene_keys() -> list[SceneKey]:
 
 
 def _all() -> Iterator[SceneKey]:
-    shapes = {shape.shape: shape for shape in Indenter.shapes() if shape.__module__.startswith("underlay.")}
+    shapes = _own(Indenter)
     names = ", ".join(sorted([*shapes, *EQUIVALENT_CONES]))
     yield SceneKey("indenter", "shape", f"one of {names}", "", _CHOICES["indenter", "shape"])
     for name, shape in sorted(shapes.items()):
@@ -79,7 +81,7 @@ def _all() -> Iterator[SceneKey]:
     yield from _of_class(Isotropic, "layer", "")
     yield from _of_class(TransverselyIsotropic, "layer", " (transversely isotropic)", seen=("E", "nu"))
     yield from _of_model(ThicknessSection.model_fields, "layer")
-    models = {kind.model: kind for kind in Relaxation.models() if kind.__module__.startswith("underlay.")}
+    models = _own(Relaxation)
     section = "layer.relaxation"
     yield SceneKey(section, "model", f"one of {', '.join(sorted(models))}", "", _CHOICES[section, "model"])
     for name, relaxation in sorted(models.items()):
@@ -91,17 +93,24 @@ def _all() -> Iterator[SceneKey]:
     yield from _of_class(Isotropic, "substrate", "")
     yield from _of_class(TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu"))
     yield from _of_class(Instrument, "instrument", "")
+    for name, adhesion in sorted(_own(Adhesion).items()):
+        yield from _of_class(adhesion, "adhesion", f" ({name})")
+    yield from _of_class(Noise, "noise", "")
     for name, field in free_parameter_schema("dimensionless").model_fields.items():
         own = name in ("prior", "relative_sd")
         takes = _takes(field) if own else "a quantity of the parameter's kind"
         yield SceneKey("fit", f"PARAMETER.{name}", takes, "none", _FIT[name])
     for section, model in (
         ("solver", SolverSection),
-        ("noise", NoiseSection),
         ("curve", CurveSection),
         ("simulate", SimulateSection),
     ):
         yield from _of_model(model.model_fields, section)
+
+
+def _own(family: type[Part]) -> dict[str, type[Part]]:
+    """Every kind of a part that is of this package, by name."""
+    return {name: kind for name, kind in family.kinds().items() if kind.__module__.startswith("underlay.")}
 
 
 def _of_class(kind: type[Any], section: str, remark: str, seen: tuple[str, ...] = ()) -> Iterator[SceneKey]:

@@ -19,7 +19,6 @@ from underlay.units import parse_quantity
 __all__ = [
     "CurveSection",
     "FieldInfo",
-    "NoiseSection",
     "SimulateSection",
     "SolverSection",
     "check",
@@ -97,23 +96,6 @@ class SolverSection(_Section):
     order: int = Field(default=4, ge=0, le=4, description="order of the asymptotic law, 0 to 4")
     form: str = Field(
         default="auto", description="form of the asymptotic law: explicit, parametric, compliance or auto"
-    )
-
-
-class NoiseSection(_Section):
-    """``[noise]``: what is known of the noise, or is to be made."""
-
-    force: Annotated[float, _quantity("force")] = Field(
-        default=0.0, description="standard deviation of a force reading"
-    )
-    relative: Annotated[float, _quantity("dimensionless")] = Field(
-        default=0.0, description="standard deviation that grows with the force, as a share of it"
-    )
-    correlation_time: Annotated[float, _quantity("time")] = Field(
-        default=0.0, description="how long the noise of the force hangs together; 0 is white"
-    )
-    depth: Annotated[float, _quantity("length")] = Field(
-        default=0.0, description="standard deviation of a depth reading"
     )
 
 

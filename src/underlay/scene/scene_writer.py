@@ -8,12 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from underlay.errors import InputError
-from underlay.mechanics.contact import Adhesion
-from underlay.mechanics.indenters import Indenter
-from underlay.mechanics.materials import Rigid
-from underlay.mechanics.relaxation import Relaxation
-from underlay.mechanics.response import History
 from underlay.quantities import field_quantities
 from underlay.units import KINDS
 
@@ -37,21 +31,15 @@ def scene_text(scene: Any) -> str:
         part = getattr(scene, entry.name)
         if entry in words:
             continue
-        table = {} if part is None else _name(part) | dict(_keys(part))
+        table = {} if part is None else _section(part)
         if table:
             document[entry.name] = table
     return tomlkit.dumps(document)
 
 
-def _name(part: Any) -> dict[str, Any]:
-    """The key by which a scene file knows which kind of a part it is."""
-    if isinstance(part, Indenter):
-        return {"shape": part.shape}
-    if isinstance(part, History | Adhesion | Relaxation):
-        if not part.model:
-            raise InputError(f"{type(part).__name__} has no name in scene files: give its class a `model`")
-        return {"model": part.model}
-    return {"rigid": True} if isinstance(part, Rigid) else {}
+def _section(part: Any) -> dict[str, Any]:
+    """Which kind a part is, and its numbers."""
+    return {**part.choice, **dict(_keys(part))}
 
 
 def _keys(part: Any) -> Iterator[tuple[str, Any]]:
@@ -59,12 +47,12 @@ def _keys(part: Any) -> Iterator[tuple[str, Any]]:
     for entry in fields(part):
         value = getattr(part, entry.name)
         if entry.metadata.get("inlined"):
-            yield from (_name(value) | dict(_keys(value))).items()
+            yield from _section(value).items()
         elif isinstance(value, str):
             if value != entry.default:
                 yield entry.name, value
         elif is_dataclass(value):
-            yield entry.name, _name(value) | dict(_keys(value))
+            yield entry.name, _section(value)
         elif isinstance(value, tuple) and value and all(is_dataclass(item) for item in value):
             yield entry.name, [dict(_keys(item)) for item in value]
         elif entry.name in known and (np.ndim(value) or value != entry.default):

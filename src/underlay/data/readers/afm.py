@@ -27,6 +27,7 @@ from underlay.data.readers._hdf5 import HDF5_MAGIC, is_own, open_checked
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import decode
 from underlay.data.readers.afm_tab import TAB_MARK, read_tab
+from underlay.data.readers.afm_workshop import workshop_calibration
 from underlay.data.readers.jpk import JpkCurve, read_jpk
 from underlay.data.segments import HOLD, label_pieces, segments_from_motion
 from underlay.errors import FileFormatError, InputError, MissingExtraError, UnderlayError
@@ -49,6 +50,7 @@ _CURRENT_CALIBRATION = {"spring constant": "stiffness", "sensitivity": "current 
 _QUANTITIES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
 # A segment that travels less than this share of the whole rests: creep under a held force is a few per cent.
 _REST = 0.1
+_NOTHING: Mapping[str, Any] = {}
 # Entries of an unknown file that are named.
 _LISTED = 8
 _KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
@@ -183,9 +185,17 @@ def _check_igor(source: Source) -> None:
         raise FileFormatError(f"{source.name} claims {max(claims)} points or bytes; it has {len(data)} bytes")
 
 
+def _renamed(calibration: Mapping[str, float]) -> dict[str, Any]:
+    """What the file says, to stand beside what was given in its place."""
+    return {f"file_{_KNOWN[name]}": value for name, value in calibration.items()}
+
+
 def _load_workshop(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
-    text = io.StringIO(decode(source))
-    return _curves(source, formats.fmt_workshop.ws_single.load_csv(text, meta_override=dict(override)))
+    text = decode(source)
+    if "sensitivity" in override and "T-B(V)" not in text:
+        raise InputError(f"{source.name} holds forces, not volts; a sensitivity cannot be given")
+    loaded = formats.fmt_workshop.ws_single.load_csv(io.StringIO(text), meta_override=dict(override))
+    return _curves(source, loaded, _renamed(workshop_calibration(text, override)))
 
 
 def _load_ntmdt(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
@@ -201,14 +211,19 @@ _LOADERS = {
 }
 
 
-def _curves(source: Source, loaded: list[dict[str, Any]]) -> list[Curve]:
+def _curves(
+    source: Source, loaded: list[dict[str, Any]], of_file: Mapping[str, Any] = _NOTHING
+) -> list[Curve]:
+    """Curves of afmformats; `of_file` is the file's own calibration where another was given in its place."""
     return [
-        _curve(source, number, entry["data"], entry["metadata"])
+        _curve(source, number, entry["data"], entry["metadata"], of_file)
         for number, entry in enumerate(loaded, start=1)
     ]
 
 
-def _curve(source: Source, number: int, data: Any, found: Any) -> Curve:
+def _curve(
+    source: Source, number: int, data: Any, found: Any, of_file: Mapping[str, Any] = _NOTHING
+) -> Curve:
     names = set(data)
     channel = "height (measured)" if "height (measured)" in names else "height (piezo)"
     height = _column(data, channel)
@@ -244,6 +259,7 @@ def _curve(source: Source, number: int, data: Any, found: Any) -> Curve:
         notes=notes,
         bending_taken_off=bool(stiffness),
         **known,
+        **of_file,
     )
 
 

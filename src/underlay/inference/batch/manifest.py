@@ -9,7 +9,6 @@ a table made in Python a bare number is SI.
 from __future__ import annotations
 
 import difflib
-import io
 import os
 import re
 from collections import Counter
@@ -20,8 +19,9 @@ from typing import Any
 
 import pandas as pd
 
+from underlay._csv import numbered_rows
 from underlay._door import FileKind, printable, read_text, understood
-from underlay.errors import FileFormatError, InputError, UnderlayError
+from underlay.errors import InputError, UnderlayError
 from underlay.scene.parameters import kind_of, unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.units import parse_quantity
@@ -120,7 +120,7 @@ def read_manifest(
     entries: dict[str, Entry] = {}
     names: dict[str, int] = {}
     rows = zip(*(frame.iloc[:, i].tolist() for i in range(len(columns))), strict=True)
-    for number, cells in enumerate(rows, start=2 if from_file else 0):
+    for number, cells in zip(frame.index, rows, strict=True):
         where = f"{source}, {'line' if from_file else 'row'} {number}"
         entry = _entry(columns, cells, where, from_file=from_file)
         if entry.file in entries:
@@ -146,20 +146,14 @@ class _Column:
 
 def _read(path: Path) -> pd.DataFrame:
     text = read_text(path, _KIND)
-    head = text.partition("\n")[0]
+    head = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
     separator = max((",", ";", "\t"), key=head.count)
-    if head.count(separator) >= _MOST_COLUMNS:
-        raise FileFormatError(f"{printable(path.name)} has more than {_MOST_COLUMNS} columns; {_KIND.advice}")
     with understood(path.name, _KIND):
-        frame = pd.read_csv(io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, comment="#")
-        if not isinstance(frame.index, pd.RangeIndex):
-            # Otherwise every cell would be read under its neighbour's name.
-            raise ValueError("its rows have more cells than there are names")  # noqa: TRY004  of a file
-        lengths = [frame[name].str.len().max() for name in frame] if len(frame) else []
-        longest = max([*lengths, *(len(str(name)) for name in frame)])
+        (_, names), *rows = numbered_rows(text, _MOST_COLUMNS, separator, comment="#")
+        longest = max(len(cell) for cells in (names, *(cells for _, cells in rows)) for cell in cells)
         if longest > _LONGEST_CELL:
-            raise ValueError(f"a cell of {longest:.0f} characters")
-        return frame
+            raise ValueError(f"a cell of {longest} characters")
+    return pd.DataFrame([cells for _, cells in rows], index=[line for line, _ in rows], columns=names)
 
 
 def _column(header: str, scene: Scene, source: str) -> _Column:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import InputError
 from underlay.inference.batch.options import MapOptions, Sampling
 from underlay.inference.from_files import free_of
@@ -18,6 +17,7 @@ from underlay.inference.priors import Prior
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Auto, as_solver
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
 
@@ -115,7 +115,7 @@ def batch_model(
     noise, solver = options.noise, options.solver
     if file is not None:
         solver = file.solver if solver is None else solver
-        noise = Noise(**file.noise) if noise is None and file.noise else noise
+        noise = file.noise if noise is None else noise
         free = free_of(file) if free is None else free
         scene = file.draft
     if not isinstance(scene, Scene):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
 from underlay.mechanics.solvers import AnySolver
+from underlay.scene.noise_model import NoiseModel
 
 __all__ = ["MapOptions", "Sampling"]
 

@@ -23,12 +23,12 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Forward
 from underlay.inference.problem import Problem
 from underlay.mechanics.scaled_law import ScaledLaw
+from underlay.scene.noise import Noise
 
 __all__ = ["SeparableFit", "SeparableModel"]
 

@@ -12,13 +12,13 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.noise import Noise
 from underlay.inference.least_squares.frozen_noise import FrozenNoise
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
+from underlay.scene.noise import Noise
 
 __all__ = ["Blocks", "blocked_forward", "blocked_objective"]
 

@@ -17,7 +17,6 @@ import pandas as pd
 from underlay._arrays import FloatArray
 from underlay._files import write_atomic
 from underlay.data.curve import Curve
-from underlay.data.noise import NoiseModel
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
 from underlay.inference.least_squares.fit_parts import Alternative, FitStatistics, FitWarning
 from underlay.inference.least_squares.frozen_noise import freeze
@@ -29,6 +28,7 @@ from underlay.inference.least_squares.stated import StatedInterval, Statements, 
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.quantities import field_quantities
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity

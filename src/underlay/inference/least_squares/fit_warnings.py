@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.noise import NoiseModel
 from underlay.inference.file_facts import EVERYTHING, settle
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, over_whitened
 from underlay.inference.least_squares.fit_result import Alternative, FitStatistics, FitWarning
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.depth_doubt import DeeperThanLayer
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 

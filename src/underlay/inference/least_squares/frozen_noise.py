@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from underlay._arrays import FloatArray
-from underlay.data.noise import NoiseModel
 from underlay.inference.problem import Problem
+from underlay.scene.noise_model import NoiseModel
 
 __all__ = ["FrozenNoise", "freeze"]
 

@@ -14,11 +14,11 @@ import numpy as np
 from scipy import optimize
 
 from underlay._arrays import FloatArray
-from underlay.data.noise import NoiseModel
 from underlay.inference.least_squares.frozen_noise import FrozenNoise, freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
+from underlay.scene.noise_model import NoiseModel
 
 __all__ = [
     "Renewal",

@@ -14,12 +14,12 @@ from functools import cached_property
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
 from underlay.inference.least_squares.frozen_noise import FrozenNoise
 from underlay.inference.least_squares.projection import LinearDirections, Point
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
+from underlay.scene.noise_model import NoiseModel
 
 __all__ = ["Objective"]
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay.data.curve import Curve, check_fittable
-from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import CurveError, InputError, ParameterError
 from underlay.inference.model.acting import require_acting
 from underlay.inference.model.coordinates import Coordinate, Spans, make_coordinate
@@ -21,6 +20,8 @@ from underlay.mechanics.response import checked_times
 from underlay.mechanics.solver import Solver
 from underlay.quantities import Quantity, curve_of, field_quantities, path_of
 from underlay.scene.chain import ContactPoint, Frame
+from underlay.scene.noise import Noise
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
 __all__ = ["compile_members"]

@@ -18,7 +18,7 @@ from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.exact.contact_curve import depth_measure
 from underlay.mechanics.halfspace import largest_halfspace_depth
 from underlay.mechanics.indenters import PowerLawShape
-from underlay.mechanics.materials import isotropic_constants
+from underlay.mechanics.plane_constants import isotropic_constants
 
 __all__ = ["exact_groups"]
 

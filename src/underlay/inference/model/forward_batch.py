@@ -26,7 +26,7 @@ from underlay.inference.model.forward import Forward
 from underlay.inference.model.parameter_sets import ParameterSets, Values, values_of
 from underlay.mechanics.exact.family_batch import family_batch
 from underlay.mechanics.indenters import PowerLawShape
-from underlay.mechanics.materials import PlaneConstants, isotropic_constants
+from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
 from underlay.scene.chain import Frame
 
 __all__ = ["Readings", "batched_readings"]

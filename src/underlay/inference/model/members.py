@@ -10,11 +10,11 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.noise import NoiseModel
 from underlay.inference.model.forward import Forward, Reading
 from underlay.inference.model.forward_batch import Readings, batched_readings
 from underlay.inference.model.noise_start import scatter
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
 __all__ = ["Member"]

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from underlay.data.curve import Curve
-from underlay.data.noise import NoiseModel
 from underlay.inference.priors import Prior
 from underlay.quantities import field_quantities
+from underlay.scene.noise_model import NoiseModel
 
 __all__ = ["noise_start", "scatter"]
 

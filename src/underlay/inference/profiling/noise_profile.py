@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.data.noise import NoiseModel
 from underlay.inference.least_squares.engine import minimise
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.frozen_noise import freeze
@@ -21,6 +20,7 @@ from underlay.inference.model.forward import Reading
 from underlay.inference.problem import Problem
 from underlay.inference.profiling.profile_result import LikelihoodProfile
 from underlay.inference.profiling.walk import HIGHEST
+from underlay.scene.noise_model import NoiseModel
 
 __all__ = ["noise_profile"]
 

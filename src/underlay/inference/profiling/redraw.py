@@ -14,9 +14,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.data.noise import NoiseModel
 from underlay.inference.priors import LogNormal, Normal, Prior, Truncated
 from underlay.inference.problem import Problem
+from underlay.scene.noise_model import NoiseModel
 
 __all__ = ["redrawn"]
 

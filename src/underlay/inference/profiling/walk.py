@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.noise import Noise
 from underlay.errors import InputError
 from underlay.inference.least_squares.engine import FINE, Minimum, Search, minimise
 from underlay.inference.least_squares.fit_result import Fit
@@ -18,6 +17,7 @@ from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.scan import scan
 from underlay.inference.problem import Problem
+from underlay.scene.noise import Noise
 
 __all__ = ["HIGHEST", "Walk"]
 

@@ -9,22 +9,15 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.mechanics.materials import (
-    Isotropic,
-    Layer,
-    TransverselyIsotropic,
-    isotropic_constants,
-    transversely_isotropic_constants,
-)
 from underlay.mechanics.relaxation import Prony
-from underlay.quantities import Quantity, kind_of, path_of
+from underlay.quantities import Quantity, kind_of, numbers_of, path_of
 
 __all__ = ["DERIVED", "derived_quantities", "kind_of_quantity"]
 
@@ -95,12 +88,9 @@ def _relaxed(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArra
 
 def _moduli(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArray]:
     """Reduced and oedometric modulus of one part, if one of its constants is free."""
-    declared = getattr(member.scene, part)
-    material = declared.material if isinstance(declared, Layer) else declared
-    if not isinstance(material, Isotropic | TransverselyIsotropic):
-        return {}
-    names = [field.name for field in fields(material)]
-    if not any(f"{part}.{name}" in member.entries for name in names):
+    material = member.scene.layer.material if part == "layer" else member.scene.base
+    names = [] if material is None else list(numbers_of(material))
+    if material is None or not any(f"{part}.{name}" in member.entries for name in names):
         return {}
     constants = {
         name: flat[:, member.entries[path]]
@@ -108,8 +98,9 @@ def _moduli(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArray
         else member.base[path]
         for name in names
     }
-    build = isotropic_constants if isinstance(material, Isotropic) else transversely_isotropic_constants
-    plane = build(**constants)
+    plane = material.constants_of(**constants)
+    if plane is None:
+        return {}
     moduli = {"reduced_modulus": np.broadcast_to(2.0 * plane.theta, len(flat)).copy()}
     compliance = np.broadcast_to(plane.c, len(flat))
     if (compliance > 0.0).all():

@@ -18,12 +18,13 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
-from underlay.data.noise import Noise, NoiseModel
 from underlay.errors import InputError
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.posterior import Posterior
+from underlay.scene.noise import Noise
+from underlay.scene.noise_model import NoiseModel
 
 __all__ = ["compare_models", "pointwise_log_likelihood", "with_model_error"]
 

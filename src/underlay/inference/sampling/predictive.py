@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.noise import NoiseModel
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
+from underlay.scene.noise_model import NoiseModel
 
 __all__ = ["PREDICTIVE_LEVELS", "Predictive", "predictive_bands"]
 

@@ -5,7 +5,4 @@ from underlay.mechanics.adhesion.jkr import JKR
 from underlay.mechanics.adhesion.maugis import Maugis
 from underlay.mechanics.contact import Adhesion
 
-__all__ = ["DMT", "JKR", "MODELS", "Maugis"]
-
-#: The models there are here; scene files know them, and any other class that derives from `Adhesion`.
-MODELS: tuple[type[Adhesion], ...] = (JKR, DMT, Maugis)
+__all__ = ["DMT", "JKR", "Adhesion", "Maugis"]

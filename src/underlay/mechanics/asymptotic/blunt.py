@@ -17,7 +17,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.indenters import abel_factor
-from underlay.mechanics.materials import Real
+from underlay.mechanics.plane_constants import Real
 
 __all__ = [
     "Series",

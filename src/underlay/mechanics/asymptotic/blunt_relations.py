@@ -16,7 +16,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.indenters import abel_factor
-from underlay.mechanics.materials import Real
+from underlay.mechanics.plane_constants import Real
 
 __all__ = [
     "BluntLayer",

@@ -24,7 +24,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.asymptotic.series import ContactSeries
-from underlay.mechanics.materials import Real
+from underlay.mechanics.plane_constants import Real
 
 __all__ = ["Moments", "fifth_coefficient", "force_error", "omitted_terms", "punch_error", "sixth_coefficient"]
 

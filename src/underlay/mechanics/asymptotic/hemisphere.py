@@ -17,7 +17,7 @@ from underlay._arrays import FloatArray
 from underlay.mechanics._roots import invert_increasing
 from underlay.mechanics.asymptotic.blunt import kernel_terms
 from underlay.mechanics.indenters import Sphere
-from underlay.mechanics.materials import Real
+from underlay.mechanics.plane_constants import Real
 
 __all__ = [
     "england_depth",

@@ -18,9 +18,9 @@ import numpy as np
 from scipy import special
 
 from underlay._arrays import FloatArray
+from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.kernel import SubstrateKernel
-from underlay.mechanics.materials import Layer, Substrate
 
 __all__ = [
     "S_0",
@@ -47,9 +47,7 @@ class PressedLayer(NamedTuple):
     weight: FloatArray
 
     @classmethod
-    def of(
-        cls, layer: Layer, substrate: Substrate, largest_radius: float, rtol: float = 1e-13
-    ) -> PressedLayer:
+    def of(cls, layer: Layer, substrate: Base, largest_radius: float, rtol: float = 1e-13) -> PressedLayer:
         """Take the rule that holds for contact radii up to `largest_radius` (m) to `rtol`."""
         kernel = SubstrateKernel(layer.material, substrate)
         u, weight = kernel.rule(largest_radius / layer.thickness, rtol)

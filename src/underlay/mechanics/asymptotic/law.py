@@ -140,7 +140,8 @@ def asymptotic_law(
     Examples
     --------
     >>> from underlay.mechanics.indenters import Paraboloid
-    >>> from underlay.mechanics.materials import RIGID, Isotropic, Layer
+    >>> from underlay.mechanics.body import Layer, RIGID
+    >>> from underlay.mechanics.materials import Isotropic
     >>> contact = Contact.of(Paraboloid(1e-3), Layer(Isotropic(1e4, 0.5), 1e-3), RIGID)
     >>> law = asymptotic_law(contact, 2e-5)
     >>> law.form, f"{law.force(2e-5):.4e}"

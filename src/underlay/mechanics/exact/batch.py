@@ -35,7 +35,7 @@ from underlay.mechanics.exact.nodes import Resolution, curve_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Kernel, LayerKernel
-from underlay.mechanics.materials import PlaneConstants
+from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["ExactBatch", "thickness_derivative"]
 

@@ -25,7 +25,7 @@ from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolu
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, PowerLawShape, Sphere, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales
-from underlay.mechanics.materials import Real
+from underlay.mechanics.plane_constants import Real
 
 __all__ = [
     "LARGEST_EPS",

@@ -37,7 +37,7 @@ from underlay.mechanics.exact.master_curve import (
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import LayerKernel
-from underlay.mechanics.materials import isotropic_constants
+from underlay.mechanics.plane_constants import isotropic_constants
 
 __all__ = [
     "Cell",

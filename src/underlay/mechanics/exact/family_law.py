@@ -27,7 +27,7 @@ from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, piecewise
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.kernel import LayerKernel
-from underlay.mechanics.materials import isotropic_constants
+from underlay.mechanics.plane_constants import isotropic_constants
 
 __all__ = ["FamilyLaw", "table_number", "tabulated_law"]
 

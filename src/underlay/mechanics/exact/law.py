@@ -150,7 +150,8 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     Examples
     --------
     >>> from underlay.mechanics.indenters import Paraboloid
-    >>> from underlay.mechanics.materials import RIGID, Isotropic, Layer
+    >>> from underlay.mechanics.body import Layer, RIGID
+    >>> from underlay.mechanics.materials import Isotropic
     >>> contact = Contact.of(Paraboloid(1e-3), Layer(Isotropic(3e6, 0.5), 1e-3), RIGID)
     >>> law = exact_law(contact, max_depth=6e-4)
     >>> f"{law.force(5.594154855625e-4):.5f}"  # a/h = 1: P = 7.522667... theta A a^3

@@ -14,8 +14,8 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError
+from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.kernel.scales import Scales
-from underlay.mechanics.materials import Layer, Substrate
 
 __all__ = ["Compliance", "Kernel", "Layers"]
 
@@ -26,7 +26,7 @@ class Layers(NamedTuple):
     """Layers from the top down, their base, and which were joined, in words."""
 
     layers: tuple[Layer, ...]
-    base: Substrate
+    base: Base
     said: tuple[str, ...] = ()
 
 

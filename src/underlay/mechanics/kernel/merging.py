@@ -13,9 +13,9 @@ from dataclasses import replace
 from math import pi
 
 from underlay._arrays import FloatArray
+from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.kernel.kernel import Kernel, Layers
 from underlay.mechanics.kernel.substrate import material_contrast
-from underlay.mechanics.materials import Layer, Substrate
 
 __all__ = ["joined", "relative_effect"]
 
@@ -54,7 +54,7 @@ def joined(body: Layers, eps: float) -> Iterator[Layers]:
         depth = deep
 
 
-def _worth(layer: Layer, other: Substrate, thickness: float, depth: float, eps: float, top: Layer) -> bool:
+def _worth(layer: Layer, other: Base, thickness: float, depth: float, eps: float, top: Layer) -> bool:
     if other == layer.material or depth >= _DEEP * eps * top.thickness:
         return True
     contrast = material_contrast(layer.material.plane_constants, other.plane_constants)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, read_only
-from underlay.mechanics.materials import PlaneConstants, Real, magnitude
+from underlay.mechanics.plane_constants import PlaneConstants, Real, magnitude
 
 __all__ = ["one_minus_L", "passage"]
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import RangeError
-from underlay.mechanics.materials import PlaneConstants, Real
+from underlay.mechanics.plane_constants import PlaneConstants, Real
 
 __all__ = ["MOST_NODES", "u_rule"]
 

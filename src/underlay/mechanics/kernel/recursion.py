@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray, read_only
 from underlay.mechanics.kernel.kernel import Compliance
 from underlay.mechanics.kernel.one_layer import passage
-from underlay.mechanics.materials import PlaneConstants
+from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["Sheet", "scaled", "stack_compliance", "stack_one_minus_L"]
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from underlay.errors import RangeError
-from underlay.mechanics.materials import PlaneConstants
+from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["SOFTEST", "Scales"]
 

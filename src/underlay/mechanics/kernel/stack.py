@@ -8,6 +8,7 @@ from math import inf
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
+from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.bonds import Bond, Spring
 from underlay.mechanics.kernel.kernel import Compliance, Kernel, Layers
 from underlay.mechanics.kernel.merging import joined, relative_effect
@@ -15,7 +16,7 @@ from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.mechanics.kernel.recursion import Sheet, scaled, stack_compliance, stack_one_minus_L
 from underlay.mechanics.kernel.scales import SOFTEST, Scales
 from underlay.mechanics.kernel.substrate import material_contrast
-from underlay.mechanics.materials import Layer, PlaneConstants, Substrate
+from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["StackKernel"]
 
@@ -35,14 +36,15 @@ class StackKernel(Kernel):
     --------
     Free to slip on a rigid base, whatever its Poisson's ratio:
 
-    >>> from underlay.mechanics.materials import RIGID, Isotropic
+    >>> from underlay.mechanics.body import RIGID
+    >>> from underlay.mechanics.materials import Isotropic
     >>> kernel = StackKernel((Layer(Isotropic(E=1.0, nu=0.3), 1.0, bond="slip"),), RIGID)
     >>> round(float(kernel.coefficients(1)[0]), 10)
     1.1675768374
     """
 
     layers: tuple[Layer, ...]
-    base: Substrate
+    base: Base
 
     def values(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,)."""

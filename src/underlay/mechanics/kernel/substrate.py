@@ -8,12 +8,13 @@ from math import sqrt
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
+from underlay.mechanics.body import Base, Material
 from underlay.mechanics.kernel.kernel import Compliance, Kernel
 from underlay.mechanics.kernel.one_layer import one_minus_L
 from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.mechanics.kernel.recursion import Sheet, scaled, stack_compliance
 from underlay.mechanics.kernel.scales import Scales
-from underlay.mechanics.materials import Material, PlaneConstants, Substrate
+from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["LayerKernel", "SubstrateKernel", "coefficients", "material_contrast"]
 
@@ -80,19 +81,20 @@ class SubstrateKernel(Kernel):
 
     Examples
     --------
-    >>> from underlay.mechanics.materials import RIGID, Isotropic
+    >>> from underlay.mechanics.body import RIGID
+    >>> from underlay.mechanics.materials import Isotropic
     >>> kernel = SubstrateKernel(Isotropic(E=1.0, nu=0.5), RIGID)
     >>> [round(float(a), 10) for a in kernel.coefficients(2)]
     [1.7702167734, -0.9577692889]
     """
 
     layer: Material
-    substrate: Substrate
+    substrate: Base
 
     def __post_init__(self) -> None:
         if not isinstance(self.layer, Material):
             raise InputError(f"the layer material is Isotropic or TransverselyIsotropic; got {self.layer!r}")
-        if not isinstance(self.substrate, Substrate):
+        if not isinstance(self.substrate, Base):
             raise InputError(
                 f"the substrate is Isotropic, TransverselyIsotropic or RIGID; got {self.substrate!r}"
             )

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from underlay.mechanics.materials import Isotropic
+from underlay.mechanics.body import Material
 from underlay.mechanics.published.correction import ELASTIC, PublishedCorrection
 from underlay.mechanics.published.factor import ConstantFactor
 from underlay.mechanics.published.gao1992 import gao_weights
@@ -25,7 +25,7 @@ __all__ = ["PUNCH"]
 _F = 0.0626
 
 
-def _shear_modulus(material: Isotropic) -> float:
+def _shear_modulus(material: Material) -> float:
     return material.E / (2.0 * (1.0 + material.nu))
 
 

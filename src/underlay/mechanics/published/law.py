@@ -105,7 +105,8 @@ def published_law(name: str | PublishedCorrection, contact: Contact, max_depth: 
     Examples
     --------
     >>> from underlay.mechanics.indenters import Paraboloid
-    >>> from underlay.mechanics.materials import RIGID, Isotropic, Layer
+    >>> from underlay.mechanics.body import Layer, RIGID
+    >>> from underlay.mechanics.materials import Isotropic
     >>> gel = Layer(Isotropic(E=3e3, nu=0.5), thickness=10e-6)
     >>> law = published_law("garcia2018", Contact.of(Paraboloid(5e-6), gel, RIGID), max_depth=1e-6)
     >>> round(float(law.force(1e-6) / law.contact.halfspace.force(1e-6)), 3)

@@ -8,9 +8,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
+from underlay.mechanics.body import Material
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, Sphere
-from underlay.mechanics.materials import Isotropic
 
 __all__ = ["KINDS", "LayerContact", "kind_of", "tip_of"]
 
@@ -56,16 +56,16 @@ class LayerContact:
         literature's sphere is Hertz's paraboloid.
     thickness : float
         Layer thickness h (m), finite.
-    layer : Isotropic
+    layer : Material
         Material of the layer.
-    base : Isotropic or None
+    base : Material or None
         What the layer lies on; None is rigid.
     """
 
     indenter: Paraboloid | Cone | FlatPunch
     thickness: float
-    layer: Isotropic
-    base: Isotropic | None
+    layer: Material
+    base: Material | None
 
     @property
     def halfspace(self) -> HalfspaceLaw:
@@ -109,7 +109,7 @@ class LayerContact:
         return self.indenter.radius / self.thickness
 
     @property
-    def elastic_base(self) -> Isotropic:
+    def elastic_base(self) -> Material:
         """The base, known to be elastic."""
         if self.base is None:
             raise TypeError("the base is rigid")

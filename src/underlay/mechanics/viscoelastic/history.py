@@ -10,10 +10,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError, ParameterError
-from underlay.mechanics.materials import Layer, Substrate
+from underlay.mechanics.body import Body, Layer
 from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import Elastic, History
-from underlay.mechanics.stack import Body, Stack
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.loading import Loading
 from underlay.mechanics.viscoelastic.memory import Memory
@@ -146,11 +145,7 @@ def require_still_base(layer: Layer, substrate: Body | None) -> None:
     """
     if layer.relaxation is None or layer.thickness == np.inf or substrate is None:
         return
-    below: list[Substrate]
-    if isinstance(substrate, Stack):
-        below = [*(deeper.material for deeper in substrate.layers), substrate.base]
-    else:
-        below = [substrate]
+    below = [*(deeper.material for deeper in substrate.layers), substrate.base]
     elastic = [part.plane_constants for part in below if part.plane_constants is not None]
     ratio = min((float(plane.theta) / layer.material.theta for plane in elastic), default=np.inf)
     if ratio >= _AS_GOOD_AS_RIGID:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from underlay.mechanics.materials import Layer
+from underlay.mechanics.body import Layer
 from underlay.report.plots.style import DATA, FIT, REFERENCE, axes, style, unit_for, with_strip
 from underlay.scene.scene import Scene
 

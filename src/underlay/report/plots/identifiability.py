@@ -12,7 +12,7 @@ from underlay.report.plots.matrix import draw_matrix
 from underlay.report.plots.style import ACCENT, INK, REFERENCE, YELLOW, axes, style
 
 if TYPE_CHECKING:
-    from underlay.inference.identifiability import Identifiability
+    from underlay.inference.design.identifiability import Identifiability
 
 __all__ = ["identifiability"]
 

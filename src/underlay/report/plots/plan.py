@@ -13,7 +13,7 @@ from underlay.report.labels import label
 from underlay.report.plots.style import GREY, INK, SEQUENTIAL, axes, style, unit_for
 
 if TYPE_CHECKING:
-    from underlay.inference.planning import Plan
+    from underlay.inference.design.planning import Plan
 
 __all__ = ["plan"]
 

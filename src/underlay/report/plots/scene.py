@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.materials import Layer, Material, Rigid
+from underlay.mechanics.body import Base
 from underlay.mechanics.solvers import AnySolver
-from underlay.mechanics.stack import Stack
+from underlay.quantities import numbers_of
 from underlay.report.plots.style import COLUMN, INK, LAYER, METAL, SUBSTRATE, axes, style
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity, human_unit
@@ -59,7 +59,7 @@ def scene(
     with style():
         ax = axes(ax, width=COLUMN, height=2.6)
         top = 0.55 * half
-        deeper = sum(layer.thickness for layer in _deeper(test))
+        deeper = sum(layer.thickness for layer in test.layers[1:])
         room = max(0.35 * half, min(1.2 * deeper, half)) if shown == thick else 0.0
         bottom = -shown - room
         ax.set(xlim=(-half / factor, half / factor), ylim=(bottom / factor, top / factor))
@@ -99,15 +99,10 @@ def _draw_layer(
     ax.plot(both / factor, height / factor, color=INK, lw=0.9)
 
 
-def _deeper(test: Scene) -> tuple[Layer, ...]:
-    """Layers under the one on top."""
-    return tuple(test.substrate.layers) if isinstance(test.substrate, Stack) else ()
-
-
 def _draw_faces(ax: Axes, test: Scene, bottom: float, factor: float) -> None:
     """Lower faces of the layers, at their depths; broken where a face is not bonded."""
     depth = 0.0
-    for layer in (test.layer, *_deeper(test)):
+    for layer in test.layers:
         depth += layer.thickness
         if -depth > bottom:
             ax.axhline(-depth / factor, color=INK, lw=0.9, ls="-" if layer.bond == "bonded" else "--")
@@ -115,11 +110,10 @@ def _draw_faces(ax: Axes, test: Scene, bottom: float, factor: float) -> None:
 
 def _below(test: Scene) -> str:
     """What is under the layer on top, a line each."""
-    base = test.substrate.base if isinstance(test.substrate, Stack) else test.substrate
-    name = f"substrate, {'rigid' if isinstance(base, Rigid) or base is None else _material(base)}"
+    name = f"substrate, {_material(test.base)}"
     lines = [
         f"{format_quantity(layer.thickness, 'length')}, {_material(layer.material)}"
-        for layer in _deeper(test)
+        for layer in test.layers[1:]
     ]
     return "\n".join([*lines, name])
 
@@ -174,8 +168,11 @@ def _write_thickness(ax: Axes, thick: float, x: float, factor: float) -> None:
     ax.text(0.965 * x / factor, -0.5 * thick / factor, words, ha="right", va="center")
 
 
-def _material(material: Material) -> str:
-    return f"E = {format_quantity(material.E, 'pressure')}, $\\nu$ = {material.nu:.3g}"
+def _material(material: Base | None) -> str:
+    numbers = {} if material is None else numbers_of(material)
+    if not numbers:
+        return "rigid"
+    return f"E = {format_quantity(numbers['E'].value, 'pressure')}, $\\nu$ = {numbers['nu'].value:.3g}"
 
 
 def _mirrored(r: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

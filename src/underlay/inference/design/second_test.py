@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.data.noise import NoiseModel
 from underlay.errors import InputError, ParameterError
-from underlay.inference.information import information, marginal, prior_information
-from underlay.inference.planning import plan
+from underlay.inference.design.information import information, marginal, prior_information
+from underlay.inference.design.planning import plan
 from underlay.inference.problem import Problem
+from underlay.scene.noise_model import NoiseModel
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:

@@ -13,13 +13,13 @@ import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.data.curve import Curve
-from underlay.data.noise import NoiseModel
 from underlay.data.synthetic import simulate
 from underlay.errors import InputError
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solvers import AnySolver
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
 __all__ = ["expected_problem", "information", "marginal", "prior_information"]

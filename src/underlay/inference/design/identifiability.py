@@ -15,13 +15,13 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, read_only
-from underlay.data.noise import NoiseModel
 from underlay.errors import InputError
-from underlay.inference.information import expected_problem, information, marginal, prior_information
+from underlay.inference.design.information import expected_problem, information, marginal, prior_information
 from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solvers import AnySolver
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity

@@ -15,11 +15,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
-from underlay.data.noise import NoiseModel
 from underlay.errors import InputError, ParameterError
-from underlay.inference.information import expected_problem, information, marginal, prior_information
+from underlay.inference.design.information import expected_problem, information, marginal, prior_information
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solvers import AnySolver
+from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of, unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity

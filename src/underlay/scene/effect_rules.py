@@ -1,0 +1,195 @@
+"""Which effects a scene calls for, each as the scene with it and without it.
+
+An effect is measured by leaving it out. What a scene does not declare, and a layer that differs from its base by
+less than the accuracy asked, runs none of its code.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from underlay.mechanics.body import RIGID, Layer
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.stack import stacked
+from underlay.quantities import replace_values
+from underlay.scene.effect import Effect, Simulated
+
+__all__ = ["effects_of"]
+
+
+def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:
+    """Every effect there is, for a scene whose contact is simulated by `law`.
+
+    All but the baseline are measured without it: a per cent of the force is one of the contact force. What the
+    sample remembers acts in time and is left out: the sizes are those of a sudden depth.
+    """
+    given, scene = scene, scene.elastic
+    ranged = scene
+    if scene.adhesion is not None:
+        # An attraction of finite range costs a thousand times as much, and is a row of its own.
+        scene = replace(scene, adhesion=scene.adhesion.short_ranged)
+    level = replace(scene, instrument=replace(scene.instrument, baseline=0.0, baseline_slope=0.0))
+    return [
+        *_layer_effects(level, layered=law.method != "halfspace"),
+        _sphere_effect(level),
+        _compliance_effect(level),
+        _baseline_effect(scene, level),
+        *_adhesion_effects(ranged, level, law),
+        *_relaxation_effects(given, level),
+        _history_effect(remembers=given.history is not None),
+    ]
+
+
+def _layer_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
+    return [
+        _thickness_effect(scene, layered=layered),
+        _substrate_effect(scene, layered=layered),
+        *_stack_effects(scene, layered=layered),
+        *_bond_effects(scene, layered=layered),
+        _anisotropy_effect(scene, layered=layered),
+    ]
+
+
+def _thickness_effect(scene: Simulated, *, layered: bool) -> Effect:
+    name = "finite thickness"
+    if scene.substrate is None:
+        return Effect(name, None, None, simulated=False, note="no substrate at a finite depth is declared")
+    halfspace = replace(scene, layer=Layer(scene.layer.material), substrate=None)
+    return Effect(name, scene, halfspace, simulated=layered, note="against a half-space of the layer")
+
+
+def _substrate_effect(scene: Simulated, *, layered: bool) -> Effect:
+    name = "substrate compliance"
+    if scene.substrate is None or scene.base == RIGID:
+        return Effect(name, None, None, simulated=False, note="no elastic substrate is declared")
+    rigid = replace(scene, substrate=scene.substrate.on(RIGID))
+    return Effect(name, scene, rigid, simulated=layered, note="against a rigid base")
+
+
+def _stack_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
+    """Every further layer of a stack, against the body without it."""
+    base, layers = scene.base, scene.layers[1:]
+    if base is None:
+        return []
+    return [
+        Effect(
+            f"layer {number + 2}",
+            scene,
+            replace(scene, substrate=stacked((*layers[:number], *layers[number + 1 :]), base)),
+            simulated=layered,
+            note="against the stack without this layer",
+        )
+        for number in range(len(layers))
+    ]
+
+
+def _bond_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
+    """What slip and springs do, all together, against bonded faces."""
+    if scene.substrate is None:
+        return []
+    bonded = replace(scene, layer=replace(scene.layer, bond="bonded"), substrate=scene.substrate.bonded)
+    if bonded == scene:
+        return []
+    return [Effect("interfaces", scene, bonded, simulated=layered, note="against bonded faces")]
+
+
+def _anisotropy_effect(scene: Simulated, *, layered: bool) -> Effect:
+    name = "anisotropy"
+    body = scene.substrate
+    isotropic = replace(scene, layer=scene.layer.in_plane, substrate=None if body is None else body.in_plane)
+    if isotropic == scene:
+        return Effect(name, None, None, simulated=False, note="the materials are isotropic")
+    used = layered or isotropic.layer != scene.layer
+    note = "against isotropic materials of the in-plane E and nu"
+    return Effect(name, scene, isotropic, simulated=used, note=note)
+
+
+def _sphere_effect(scene: Simulated) -> Effect:
+    name, tip = "true sphere", scene.indenter
+    if isinstance(tip, Sphere):
+        return Effect(
+            name,
+            scene,
+            replace(scene, indenter=Paraboloid(tip.radius)),
+            simulated=True,
+            note="against the paraboloid of the same radius",
+        )
+    if isinstance(tip, Paraboloid):
+        return Effect(
+            name,
+            replace(scene, indenter=Sphere(tip.radius)),
+            scene,
+            simulated=False,
+            note="the tip is declared a paraboloid; Sphere(radius) would put this in",
+        )
+    return Effect(name, None, None, simulated=False, note="the tip is not a sphere")
+
+
+def _compliance_effect(scene: Simulated) -> Effect:
+    name = "instrument compliance"
+    if not scene.instrument.compliance:
+        return Effect(name, None, None, simulated=False, note="the instrument is declared stiff")
+    stiff = replace(scene, instrument=replace(scene.instrument, compliance=0.0))
+    return Effect(name, scene, stiff, simulated=True, note="against a stiff instrument")
+
+
+def _baseline_effect(scene: Simulated, level: Simulated) -> Effect:
+    if scene == level:
+        return Effect("baseline", None, None, simulated=False, note="no baseline is declared")
+    return Effect("baseline", scene, level, simulated=True, note="against no baseline")
+
+
+def _adhesion_effects(scene: Simulated, level: Simulated, law: ContactLaw) -> list[Effect]:
+    """Adhesion against none; where its range is declared, also that range against JKR, which has none."""
+    name, adhesion = "adhesion", scene.adhesion
+    if adhesion is None:
+        note = "none is declared; adhesion=JKR(work) would put it in"
+        return [Effect(name, None, None, simulated=False, note=note)]
+    note = f"against a tip that does not stick; {law.reason}"
+    found = [Effect(name, level, replace(level, adhesion=None), simulated=True, note=note)]
+    if adhesion != adhesion.short_ranged:
+        ranged = replace(level, adhesion=adhesion)
+        found.append(
+            Effect("range of attraction", ranged, level, simulated=True, note=f"against JKR; {law.reason}")
+        )
+    return found
+
+
+def _history_effect(*, remembers: bool) -> Effect:
+    if not remembers:
+        return Effect("history", None, None, simulated=False, note="the sample is declared elastic")
+    note = "it acts in time: compare the forces of a history of depths with it and without"
+    return Effect("history", None, None, simulated=True, note=note)
+
+
+def _relaxation_effects(given: Simulated, level: Simulated) -> list[Effect]:
+    """What the layer's relaxation does along a ramp, and what it would do if shear alone relaxed.
+
+    `level` is the scene without memory and baseline.
+    """
+    relaxation = given.layer.relaxation
+    if relaxation is None:
+        return [Effect("relaxation", None, None, simulated=False, note="the layer is declared elastic")]
+    ramp = relaxation.longest_time
+    relaxing = replace(level, layer=replace(level.layer, relaxation=relaxation))
+    note = f"a ramp of {ramp:.4g} s against the elastic layer of its modulus E; Poisson's ratio constant"
+    return [
+        Effect("relaxation", relaxing, level, simulated=True, note=note, duration=ramp),
+        *_shear_alone(level, relaxation.equilibrium),
+    ]
+
+
+def _shear_alone(level: Simulated, kept: float) -> list[Effect]:
+    """The end of a relaxation in which the bulk modulus stays: what a constant Poisson's ratio leaves out."""
+    material = level.layer.material
+    sheared = material.relaxed_in_shear(kept) if kept else None
+    if sheared is None or sheared.nu == material.nu:
+        return []
+    even = replace_values(material, {"E": kept * material.E})
+    rising, constant = (replace(level, layer=replace(level.layer, material=kind)) for kind in (sheared, even))
+    note = (
+        "at equilibrium, if the bulk modulus stayed and Poisson's ratio rose to "
+        f"{sheared.nu:.3f}; assumed not to"
+    )
+    return [Effect("relaxation of shear alone", rising, constant, simulated=False, note=note)]
