@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = ["StatedInterval", "Statements", "Verdict"]
+__all__ = ["AllowedFor", "StatedInterval", "Statements", "Verdict"]
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,8 @@ class StatedInterval:
     kind : str
         Why this wide: ``"quadratic"`` (the standard error, which was checked at both ends), ``"profile"``
         (likelihood profile), ``"averaged"`` (over what the residuals may be), ``"averaged profile"`` (the same, and
-        as far as the profile under the most likely noise reaches).
+        as far as the profile under the most likely noise reaches), ``"with model error"`` (with what the law leaves
+        out as well).
     """
 
     name: str
@@ -45,6 +46,28 @@ class StatedInterval:
 
     def __contains__(self, value: float) -> bool:
         return self.low <= value <= self.high
+
+
+@dataclass(frozen=True)
+class AllowedFor:
+    """What a law leaves out, and what became of it in the interval with model error.
+
+    Parameters
+    ----------
+    allowed : tuple of str
+        What that interval allows for.
+    negligible : tuple of str
+        What would move no parameter by a tenth of its standard error.
+    unknown : tuple of str
+        What cannot be allowed for, and why.
+    declared : tuple of str
+        What the scene says, and the interval believes.
+    """
+
+    allowed: tuple[str, ...] = ()
+    negligible: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()
+    declared: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -80,8 +103,13 @@ class Statements(ABC):
     """What can be stated of one fit; computed when it is asked for, and once."""
 
     @abstractmethod
-    def interval(self, name: str, level: float) -> StatedInterval:
+    def interval(self, name: str, level: float, *, model_error: bool) -> StatedInterval:
         """Interval of a parameter; raises InputError for a name or a level that is none."""
+
+    @property
+    @abstractmethod
+    def allowed_for(self) -> AllowedFor:
+        """What the interval with model error allows for."""
 
     @property
     @abstractmethod
