@@ -5,10 +5,10 @@ bonded to a rigid base) over the exact linear law of the same sphere: with b = (
 
     ln(P/P_linear) = 0.239 b a/R - 0.063 a/R + 0.168 (w/h)^2 + 0.53 b w/h
 
-collapses 56 such points, nu 0.3 to 0.499, w/h up to 0.3 and h/R from 0.5, from 15.6 % at worst to 2.0 % (rms 0.7 %);
-on a half-space up to w/R = 0.5. The leading error is of order a/R, the square root of w/R. Another strain energy
-gives another force (at nu = 0.3, w = 0.1 R and h = R 4.5 % in place of 5.4 %; at w = 0.5 R 19 % in place of 32 %): it
-is not a correction to be trusted, but an error of which the shape is known and the size within about a half.
+collapses 56 such points, nu 0.3 to 0.499, w/h up to 0.3 and h/R from 0.5, from 15.6 % at worst to 2.0 % (rms
+0.7 %); on a half-space up to w/R = 0.5. The leading error is of order a/R, the square root of w/R. Another strain
+energy gives another force (at nu = 0.3, w = 0.1 R and h = R 4.5 % in place of 5.4 %; at w = 0.5 R 19 % in place of
+32 %): it is not a correction to be trusted, but an error of which the shape is known and the size within about a half.
 """
 
 from __future__ import annotations

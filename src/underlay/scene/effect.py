@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Protocol, TypeAlias
 
 from underlay._arrays import ArrayLike, FloatArray
 from underlay.mechanics.body import Base, Body, Layer
-from underlay.mechanics.contact import Adhesion
+from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.response import History
@@ -56,6 +56,14 @@ class Simulated(Protocol):
         """What holds tip and surface together."""
 
     @property
+    def friction(self) -> str:
+        """What is known of friction under the tip."""
+
+    @property
+    def contact(self) -> Contact:
+        """What a solver is given."""
+
+    @property
     def elastic(self) -> Simulated:
         """The scene without memory."""
 
@@ -84,6 +92,10 @@ class Effect:
         What the size is measured against, or why there is none.
     duration : float, optional
         Time (s) of the even motion to the deepest point, for an effect that acts in time.
+    excess : callable, optional
+        Relative change of the force at depths (m), (n,), of an effect that no scene simulates; NaN where unknown.
+    note_at : callable, optional
+        The note of an effect that is known to a depth (m) only.
     """
 
     name: str
@@ -92,6 +104,8 @@ class Effect:
     simulated: bool
     note: str
     duration: float | None = None
+    excess: Callable[[FloatArray], FloatArray] | None = None
+    note_at: Callable[[float], str] | None = None
 
 
 #: How an effect is found: from a scene and the law of its contact.

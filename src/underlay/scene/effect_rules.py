@@ -14,6 +14,7 @@ from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.stack import stacked
 from underlay.quantities import replace_values
 from underlay.scene.effect import Effect, Simulated
+from underlay.scene.left_out_effects import left_out_effects
 
 __all__ = ["effects_of"]
 
@@ -36,6 +37,7 @@ def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:
         _compliance_effect(level),
         _baseline_effect(scene, level),
         *_adhesion_effects(ranged, level, law),
+        *left_out_effects(level),
         *_relaxation_effects(given, level),
         _history_effect(remembers=given.history is not None),
     ]

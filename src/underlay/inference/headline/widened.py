@@ -1,7 +1,7 @@
 """The second interval: from the noise and with what the law leaves out, friction and finite strain.
 
-What is left out is a column with a prior (`misfit/left_out.py`), averaged over as noise and misfit are. A column that
-moves no parameter by a tenth of its standard error is not carried along: then both intervals are one.
+What is left out is a column with a prior (`misfit/left_out.py`), averaged over as noise and misfit are. A column
+that moves no parameter by a tenth of its standard error is not carried along: then both intervals are one.
 """
 
 from __future__ import annotations

@@ -86,6 +86,7 @@ class Kernel(ABC):
         InputError
             If this kernel knows the axial compliance alone.
         """
+        del u
         raise InputError(
             f"{type(self).__name__} says nothing of shear: for friction it needs compliance(u) and coupling"
         )

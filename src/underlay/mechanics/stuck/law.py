@@ -49,8 +49,8 @@ _GROWTH_OF_COUNTS = 1.35
 _SHARE = 0.3
 # Depth against radius is looked at on so many radii per term of its polynomial.
 _LOOKS = 6
-# A measured tip has corners in its curvature: its radii converge as 1/n only, its integrals take more steps, and what
-# its coefficients say of the error is taken so many times. With 48 radii forces are right to 1e-3.
+# A measured tip has corners in its curvature: its radii converge as 1/n only, its integrals take more steps, and
+# what its coefficients say of the error is taken so many times. With 48 radii forces are right to 1e-3.
 _MEASURED_RADII, _MEASURED_STEPS, _UNEVEN = 48, 240, 4.0
 
 
