@@ -9,14 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from scipy import special
-from support.stuck_references import REFERENCES, StuckReference
 
 import underlay as ul
+from support.stuck_references import REFERENCES, StuckReference
 from underlay.mechanics.exact.master_curve import Stretch
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.stuck.basis import Basis, end_rule
 from underlay.mechanics.stuck.growth import Growth, chebyshev_radii
 from underlay.mechanics.stuck.stuck_punch import StuckPunch
+from underlay.scene.scene_file import scene_from_text
+from underlay.scene.scene_writer import scene_text
 
 FINE = 1e-12
 TI = ul.TransverselyIsotropic(E=2.0, E_axial=1.0, nu=0.3, nu_axial=0.2, G_axial=0.4)
@@ -312,7 +314,7 @@ def test_friction_on_a_scene_is_the_solver_stuck() -> None:
     assert ul.Scene(tip, layer, ul.RIGID).force(2e-4) == plain.force(2e-4)
 
 
-def test_a_stuck_curve_is_fitted_as_any_other(tmp_path: object) -> None:
+def test_a_stuck_curve_is_fitted_as_any_other() -> None:
     layer, tip = ul.Layer(ul.Isotropic(1e6, 0.49), 1e-3), ul.Sphere(2e-3)
     scene = ul.Scene(tip, layer, ul.RIGID, friction="stuck")
     depth = np.linspace(-5e-5, 2.5e-4, 150)
@@ -424,9 +426,6 @@ def test_a_refusal_of_depth_says_how_deep_it_goes() -> None:
 
 @pytest.mark.parametrize("word", ["none", "stuck"])
 def test_scene_files_say_friction_and_finite_strain(word: str) -> None:
-    from underlay.scene.scene_file import scene_from_text
-    from underlay.scene.scene_writer import scene_text
-
     scene = ul.Scene(
         ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3), ul.RIGID, friction=word, finite_strain=False
     )

@@ -8,7 +8,8 @@ bonded to a rigid base) over the exact linear law of the same sphere: with b = (
 collapses 56 such points, nu 0.3 to 0.499, w/h up to 0.3 and h/R from 0.5, from 15.6 % at worst to 2.0 % (rms
 0.7 %); on a half-space up to w/R = 0.5. The leading error is of order a/R, the square root of w/R. Another strain
 energy gives another force (at nu = 0.3, w = 0.1 R and h = R 4.5 % in place of 5.4 %; at w = 0.5 R 19 % in place of
-32 %): it is not a correction to be trusted, but an error of which the shape is known and the size within about a half.
+32 %): it is not a correction to be trusted, but an error of which the shape is known, and the size within about a
+half.
 """
 
 from __future__ import annotations
@@ -52,12 +53,20 @@ def why_unmeasured(contact: Contact, depth: float) -> str:
     if contact.isotropic.base is not None and np.isfinite(contact.thickness):
         return "measured on rigid bases"
     nu, radius, thickness = contact.isotropic.layer.nu, contact.indenter.radius, contact.thickness
-    if nu < _LEAST_NU:
-        return f"measured for nu from {_LEAST_NU:g}; here {nu:g}"
-    if thickness < _LEAST_THICKNESS * radius:
-        return f"measured for layers from {_LEAST_THICKNESS:g} R thick; here {thickness / radius:.3g} R"
-    if depth > _MOST_DEPTH * thickness * (1.0 + _ROUNDING):
-        return f"measured for depths up to {_MOST_DEPTH:g} h; here {depth / thickness:.3g} h"
-    if depth > _MOST_DEPTH_IN_RADII * radius * (1.0 + _ROUNDING):
-        return f"measured for depths up to {_MOST_DEPTH_IN_RADII:g} R; here {depth / radius:.3g} R"
-    return ""
+    more = 1.0 + _ROUNDING
+    ends = (
+        (nu < _LEAST_NU, f"nu from {_LEAST_NU:g}; here {nu:g}"),
+        (
+            thickness < _LEAST_THICKNESS * radius,
+            f"layers from {_LEAST_THICKNESS:g} R thick; here {thickness / radius:.3g} R",
+        ),
+        (
+            depth > _MOST_DEPTH * thickness * more,
+            f"depths up to {_MOST_DEPTH:g} h; here {depth / thickness:.3g} h",
+        ),
+        (
+            depth > _MOST_DEPTH_IN_RADII * radius * more,
+            f"depths up to {_MOST_DEPTH_IN_RADII:g} R; here {depth / radius:.3g} R",
+        ),
+    )
+    return next((f"measured for {words}" for beyond, words in ends if beyond), "")

@@ -25,6 +25,10 @@ class Estimate:
         As in `StatedInterval`.
     not_fixed : str
         Why the data do not fix it; empty where they set an end.
+    wide_low, wide_high : float
+        Ends with what the law leaves out; those of the noise where that is no more.
+    left_out : tuple of str
+        What these allow for; empty where it does nothing.
     """
 
     name: str
@@ -34,6 +38,9 @@ class Estimate:
     high: float
     kind: str
     not_fixed: str
+    wide_low: float
+    wide_high: float
+    left_out: tuple[str, ...]
 
 
 def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
@@ -49,8 +56,20 @@ def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
                 if bound
                 else result.no_error_bars.get(coordinate.name, "the data bound it neither below nor above")
             )
+        wide = result.interval(coordinate.name, level, model_error=True)
         rows.append(
-            Estimate(coordinate.name, coordinate.path, known.value, known.low, known.high, known.kind, reason)
+            Estimate(
+                coordinate.name,
+                coordinate.path,
+                known.value,
+                known.low,
+                known.high,
+                known.kind,
+                reason,
+                wide.low,
+                wide.high,
+                () if wide == known else result.allowed_for.allowed,
+            )
         )
     return rows
 

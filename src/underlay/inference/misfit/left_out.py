@@ -2,8 +2,8 @@
 
 Friction lies between none and full, and real friction between a law without it and one without slip (they bracket
 it to 0.03 %): a share of their difference, flat between 0 and 1, here the normal distribution of its mean and
-standard deviation. Finite strain has the shape that was measured (`mechanics/finite_strain`) and a size that depends on a
-strain energy nobody knows: 1 +- 0.5.
+standard deviation. Finite strain has the shape that was measured (`mechanics/finite_strain`) and a size that
+depends on a strain energy nobody knows: 1 +- 0.5.
 """
 
 from __future__ import annotations
