@@ -252,3 +252,17 @@ def test_a_missing_extra_is_named(content, module, put, monkeypatch):
 def test_jpk_needs_no_extra(put, monkeypatch):
     monkeypatch.setitem(sys.modules, "afmformats.formats", None)
     assert len(read(put(afm_files.jpk()))) == 2 * afm_files.POINTS
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        ("depth" + "1" * 4000 + " (um),force (mN)\n1,2\n3,4\n").encode(),
+        (",".join(f"name {n}" + "x" * 90 for n in range(400)) + "\n" + ",".join("1" * 400) + "\n").encode(),
+        ("force-distance curve\n# BEGIN METADATA\n# END METADATA\n# " + "\t".join(["x" * 999] * 99)).encode(),
+    ],
+)
+def test_what_a_file_holds_is_listed_in_a_few_words(put, content):
+    with pytest.raises(UnderlayError) as caught:
+        read(put(content, "x.csv"))
+    assert len(str(caught.value)) < 1500

@@ -163,6 +163,15 @@ def test_a_journal_of_nonsense_is_one_error(path, statement):
         journal(path)
 
 
+def test_damage_that_sqlite_quotes_is_one_error(path):
+    """Its message holds the bytes of the schema, which need not be text."""
+    data = path.read_bytes()
+    place = data.index(b"PRIMARY KEY")
+    path.write_bytes(data[: place + 9] + b"\xfe" + data[place + 10 :])
+    with pytest.raises(FileFormatError, match="damaged"):
+        journal(path)
+
+
 def test_another_run_is_refused_and_named(path):
     before = path.read_bytes()
     other = {**IDENTITY, "hashes": {"scene": "aa", "manifest": "cc"}}

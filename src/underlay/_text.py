@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Iterable
+from itertools import islice
 
-__all__ = ["comment_line", "guarded_cell", "one_line", "unguarded_cell"]
+__all__ = ["comment_line", "guarded_cell", "names_there", "one_line", "unguarded_cell"]
 
 # A spreadsheet takes a cell that begins with one of these, or with its full-width form, for a formula.
 _SIGN = "[=+\\-@\uff1d\uff0b\uff0d\uff20]"
@@ -15,6 +17,7 @@ _FORMULA = rf"(?:[^\S\t\r\n]|')*{_SIGN}"
 _NUMBER = r"[^\S\t\r\n]*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*(?:;|$)"
 _DANGER = re.compile(rf"(^)(?='*[\t\r\n])|{_BEGINNING}(?!{_NUMBER})(?={_FORMULA})")
 _GUARD = re.compile(rf"(^)'(?='*[\t\r\n])|{_BEGINNING}'(?={_FORMULA})")
+_MOST_NAMES, _LONGEST_NAME = 20, 40
 # Bytes of a file name that are no UTF-8 come from Python as these.
 _FIRST_BYTE, _LAST_BYTE = 0xDC80, 0xDCFF
 
@@ -38,6 +41,19 @@ def one_line(text: object, longest: int | None = None) -> str:
     if longest is not None and len(line) > longest:
         line = line[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"
     return line if line.isprintable() else "".join(map(_printable, line))
+
+
+def names_there(names: Iterable[object]) -> str:
+    """List what a file holds for a message: the first twenty names, each no longer than forty characters.
+
+    Examples
+    --------
+    >>> names_there(["depth (nm)", "force (nN)"])
+    "'depth (nm)', 'force (nN)'"
+    """
+    listed = [one_line(repr(name), _LONGEST_NAME) for name in islice(names, _MOST_NAMES + 1)]
+    more = ["..."] if len(listed) > _MOST_NAMES else []
+    return ", ".join([*listed[:_MOST_NAMES], *more]) or "nothing"
 
 
 def guarded_cell(text: str) -> str:

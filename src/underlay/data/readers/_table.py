@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Options, make_curve
 from underlay.data.readers._source import Source
@@ -155,7 +156,7 @@ def _check_mapping(mapping: Mapping[str, str] | None) -> None:
 def _check_present(
     source: Source, labels: Sequence[str], columns: Mapping[str, int], mapping: Mapping[str, str] | None
 ) -> None:
-    there = ", ".join(repr(label.strip()) for label in labels[:40] if label.strip())
+    there = names_there(label.strip() for label in labels if label.strip())
     for role in ROLES:
         asked = (mapping or {}).get(role)
         if role in columns or (asked is None and role not in {"depth", "force"}):

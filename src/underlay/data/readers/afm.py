@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._hdf5 import HDF5_MAGIC, is_own, open_checked
@@ -51,8 +52,6 @@ _QUANTITIES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
 # A segment that travels less than this share of the whole rests: creep under a held force is a few per cent.
 _REST = 0.1
 _NOTHING: Mapping[str, Any] = {}
-# Entries of an unknown file that are named.
-_LISTED = 8
 _KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
 
 
@@ -153,7 +152,7 @@ def _require_afmformats(source: Source, file: Any) -> None:
     group = file.get("0")
     if "software" in file.attrs and group is not None and {"force"} <= set(group):
         return
-    there = ", ".join(repr(name) for name in list(file)[:_LISTED]) or "nothing"
+    there = names_there(file)
     raise FileFormatError(
         f"{source.name} is an HDF5 file of a layout not known here (it holds {there}): known are those written "
         "by underlay and by afmformats. Export its curves as text with names and units in the first row, such "

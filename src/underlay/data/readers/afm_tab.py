@@ -11,6 +11,7 @@ from typing import Any
 
 from underlay._arrays import FloatArray
 from underlay._documents import parse_json
+from underlay._text import names_there
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import lines_of, numbers
 from underlay.errors import FileFormatError
@@ -41,7 +42,7 @@ def read_tab(source: Source) -> tuple[dict[str, FloatArray], dict[str, Any]]:
     names = comments[-1].lstrip("# ").split("\t")
     wanted = [name for name in _WANTED if name in names]
     if "force" not in wanted or not any(name.startswith("height") for name in wanted):
-        there = ", ".join(map(repr, names[:20]))
+        there = names_there(names)
         raise FileFormatError(f"{source.name} has no column 'force' or no height; it has {there}")
     # Booleans are not among the columns that are used.
     table = numbers(rows, [names.index(name) for name in wanted], source.name)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve, require
 from underlay.data.readers._source import Source
@@ -55,7 +56,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     labels = [split_label(label) for label in lines[start].split("\t")]
     names = [name.lower() for name, _ in labels]
     for name in (*_KINDS, "segmentid"):
-        require(name in names, source, f"the table has no column {name!r}; it has {', '.join(names)}")
+        require(name in names, source, f"the table has no column {name!r}; it has {names_there(names)}")
     cells = [line.split("\t") for line in lines[start + 1 :]]
     indices = [names.index(name) for name in (*_KINDS, "segmentid")]
     comma = uses_comma([cell for row in cells[:200] for cell in row])

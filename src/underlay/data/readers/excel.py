@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._sheets import Sheet, is_xls, is_xlsx, sheets_of
@@ -45,7 +46,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     if curves:
         return curves
     first = next((row for sheet in sheets for row in sheet.rows if _is_header(row)), [])
-    there = ", ".join(repr(cell) for cell in first[:40] if cell) or "no row of names"
+    there = names_there(cell for cell in first if cell)
     raise FileFormatError(
         f"{source.name} has no sheet with columns for depth and force; the first table has {there}. "
         "Say which with columns={'depth': 'name (unit)', 'force': 'name (unit)'}"

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve, require
 from underlay.data.readers._source import Source
@@ -113,7 +114,7 @@ def _curve(source: Source, number: int, block: _Block, search: _Block | None) ->
     axis, cell = _axes(block)
     for name in ("Time", axis, cell):
         if name not in columns:
-            there = ", ".join(repr(label) for label in block.labels)
+            there = names_there(block.labels)
             raise FileFormatError(f"{where} has no column {name!r}; it has {there}")
     time, position = columns["Time"], columns[axis]
     turned = _reads_compression_negative(block, units[cell])

@@ -225,6 +225,8 @@ class Journal:
             yield
         except sqlite3.Error as error:
             raise self._in_our_words(error) from error
+        except UnicodeDecodeError as error:  # SQLite quotes the damage, and Python cannot read that
+            raise FileFormatError(_damaged(self.path)) from error
 
     def _in_our_words(self, error: sqlite3.Error) -> UnderlayError:
         code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
