@@ -215,7 +215,9 @@ def test_the_column_of_a_sphere_is_what_its_shape_does_to_the_force():
         scene = ul.Scene(ul.Paraboloid(1e-3), layer)
         law = scene.contact_law(2.0 * depth)
         w = np.array([-depth, 0.0, depth])
-        column = paraboloid_for_sphere(scene).column(Pressed(scene, law, w, law.force(w)))
+        column = paraboloid_for_sphere(scene).column(
+            Pressed(scene, law, w, law.force(w), lambda solver: scene.contact_law(depth, solver=solver))
+        )
         sphere = ul.contact_law(ul.Sphere(1e-3), layer, None, max_depth=2.0 * depth)
         assert column[:2] == pytest.approx([0.0, 0.0], abs=0.0)
         assert column[2] == pytest.approx(sphere.force(depth) - law.force(depth), rel=depth / 1e-3)

@@ -1,10 +1,10 @@
 """Our laws against finite elements of our own, and the curves of large strains that coverage is measured on.
 
     python tests/studies/finite_elements.py check     # -> results/finite_elements.csv
-    python tests/studies/finite_elements.py curves    # -> results/finite_element_curves.csv
+    python tests/studies/finite_elements.py curves NU # -> results/finite_element_curves_NU.csv, NU 0.3 or 0.49
 
 `check`: Hertz, one layer without friction, one with a tip that sticks, one neo-Hookean, each on two meshes, over
-the law that is to be met (of the neo-Hookean layer: the linear law times the function of `mechanics/finite_strain`).
+the law that is to be met (of the neo-Hookean layer: the linear law times `finite_strain_excess` and one).
 `curves`: a true sphere on a neo-Hookean layer, sliding and sticking; forces over E h^2.
 """
 
@@ -27,7 +27,7 @@ STEPS = 12
 CURVES = [
     (nu, ratio, deepest) for nu in (0.3, 0.49) for ratio, deepest in ((0.5, 0.3), (1.0, 0.3), (2.0, 0.25))
 ]
-CURVE_MESH, CURVE_STEPS = 10, 15
+CURVE_MESH, CURVE_STEPS = 8, 30
 
 
 def law(tip, nu, deepest, *, thickness=1.0, friction="none"):
@@ -83,9 +83,9 @@ def _checked(name, nu, tip, deepest, mesh, *, stuck=False, finite=False):
     return rows
 
 
-def curves():
+def curves(given):
     rows = []
-    for nu, ratio, deepest in CURVES:
+    for nu, ratio, deepest in [curve for curve in CURVES if curve[0] == float(given)]:
         tip = ul.Sphere(1.0 / ratio)
         wide = float(law(tip, nu, deepest).contact_radius(deepest))
         depth = np.linspace(0.0, deepest, CURVE_STEPS + 1)[1:]
@@ -94,12 +94,12 @@ def curves():
                 Tip(tip.radius, sphere=True), Layer(nu, width=6.0, finite=True), wide, CURVE_MESH, stuck=stuck
             )
             found = press.load(depth)
-            print(nu, ratio, stuck, found.force / law(tip, nu, deepest).force(depth), flush=True)
+            print(nu, ratio, stuck, found.force / law(tip, nu, deepest).force(found.depth), flush=True)
             rows += [
                 {"nu": nu, "h/R": ratio, "stuck": int(stuck), "w/h": f"{w:.6g}", "P/(E h^2)": f"{P:.8g}"}
-                for w, P in zip(depth, found.force, strict=True)
+                for w, P in zip(found.depth, found.force, strict=True)
             ]
-            _write("finite_element_curves.csv", rows)
+            _write(f"finite_element_curves_{given}.csv", rows)
 
 
 def _write(name, rows):
@@ -110,4 +110,4 @@ def _write(name, rows):
 
 
 if __name__ == "__main__":
-    {"check": check, "curves": curves}[sys.argv[1]]()
+    {"check": check, "curves": curves}[sys.argv[1]](*sys.argv[2:])

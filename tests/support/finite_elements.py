@@ -2,8 +2,9 @@
 
 Axisymmetric 8-node quadrilaterals with four points each (reduced: nearly incompressible layers do not lock), on a
 mesh fine under the contact; contact by a stiff penalty at the points of the surface, loading in steps. Small
-strains of Hooke's law, or a neo-Hookean layer, mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2. A tip slides freely, or holds every
-point of the surface where it was before the step in which it was touched: an error of first order in the steps.
+strains of Hooke's law, or a neo-Hookean layer, mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2. A tip slides freely, or
+holds every point of the surface where it was at the end of the step in which it was touched: an error of first
+order in the steps.
 """
 
 from __future__ import annotations
@@ -22,11 +23,15 @@ Array = NDArray[np.float64]
 # Penalty in units of E over the element under the tip: points enter the tip by 1e-4 of that at a pressure of E.
 _PENALTY = 1e4
 _MOST_NEWTON = 40
-_CONVERGED = 1e-9
+_CONVERGED = 1e-8
 _MOST_TRIALS, _FLATTER = 10, 0.5
 _POINTS = 5  # per side, on the surface
 # Components of F - I in order: rr, rz, zr, zz, and the hoop.
 _ROWS, _COLUMNS = (0, 0, 1, 1, 2), (0, 1, 0, 1, 2)
+
+
+class NoEquilibriumError(RuntimeError):
+    """Newton's method did not find one."""
 
 
 @dataclass(frozen=True)
@@ -101,41 +106,44 @@ class Press:
         self._home = np.full(where.shape, np.nan)
 
     def load(self, depths: Array) -> Loaded:
-        """Press to every depth in turn."""
-        found = [self._to(float(depth)) for depth in depths]
-        return Loaded(depths, *np.array(found).T)
+        """Press to every depth in turn, as far as there is an equilibrium on this mesh."""
+        found = []
+        for depth in depths:
+            try:
+                found.append(self._to(float(depth)))
+            except NoEquilibriumError:
+                break
+        return Loaded(depths[: len(found)], *np.array(found).T)
 
     def _to(self, depth: float) -> tuple[float, float]:
-        held = self._surface_displacement()[0]
         for _ in range(_MOST_NEWTON):
-            stiffness, residual = self._system(depth, held)
+            stiffness, residual = self._system(depth)
             step = np.zeros_like(self._u)
             system = stiffness[self._free][:, self._free].tocsc()
             step[self._free] = splu(system).solve(-residual[self._free])
-            self._u = self._u + self._share(depth, held, step, float(step @ residual)) * step
+            self._u = self._u + self._share(depth, step, float(step @ residual)) * step
             if np.abs(step).max() <= _CONVERGED * depth:
                 break
         else:
-            raise RuntimeError(f"no equilibrium at depth {depth:.4g}")
+            raise NoEquilibriumError(f"no equilibrium at depth {depth:.4g}")
         gap = self._gap(depth)[0]
         touched = gap > 0.0
-        self._home = np.where(touched & np.isnan(self._home), held, self._home)
-        self._home = np.where(touched, self._home, np.nan)
+        self._home = np.where(touched & np.isnan(self._home), self._surface_displacement()[0], self._home)
         pressure = self._penalty * np.where(touched, gap, 0.0)
         return float((pressure * self._areas).sum()), float(self._radius[touched].max(initial=0.0))
 
-    def _system(self, depth: float, held: Array) -> tuple[sparse.csr_matrix, Array]:
+    def _system(self, depth: float) -> tuple[sparse.csr_matrix, Array]:
         """Stiffness and unbalanced force of layer and contact."""
         stiffness, residual = self._body()
-        own, unbalanced = self._touch(depth, held)
+        own, unbalanced = self._touch(depth)
         return stiffness + own, residual + unbalanced
 
-    def _share(self, depth: float, held: Array, step: Array, start: float) -> float:
+    def _share(self, depth: float, step: Array, start: float) -> float:
         """How much of a step to go: to where the energy along it is least, roughly."""
         here, low, high = self._u, 0.0, 1.0
         for _ in range(_MOST_TRIALS):
             self._u = here + high * step
-            slope = float(step @ self._system(depth, held)[1])
+            slope = float(step @ self._system(depth)[1])
             self._u = here
             if not np.isfinite(slope):
                 high *= 0.5  # an element turned inside out
@@ -158,7 +166,7 @@ class Press:
         height, slope = self.tip.shape(place)
         return axial + depth - height, slope if self.layer.finite else np.zeros_like(slope)
 
-    def _touch(self, depth: float, held: Array) -> tuple[sparse.csr_matrix, Array]:
+    def _touch(self, depth: float) -> tuple[sparse.csr_matrix, Array]:
         """Stiffness and force of the penalty."""
         gap, slope = self._gap(depth)
         inside = gap > 0.0
@@ -168,10 +176,10 @@ class Press:
         stiff = np.einsum("dfp,fp,efp->def", normal, weight, normal)
         # The tip's own curvature is left out of the stiffness, which it would make indefinite; the force is exact.
         if self.stuck:
-            home = np.where(np.isnan(self._home), held, self._home)
-            away = self._surface_displacement()[0] - home
-            force += np.einsum("dfp,fp->df", self._values[:, 0], weight * away)
-            stiff += np.einsum("dfp,fp,efp->def", self._values[:, 0], weight, self._values[:, 0])
+            holds = np.where(np.isnan(self._home), 0.0, self._penalty * self._areas)
+            away = np.where(np.isnan(self._home), 0.0, self._surface_displacement()[0] - self._home)
+            force += np.einsum("dfp,fp->df", self._values[:, 0], holds * away)
+            stiff += np.einsum("dfp,fp,efp->def", self._values[:, 0], holds, self._values[:, 0])
         return _assembled(self._surface.element_dofs, stiff, force, self._basis.N)
 
     def _body(self) -> tuple[sparse.csr_matrix, Array]:

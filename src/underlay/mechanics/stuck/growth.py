@@ -55,7 +55,7 @@ class Growth:
         rule, angles = end_rule(steps), chebyshev_angles(count)
         orders = np.arange(count)
         # T_k at s = x t, (radii x, steps, terms), and interpolation from values at the radii.
-        within = np.arccos(np.clip(stretch.z(np.multiply.outer(radii, rule.nodes)), -1.0, 1.0))
+        within = np.arccos(np.minimum(stretch.z(np.multiply.outer(radii, rule.nodes)), 1.0))
         table = np.cos(np.multiply.outer(within, orders))
         to_terms = chebyshev_coefficients(np.eye(count), angles)
         beside = to_terms @ punch.beside(radii)
@@ -75,7 +75,7 @@ class Growth:
 
     def values(self, eps: FloatArray) -> FloatArray:
         """The four ratios (n, 4) at `eps` (n,)."""
-        angle = np.arccos(np.clip(self.stretch.z(eps), -1.0, 1.0))
+        angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
         return np.cos(np.multiply.outer(angle, np.arange(len(self.coefficients)))) @ self.coefficients
 
 
