@@ -2,9 +2,10 @@
 
     python tests/studies/left_out_coverage.py NU [seeds]    # -> results/left_out_coverage_NU.csv
 
-Curves of finite elements (`finite_elements.py curves NU`: a true sphere on a neo-Hookean layer bonded to a rigid base,
-sliding and sticking), their ratio to the linear law smoothed over the mesh, with white noise of 0.3 % of the peak of
-unknown size; modulus, thickness, contact point and baseline free, fitted by the law of small strains without friction.
+Curves of finite elements (`finite_elements.py curves NU`: a true sphere on a neo-Hookean layer bonded to a rigid
+base, sliding and sticking), their ratio to the linear law smoothed over the mesh, with white noise of 0.3 % of the
+peak of unknown size; modulus, thickness, contact point and baseline free, fitted by the law of small strains
+without friction.
 """
 
 from __future__ import annotations
