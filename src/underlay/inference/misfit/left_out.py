@@ -1,8 +1,8 @@
 """Friction and finite strain: errors of a law whose scene does not say that they are absent.
 
 Friction lies between none and full, and real friction between a law without it and one without slip (they bracket
-it to 0.03 %): a share of their difference, any between 0 and 1, here a normal distribution. Finite strain has the shape that was measured (`mechanics/finite_strain`) and a size that
-depends on a strain energy nobody knows: 1 +- 0.5.
+it to 0.03 %): a share of their difference, any between 0 and 1, here a normal distribution. Finite strain has a
+measured shape (`mechanics/finite_strain`) and a size that depends on a strain energy nobody knows: 1 +- 0.5.
 """
 
 from __future__ import annotations
