@@ -17,10 +17,11 @@ from __future__ import annotations
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.errors import InputError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.indenters import Paraboloid, Sphere
 
-__all__ = ["finite_strain_excess", "why_unmeasured"]
+__all__ = ["finite_strain_excess", "require_measured", "why_unmeasured"]
 
 _LEAST_NU, _MOST_DEPTH, _LEAST_THICKNESS, _MOST_DEPTH_IN_RADII = 0.3, 0.3, 0.5, 0.5
 # A depth read off a curve may exceed the end of the range by rounding.
@@ -44,6 +45,19 @@ def finite_strain_excess(contact: Contact, depth: FloatArray, radius: FloatArray
     wide = radius / contact.indenter.radius
     deep = np.maximum(depth, 0.0) / contact.thickness
     return np.asarray(np.expm1((0.239 * b - 0.063) * wide + 0.168 * deep**2 + 0.53 * b * deep))
+
+
+def require_measured(contact: Contact, depth: float) -> None:
+    """Refuse a contact at `depth` (m) of which the function says nothing.
+
+    Raises
+    ------
+    InputError
+        With the range.
+    """
+    why = why_unmeasured(contact, depth)
+    if why:
+        raise InputError(f"finite_strain = true asks for what is beyond what is known here: {why}")
 
 
 def why_unmeasured(contact: Contact, depth: float) -> str:

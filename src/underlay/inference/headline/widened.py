@@ -7,7 +7,7 @@ that moves no parameter by a tenth of its standard error is not carried along: t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.known_error import KnownError
 from underlay.inference.misfit.left_out import LeftOut, left_out
 from underlay.inference.misfit.sizes import Sizes
+from underlay.scene.scene import Scene
 
 __all__ = ["Widened", "widened", "wider_interval"]
 
@@ -91,11 +92,23 @@ def wider_interval(
 
 
 def _parts(fit: Fit) -> list[LeftOut]:
+    """What the laws leave out: known where the fitted scene or the one as it was posed lies in its range.
+
+    A thickness that finite strain makes too small may leave the range that the true one is in.
+    """
     parts = []
-    for scene, curve in zip(fit.scenes, fit.curves, strict=True):
-        deepest = max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0)
-        parts.append(left_out(scene, deepest))
+    for fitted, posed, curve in zip(fit.scenes, fit.problem.base_scenes, fit.curves, strict=True):
+        told = [
+            left_out(scene, max(float(curve.depth.max()) - fitted.instrument.contact_depth, 0.0))
+            for scene in (_unasked(fitted), posed)
+        ]
+        parts.append(min(told, key=lambda part: len(part.unknown)))
     return parts
+
+
+def _unasked(scene: Scene) -> Scene:
+    """The scene without a demand for finite strain, which only the posed one can be held to."""
+    return replace(scene, finite_strain=None) if scene.finite_strain else scene
 
 
 def _acts(fit: Fit, held: frozenset[int], error: KnownError) -> bool:

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError
 from underlay.inference.misfit.known_error import KnownError, Pressed
-from underlay.mechanics.finite_strain import finite_strain_excess, why_unmeasured
+from underlay.mechanics.finite_strain import finite_strain_excess, require_measured, why_unmeasured
 from underlay.mechanics.solvers import Exact, Stuck
 from underlay.scene.scene import Scene
 
@@ -86,7 +85,7 @@ def _finite_strain(scene: Scene, depth: float) -> LeftOut:
     if not why:
         return LeftOut((KnownError(FINITE_STRAIN, _excess, mean=1.0, deviation=0.5),))
     if scene.finite_strain:
-        raise InputError(f"finite_strain = true asks for what is beyond what is known here: {why}")
+        require_measured(scene.contact, depth)
     return LeftOut(unknown=(f"{FINITE_STRAIN} is beyond what is known here ({why})",))
 
 
