@@ -80,7 +80,7 @@ def test_finite_strain_asked_outside_its_range_is_refused_with_the_range(
 def test_a_problem_that_asks_for_finite_strain_outside_its_range_is_refused() -> None:
     scene = replace(BALL, finite_strain=True)
     curve = ul.simulate(scene, np.linspace(0.0, 2e-4, 20))
-    with pytest.raises(ul.InputError, match="depths up to 0.3 h; here 0.4 h"):
+    with pytest.raises(ul.InputError, match=r"depths up to 0\.3 h; here 0\.4 h"):
         ul.Problem(scene, curve, free={"layer.E": None})
 
 
