@@ -444,7 +444,13 @@ def test_bad_input_is_refused_before_any_work(curves, manifest, tmp_path, monkey
     with pytest.raises(InputError, match="workers"):
         run(curves, workers=-1)
     with pytest.raises(InputError, match="Did you mean 'exact'"):
-        ul.fit_many(curves, SCENE, FREE, workers=0, options=ul.MapOptions(solver="exat"))
+        ul.MapOptions(solver="exat")
+    with pytest.raises(InputError, match=r"a solver is a name.*got \{'methd': 'exact'\}"):
+        ul.MapOptions(solver={"methd": "exact"})
+    with pytest.raises(TypeError, match="'methd'"):
+        ul.MapOptions(methd="exact")
+    with pytest.raises(TypeError, match="'accuracy'"):
+        ul.fit_many(curves, SCENE, FREE, workers=0, accuracy="quick")
     with pytest.raises(InputError, match="time_limit"):
         ul.MapOptions(time_limit=0.0)
     with pytest.raises(InputError, match="improper"):

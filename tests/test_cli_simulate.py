@@ -81,9 +81,12 @@ CASES = {
         ["force=2 uN", "correlation-time=50 ms"],
         {"noise": ul.Noise(force=2e-6, correlation_time=0.05)},
     ),
-    "drift": (["drift=-3 uN/s"], {"drift": -3e-6}),
-    "steps": (["quantisation=0.5 mN"], {"quantisation": 5e-4}),
-    "outliers": (["outliers=10%", "outlier_sd=1 mN"], {"outliers": 0.1, "outlier_sd": 1e-3}),
+    "drift": (["drift=-3 uN/s"], {"disturbances": ul.Disturbances(drift=-3e-6)}),
+    "steps": (["quantisation=0.5 mN"], {"disturbances": ul.Disturbances(quantisation=5e-4)}),
+    "outliers": (
+        ["outliers=10%", "outlier_sd=1 mN"],
+        {"disturbances": ul.Disturbances(outliers=0.1, outlier_sd=1e-3)},
+    ),
 }
 
 
@@ -133,7 +136,7 @@ def test_offsets_and_sampling_rate(run):
     same(curve, by_hand(offsets=offsets))
     assert {name: record["truth"][name] for name in offsets} == pytest.approx(offsets, rel=1e-15)
     sampled, record = made(run, "--seed", "4", "--sampling-rate", "200 Hz", "--noise", "drift=1 uN/s")
-    same(sampled, by_hand(time=False, sampling_rate=200.0, drift=1e-6))
+    same(sampled, by_hand(time=False, sampling_rate=200.0, disturbances=ul.Disturbances(drift=1e-6)))
     assert record["truth"]["sampling_rate"] == 200.0
 
 

@@ -1,4 +1,4 @@
-"""The house takes additions: an indenter, a correction, a law of one's own, a reader, an effect from outside it.
+"""The house takes additions from outside: an indenter, a material, a law of one's own, a noise, a sampler, ...
 
 Each class or record below is all that its file would hold; the README says where the file goes.
 """
@@ -17,6 +17,7 @@ from underlay.data.readers._format import make_curve
 from underlay.data.readers._text import lines_of
 from underlay.errors import CurveError, FitError, InputError, ParameterError
 from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.plane_constants import transversely_isotropic_constants
 from underlay.mechanics.published.correction import MEASURED_RANGE, RIGID_BONDED, PublishedCorrection
 from underlay.mechanics.published.factor import PolynomialFactor
 from underlay.mechanics.published.measured_error import MeasuredError
@@ -25,7 +26,6 @@ from underlay.mechanics.response import History
 from underlay.quantities import quantity
 from underlay.report import tables as fit_tables
 from underlay.report.labels import label
-from underlay.scene.effect import Effect
 from underlay.scene.effects import effects_table
 from underlay.scene.noise_model import NoiseModel
 
@@ -149,6 +149,49 @@ def test_indenter_without_an_end_is_refused_where_the_exact_law_needs_one():
     # Where nothing has to be solved it needs no end.
     bare = ul.contact_law(endless, ul.Layer(ul.Isotropic(1e4, 0.5)), max_depth=3e-6)
     assert bare.method == "halfspace"
+
+
+# --- a material ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Fibrous(ul.Material):
+    """Stiffer along the axis by one ratio, in tension and in shear."""
+
+    E: float = field(metadata=quantity("pressure", "{part} modulus", bounds=(0.0, np.inf), scales="force"))
+    nu: float = field(metadata=quantity("dimensionless", "Poisson's ratio", bounds=(-1.0, 0.5)))
+    ratio: float = field(metadata=quantity("dimensionless", "stiffening by fibres", bounds=(0.0, np.inf)))
+
+    @staticmethod
+    def constants_of(*, E, nu, ratio):
+        return transversely_isotropic_constants(E, ratio * E, nu, nu, 0.5 * ratio * E / (1.0 + nu))
+
+    @property
+    def plane_constants(self):
+        return self.constants_of(E=self.E, nu=self.nu, ratio=self.ratio)
+
+    @property
+    def in_plane(self):
+        return ul.Isotropic(self.E, self.nu)
+
+
+def test_material_is_computed_fitted_and_drawn(tmp_path):
+    known = ul.TransverselyIsotropic(E=1e5, E_axial=2e5, nu=0.3, nu_axial=0.3, G_axial=1e5 / 1.3)
+    scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(Fibrous(1e5, 0.3, 2.0), 1e-4), ul.RIGID)
+    same = replace(scene, layer=ul.Layer(known, 1e-4))
+    depth = np.linspace(-1e-6, 5e-6, 60)
+    assert scene.force(depth) == pytest.approx(same.force(depth), rel=1e-9)
+    curve = ul.synthesize(same, depth, ul.Noise(force=1e-6), rng=3)
+    free = {"layer.E": (1e3, 1e7), "layer.ratio": ul.Normal(2.0, 0.1)}
+    fit = ul.fit(ul.Problem(scene, curve, free, ul.Noise(force=1e-6)))
+    for name, true in (("layer.E", 1e5), ("layer.ratio", 2.0)):
+        assert abs(fit.values[name] - true) < 4.0 * fit.stderr[name]
+    ledger = scene.effects(5e-6).set_index("effect").loc["anisotropy"]
+    assert ledger["simulated"]
+    assert ledger["size_percent"] > 1.0
+    ul.plots.save(ul.plots.scene(scene, depth=5e-6), tmp_path / "scene.png")
+    with pytest.raises(InputError, match="material"):
+        ul.Layer("gel", 1e-4)
 
 
 # --- a published correction ------------------------------------------------------------------------------
@@ -506,6 +549,47 @@ def test_noise_model_stands_in_a_scene_file(tmp_path):
         ul.load_scene(path)
 
 
+# --- a sampler -------------------------------------------------------------------------------------------
+
+
+def metropolis(density, begin, proposal, steps, rng):
+    """Random-walk Metropolis, many chains side by side: (steps, chains, parameters)."""
+    place, here = begin, density(begin)
+    chain = np.empty((steps, *begin.shape))
+    for step in range(steps):
+        trial = place + rng.standard_normal(begin.shape) @ proposal.T
+        there = density(trial)
+        accepted = np.log(rng.random(len(begin))) < there - here
+        place, here = np.where(accepted[:, None], trial, place), np.where(accepted, there, here)
+        chain[step] = place
+    return chain
+
+
+def test_sampler_hands_over_its_chain():
+    scene, noise = replace(THIN, layer=ul.Layer(THIN.layer.material), substrate=None), ul.Noise(force=5e-8)
+    problem = ul.Problem(scene, ul.synthesize(scene, np.linspace(-2e-7, 1e-6, 30), noise, rng=1), FREE, noise)
+    fit, rng = ul.fit(problem), np.random.default_rng(5)
+    spread = np.linalg.cholesky(fit.scaled_covariance)
+    begin = fit.vector + rng.standard_normal((24, 2)) @ spread.T
+    # 2.4 / sqrt(parameters): the best step of a normal (Gelman, Roberts and Gilks 1996).
+    chain = metropolis(problem.log_posterior, begin, 1.7 * spread, 800, rng)
+    posterior = ul.posterior_from_chain(problem, chain)
+    assert posterior.converged
+    table = posterior.summary()
+    for name in FREE:
+        # The noise is small enough for a normal posterior; 24 chains of some 100 tau each leave 2 % of a
+        # standard deviation in the median and 1.5 % in the standard deviation.
+        assert abs(table.loc[name, "median"] - fit.values[name]) < 0.1 * fit.stderr[name]
+        assert posterior.of(name).std() == pytest.approx(fit.stderr[name], rel=0.08)
+    # The control: chains that do not move are judged as such.
+    stuck = np.broadcast_to(begin, (200, *begin.shape)) + 1e-6 * rng.standard_normal((200, *begin.shape))
+    assert not ul.posterior_from_chain(problem, stuck).converged
+    with pytest.raises(InputError, match=r"got shape \(800, 24\)"):
+        ul.posterior_from_chain(problem, chain[..., 0])
+    with pytest.raises(InputError, match="no probability at step 0 of walker 0"):
+        ul.posterior_from_chain(problem, chain + 50.0)
+
+
 # --- an effect -------------------------------------------------------------------------------------------
 
 
@@ -513,9 +597,9 @@ def blunting(scene, law):
     """What the wear of the tip does: against the sharp cone it was."""
     del law
     if not isinstance(scene.indenter, Hyperboloid):
-        return Effect("blunting", None, None, simulated=False, note="the tip is not a worn cone")
+        return ul.Effect("blunting", None, None, simulated=False, note="the tip is not a worn cone")
     sharp = replace(scene, indenter=ul.Cone(scene.indenter.half_angle))
-    return Effect("blunting", scene, sharp, simulated=True, note="against a sharp cone")
+    return ul.Effect("blunting", scene, sharp, simulated=True, note="against a sharp cone")
 
 
 def test_effect_stands_in_the_ledger():

@@ -16,6 +16,7 @@ GROUND = {
     "units",
     "quantities",
     "_arrays",
+    "_csv",
     "_documents",
     "_door",
     "_files",
@@ -201,3 +202,62 @@ def test_the_search_for_open_files_finds_them(tmp_path):
     made = tmp_path / "module.py"
     made.write_text("open(p)\nPath(p).read_bytes()\nnp.load(p)\npd.read_csv(p)\nf.opened(p)\njson.dumps(p)\n")
     assert set(opening_calls(made)) == {"open", "read_bytes", "np.load", "pd.read_csv"}
+
+
+#: What outlives its callers, and where it is argued why.
+KEPT_FOR_THE_PROCESS = {"mechanics/exact/tables": {"TABLES"}}
+CACHES = {"cache", "lru_cache"}
+#: Calls that make something to be filled.
+CONTAINERS = {
+    "dict",
+    "list",
+    "set",
+    "OrderedDict",
+    "defaultdict",
+    "deque",
+    "Counter",
+    "local",
+    "TableStore",
+}
+
+
+def kept_for_the_process(path):
+    """Names of a module that caches or containers filled later are bound to, and functions that write globals."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Global):
+            yield from node.names
+        if isinstance(node, ast.FunctionDef):
+            marks = (mark.func if isinstance(mark, ast.Call) else mark for mark in node.decorator_list)
+            if any(ast.unparse(mark).rpartition(".")[2] in CACHES for mark in marks):
+                yield node.name
+    for node in tree.body:
+        # A name that is declared a Mapping is not written to: mypy holds that.
+        fixed = isinstance(node, ast.AnnAssign) and ast.unparse(node.annotation).startswith("Mapping")
+        named = isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None
+        if named and not fixed and is_to_be_filled(node.value):
+            yield ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target)
+
+
+def is_to_be_filled(value):
+    """Whether an expression makes a container that is empty, or the store of the tables."""
+    if isinstance(value, ast.Call):
+        made = ast.unparse(value.func).rpartition(".")[2]
+        return made in CONTAINERS and (not value.args or made == "TableStore")
+    return (isinstance(value, ast.Dict) and not value.keys) or (
+        isinstance(value, ast.List) and not value.elts
+    )
+
+
+@pytest.mark.parametrize("path", modules(), ids=name_of)
+def test_one_store_outlives_its_callers(path):
+    assert set(kept_for_the_process(path)) == KEPT_FOR_THE_PROCESS.get(name_of(path), set())
+
+
+def test_the_search_for_caches_finds_them(tmp_path):
+    made = tmp_path / "module.py"
+    made.write_text(
+        "A = {}\nB: dict = dict()\nF: Mapping = {}\nC = {1: 2}\nD = OrderedDict()\nE = frozenset({1})\n"
+        "@lru_cache(maxsize=3)\ndef f():\n    global g\n@functools.cache\ndef h(): ...\n"
+    )
+    assert set(kept_for_the_process(made)) == {"A", "B", "D", "f", "g", "h"}

@@ -1,5 +1,7 @@
 """What is declared of a number is true of the force, and its path leads to it and back."""
 
+import subprocess
+import sys
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -189,3 +191,23 @@ class Forgetful(History):
 def test_a_history_is_refused_where_it_is_not_simulated():
     with pytest.raises(ul.UnderlayError, match="take it out of the depth first"):
         replace(SCENE, history=dataclass(frozen=True)(Forgetful)())
+
+
+@pytest.mark.parametrize("module", ["underlay.scene.parameters", "underlay.report.labels"])
+def test_what_a_path_is_does_not_hang_on_what_was_imported(module):
+    # A map is drawn by a process that has read a table and nothing else.
+    paths = {
+        "layer.E": "pressure",
+        "layer.relaxation.times[0]": "time",
+        "substrate.G_axial": "pressure",
+        "indenter.radius": "length",
+        "indenter.half_angle": "angle",
+        "adhesion.work": "surface energy",
+        "instrument.compliance": "compliance",
+        "noise.force": "force",
+    }
+    code = f"import {module}\nfrom underlay.quantities import declared\n" + "\n".join(
+        f"assert declared({path!r}).kind == {kind!r} and declared({path!r}).label, {path!r}"
+        for path, kind in paths.items()
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

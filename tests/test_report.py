@@ -211,6 +211,16 @@ def test_source_states_the_same_joint_problem(tmp_path):
 # --- a map ----------------------------------------------------------------------------------------------
 
 
+OF_OUR_OWN = """
+## Stiffest site
+
+```python
+stiffest = table.loc[table["layer.E"].idxmax(), "name"]
+f"{stiffest} of {len(table)} rows"
+```
+"""
+
+
 @pytest.fixture(scope="module")
 def map_page(tmp_path_factory):
     scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3), ul.RIGID)
@@ -232,7 +242,15 @@ def map_page(tmp_path_factory):
     )
     table = ul.fit_many(curves, scene, {"layer.E": (1e4, 1e8)}, manifest, workers=0)
     folder = tmp_path_factory.mktemp("map")
-    return table, ul.report(table, folder / "map.html")
+    return table, ul.report(table, folder / "map.html", sections=[OF_OUR_OWN])
+
+
+def test_a_section_of_our_own_ends_the_page(map_page):
+    _, page = map_page
+    text = page_text(page)
+    assert text.index("Stiffest site") > text.index("5 of 6 curves were fitted")
+    assert "s4 of 6 rows" in text[text.index("Stiffest site") :]
+    assert "stiffest = table" in page.with_suffix(".ipynb").read_text()
 
 
 def test_page_of_a_map_says_what_was_found_and_what_was_not(map_page):

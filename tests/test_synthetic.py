@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from underlay.data.disturbances import Disturbances
 from underlay.data.synthetic import simulate, synthesize
 from underlay.errors import InputError
 from underlay.mechanics.body import Layer
@@ -60,10 +61,7 @@ def everything(rng):
         noise,
         rng,
         sampling_rate=50.0,
-        drift=1e-6,
-        outliers=0.01,
-        outlier_sd=1e-4,
-        quantisation=1e-7,
+        disturbances=Disturbances(drift=1e-6, outliers=0.01, outlier_sd=1e-4, quantisation=1e-7),
     )
 
 
@@ -87,7 +85,13 @@ def test_a_generator_moves_on_and_leaves_no_seed():
 
 def test_an_effect_leaves_the_draws_of_the_others_alone():
     plain = synthesize(SCENE, DEPTH, Noise(force=1e-6), 5)
-    more = synthesize(SCENE, DEPTH, Noise(force=1e-6, depth=1e-8), 5, outliers=0.02, outlier_sd=1e-3)
+    more = synthesize(
+        SCENE,
+        DEPTH,
+        Noise(force=1e-6, depth=1e-8),
+        5,
+        disturbances=Disturbances(outliers=0.02, outlier_sd=1e-3),
+    )
     untouched = more.force == plain.force
     assert 0.97 < untouched.mean() < 0.99
 
@@ -148,13 +152,13 @@ def test_depth_noise_is_correlated_too():
 
 def test_drift_is_linear_in_time():
     time = np.cumsum(np.random.default_rng(0).uniform(0.1, 1.0, DEPTH.size))
-    curve = synthesize(SCENE, DEPTH, time=time, drift=2e-7)
+    curve = synthesize(SCENE, DEPTH, time=time, disturbances=Disturbances(drift=2e-7))
     np.testing.assert_allclose(curve.force - CLEAN, 2e-7 * (time - time[0]), rtol=1e-12, atol=1e-17)
 
 
 def test_quantisation_rounds_last_and_adds_the_variance_of_a_step():
     step = 5e-6
-    curve = synthesize(SCENE, DEPTH, Noise(force=2e-5), 2, quantisation=step)
+    curve = synthesize(SCENE, DEPTH, Noise(force=2e-5), 2, disturbances=Disturbances(quantisation=step))
     unrounded = synthesize(SCENE, DEPTH, Noise(force=2e-5), 2)
     np.testing.assert_allclose(curve.force / step, np.round(curve.force / step), atol=1e-9)
     error = curve.force - unrounded.force
@@ -164,7 +168,7 @@ def test_quantisation_rounds_last_and_adds_the_variance_of_a_step():
 
 
 def test_outliers_are_as_many_and_as_large_as_asked():
-    curve = synthesize(SCENE, DEPTH, rng=6, outliers=0.1, outlier_sd=1e-3)
+    curve = synthesize(SCENE, DEPTH, rng=6, disturbances=Disturbances(outliers=0.1, outlier_sd=1e-3))
     error = curve.force - CLEAN
     hit = np.abs(error) > 1e-12
     assert stats.binomtest(int(hit.sum()), DEPTH.size, 0.1).pvalue > 0.01
@@ -181,11 +185,7 @@ def test_sampling_rate_sets_the_clock():
     [
         ({"noise": Noise()}, r"noise\.force is unknown"),
         ({"noise": Noise(force=1e-6, correlation_time=0.1)}, "needs the times"),
-        ({"drift": 1e-6}, "needs the times"),
-        ({"drift": float("inf"), "sampling_rate": 1.0}, "drift must be finite"),
-        ({"quantisation": -1e-6}, "quantisation must be zero or positive"),
-        ({"outliers": 1.5, "outlier_sd": 1.0}, "between 0 and 1"),
-        ({"outliers": 0.1}, "pass outlier_sd"),
+        ({"disturbances": Disturbances(drift=1e-6)}, "needs the times"),
         ({"sampling_rate": 0.0}, "sampling_rate must be positive"),
         ({"sampling_rate": 1.0, "time": DEPTH}, "not both"),
         ({"time": [0.0, 1.0]}, "time has 2 points and depth 4001"),
@@ -196,6 +196,21 @@ def test_sampling_rate_sets_the_clock():
 def test_bad_input(options, message):
     with pytest.raises(InputError, match=message):
         synthesize(SCENE, DEPTH, **options)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ({"drift": float("inf")}, "drift must be finite"),
+        ({"quantisation": -1e-6}, "quantisation must be zero or positive"),
+        ({"outliers": 1.5, "outlier_sd": 1.0}, "between 0 and 1"),
+        ({"outliers": 0.1}, "give outlier_sd"),
+        ({"outliers": 0.1, "outlier_sd": -1.0}, "outlier_sd must be zero or positive"),
+    ],
+)
+def test_bad_disturbances(numbers, message):
+    with pytest.raises(InputError, match=message):
+        Disturbances(**numbers)
 
 
 @pytest.mark.parametrize("depth", [[], [[0.0, 1.0]], 1.0])

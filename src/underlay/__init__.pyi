@@ -1,6 +1,7 @@
 # The public names and where each lives: `__init__.py` reads this file and loads a module when it is asked for.
 from .data.contact_point import find_contact as find_contact
 from .data.curve import Curve as Curve
+from .data.disturbances import Disturbances as Disturbances
 from .data.quality import check_quality as check_quality
 from .data.readers import (
     Format as Format,
@@ -49,6 +50,7 @@ from .inference.priors import (
 from .inference.problem import Problem as Problem
 from .inference.profiles import profile as profile
 from .inference.design.second_test import remedy as remedy
+from .inference.sampling.from_chain import posterior_from_chain as posterior_from_chain
 from .inference.sampling.model_comparison import (
     compare_models as compare_models,
     with_model_error as with_model_error,
@@ -119,6 +121,7 @@ from .quantities import quantity as quantity
 from .report import plots as plots
 from .report.render import report as report
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
+from .scene.effect import Effect as Effect
 from .scene.instrument import Instrument as Instrument
 from .scene.noise import Noise as Noise
 from .scene.noise_model import NoiseModel as NoiseModel

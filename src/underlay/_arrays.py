@@ -42,9 +42,17 @@ def positive(value: float, name: str, unit: str) -> float:
     number = _number(value, name)
     if not (0.0 < number < np.inf):
         raise InputError(f"{name} must be positive and finite ({unit}); got {value!r}")
-    if unit == "m" and number < SMALLEST_LENGTH:
-        raise InputError(f"{name} of {value!r} m is not physical: at least {SMALLEST_LENGTH:g} m is needed")
     return number
+
+
+def physical_length(length: float, name: str) -> float:
+    """Return a length (m) that a file or a user gave, unless nothing is so small; zero is left to others.
+
+    For the border alone: inside, lengths may be in any unit.
+    """
+    if 0.0 < length < SMALLEST_LENGTH:
+        raise InputError(f"{name} of {length!r} m is not physical: at least {SMALLEST_LENGTH:g} m is needed")
+    return length
 
 
 def _number(value: float, name: str) -> float:

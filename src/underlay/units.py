@@ -7,18 +7,14 @@ is an error that names both.
 
 from __future__ import annotations
 
-import functools
 import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import Any
 
 from underlay.errors import UnitError
-
-if TYPE_CHECKING:
-    import pint
 
 __all__ = ["KINDS", "format_quantity", "human_unit", "kind_of", "parse_quantity", "unit_factor"]
 
@@ -113,12 +109,11 @@ _SHORT_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d(?:\.\d{1,6})?\)?")
 _ANGLE_UNITS = frozenset({"degree", "radian", "turn", "arcminute", "arcsecond", "grade"})
 
 
-@functools.cache
-def _registry() -> pint.UnitRegistry[float]:
-    # A constant of the module, built at first use because building it takes a good part of a second.
+def _registry() -> Any:
+    # pint's own, which it builds at first use: that takes a good part of a second, and so does loading pint.
     import pint  # noqa: PLC0415  for the same reason
 
-    return pint.UnitRegistry()
+    return pint.get_application_registry()  # type: ignore[no-untyped-call]  # without annotations there
 
 
 def _clean(unit: str) -> str:
@@ -128,9 +123,8 @@ def _clean(unit: str) -> str:
     return re.sub(r"(?<=[A-Za-z])-(?=[A-Za-z])", "*", text)  # "N-mm" is a product in instrument headers
 
 
-@functools.lru_cache(maxsize=256)
 def _parse_unit(unit: str) -> tuple[str, float] | None:
-    """Kind and SI factor of `unit`, or None if it is not one of `KINDS`. A pure function, remembered."""
+    """Kind and SI factor of `unit`, or None if it is not one of `KINDS`."""
     if not _UNIT.fullmatch(unit):
         return None
     text = _clean(unit)
@@ -166,7 +160,7 @@ def _parse_any(text: str) -> tuple[str, float] | None:
         return None
 
 
-def _match_kind(registry: pint.UnitRegistry[float], parsed: pint.Unit) -> tuple[str, float] | None:
+def _match_kind(registry: Any, parsed: Any) -> tuple[str, float] | None:
     names = set(parsed._units)  # noqa: SLF001  pint has no public list of the units in a product
     if parsed.dimensionless:
         is_angle = bool(names & _ANGLE_UNITS)

@@ -25,14 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = ["simulate"]
 
-#: What --noise takes beside the numbers of a `Noise`: what else `synthesize` disturbs.
-_DISTURBANCES = {
-    "drift": "loading rate",
-    "quantisation": "force",
-    "outliers": "dimensionless",
-    "outlier_sd": "force",
-}
-
 NoiseOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -95,6 +87,7 @@ def simulate(
 def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate: str | None) -> Curve:
     """The curve of a scene file with what the options change."""
     from underlay._arrays import positive
+    from underlay.data.disturbances import Disturbances
     from underlay.data.synthetic import simulate as noiseless
     from underlay.data.synthetic import synthesize
     from underlay.scene.instrument import Instrument
@@ -106,22 +99,24 @@ def _made(file: SceneFile, seed: int, noise: list[str], offset: list[str], rate:
     given = [text for text in noise if text.strip() != "none"]
     stated = file.noise if len(given) == len(noise) else None
     kind = Noise if stated is None else type(stated)
-    of_noise, of_instrument = _kinds(kind), _kinds(Instrument)
+    of_noise, of_others, of_instrument = _kinds(kind), _kinds(Disturbances), _kinds(Instrument)
     of_instrument.pop("compliance")
     written = {} if stated is None else {name: getattr(stated, name) for name in of_noise}
-    numbers = {**written, **named_quantities("--noise", given, {**of_noise, **_DISTURBANCES})}
+    numbers = {**written, **named_quantities("--noise", given, {**of_noise, **of_others})}
     offsets = named_quantities("--offset", offset, of_instrument)
     scene = file.scene.with_values({f"instrument.{name}": value for name, value in offsets.items()})
     if numbers.get("outlier_sd") and not numbers.get("outliers"):
         raise InputError("outlier_sd is the size of outliers; say how many too, e.g. --noise outliers=1%")
-    disturbances: dict[str, Any] = {name: numbers[name] for name in _DISTURBANCES if numbers.get(name)}
+    others = Disturbances(**{name: numbers[name] for name in of_others if name in numbers})
     model = _noise_model(kind, {name: numbers[name] for name in of_noise if numbers.get(name)})
     clock: dict[str, Any] = {"time": file.simulate.time}
     if rate is not None:
         clock = {"sampling_rate": positive(parse_quantity(rate, "frequency"), "--sampling-rate", "Hz")}
-    if model is None and not disturbances and rate is None:
+    if model is None and others == Disturbances() and rate is None:
         return noiseless(scene, file.simulate.depth, **clock, solver=file.solver)
-    return synthesize(scene, file.simulate.depth, model, seed, **clock, **disturbances, solver=file.solver)
+    return synthesize(
+        scene, file.simulate.depth, model, seed, **clock, disturbances=others, solver=file.solver
+    )
 
 
 def _kinds(declared: type) -> dict[str, str]:

@@ -13,8 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from underlay._arrays import ArrayLike, FloatArray, as_finite, finite, positive
+from underlay._arrays import ArrayLike, FloatArray, as_finite, positive
 from underlay.data.curve import Curve
+from underlay.data.disturbances import Disturbances
 from underlay.errors import InputError
 from underlay.mechanics.solvers import AnySolver
 from underlay.quantities import field_quantities
@@ -75,10 +76,7 @@ def synthesize(
     *,
     time: ArrayLike | None = None,
     sampling_rate: float | None = None,
-    drift: float = 0.0,
-    quantisation: float = 0.0,
-    outliers: float = 0.0,
-    outlier_sd: float | None = None,
+    disturbances: Disturbances | None = None,
     solver: AnySolver = "auto",
 ) -> Curve:
     """Make a measured-looking curve of a scene, with its truth.
@@ -98,14 +96,8 @@ def synthesize(
         Times of the points (s), (n,).
     sampling_rate : float, optional
         Points per second (Hz), instead of `time`.
-    drift : float, default 0
-        Drift of the force reading (N/s), from the first point on; needs times.
-    quantisation : float, default 0
-        Step of the load cell (N): the force is rounded to multiples of it.
-    outliers : float, default 0
-        Probability of a point to be an outlier, in [0, 1].
-    outlier_sd : float, optional
-        Standard deviation (N) of what an outlier adds; needed when `outliers` is not zero.
+    disturbances : Disturbances, optional
+        Drift, outliers and the steps of the load cell.
     solver : Solver or str, default "auto"
         Which contact law; see `contact_law`.
 
@@ -133,7 +125,7 @@ def synthesize(
     """
     readings = _column(depth, "depth")
     clock = _clock(time, sampling_rate, readings.size)
-    settings = _checked_settings(drift, quantisation, outliers, outlier_sd)
+    others = Disturbances() if disturbances is None else disturbances
     for_noise, for_depth, for_outliers = _generator(rng).spawn(3)
 
     # One evaluation of the law: the proportional noise needs the contact force without the baseline.
@@ -146,15 +138,9 @@ def synthesize(
         if noise.depth_deviation:
             spread = np.full(readings.size, noise.depth_deviation)
             shown = readings + noise.sample(for_depth, spread, clock)
-    if drift:
-        force = force + _drift(drift, clock)
-    if outliers:
-        hit = for_outliers.random(readings.size) < settings["outliers"]
-        force = force + hit * for_outliers.normal(scale=settings["outlier_sd"], size=readings.size)
-    if quantisation:
-        force = np.round(force / settings["quantisation"]) * settings["quantisation"]
+    force = others.on(force, clock, for_outliers)
 
-    truth: dict[str, float] = scene.parameters | _noise_settings(noise) | settings
+    truth: dict[str, float] = scene.parameters | _noise_settings(noise) | others.numbers
     if sampling_rate is not None:
         truth["sampling_rate"] = float(sampling_rate)
     if not isinstance(rng, np.random.Generator):
@@ -172,37 +158,10 @@ def _force_noise(
     return drawn.sample(rng, drawn.sigma(contact, None, clock), clock)
 
 
-def _drift(rate: float, clock: FloatArray | None) -> FloatArray:
-    if clock is None:
-        raise InputError("drift (N/s) needs the times of the points: pass time (s) or sampling_rate (Hz)")
-    elapsed: FloatArray = clock - clock[0]
-    return rate * elapsed
-
-
 def _noise_settings(noise: NoiseModel | None) -> dict[str, float]:
     if noise is None:
         return {f"noise.{name}": 0.0 for name in field_quantities(Noise)}
     return {f"noise.{name}": float(getattr(noise, name) or 0.0) for name in field_quantities(noise)}
-
-
-def _checked_settings(
-    drift: float, quantisation: float, outliers: float, outlier_sd: float | None
-) -> dict[str, float]:
-    settings = {
-        "drift": finite(drift, "drift", "N/s"),
-        "quantisation": finite(quantisation, "quantisation", "N"),
-        "outliers": finite(outliers, "outliers", "probability of a point"),
-        "outlier_sd": 0.0,
-    }
-    if settings["quantisation"] < 0.0:
-        raise InputError(f"quantisation must be zero or positive (N); got {quantisation!r}")
-    if not (0.0 <= settings["outliers"] <= 1.0):
-        raise InputError(f"outliers is the probability of a point, between 0 and 1; got {outliers!r}")
-    if settings["outliers"]:
-        if outlier_sd is None:
-            raise InputError("outliers need their size: pass outlier_sd, a standard deviation (N)")
-        settings["outlier_sd"] = positive(outlier_sd, "outlier_sd", "N")
-    return settings
 
 
 def _generator(rng: int | np.random.Generator) -> np.random.Generator:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from underlay._arrays import physical_length
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.scene.scene import Scene
@@ -84,7 +85,7 @@ def settle(
                 raise InputError(
                     f"{_name(curve)} does not say {path}, which the scene leaves out: give it there"
                 )
-            values[path] = told
+            values[path] = physical_length(told, f"{_name(curve)}: {path}")
             notes.append(f"{path} = {format_quantity(told, 'length')} is taken from the file of the curve")
         elif told is not None and path in scene.parameters and path not in fitted:
             stated = scene.parameters[path]

@@ -17,23 +17,17 @@ from dataclasses import dataclass, fields, replace
 from difflib import get_close_matches
 from typing import Any, ClassVar, TypeAlias
 
-import numpy as np
-
-from underlay._arrays import FloatArray, finite
 from underlay.errors import InputError
 from underlay.mechanics.asymptotic.law import FORMS, asymptotic_law
 from underlay.mechanics.body import Body, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.curve_family import range_numbers
-from underlay.mechanics.exact.family_law import table_number, tabulated_law
-from underlay.mechanics.exact.law import exact_law
+from underlay.mechanics.exact_solvers import Auto, Exact, Stuck
 from underlay.mechanics.friction import as_friction
-from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth
-from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, Sphere
+from underlay.mechanics.halfspace import halfspace_law
+from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.published import PublishedCorrection, published_law, published_names
 from underlay.mechanics.solver import Scaling, Solver
-from underlay.mechanics.stuck.law import stuck_law
 
 __all__ = [
     "AnySolver",
@@ -49,195 +43,6 @@ __all__ = [
     "solver_names",
     "solver_record",
 ]
-
-# The layer's effect on force, contact radius and stiffness at a given depth. Over contrast: a theorem bounds that
-# on the force by about 1, the others move by up to twice as much. Over contrast times varpi over the decay rate,
-# where that is small: at most 1.6 for 400 random pairs of isotropic and anisotropic materials, flat punch to
-# cone. Both are measured again in tests/test_solvers.py.
-_CONTRAST_MARGIN, _SHALLOW_MARGIN = 4.0, 2.0
-_LARGEST_SHALLOW = 0.02
-# Of rtol, what may be lost by joining layers.
-_SHARE_OF_JOINS = 0.2
-_RANGES = 4096  # more than there are powers of two
-
-
-@dataclass(frozen=True)
-class _ToTolerance(Solver):
-    """What solvers of the contact problem to a tolerance have in common."""
-
-    rtol: float = 1e-6
-    scaling: ClassVar[Scaling] = Scaling.POWER_LAW
-    judges_range: ClassVar[bool] = False
-
-    def __post_init__(self) -> None:
-        rtol = finite(self.rtol, "rtol", "relative error")
-        if not (1e-12 <= rtol <= 0.5):
-            raise InputError(f"rtol must be between 1e-12 and 0.5; got {self.rtol!r}")
-        object.__setattr__(self, "rtol", rtol)
-
-    @property
-    def tolerance(self) -> float:
-        """Relative error of force, contact radius and stiffness."""
-        return self.rtol
-
-    def with_tolerance(self, rtol: float) -> Solver:
-        """Return the same solver at `rtol`."""
-        return replace(self, rtol=rtol)
-
-    @property
-    def without_slip(self) -> Solver:
-        """`Stuck` at the same tolerance."""
-        return Stuck(self.rtol)
-
-    def for_differences(self, rtol: float) -> Solver:
-        """Return the exact solver, at `rtol` or finer."""
-        return Exact(min(self.rtol, rtol))
-
-    def has_table(self, contact: Contact) -> bool:
-        """Tables are for power-law tips on an isotropic layer."""
-        return _is_rounded_power_law(contact.indenter) and _is_plain_layer(contact)
-
-    def table_number(self, contact: Contact, depth: float) -> int:
-        """See `curve_family`."""
-        return table_number(contact, depth)
-
-    def tabulated(self, contact: Contact, ratio: float, depth: float) -> ContactLaw | None:
-        """See `tabulated_law`."""
-        return tabulated_law(contact, ratio, depth, self.rtol)
-
-    def has_batches(self, contact: Contact) -> bool:
-        """Batches are for power-law tips and spheres on an isotropic layer."""
-        tip = contact.indenter
-        return (_is_rounded_power_law(tip) or isinstance(tip, Sphere)) and _is_plain_layer(contact)
-
-    def ranges(self, contact: Contact, depth: FloatArray) -> FloatArray:
-        """Both the range that a law is solved for and that of its table."""
-        octaves = super().ranges(contact, depth)
-        return octaves + _RANGES * range_numbers(contact.varpi(depth)) if self.has_table(contact) else octaves
-
-
-def _is_rounded_power_law(tip: Indenter) -> bool:
-    return isinstance(tip, PowerLawShape) and not isinstance(tip, FlatPunch)
-
-
-def _is_plain_layer(contact: Contact) -> bool:
-    """Whether it is an isotropic layer on its base, without adhesion and friction."""
-    isotropic = contact.isotropic is not None and bool(np.isfinite(contact.thickness))
-    return isotropic and contact.adhesion is None and not contact.sticks
-
-
-@dataclass(frozen=True)
-class Exact(_ToTolerance):
-    """The exact contact problem, solved to a relative error.
-
-    Parameters
-    ----------
-    rtol : float, default 1e-6
-        Relative error allowed in force, contact radius and stiffness, between 1e-12 and 0.5. For fitting, a
-        tenth of the relative noise is enough; tighter costs little.
-    """
-
-    @property
-    def name(self) -> str:
-        """``"exact"``."""
-        return "exact"
-
-    def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Solve; see `exact_law`."""
-        return exact_law(contact, max_depth, self.rtol)
-
-
-@dataclass(frozen=True)
-class Stuck(_ToTolerance):
-    """The contact problem without slip: points stick where the tip touches them.
-
-    Parameters
-    ----------
-    rtol : float, default 1e-6
-        As for `Exact`.
-    """
-
-    @property
-    def name(self) -> str:
-        """``"stuck"``."""
-        return "stuck"
-
-    def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Solve; see `stuck_law`."""
-        if not max_depth > 0.0:
-            # No contact is asked for: any law says that there is no force.
-            return replace(halfspace_law(contact), method=self.name, max_depth=0.0, reason="no contact")
-        return stuck_law(contact, max_depth, self.rtol)
-
-    def law(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build the law; a contact with adhesion is refused."""
-        if contact.adhesion is not None:
-            raise InputError(
-                "adhesion beside a tip that sticks is not simulated: leave the adhesion out, or take friction "
-                'as "none"'
-            )
-        return super().law(contact, max_depth)
-
-    def for_differences(self, rtol: float) -> Solver:
-        """Return the same at `rtol` or finer."""
-        return Stuck(min(self.rtol, rtol))
-
-    def has_table(self, contact: Contact) -> bool:
-        """There are no tables."""
-        del contact
-        return False
-
-    def has_batches(self, contact: Contact) -> bool:
-        """There are no batches."""
-        del contact
-        return False
-
-
-@dataclass(frozen=True)
-class Auto(_ToTolerance):
-    """The half-space where a bound says that nothing under the surface matters, else the exact contact problem.
-
-    Parameters
-    ----------
-    rtol : float, default 1e-6
-        As for `Exact`.
-    """
-
-    @property
-    def name(self) -> str:
-        """``"auto"``."""
-        return "auto"
-
-    def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build the cheapest law that keeps the tolerance in force, contact radius and stiffness."""
-        if not contact.layered:
-            return halfspace_law(contact)
-        if not max_depth > 0.0:
-            reason = "no contact: the largest depth is not positive"
-            return replace(halfspace_law(contact), max_depth=0.0, reason=reason)
-        if max_depth > largest_halfspace_depth(contact.indenter):
-            return exact_law(contact, max_depth, self.rtol)
-        simpler, joined = contact.simplified(max_depth, _SHARE_OF_JOINS * self.rtol)
-        if joined:
-            law = replace(self, rtol=(1.0 - _SHARE_OF_JOINS) * self.rtol).build(simpler, max_depth)
-            error = law.error_estimate + _SHARE_OF_JOINS * self.rtol
-            return replace(law, error_estimate=error, reason=f"{law.reason}; taken together: {joined}")
-        contrast, varpi = contact.kernel.contrast, float(contact.varpi(np.array([max_depth]))[0])
-        effect = contrast * _CONTRAST_MARGIN
-        shallow = contrast * _SHALLOW_MARGIN * varpi / contact.kernel.decay
-        if shallow <= _LARGEST_SHALLOW:
-            effect = min(effect, shallow)
-        if effect > self.rtol:
-            return exact_law(contact, max_depth, self.rtol)
-        return replace(
-            halfspace_law(contact),
-            max_depth=max_depth,
-            error_estimate=effect,
-            reason=(
-                f"a/h = {varpi:.2g}, layer and substrate differ by {contrast:.2g} in compliance: the layer "
-                f"changes the contact by at most {effect:.1g}, below rtol = {self.rtol:g}"
-            ),
-        )
 
 
 @dataclass(frozen=True)
@@ -279,7 +84,11 @@ class Asymptotic(Solver):
 
 @dataclass(frozen=True)
 class HalfSpace(Solver):
-    """No layer effect: the half-space of what the indenter touches."""
+    """No layer effect: the half-space of what the indenter touches.
+
+    On a layered body the law's `error_estimate` bounds what is under the surface would do; where that is more than
+    the force itself it says no more than so.
+    """
 
     scaling: ClassVar[Scaling] = Scaling.POWER_LAW
     sees_base: ClassVar[bool] = False
@@ -290,9 +99,8 @@ class HalfSpace(Solver):
         return "halfspace"
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
-        """Build it to the end of the indenter's shape."""
-        del max_depth
-        return halfspace_law(contact)
+        """Build it to the end of the indenter's shape; its error holds up to `max_depth` (m)."""
+        return halfspace_law(contact, max_depth)
 
 
 @dataclass(frozen=True)

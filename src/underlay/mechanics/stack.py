@@ -38,6 +38,7 @@ class Stack(Body):
     --------
     A gel stuck to a film of PDMS on glass:
 
+    >>> from underlay.mechanics.materials import Isotropic
     >>> film = Layer(Isotropic(E=2e6, nu=0.49), thickness=50e-6)
     >>> Stack([film], base=Isotropic(E=70e9, nu=0.2)).layers[0].material.E
     2000000.0

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 
 from underlay.inference.sampling.derived import DERIVED
-from underlay.quantities import curve_of, declared, path_of
+from underlay.quantities import curve_of, path_of
+from underlay.scene.parameters import declared
 
 __all__ = ["is_of_the_sample", "label", "start", "symbol"]
 

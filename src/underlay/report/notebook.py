@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from string import Template
@@ -25,7 +25,7 @@ from underlay._text import one_line
 from underlay.errors import MissingExtraError
 from underlay.report.markdown import markdown_text
 
-__all__ = ["Cell", "Source", "Value", "filled", "make_notebook", "report_library"]
+__all__ = ["Cell", "Source", "Value", "filled", "make_notebook", "report_library", "with_sections"]
 
 _FENCE = re.compile(r"^```python(?P<info>[^\n]*)\n(?P<code>.*?)^```\s*$", re.DOTALL | re.MULTILINE)
 _ALT = re.compile(r'alt="([^"]*)"')
@@ -91,6 +91,14 @@ def filled(template: str, values: Mapping[str, Value]) -> tuple[Cell, ...]:
     return tuple(cell for cell in cells if cell.source)
 
 
+def with_sections(notebook: Any, sections: Iterable[str]) -> Any:
+    """Return a notebook with further sections at its end, each the text of a template without placeholders."""
+    cells = (cell for text in sections for cell in _cells(text) if cell.source)
+    for cell in cells:
+        notebook.cells.append(_entry(cell, len(notebook.cells)))
+    return notebook
+
+
 def make_notebook(cells: Sequence[Cell], title: str) -> Any:
     """Return cells as a notebook, not executed, of which `title` is a part of its metadata.
 
@@ -100,16 +108,19 @@ def make_notebook(cells: Sequence[Cell], title: str) -> Any:
         If the extra ``report`` is not installed.
     """
     v4 = report_library("nbformat").v4
-    made = []
-    for number, cell in enumerate(cells):
-        entry = v4.new_code_cell(cell.source) if cell.code else v4.new_markdown_cell(cell.source)
-        # Without this every notebook gets random names for its cells, and no two reports are alike.
-        entry["id"] = f"cell-{number}"
-        if cell.alt:
-            entry["metadata"]["alt"] = cell.alt
-        made.append(entry)
+    made = [_entry(cell, number) for number, cell in enumerate(cells)]
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
     return v4.new_notebook(cells=made, metadata={**kernel, "title": one_line(title, _LONGEST)})
+
+
+def _entry(cell: Cell, number: int) -> Any:
+    v4 = report_library("nbformat").v4
+    entry = v4.new_code_cell(cell.source) if cell.code else v4.new_markdown_cell(cell.source)
+    # Without this every notebook gets random names for its cells, and no two reports are alike.
+    entry["id"] = f"cell-{number}"
+    if cell.alt:
+        entry["metadata"]["alt"] = cell.alt
+    return entry
 
 
 def _cells(text: str) -> Iterator[Cell]:

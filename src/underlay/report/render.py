@@ -19,7 +19,7 @@ from underlay.inference.sampling.posterior import Posterior
 from underlay.report.csv_text import csv_text
 from underlay.report.execution import execute
 from underlay.report.measured import beyond_loading, segments_of_file, segments_part
-from underlay.report.notebook import Cell, Source, Value, filled, make_notebook, report_library
+from underlay.report.notebook import Cell, Source, Value, filled, make_notebook, report_library, with_sections
 from underlay.report.page import html_page
 from underlay.report.problem_source import problem_source, write_inputs, write_measured
 
@@ -40,6 +40,7 @@ def report(
     path: str | os.PathLike[str] = "report.html",
     *,
     problem: Problem | None = None,
+    sections: Sequence[str] = (),
 ) -> Path:
     """Write a report: one HTML file, and beside it the executed notebook and what went in.
 
@@ -54,6 +55,10 @@ def report(
     problem : Problem, optional
         What was sampled, for a posterior that does not hold it: one from an older file, say. Without it the
         report says that it cannot show the test.
+    sections : sequence of str, optional
+        Sections of your own, which end the page: Markdown in which a block fenced by three backticks and
+        ``python`` is run and its result shown. There ``ul`` is this package, and ``fit``, ``post`` or ``table``
+        what is reported. They are code: pass none that you would not run.
 
     Returns
     -------
@@ -78,9 +83,11 @@ def report(
     if isinstance(result, pd.DataFrame):
         table = require_own_folder(inputs) / "map.csv"
         write_atomic(table, csv_text(result))
-        return write_report(_map_notebook("all sites", repeat, f"{inputs.name}/{table.name}"), target)
+        notebook = _map_notebook("all sites", repeat, f"{inputs.name}/{table.name}")
+        return write_report(with_sections(notebook, sections), target)
     if isinstance(result, Fit):
-        return write_report(_fit_report(result, target, inputs, repeat), target)
+        notebook = _fit_report(result, target, inputs, repeat)
+        return write_report(with_sections(notebook, sections), target)
     if not isinstance(result, Posterior):
         raise InputError(f"a report is of a Fit, a Posterior or a map; got {type(result).__name__}")
     if problem is not None:
@@ -88,7 +95,8 @@ def report(
         result = replace(result, problem=problem, missing="")
     saved = require_own_folder(inputs) / "posterior.npz"
     result.save(saved)
-    return write_report(posterior_notebook(saved, target, repeat["to repeat"]), target)
+    notebook = posterior_notebook(saved, target, repeat["to repeat"])
+    return write_report(with_sections(notebook, sections), target)
 
 
 def require_same_parameters(posterior: Posterior, problem: Problem) -> None:

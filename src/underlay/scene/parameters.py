@@ -11,10 +11,30 @@ import difflib
 from collections.abc import Iterable
 
 from underlay.errors import ParameterError
-from underlay.quantities import kind_of
+from underlay.mechanics.adhesion import Adhesion
+from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
+from underlay.mechanics.profile import Profile
+from underlay.mechanics.stack import Stack
+from underlay.quantities import Part, declared, kind_of
 from underlay.scene.field_names import fields_meant
+from underlay.scene.instrument import Instrument
+from underlay.scene.noise import Noise
 
-__all__ = ["kind_of", "unknown_parameter"]
+__all__ = ["DECLARING", "declared", "kind_of", "unknown_parameter"]
+
+#: Parts that declare the numbers of a test. A path is understood where these are loaded, so whoever asks what one
+#: is asks here.
+DECLARING: tuple[type[Part], ...] = (
+    Indenter,
+    Profile,
+    Isotropic,
+    TransverselyIsotropic,
+    Stack,
+    Adhesion,
+    Instrument,
+    Noise,
+)
 
 
 def unknown_parameter(path: str, known: Iterable[str]) -> ParameterError:

@@ -38,9 +38,8 @@ needs no change here.
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -48,36 +47,18 @@ import numpy as np
 
 from underlay._documents import parse_toml
 from underlay._door import FileKind, printable, read_text, understood
-from underlay.errors import InputError, UnderlayError, UnderlayWarning
-from underlay.mechanics.adhesion import Adhesion
-from underlay.mechanics.body import RIGID, Base, Body, Layer, Material
-from underlay.mechanics.bonds import Bond, Spring, as_bond
-from underlay.mechanics.friction import FRICTIONS
-from underlay.mechanics.indenters import Cone, Indenter
-from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
-from underlay.mechanics.relaxation import Relaxation
-from underlay.mechanics.response import History
+from underlay.errors import InputError, UnderlayError
+from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.solver import Solver
-from underlay.mechanics.solvers import solver_named
-from underlay.mechanics.stack import Stack
-from underlay.quantities import Part
 from underlay.scene.field_names import hint
 from underlay.scene.fit_section import FreeParameter, free_parameters
-from underlay.scene.instrument import Instrument
 from underlay.scene.noise import Noise
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
-from underlay.scene.scene_schema import (
-    CurveSection,
-    SimulateSection,
-    SolverSection,
-    ThicknessSection,
-    check,
-    schema_of,
-)
+from underlay.scene.scene_schema import CurveSection, SimulateSection, check
+from underlay.scene.scene_sections import noise_of, scene_of, solver_of, table_of
 
 __all__ = [
-    "EQUIVALENT_CONES",
     "PLACE",
     "SceneFile",
     "SimulatedDepths",
@@ -219,9 +200,6 @@ def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
         raise type(error)(f"{printable(source.name)}: {printable(str(error))[:_LONGEST_MESSAGE]}") from error
 
 
-#: Pyramids that are taken as the cone of the same projected area.
-EQUIVALENT_CONES = {"berkovich": Cone.berkovich, "vickers": Cone.vickers}
-
 _LONGEST_MESSAGE = 1000
 _SECTIONS = (
     "title",
@@ -250,39 +228,20 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
     for name in ("indenter", "layer"):
         if name not in document:
             raise InputError(f"section [{name}] is missing")
-    tip = dict(_table(document, "indenter"))
-    left_out = _left_out(tip)
-    scene = Scene(
-        indenter=_indenter({**tip, **{path.partition(".")[2]: _STAND_IN for path in left_out}}),
-        layer=_layer(dict(_table(document, "layer"))),
-        substrate=_substrate(document),
-        instrument=_build(Instrument, "instrument", _table(document, "instrument")),
-        history=_history(document),
-        adhesion=_adhesion(document),
-        **_words(document),
-    )
-    noise = _noise(document)
+    left_out = _left_out(table_of(document, "indenter"))
+    scene = scene_of(document, {path.partition(".")[2]: _STAND_IN for path in left_out})
+    noise = noise_of(document)
     return SceneFile(
         draft=scene,
-        free=tuple(free_parameters(_table(document, "fit"), scene, noise or Noise())),
-        solver=_solver(_table(document, "solver")),
+        free=tuple(free_parameters(table_of(document, "fit"), scene, noise or Noise())),
+        solver=solver_of(document),
         noise=noise,
-        curve=check(CurveSection, "curve", _table(document, "curve")),
+        curve=check(CurveSection, "curve", table_of(document, "curve")),
         simulate=_simulated_depths(document),
         path=path,
         left_out=left_out,
-        stated=frozenset(f"instrument.{name}" for name in _table(document, "instrument")),
+        stated=frozenset(f"instrument.{name}" for name in table_of(document, "instrument")),
     )
-
-
-def _words(document: Mapping[str, Any]) -> dict[str, Any]:
-    """What the file says of the whole scene, before its sections."""
-    said = {key: document[key] for key in ("friction", "finite_strain") if key in document}
-    if said.get("friction", "none") not in FRICTIONS:
-        raise InputError(f"friction: {said['friction']!r:.60} is not known; allowed: {', '.join(FRICTIONS)}")
-    if not isinstance(said.get("finite_strain", True), bool):
-        raise InputError(f"finite_strain: must be true or false, not {said['finite_strain']!r:.60}")
-    return said
 
 
 def _left_out(tip: Mapping[str, Any]) -> tuple[str, ...]:
@@ -308,183 +267,10 @@ def _places(table: Mapping[str, Any], above: str) -> Iterator[str]:
             yield f"{above}{name}"
 
 
-def _table(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    table = document.get(name, {})
-    if not isinstance(table, Mapping):
-        raise InputError(f"[{name}] must be a section, not {table!r}")
-    return table
-
-
-# --- parts of the scene -------------------------------------------------------------------------------
-
-
-def _indenter(table: dict[str, Any]) -> Indenter:
-    shapes = Indenter.kinds()
-    name = table.pop("shape", None)
-    if isinstance(name, str) and name in EQUIVALENT_CONES:
-        return _equivalent_cone(name, table)
-    if not isinstance(name, str) or name not in shapes:
-        allowed = sorted([*shapes, *EQUIVALENT_CONES])
-        if name is None:
-            raise InputError(f"[indenter] needs 'shape'; allowed: {', '.join(allowed)}")
-        meant = hint(str(name), allowed) or ";"
-        raise InputError(f"[indenter] shape: {name!r:.80} is not known{meant} allowed: {', '.join(allowed)}")
-    indenter: Indenter = _build(shapes[name], "indenter", table, besides=("shape",))
-    return indenter
-
-
-def _layer(table: dict[str, Any]) -> Layer:
-    relaxation = _relaxation(table)
-    return replace(_one_layer("layer", table), relaxation=relaxation)
-
-
-def _relaxation(layer: dict[str, Any]) -> Relaxation | None:
-    """The relaxation of a layer's section, which is taken out of it."""
-    if "relaxation" not in layer:
-        return None
-    section, given = "layer.relaxation", layer.pop("relaxation")
-    if not isinstance(given, Mapping):
-        raise InputError(f"[{section}] must be a section, not {given!r}")
-    table = dict(given)
-    kind = _named(Relaxation, section, table)
-    words = {"relaxes": table.pop("relaxes")} if "relaxes" in table else {}
-    numbers = check(schema_of(kind), section, table)
-    try:
-        relaxation: Relaxation = kind(**words, **numbers)
-    except InputError as error:
-        raise InputError(f"[{section}] {error}") from error
-    return relaxation
-
-
-def _one_layer(section: str, table: dict[str, Any]) -> Layer:
-    thickness, bond = np.inf, _bond(section, table.pop("bond", "bonded"))
-    if "thickness" in table:
-        stated = {"thickness": table.pop("thickness")}
-        thickness = check(ThicknessSection, section, stated)["thickness"]
-    return Layer(_material(section, table, besides=("thickness", "bond", "relaxation")), thickness, bond)
-
-
-def _bond(section: str, given: Any) -> Bond:
-    if isinstance(given, Mapping):
-        spring: Spring = _build(Spring, f"{section}.bond", given)
-        return spring
-    try:
-        return as_bond(given)
-    except InputError as error:
-        raise InputError(
-            f'[{section}] bond: {given!r:.60} is not known; allowed: "bonded", "slip" or '
-            '{ normal = "1 GPa/m", shear = "0 Pa/m" }'
-        ) from error
-
-
-def _equivalent_cone(name: str, table: Mapping[str, Any]) -> Cone:
-    if table:
-        raise InputError(f"[indenter] shape {name} needs nothing else; remove {', '.join(table)}")
-    cone = EQUIVALENT_CONES[name]()
-    warnings.warn(
-        f"[indenter] shape: a {name} tip is taken as the cone of the same projected area, half-angle "
-        f"{np.rad2deg(cone.half_angle):.2f} deg; the pyramid's edges are not in the model",
-        UnderlayWarning,
-        stacklevel=2,
-    )
-    return cone
-
-
-def _material(section: str, table: dict[str, Any], besides: tuple[str, ...]) -> Material:
-    kind = TransverselyIsotropic if {"E_axial", "G_axial", "nu_axial"} & table.keys() else Isotropic
-    material: Material = _build(kind, section, table, besides=besides)
-    return material
-
-
-def _substrate(document: Mapping[str, Any]) -> Body | None:
-    if "substrate" not in document:
-        return None
-    table = dict(_table(document, "substrate"))
-    layers = table.pop("layers", None)
-    base = _base(table)
-    if layers is None:
-        return base
-    if not isinstance(layers, list) or not all(isinstance(entry, Mapping) for entry in layers):
-        raise InputError("[substrate] layers: write each as a section of its own, [[substrate.layers]]")
-    stack = [_one_layer(f"substrate.layers[{number}]", dict(entry)) for number, entry in enumerate(layers)]
-    try:
-        return Stack(stack, base)
-    except InputError as error:
-        raise InputError(f"[[substrate.layers]] {error}") from error
-
-
-def _base(table: dict[str, Any]) -> Base:
-    rigid = table.pop("rigid", False)
-    if not isinstance(rigid, bool):
-        raise InputError(f"[substrate] rigid: must be true or false, not {rigid!r}")
-    if not rigid:
-        return _material("substrate", table, besides=("rigid", "layers"))
-    if table:
-        raise InputError(f"[substrate] is rigid and needs nothing else; remove {', '.join(table)}")
-    return RIGID
-
-
-def _history(document: Mapping[str, Any]) -> History | None:
-    if "history" not in document:
-        return None
-    table = dict(_table(document, "history"))
-    history: History = _build(_named(History, "history", table), "history", table)
-    return history
-
-
-def _named(family: type[Part], section: str, table: dict[str, Any]) -> type[Any]:
-    """The class that a section's ``model`` names; the key is taken out."""
-    name, models = table.pop("model", None), family.kinds()
-    if not isinstance(name, str) or name not in models:
-        raise InputError(
-            f"[{section}] model: {name!r:.80} is not known; allowed: {', '.join(sorted(models)) or 'none'}"
-        )
-    return models[name]
-
-
-def _adhesion(document: Mapping[str, Any]) -> Adhesion | None:
-    if "adhesion" not in document:
-        return None
-    table = dict(_table(document, "adhesion"))
-    adhesion: Adhesion = _build(_named(Adhesion, "adhesion", table), "adhesion", table)
-    return adhesion
-
-
-def _noise(document: Mapping[str, Any]) -> NoiseModel | None:
-    table = dict(_table(document, "noise"))
-    if not table:
-        return None
-    kind = _named(NoiseModel, "noise", {"model": Noise.model, **table})
-    noise: NoiseModel = _build(kind, "noise", {key: table[key] for key in table if key != "model"})
-    return noise
-
-
-#: Keys that [solver] had once, and what to write now.
-_OLD_SOLVER_KEYS = {"method": "name", "accuracy": "rtol"}
-
-
-def _solver(table: Mapping[str, Any]) -> Solver:
-    for old, new in _OLD_SOLVER_KEYS.items():
-        if old in table:
-            value = table[old]
-            said = f'"{value}"' if isinstance(value, str) else value
-            raise InputError(f"[solver] {old} is now {new}: write {new} = {said}")
-    stated = {"name": "auto", **check(SolverSection, "solver", table)}
-    try:
-        return solver_named(**stated)
-    except InputError as error:
-        raise InputError(f"[solver] {error}") from error
-
-
 def _simulated_depths(document: Mapping[str, Any]) -> SimulatedDepths | None:
     if "simulate" not in document:
         return None
-    depths = SimulatedDepths(**check(SimulateSection, "simulate", _table(document, "simulate")))
+    depths = SimulatedDepths(**check(SimulateSection, "simulate", table_of(document, "simulate")))
     if not depths.start < depths.max_depth:
         raise InputError("[simulate] start must be below max_depth")
     return depths
-
-
-def _build(kind: type[Any], section: str, table: Mapping[str, Any], *, besides: tuple[str, ...] = ()) -> Any:
-    """Make a dataclass from a section; its fields, and `besides`, say which keys there are."""
-    return kind(**check(schema_of(kind), section, table, besides=besides))

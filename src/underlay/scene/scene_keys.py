@@ -20,7 +20,6 @@ from underlay.mechanics.relaxation import RELAXES, Relaxation
 from underlay.quantities import Part
 from underlay.scene.instrument import Instrument
 from underlay.scene.noise import Noise
-from underlay.scene.scene_file import EQUIVALENT_CONES
 from underlay.scene.scene_schema import (
     CurveSection,
     FieldInfo,
@@ -31,6 +30,7 @@ from underlay.scene.scene_schema import (
     kind_of_field,
     schema_of,
 )
+from underlay.scene.scene_sections import EQUIVALENT_CONES
 from underlay.units import KINDS
 
 __all__ = ["SceneKey", "scene_keys"]

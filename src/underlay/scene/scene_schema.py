@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 from pydantic.fields import FieldInfo
 
+from underlay._arrays import physical_length
 from underlay.errors import InputError
 from underlay.quantities import quantity_of
 from underlay.scene.field_names import hint
@@ -35,10 +36,16 @@ def _quantity(kind: str) -> BeforeValidator:
     return BeforeValidator(partial(_parse, kind))
 
 
-def _parse(kind: str, value: Any) -> Any:
+def _size(kind: str) -> BeforeValidator:
+    """Validator of what has a size: as `_quantity`, but no length that nothing has."""
+    return BeforeValidator(partial(_parse, kind, is_size=True))
+
+
+def _parse(kind: str, value: Any, *, is_size: bool = False) -> Any:
     if isinstance(value, list):
-        return tuple(parse_quantity(entry, kind) for entry in value)
-    return parse_quantity(value, kind)
+        return tuple(_parse(kind, entry, is_size=is_size) for entry in value)
+    number = parse_quantity(value, kind)
+    return physical_length(number, "a size") if is_size and kind == "length" else number
 
 
 def kind_of_field(field: FieldInfo) -> str | None:
@@ -57,7 +64,9 @@ def schema_of(kind: type[Any]) -> type[BaseModel]:
         if "words" in field.metadata:
             definitions[field.name] = (Literal[field.metadata["words"]], default)
         elif not field.metadata.get("inlined"):
-            definitions[field.name] = (Annotated[Any, _quantity(quantity_of(field).kind)], default)
+            declared = quantity_of(field)
+            validator = _size if declared.is_scale else _quantity
+            definitions[field.name] = (Annotated[Any, validator(declared.kind)], default)
     return create_model(kind.__name__, __config__=ConfigDict(extra="forbid"), **definitions)
 
 
@@ -79,7 +88,7 @@ class _Section(BaseModel):
 class ThicknessSection(_Section):
     """``thickness`` of the layer."""
 
-    thickness: Annotated[float, _quantity("length")] = Field(
+    thickness: Annotated[float, _size("length")] = Field(
         description="of the layer; left out, with no [substrate], for a half-space"
     )
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from underlay.errors import InputError
-from underlay.mechanics.solvers import AnySolver
+from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise_model import NoiseModel
 
 __all__ = ["MapOptions", "Sampling"]
@@ -63,7 +63,7 @@ class MapOptions:
     Raises
     ------
     InputError
-        If a time is not positive.
+        If a time is not positive, or the solver is none.
     """
 
     noise: NoiseModel | None = None
@@ -79,6 +79,8 @@ class MapOptions:
         for name, value in (("time_limit", self.time_limit), ("timeout", self.timeout)):
             if value is not None and not value > 0.0:
                 raise InputError(f"{name} must be positive (s); got {value!r}")
+        if self.solver is not None:
+            as_solver(self.solver)
 
     @property
     def how_sampled(self) -> Sampling | None:

@@ -16,7 +16,13 @@ import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, read_only
 from underlay.errors import InputError
-from underlay.inference.design.information import expected_problem, information, marginal, prior_information
+from underlay.inference.design.information import (
+    LOST,
+    expected_problem,
+    information,
+    marginal,
+    prior_information,
+)
 from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Given, Problem
@@ -31,7 +37,6 @@ __all__ = ["Combination", "Identifiability", "identifiability"]
 #: Relative standard deviations up to which a quantity is fixed, and beyond which it is not.
 FIXED, OPEN = 0.1, 1.0
 _SMALL_POWER = 0.05  # powers below this are left out of the words
-_LOST = 1e-13
 
 
 @dataclass(frozen=True)
@@ -218,7 +223,7 @@ def _combinations(matrix: FloatArray, names: list[str]) -> tuple[Combination, ..
     found = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         lead = vector[np.argmax(np.abs(vector))]
-        sd = 1.0 / np.sqrt(value) / abs(lead) if value > _LOST * values[-1] else np.inf
+        sd = 1.0 / np.sqrt(value) / abs(lead) if value > LOST * values[-1] else np.inf
         found.append(Combination(dict(zip(names, (vector / lead).tolist(), strict=True)), float(sd)))
     return tuple(found)
 
@@ -227,7 +232,7 @@ def _covariance(matrix: FloatArray) -> FloatArray:
     """Inverse of an information matrix, with infinite variance for what takes part in a lost direction."""
     scale = np.sqrt(np.where(np.diag(matrix) > 0.0, np.diag(matrix), 1.0))
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    lost = values <= _LOST * values[-1]
+    lost = values <= LOST * values[-1]
     inverse = (vectors[:, ~lost] / values[~lost]) @ vectors[:, ~lost].T
     covariance = np.asarray(inverse / np.outer(scale, scale))
     part = np.square(vectors[:, lost]).sum(axis=1)

@@ -22,11 +22,23 @@ from underlay.mechanics.solvers import AnySolver
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["expected_problem", "information", "marginal", "prior_information"]
+__all__ = [
+    "LOST",
+    "SPECIMEN",
+    "about_specimen",
+    "deviation_of",
+    "expected_problem",
+    "information",
+    "marginal",
+    "prior_information",
+]
 
-# Relative to the largest: eigenvalues of an information matrix below this are rounding and the error of
-# the finite differences in it.
-_LOST = 1e-13
+#: What the parameters of a specimen begin with; the others are those of one test.
+SPECIMEN = ("layer.", "substrate.")
+
+#: Relative to the largest: eigenvalues of an information matrix below this are rounding and the error of the finite
+#: differences in it.
+LOST = 1e-13
 
 
 def expected_problem(
@@ -92,6 +104,28 @@ def marginal(matrix: FloatArray, kept: Sequence[int], others: Sequence[int]) -> 
     cross = matrix[np.ix_(kept, others)]
     inner = matrix[np.ix_(others, others)]
     scale = np.sqrt(np.where(np.diag(inner) > 0.0, np.diag(inner), 1.0))
-    inverse = np.linalg.pinv(inner / np.outer(scale, scale), rcond=_LOST, hermitian=True)
+    inverse = np.linalg.pinv(inner / np.outer(scale, scale), rcond=LOST, hermitian=True)
     scaled = cross / scale
     return np.asarray(own - scaled @ inverse @ scaled.T)
+
+
+def about_specimen(
+    problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel], names: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Information of one test, and of the priors, about the parameters of a specimen, each (s, s).
+
+    What is unknown of the test itself is taken out, with what its own priors say.
+    """
+    kept = [problem.names.index(name) for name in names]
+    others = [i for i in range(len(problem.names)) if i not in kept and i not in problem.noise_entries]
+    priors = prior_information(problem, vector)
+    own = np.zeros_like(priors)
+    own[others, others] = priors[others, others]
+    return marginal(information(problem, vector, noises) + own, kept, others), priors[np.ix_(kept, kept)]
+
+
+def deviation_of(matrix: FloatArray, index: int) -> float:
+    """Standard deviation of one entry whose information with the others is (s, s); inf where nothing fixes it."""
+    others = [k for k in range(len(matrix)) if k != index]
+    own = float(marginal(matrix, [index], others)[0, 0])
+    return own**-0.5 if own > LOST * float(matrix[index, index]) else np.inf

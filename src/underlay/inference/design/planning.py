@@ -7,7 +7,7 @@ would bring to a first test is one sum per cell.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
 from underlay.errors import InputError, ParameterError
-from underlay.inference.design.information import expected_problem, information, marginal, prior_information
-from underlay.inference.problem import Given, Problem
+from underlay.inference.design.information import SPECIMEN, about_specimen, deviation_of, expected_problem
+from underlay.inference.problem import Given
 from underlay.mechanics.solvers import AnySolver
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of, unknown_parameter
@@ -29,10 +29,8 @@ __all__ = ["Plan", "plan"]
 _POINTS = 200
 # Share of the readings before contact: a test that starts in contact cannot tell its contact point.
 _APPROACH = 0.25
-_SPECIMEN = ("layer.", "substrate.")
 # An error within this factor of the best is as good: the mildest such test is recommended.
 _AS_GOOD = 1.1
-_LOST = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +189,7 @@ def plan(
         If the noise is unknown, or a radius or depth is not positive.
     """
     wanted = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
-    specimen = tuple(path for path in wanted if path.startswith(_SPECIMEN))
+    specimen = tuple(path for path in wanted if path.startswith(SPECIMEN))
     if parameter not in specimen:
         raise ParameterError(
             f"{parameter!r} must be a free parameter of layer or substrate; free are "
@@ -215,7 +213,9 @@ def plan(
             )
             try:
                 problem = expected_problem(tipped, readings, wanted, noise, solver=solver)
-                gathered[i, j], prior = _about_specimen(problem, specimen)
+                gathered[i, j], prior = about_specimen(
+                    problem, problem.start, problem.noises(problem.start), specimen
+                )
                 peak_force[i, j] = float(problem.curves[0].force.max())
                 slope = float(problem.slopes(problem.start)[problem.names.index(parameter)])
             except ParameterError:
@@ -240,26 +240,11 @@ def plan(
     )
 
 
-def _about_specimen(problem: Problem, specimen: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-    """Information of one test and of the priors about the specimen, each (s, s)."""
-    kept = [problem.names.index(name) for name in specimen]
-    others = [i for i in range(len(problem.names)) if i not in kept]
-    noises = problem.noises(problem.start)
-    priors = prior_information(problem, problem.start)
-    own = np.zeros_like(priors)
-    own[others, others] = priors[others, others]
-    test = information(problem, problem.start, noises) + own
-    return marginal(test, kept, others), priors[np.ix_(kept, kept)]
-
-
 def _errors(matrices: FloatArray, index: int, possible: NDArray[np.bool_]) -> FloatArray:
     """Standard error of entry `index` in scaled coordinates, (r, d), from informations (r, d, s, s)."""
     errors = np.full(matrices.shape[:2], np.nan)
     for i, j in zip(*np.nonzero(possible), strict=True):
-        others = [k for k in range(matrices.shape[-1]) if k != index]
-        own = float(marginal(matrices[i, j], [index], others)[0, 0])
-        known = own > _LOST * float(matrices[i, j, index, index])
-        errors[i, j] = own**-0.5 if known else np.inf
+        errors[i, j] = deviation_of(matrices[i, j], index)
     return errors
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,10 +9,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError, ParameterError
-from underlay.inference.design.information import information, marginal, prior_information
+from underlay.inference.design.information import SPECIMEN, about_specimen, deviation_of
 from underlay.inference.design.planning import plan
-from underlay.inference.problem import Problem
-from underlay.scene.noise_model import NoiseModel
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
@@ -25,8 +22,6 @@ __all__ = ["Remedy", "remedy"]
 _STEPS = (1.0, 2.0, 5.0)
 # Radii tried: up to so many times larger and smaller than the one at hand.
 _SPAN = 10.0
-_SPECIMEN = ("layer.", "substrate.")
-_LOST = 1e-13
 
 
 @dataclass(frozen=True)
@@ -129,7 +124,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     if len(fit.curves) != 1:
         raise InputError(f"a remedy is for a fit of one curve; this one is of {len(fit.curves)}: see plan()")
     problem, scene = fit.problem, fit.scenes[0]
-    specimen = [name for name in problem.names if name.startswith(_SPECIMEN)]
+    specimen = [name for name in problem.names if name.startswith(SPECIMEN)]
     if parameter not in specimen:
         raise ParameterError(
             f"{parameter!r} must be a fitted parameter of layer or substrate; those are "
@@ -154,18 +149,16 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     )
     # Both problems have the same free parameters and priors, hence the same coordinates but for their origin.
     there = problem.vector({**fit.values, parameter: supposed})
-    first = _about_specimen(problem, there, fit.noises, specimen)
+    first = sum(about_specimen(problem, there, fit.noises, specimen))
     slope = float(problem.slopes(there)[problem.names.index(parameter)])
     index = specimen.index(parameter)
-    others = [k for k in range(len(specimen)) if k != index]
     errors, forces = np.full(len(radii), np.nan), np.full(len(radii), np.nan)
     for at, radius in enumerate(radii):
         cell = int(np.argmin(np.abs(planned.radii - radius)))
         if (cell, 0) in planned.refusals:
             continue
         both = first + planned.scaled_information[cell, 0]
-        left = float(marginal(both, [index], others)[0, 0])
-        errors[at] = abs(slope) * left**-0.5 if left > _LOST * both[index, index] else np.inf
+        errors[at] = abs(slope) * deviation_of(both, index)
         forces[at] = planned.peak_force[cell, 0]
     return Remedy(
         parameter=parameter,
@@ -177,16 +170,6 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
         peak_force=read_only(forces),
         depth=depth,
     )
-
-
-def _about_specimen(
-    problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel], specimen: list[str]
-) -> FloatArray:
-    """Information of the first test and of the priors about the specimen at a scaled vector, (s, s)."""
-    kept = [problem.names.index(name) for name in specimen]
-    others = [i for i in range(len(problem.names)) if i not in kept and i not in problem.noise_entries]
-    total = information(problem, vector, noises) + prior_information(problem, vector)
-    return marginal(total, kept, others)
 
 
 def _radii_near(own: float) -> FloatArray:

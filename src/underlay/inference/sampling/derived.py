@@ -17,7 +17,8 @@ from underlay._arrays import FloatArray
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.relaxation import Prony
-from underlay.quantities import Quantity, kind_of, numbers_of, path_of
+from underlay.quantities import Quantity, numbers_of, path_of
+from underlay.scene.parameters import kind_of
 
 __all__ = ["DERIVED", "derived_quantities", "kind_of_quantity"]
 

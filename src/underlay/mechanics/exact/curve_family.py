@@ -14,7 +14,6 @@ and modulus, and tables are kept for the whole process.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from math import ceil, floor, log, log10
 from typing import NamedTuple
 
@@ -35,6 +34,7 @@ from underlay.mechanics.exact.master_curve import (
     truncation_error,
 )
 from underlay.mechanics.exact.nodes import Resolution
+from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import LayerKernel
 from underlay.mechanics.plane_constants import isotropic_constants
@@ -61,7 +61,6 @@ _SHARE_OF_PIECE = 0.25  # of rtol: the tail with what its terms do not show
 _NARROWEST = 0.3  # of a piece in z: eight pieces at most
 _DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
 _MOST_RATIOS = 24
-_TABLES_KEPT = 4096
 
 
 class Cell(NamedTuple):
@@ -197,9 +196,12 @@ class CurveFamily:
         return place
 
 
-@lru_cache(maxsize=_TABLES_KEPT)
 def curve_family(cell: Cell) -> CurveFamily | None:
     """Table of one cell; None where there is none: beyond 20 thicknesses, at a fold, or out of terms."""
+    return TABLES.get(("family", cell), lambda: _tabulated(cell))
+
+
+def _tabulated(cell: Cell) -> CurveFamily | None:
     try:
         return _expanded(cell, _first_ratios(cell))
     except RangeError:

@@ -17,6 +17,7 @@ from underlay.mechanics.exact.curve_family import (
     ratio_numbers,
 )
 from underlay.mechanics.exact.master_curve import Factor
+from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import PowerLawShape
 
 __all__ = ["family_batch"]
@@ -26,7 +27,7 @@ _RANGES = 1024
 
 
 @dataclass(frozen=True)
-class _Shelf:
+class _SideBySide:
     """Tables of one tip and one pair of Poisson's ratios, side by side; every array has one entry a cell.
 
     A set without a table finds an entry with an infinite error.
@@ -53,7 +54,7 @@ class _Shelf:
     errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def with_table(self, number: int, cell: Cell, family: CurveFamily | None) -> Self:
-        """Shelf with one table more; one in several pieces counts as none here."""
+        """Return them with one table more; one in several pieces counts as none here."""
         if family is not None and len(family.edges) > 2:
             family = None
         low, high = cell.log_ratios
@@ -74,11 +75,6 @@ class _Shelf:
             np.append(self.tops, np.inf if family is None else cell.top),
             np.append(self.errors, np.inf if family is None else family.error_estimate),
         )
-
-
-# Like the tables, shelves are the same whatever was asked before, and are kept for the whole process. A shelf
-# is never changed but replaced, so that two threads at most build a table twice.
-_SHELVES: dict[tuple[float, float, float, float], _Shelf] = {}
 
 
 def family_batch(
@@ -110,24 +106,25 @@ def family_batch(
     """
     spans, ranges = ratio_numbers(ratio), range_numbers(varpi)
     numbers = (spans * _RANGES + ranges).astype(np.int64).tolist()
-    key = (indenter.exponent, layer_nu, base_nu, rtol)
-    shelf = _SHELVES.get(key, _Shelf())
-    missing = {number: first for first, number in enumerate(numbers) if number not in shelf.places}
+    key = ("side by side", indenter.exponent, layer_nu, base_nu, rtol)
+    tables = TABLES.get(key, _SideBySide)
+    missing = {number: first for first, number in enumerate(numbers) if number not in tables.places}
     for number, first in missing.items():
         cell = Cell(indenter.exponent, layer_nu, base_nu, int(spans[first]), int(ranges[first]), rtol)
-        shelf = shelf.with_table(number, cell, curve_family(cell))
+        tables = tables.with_table(number, cell, curve_family(cell))
     if missing:
-        _SHELVES[key] = shelf
-    places = np.array([shelf.places[number] for number in numbers])
-    table = shelf.coefficients[places]
-    position = (np.log(ratio) - shelf.middles[places]) / shelf.halves[places]
+        # Never changed but replaced, so that another thread finds it whole.
+        TABLES.put(key, tables)
+    places = np.array([tables.places[number] for number in numbers])
+    table = tables.coefficients[places]
+    position = (np.log(ratio) - tables.middles[places]) / tables.halves[places]
     powers = position[:, None, None] ** np.arange(table.shape[1])
     curves = (powers @ table.reshape(*table.shape[:2], -1)).reshape(ratio.size, *table.shape[2:])
     return CurveBatch(
         indenter,
-        shelf.tops[places],
-        shelf.lengths[places][:, None],
-        shelf.softness[places][:, None],
+        tables.tops[places],
+        tables.lengths[places][:, None],
+        tables.softness[places][:, None],
         curves,
-        shelf.errors[places],
+        tables.errors[places],
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from math import log
 
 import numpy as np
@@ -25,13 +24,12 @@ from underlay.mechanics.exact.curve_family import (
 )
 from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, piecewise
+from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.kernel import LayerKernel
 from underlay.mechanics.plane_constants import isotropic_constants
 
 __all__ = ["FamilyLaw", "table_number", "tabulated_law"]
-
-_CURVES_KEPT = 1024
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,9 +149,13 @@ def tabulated_law(contact: Contact, ratio: float, depth: float, rtol: float) -> 
     )
 
 
-@lru_cache(maxsize=_CURVES_KEPT)
 def _on_rigid_base(exponent: float, nu: float, reach: int, rtol: float) -> SolvedCurve | None:
     """Curve of a tip of any size on a layer of unit thickness and any modulus; None beyond 20 thicknesses."""
+    key = ("rigid", exponent, nu, reach, rtol)
+    return TABLES.get(key, lambda: _solved_on_rigid_base(exponent, nu, reach, rtol))
+
+
+def _solved_on_rigid_base(exponent: float, nu: float, reach: int, rtol: float) -> SolvedCurve | None:
     problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, LayerKernel(isotropic_constants(1.0, nu), None))
     try:
         return solve_curve(problem, range_end(reach), rtol)
