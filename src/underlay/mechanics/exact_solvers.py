@@ -1,4 +1,4 @@
-"""Solvers of the contact problem to a relative error: `Exact`, `Stuck`, and `Auto`, a half-space where it will do."""
+"""Solvers of the contact problem to a relative error: `Exact`, `Stuck`; `Auto`, a half-space where it will do."""
 
 from __future__ import annotations
 

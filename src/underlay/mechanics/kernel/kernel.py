@@ -88,7 +88,7 @@ class Kernel(ABC):
         """
         del u
         raise InputError(
-            f"{type(self).__name__} says nothing of shear: for friction it needs compliance(u) and coupling"
+            f"{type(self).__name__} says nothing of shear: friction needs its compliance in shear and its coupling"
         )
 
     @property
@@ -98,7 +98,7 @@ class Kernel(ABC):
         Raises as `compliance` does.
         """
         raise InputError(
-            f"{type(self).__name__} says nothing of shear: for friction it needs compliance(u) and coupling"
+            f"{type(self).__name__} says nothing of shear: friction needs its compliance in shear and its coupling"
         )
 
     def simpler(self, eps: float, allowed: float) -> Layers | None:

@@ -126,7 +126,8 @@ def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     Examples
     --------
     >>> from underlay.mechanics.indenters import Paraboloid
-    >>> from underlay.mechanics.materials import RIGID, Isotropic, Layer
+    >>> from underlay.mechanics.body import RIGID, Layer
+    >>> from underlay.mechanics.materials import Isotropic
     >>> contact = Contact.of(Paraboloid(0.5), Layer(Isotropic(1.5, 0.5), 1.0), RIGID)
     >>> law = stuck_law(contact, max_depth=1.2)
     >>> f"{law.force(1.10407546804):.5f}"  # a/h = 1: P = 7.731771 theta A a^3
