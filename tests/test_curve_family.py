@@ -7,7 +7,7 @@ from support.laws import exact_law
 from underlay.errors import RangeError
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.exact.curve_family import Cell, curve_family, range_number
+from underlay.mechanics.exact.curve_family import Cell, IsotropicPair, curve_family, range_number
 from underlay.mechanics.exact.family_law import tabulated_law
 from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw
 from underlay.mechanics.materials import Isotropic
@@ -23,7 +23,8 @@ def pair(tip, ratio, varpi, rtol, *, layer_nu=0.45, base_nu=0.3, reference_rtol=
         RIGID if ratio is None else Isotropic(ratio * 1e6, base_nu),
     )
     deepest = float(tip.abel(np.array([varpi * THICKNESS]))[0])
-    law = tabulated_law(Contact.of(tip, layer, base), ratio or np.inf, deepest, rtol)
+    family = None if ratio is None else IsotropicPair(layer_nu, base_nu)
+    law = tabulated_law(Contact.of(tip, layer, base), family, ratio or np.inf, deepest, rtol)
     depth = np.linspace(0.01, 1.0, 50) * deepest
     return law, exact_law(tip, layer, base, max_depth=depth[-1], rtol=reference_rtol), depth
 
@@ -64,7 +65,7 @@ def test_a_wide_cell_comes_in_pieces_and_keeps_its_promise():
 
 
 def test_neighbouring_cells_agree_on_their_common_edge():
-    cell = Cell.holding(2.0, 0.45, 0.3, ratio=3.0, varpi=1.0, rtol=1e-6)
+    cell = Cell.holding(2.0, IsotropicPair(0.45, 0.3), ratio=3.0, varpi=1.0, rtol=1e-6)
     varpi = np.linspace(0.0, cell.top, 30)
     edge = cell.log_ratios[1]
     here, there = (curve_family(c).curve(edge) for c in (cell, cell._replace(ratio=cell.ratio + 1)))
@@ -75,7 +76,7 @@ def test_neighbouring_cells_agree_on_their_common_edge():
 def test_every_ratio_and_range_has_a_cell_that_holds_it():
     rng = np.random.default_rng(0)
     for ratio, varpi in zip(10.0 ** rng.uniform(-8, 8, 500), 10.0 ** rng.uniform(-6, 1, 500), strict=True):
-        cell = Cell.holding(2.0, 0.5, 0.5, ratio, varpi, 1e-4)
+        cell = Cell.holding(2.0, IsotropicPair(0.5, 0.5), ratio, varpi, 1e-4)
         low, high = cell.log_ratios
         assert low <= np.log(ratio) <= high
         assert varpi <= cell.top
@@ -83,22 +84,23 @@ def test_every_ratio_and_range_has_a_cell_that_holds_it():
 
 
 def test_another_cell_s_ratio_is_refused():
-    family = curve_family(Cell.holding(2.0, 0.45, 0.3, ratio=3.0, varpi=1.0, rtol=1e-4))
+    family = curve_family(Cell.holding(2.0, IsotropicPair(0.45, 0.3), ratio=3.0, varpi=1.0, rtol=1e-4))
     with pytest.raises(RangeError, match="ask the cell that holds them"):
         family.curve(np.log(300.0))
 
 
 def test_where_the_contact_is_too_wide_there_is_no_table():
-    assert curve_family(Cell.holding(2.0, 0.5, 0.3, 1e3, varpi=18.0, rtol=1e-4)) is None
+    assert curve_family(Cell.holding(2.0, IsotropicPair(0.5, 0.3), 1e3, varpi=18.0, rtol=1e-4)) is None
     contact = Contact.of(TIPS["paraboloid"], Layer(Isotropic(1e6, 0.5), 1e-3), RIGID)
     too_deep = float(contact.indenter.abel(np.array(18e-3)))
-    assert tabulated_law(contact, np.inf, too_deep, 1e-4) is None
+    assert tabulated_law(contact, None, np.inf, too_deep, 1e-4) is None
 
 
 def test_a_rigid_base_has_one_curve_for_every_modulus_thickness_and_radius():
     laws = [
         tabulated_law(
             Contact.of(Paraboloid(radius), Layer(Isotropic(E, 0.5), h), RIGID),
+            None,
             np.inf,
             float(Paraboloid(radius).abel(np.array(8.0 * h))),
             1e-6,

@@ -23,11 +23,11 @@ import underlay as ul
 from support.chromium import browser, chromium
 from support.hostile import CANARY, NAMES, file_name
 from support.reports import SAMPLES, cells_of, page_text, small_posterior
+from underlay._csv_text import csv_text
 from underlay._files import write_atomic
 from underlay.data.curve_csv import curve_csv
 from underlay.data.export import write_curves
 from underlay.report import labels, posterior_tables, render, tables, words
-from underlay.report.csv_text import csv_text
 from underlay.report.execution import import_path
 from underlay.report.markdown import markdown_text
 from underlay.report.measured import segments_of_file, segments_part
@@ -158,7 +158,7 @@ def test_usual_names_stay_readable():
 
 def test_names_of_parameters_hold_nothing_but_paths():
     assert labels.label("layer.E[1]") == "layer modulus (curve 2)"
-    assert labels.label("substrate.layers[0].E") == "substrate layer 1 modulus"
+    assert labels.label("substrate.layers[0].E") == "layer 2 modulus"
     assert labels.label("x[<b>]$") == "x[?b?]?"
     for name in NAMES:
         assert re.fullmatch(r"[\w.\[\]?]*", labels.label(f"layer.{name}"), re.ASCII)

@@ -17,6 +17,7 @@ GROUND = {
     "quantities",
     "_arrays",
     "_csv",
+    "_csv_text",
     "_documents",
     "_door",
     "_files",
@@ -171,11 +172,10 @@ DOORS = {
     "data/readers/_hdf5": {"h5py.File"},  # bytes in memory
     "data/readers/_sheets": {"openpyxl.load_workbook", "xlrd.open_workbook"},  # bytes in memory
     "data/readers/_jpk_map": {"zipfile.ZipFile"},  # after opened
-    "inference/batch/manifest": {"pd.read_csv"},  # text in memory
     "inference/batch/results_table": {"temporary.open", "parquet.ParquetFile"},  # writes; bytes in memory
     "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
     "inference/sampling/chain_file": {"library.File"},  # after require_regular
-    "report/maps": {"pd.read_csv"},  # bytes in memory
+    "inference/batch/map_table": {"pd.read_csv"},  # text in memory
     "report/execution": {"open"},  # writes a log
     "report/page": {"read_text"},  # of the package itself
     "report/notebook": {"read_text"},  # of the package itself

@@ -1,5 +1,6 @@
 """Pictures: each takes ``ax=`` and returns it, shows what it was given, and touches nothing else."""
 
+import itertools
 import struct
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -284,3 +285,22 @@ def test_segments_are_told_apart_by_colour_and_mark():
     assert sum(len(line.get_xdata()) for line in drawn.values()) == len(curve)
     assert "depth" in upper.get_ylabel()
     plt.close(upper.figure)
+
+
+def test_a_stack_is_drawn_with_its_layers_named_beside_it():
+    layers = [ul.Layer(ul.Isotropic(3e4 * (k + 2), 0.4), 1e-6 * (k % 3 + 0.3)) for k in range(5)]
+    layers[2] = replace(layers[2], bond="slip")
+    test = ul.Scene(ul.Sphere(10e-6), ul.Layer(ul.Isotropic(3e4, 0.35), 1e-6), ul.Stack(layers, ul.RIGID))
+    ax = ul.plots.scene(test, depth=6e-7)
+    beside = [text for text in ax.texts if text.get_position()[0] > 1.0]
+    assert len(beside) == 7
+    assert beside[-1].get_text() == "rigid"
+    assert "free to slip" in beside[3].get_text()
+    # From the top down, and no line of words on another.
+    ax.figure.canvas.draw()
+    boxes = [text.get_window_extent() for text in beside]
+    assert all(upper.y0 >= lower.y1 - 1.0 for upper, lower in itertools.pairwise(boxes))
+    faces = [line for line in ax.lines if line.get_linestyle() == "--"]
+    assert [line.get_ydata()[0] for line in faces] == [pytest.approx(-4.9)]
+    assert "contact radius" in ax.get_title()
+    plt.close("all")

@@ -178,6 +178,11 @@ def test_every_key_that_a_scene_file_may_hold_is_listed(run, tmp_path):
     code, out, _ = run("keys", "layer")
     assert "[layer]" in out
     assert "[noise]" not in out
+    assert "bond" in out
+    assert "one of bonded, slip, or { normal, shear }" in out
+    code, out, _ = run("keys", "substrate.layers")
+    assert "[[substrate.layers]]" in out
+    assert "thickness" in out
     code, _, err = run("keys", "lair")
     assert code == 2
     assert "it has indenter, layer" in err

@@ -4,14 +4,19 @@ References: 4 x 4 transfer matrices at 50 digits for the kernels (nothing shared
 contact problem solved on those kernels at two resolutions that agree to 1e-12.
 """
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
+import mpmath as mp
 import numpy as np
 import pytest
 
 import underlay as ul
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.kernel import StackKernel, SubstrateKernel
+from underlay.mechanics.kernel.recursion import Recursion
+from underlay.mechanics.kernel.stack import sheets_of
 from underlay.scene.effects import effect_sizes
 
 U = np.array([0.0, 1e-6, 0.01, 0.1, 0.3, 0.49, 0.51, 1.0, 2.0, 5.0, 12.0])
@@ -35,6 +40,7 @@ KERNELS = {
     "D": "-4260.879926546599 -49.46353905987787 -6.382240683028489 -0.7090597040057619 -0.005564541583138061",
     "E": "-4.942959367872453 0.7502157436295634 0.5799768785919334 0.2385289165834939 0.003125232131606465",
     "F": "0.4511358057433014 0.4131523653319069 0.3537316080260957 0.2003844752027154 0.002896702664902338",
+    "G": "-3294.109842836532 -27.2083303305448 -4.844803300053521 -0.6983775078737816 -0.005561519828136728",
 }
 MOMENTS = {
     "A": (-4.1962772715336, 1.5240746800262),
@@ -150,6 +156,52 @@ def test_kernels_of_stacks(name):
     np.testing.assert_allclose(StackKernel(*parts(name)).one_minus_L(FIVE), expected, rtol=1e-12)
 
 
+def transfer_matrix(name, u):
+    """1 - L by 4 x 4 transfer matrices at 50 digits: nothing is shared with the recursion."""
+
+    def constants(E, nu):
+        E, nu = mp.mpf(E), mp.mpf(nu)
+        return nu / (1 - nu), (1 + nu) * (1 - 2 * nu) / (E * (1 - nu)), E / (1 - nu**2), 2 * (1 + nu) / E
+
+    def halfspace(q, c, g, S):
+        p = mp.sqrt(q * q + c * g)
+        sigma = mp.sqrt(S * g - 2 * q + 2 * p)
+        return mp.matrix([[sigma / g, (q - p) / g], [(q - p) / g, p * sigma / g]])
+
+    with mp.workdps(50):
+        rows, base = STACKS[name]
+        C = mp.zeros(2) if base is None else halfspace(*constants(*base))
+        for E, nu, t in reversed(rows):
+            q, c, g, S = constants(E, nu)
+            N = mp.matrix([[0, 1, S, 0], [-q, 0, 0, c], [g, 0, 0, q], [0, 0, -1, 0]])
+            T = mp.expm(N * mp.mpf(float(u)) * mp.mpf(t), method="taylor")
+            C = mp.inverse(T[0:2, 0:2] + C * T[2:4, 0:2]) * (T[0:2, 2:4] + C * T[2:4, 2:4])
+        return float(1 - C[1, 1] / halfspace(*constants(*rows[0][:2]))[1, 1])
+
+
+@pytest.mark.parametrize("name", STACKS)
+def test_the_recursion_keeps_its_digits_where_it_changes_form(name):
+    """A layer goes from its series to its waves at v sigma = 0.6, the one on top at u = 0.3."""
+    u = np.array([1e-3, 0.03, 0.1, 0.15, 0.2, 0.299, 0.301, 0.599, 0.601, 1.3, 12.0])
+    expected = np.array([transfer_matrix(name, one) for one in u])
+    np.testing.assert_allclose(StackKernel(*parts(name)).one_minus_L(u), expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["A", "F"])
+def test_many_stacks_go_up_together(name):
+    """Constants and thicknesses of (sets, 1): each set as alone, though they turn thick at different nodes."""
+    layers, base = parts(name)
+    scales = np.array([[0.2], [1.0], [30.0]])
+    thicknesses = [layers[0].thickness, *(layer.thickness * scales for layer in layers[1:])]
+    constants = [layer.material.plane_constants for layer in layers]
+    bonds = ["slip", *("bonded" for _ in layers[1:])]
+    together = Recursion(*sheets_of(constants, base.plane_constants, thicknesses, bonds)).one_minus_L(U[1:])
+    for row, scale in zip(together, scales[:, 0], strict=True):
+        own = [replace(layers[0], bond="slip")]
+        own += [replace(layer, thickness=layer.thickness * scale) for layer in layers[1:]]
+        np.testing.assert_allclose(row, StackKernel(tuple(own), base).one_minus_L(U[1:]), rtol=1e-13)
+
+
 @pytest.mark.parametrize("name", MOMENTS)
 def test_moments_of_stacks(name):
     np.testing.assert_allclose(StackKernel(*parts(name)).coefficients(2), MOMENTS[name], rtol=1e-11)
@@ -236,6 +288,15 @@ HELD = replace(
 @pytest.mark.parametrize("scene", [FILM, HELD])
 def test_scene_files_hold_stacks(tmp_path, scene):
     assert ul.load_scene(scene.save(tmp_path / "scene.toml")) == scene
+
+
+def test_the_layers_that_the_readme_prints_are_read(tmp_path):
+    readme = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```toml\n(.*?)```", readme, re.DOTALL)
+    scene, layers = (next(b for b in blocks if word in b) for word in ("[indenter]", "[[substrate.layers]]"))
+    path = tmp_path / "scene.toml"
+    path.write_text(scene + layers, encoding="utf-8")
+    assert ul.load_scene(path).substrate.layers == (ul.Layer(ul.Isotropic(20e6, 0.4), 100e-6),)
 
 
 def test_paths_of_a_stack():

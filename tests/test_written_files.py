@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import underlay as ul
 from support.hostile import NAMES
 from support.reports import SAMPLES, small_posterior
+from underlay._csv_text import csv_text, unguarded
 from underlay._files import replacing, require_own_folder, write_atomic
 from underlay._text import comment_line, guarded_cell, one_line, unguarded_cell
 from underlay.data.curve_csv import curve_csv
@@ -22,7 +23,6 @@ from underlay.data.export import write_curves
 from underlay.errors import FileAccessError
 from underlay.inference.batch.results_table import Layout, to_frame, write_table
 from underlay.report import maps
-from underlay.report.csv_text import csv_text, unguarded
 
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions and links of POSIX systems")
 

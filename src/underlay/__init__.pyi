@@ -31,6 +31,7 @@ from .errors import (
 from .inference.batch.fit_many import fit_many as fit_many
 from .inference.batch.options import MapOptions as MapOptions
 from .inference.batch.options import Sampling as Sampling
+from .inference.bonding import compare_bonds as compare_bonds
 from .inference.compare import compare as compare
 from .inference.from_files import load_problem as load_problem
 from .inference.design.identifiability import identifiability as identifiability
@@ -39,6 +40,8 @@ from .inference.least_squares import (
     fit as fit,
 )
 from .inference.design.planning import plan as plan
+from .inference.population.population import Population as Population
+from .inference.population.population import population as population
 from .inference.priors import (
     HalfNormal as HalfNormal,
     LogNormal as LogNormal,

@@ -99,8 +99,10 @@ class Press:
         self._penalty = _PENALTY / size
         self._u = np.zeros(self._basis.N)
         self._gradients, self._volumes = _strains(self._basis)
-        self._values = np.array([part[0].value for part in self._surface.basis])  # (dofs, 2, facets, points)
-        where = np.asarray(self._surface.global_coordinates().value)[0]
+        self._values = np.array(
+            [np.asarray(part[0]) for part in self._surface.basis]
+        )  # (dofs, 2, facets, points)
+        where = np.asarray(self._surface.global_coordinates())[0]
         self._radius = where
         self._areas = 2.0 * np.pi * where * self._surface.dx
         self._home = np.full(where.shape, np.nan)
@@ -212,10 +214,10 @@ def _graded(size: float, even: float, end: float) -> Array:
 
 def _strains(basis: skfem.Basis) -> tuple[Array, Array]:
     """Displacement gradients of every local function, (dofs, 5, elements, points), and volumes."""
-    r = np.asarray(basis.global_coordinates().value)[0]
+    r = np.asarray(basis.global_coordinates())[0]
     parts = []
     for function in basis.basis:
-        value, slope = np.asarray(function[0].value), np.asarray(function[0].grad)
+        value, slope = np.asarray(function[0]), np.asarray(function[0].grad)
         parts.append(np.stack((slope[0, 0], slope[0, 1], slope[1, 0], slope[1, 1], value[0] / r)))
     return np.array(parts), 2.0 * np.pi * r * basis.dx
 

@@ -17,9 +17,9 @@ def accuracy(
 
     Example: `underlay accuracy scene.toml --max-depth "100 um" --output results`
     """
+    from underlay._csv_text import csv_text
     from underlay.report import plots
     from underlay.report.accuracy_table import accuracy_summary
-    from underlay.report.csv_text import csv_text
     from underlay.scene.accuracy_cost import accuracy_cost
     from underlay.scene.scene_file import read_scene_file
     from underlay.units import format_quantity

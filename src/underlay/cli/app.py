@@ -10,6 +10,7 @@ import typer
 from underlay._version import VERSION
 from underlay.cli.accuracy import accuracy
 from underlay.cli.bench import bench
+from underlay.cli.compare import compare
 from underlay.cli.console import noted, say, say_error
 from underlay.cli.demo import demo
 from underlay.cli.effects import effects
@@ -19,6 +20,7 @@ from underlay.cli.identify import identify
 from underlay.cli.keys import keys
 from underlay.cli.map import map_curves
 from underlay.cli.plan import plan
+from underlay.cli.population import population
 from underlay.cli.report import report
 from underlay.cli.sample import sample
 from underlay.cli.simulate import simulate
@@ -54,7 +56,22 @@ def _whole(
     """Take the options that go before any command."""
 
 
-for command in (demo, fit, sample, simulate, effects, accuracy, identify, plan, report, formats, keys, bench):
+for command in (
+    demo,
+    fit,
+    compare,
+    sample,
+    simulate,
+    effects,
+    accuracy,
+    identify,
+    plan,
+    population,
+    report,
+    formats,
+    keys,
+    bench,
+):
     app.command()(command)
 app.command("map")(map_curves)
 

@@ -33,8 +33,8 @@ def bench(
 
     Example: `underlay bench --readme README.md`
     """
+    from underlay._csv_text import csv_text
     from underlay.report.bench import bench_markdown, bench_table, depth_table, fit_table
-    from underlay.report.csv_text import csv_text
 
     page = None if readme is None else _read(readme)
     if output is not None:

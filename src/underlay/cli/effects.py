@@ -23,8 +23,8 @@ def effects(
 
     Example: `underlay effects scene.toml --max-depth "100 um" --output results`
     """
+    from underlay._csv_text import csv_text
     from underlay.report import plots
-    from underlay.report.csv_text import csv_text
     from underlay.scene.effects import effects_table
     from underlay.scene.scene_file import read_scene_file
     from underlay.units import format_quantity

@@ -114,8 +114,8 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
 
     A curve that was measured beyond loading gets a picture of its segments.
     """
+    from underlay._csv_text import csv_text
     from underlay.report import plots
-    from underlay.report.csv_text import csv_text
     from underlay.report.measured import beyond_loading
     from underlay.report.tables import fit_table
 

@@ -32,10 +32,10 @@ def identify(
 
     Example: `underlay identify scene.toml --curve curve.csv`
     """
+    from underlay._csv_text import csv_text
     from underlay.inference.design.identifiability import identifiability
     from underlay.inference.from_files import problem_from
     from underlay.report import plots
-    from underlay.report.csv_text import csv_text
     from underlay.scene.scene_file import read_scene_file
 
     file = read_scene_file(scene)

@@ -27,6 +27,8 @@ def keys(
     Example: `underlay keys`
 
     Example: `underlay keys layer`
+
+    Example: `underlay keys substrate.layers`
     """
     import pandas as pd
 
@@ -37,7 +39,9 @@ def keys(
     if section is not None and section not in sections:
         raise InputError(f"a scene file has no section {section!r}; it has {', '.join(sections)}")
     for name in sections if section is None else [section]:
-        say_table(table[table["section"] == name].drop(columns="section"), f"[{name}]")
+        # One table for every layer: its header is doubled in TOML.
+        title = f"[[{name}]]" if name == "substrate.layers" else f"[{name}]"
+        say_table(table[table["section"] == name].drop(columns="section"), title)
     say(
         "PARAMETER is any number of the scene: layer.E, layer.thickness, instrument.contact_depth, noise.force"
     )

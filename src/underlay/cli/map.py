@@ -27,7 +27,9 @@ def map_curves(
     scene: SceneOption,
     manifest: Annotated[
         Path | None,
-        typer.Option(help="CSV with a row per curve: file, name, x, y, thickness, radius, any parameter."),
+        typer.Option(
+            help="CSV with a row per curve: file, name, x, y, animal, group, thickness, any parameter."
+        ),
     ] = None,
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Folder for table, journal and pictures; made if absent.")
@@ -39,6 +41,10 @@ def map_curves(
     workers: Annotated[int | None, typer.Option(help="Processes; as many as processors by default.")] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Dask scheduler whose workers to use, e.g. tcp://10.0.0.1:8786.")
+    ] = None,
+    folders: Annotated[
+        str | None,
+        typer.Option(help="What the folders stand for that the curves lie in, e.g. group/animal."),
     ] = None,
     check: Annotated[bool, typer.Option("--check", help="Judge the quality of every curve first.")] = False,
     sample: Annotated[bool, typer.Option("--sample", help="Sample the posterior of every curve.")] = False,
@@ -75,6 +81,7 @@ def map_curves(
                 quality=check,
                 sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
                 resume=resume,
+                folders=tuple(folders.split("/")) if folders else (),
             ),
         )
     except KeyboardInterrupt:

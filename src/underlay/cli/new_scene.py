@@ -51,6 +51,12 @@ def _lines(curve: Curve, name: str) -> Iterator[str]:
     yield "[substrate]"
     yield 'rigid = true               # or E = "1 GPa" and nu = 0.3'
     yield ""
+    yield '# Lying loose on it: bond = "slip" in [layer]. More layers between them, from the top down:'
+    yield "# [[substrate.layers]]"
+    yield '# E = "20 MPa"'
+    yield "# nu = 0.4"
+    yield '# thickness = "100 um"'
+    yield ""
     spring = _number(known, "spring_constant")
     if spring is not None:
         yield f"# The file says a spring constant of {format_quantity(spring, 'stiffness')}; the depth that is"

@@ -49,10 +49,10 @@ def plan(
     """
     import numpy as np
 
+    from underlay._csv_text import csv_text
     from underlay.inference.design.planning import plan as plan_tests
     from underlay.inference.from_files import free_of
     from underlay.report import plots
-    from underlay.report.csv_text import csv_text
     from underlay.scene.scene_file import read_scene_file
 
     file = read_scene_file(scene)

@@ -79,8 +79,8 @@ def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
 
 def _write(posterior: Posterior, folder: Path, stem: str) -> list[Path]:
     """Write table, draws and pictures; return the files."""
+    from underlay._csv_text import csv_text
     from underlay.report import plots
-    from underlay.report.csv_text import csv_text
 
     draws = folder / f"{stem}.posterior.npz"
     posterior.save(draws)

@@ -16,6 +16,7 @@ from underlay.mechanics.exact.family_law import table_number, tabulated_law
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth, layer_effect
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, Sphere
+from underlay.mechanics.kernel import Family
 from underlay.mechanics.solver import Scaling, Solver
 from underlay.mechanics.stuck.law import stuck_law
 
@@ -59,16 +60,19 @@ class _ToTolerance(Solver):
         return Exact(min(self.rtol, rtol))
 
     def has_table(self, contact: Contact) -> bool:
-        """Tables are for power-law tips on an isotropic layer."""
-        return _is_rounded_power_law(contact.indenter) and _is_plain_layer(contact)
+        """Tables are for power-law tips on layers to which nothing sticks."""
+        layered = bool(np.isfinite(contact.thickness)) and contact.adhesion is None
+        return _is_rounded_power_law(contact.indenter) and layered
 
     def table_number(self, contact: Contact, depth: float) -> int:
         """See `curve_family`."""
         return table_number(contact, depth)
 
-    def tabulated(self, contact: Contact, ratio: float, depth: float) -> ContactLaw | None:
+    def tabulated(
+        self, contact: Contact, family: Family | None, ratio: float, depth: float
+    ) -> ContactLaw | None:
         """See `tabulated_law`."""
-        return tabulated_law(contact, ratio, depth, self.rtol)
+        return tabulated_law(contact, family, ratio, depth, self.rtol)
 
     def has_batches(self, contact: Contact) -> bool:
         """Batches are for power-law tips and spheres on an isotropic layer."""

@@ -19,6 +19,7 @@ from underlay.errors import InputError, LawError, UnderlayError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.depth_doubt import DeeperThanLayer
+from underlay.mechanics.kernel import Family
 
 __all__ = ["Scaling", "Solver"]
 
@@ -121,7 +122,7 @@ class Solver(ABC):
     # --- many contacts -----------------------------------------------------------------------------------
 
     def has_table(self, contact: Contact) -> bool:
-        """Whether laws of contacts that differ from this one in a ratio of moduli are read off a table."""
+        """Whether laws of contacts that differ from this one in one ratio are read off a table."""
         del contact
         return False
 
@@ -130,12 +131,15 @@ class Solver(ABC):
         del contact, depth
         return 0
 
-    def tabulated(self, contact: Contact, ratio: float, depth: float) -> ContactLaw | None:
+    def tabulated(
+        self, contact: Contact, family: Family | None, ratio: float, depth: float
+    ) -> ContactLaw | None:
         """Law read off a table, for `depth` (m) and to the end of the table's range; None: there is none.
 
-        `ratio` is Young's modulus of the base over that of the layer, in place of the contact's own.
+        `family` are the bodies, of which `ratio` tells which stands in place of the contact's own; None where
+        there is one alone, an isotropic layer on a rigid base.
         """
-        del contact, ratio, depth
+        del contact, family, ratio, depth
         return None
 
     def has_batches(self, contact: Contact) -> bool:

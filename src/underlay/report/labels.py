@@ -39,10 +39,10 @@ def _words(path: str) -> str:
 
 
 def _part(place: str) -> str:
-    """What a part is called: ``"layer"``; ``"substrate.layers[0]"`` is substrate layer 1."""
+    """What a part is called: ``"layer"``; ``"substrate.layers[0]"`` is layer 2, from the top."""
     whole, _, inner = place.partition(".")
     number = _INDEX.search(inner)
-    return f"{whole} layer {int(number[1]) + 1}" if number else whole
+    return f"layer {int(number[1]) + 2}" if number else whole
 
 
 def symbol(name: str) -> str:

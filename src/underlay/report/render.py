@@ -10,13 +10,13 @@ from typing import Any
 
 import pandas as pd
 
+from underlay._csv_text import csv_text
 from underlay._files import require_own_folder, require_writable_folder, write_atomic
 from underlay.errors import InputError
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.posterior import Posterior
-from underlay.report.csv_text import csv_text
 from underlay.report.execution import execute
 from underlay.report.measured import beyond_loading, segments_of_file, segments_part
 from underlay.report.notebook import Cell, Source, Value, filled, make_notebook, report_library, with_sections

@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 import numpy as np
 
 from underlay.mechanics.adhesion import Adhesion
+from underlay.mechanics.bonds import BONDS, Spring
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import RELAXES, Relaxation
@@ -44,6 +45,11 @@ _CHOICES = {
         "model",
     ): "how the modulus falls with time; without the section the layer is elastic",
     ("layer.relaxation", "relaxes"): "shear_and_bulk keeps Poisson's ratio; shear alone needs nu = 0.5",
+    (
+        "layer",
+        "bond",
+    ): "how its lower face holds to what is under it; slip: no friction; or springs, e.g. 1 GPa/m each way",
+    ("substrate.layers", "bond"): "the same of this layer; further layers stand from the top down",
     ("substrate", "rigid"): "true for a base that does not deform, in place of its moduli",
 }
 _FIT = {
@@ -78,9 +84,7 @@ def _all() -> Iterator[SceneKey]:
     yield SceneKey("indenter", "shape", f"one of {names}", "", _CHOICES["indenter", "shape"])
     for name, shape in sorted(shapes.items()):
         yield from _of_class(shape, "indenter", f" ({name})")
-    yield from _of_class(Isotropic, "layer", "")
-    yield from _of_class(TransverselyIsotropic, "layer", " (transversely isotropic)", seen=("E", "nu"))
-    yield from _of_model(ThicknessSection.model_fields, "layer")
+    yield from _of_layer("layer")
     models = _own(Relaxation)
     section = "layer.relaxation"
     yield SceneKey(section, "model", f"one of {', '.join(sorted(models))}", "", _CHOICES[section, "model"])
@@ -89,6 +93,7 @@ def _all() -> Iterator[SceneKey]:
     yield SceneKey(
         section, "relaxes", f"one of {', '.join(RELAXES)}", RELAXES[0], _CHOICES[section, "relaxes"]
     )
+    yield from _of_layer("substrate.layers")
     yield SceneKey("substrate", "rigid", "true or false", "false", _CHOICES["substrate", "rigid"])
     yield from _of_class(Isotropic, "substrate", "")
     yield from _of_class(TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu"))
@@ -106,6 +111,14 @@ def _all() -> Iterator[SceneKey]:
         ("simulate", SimulateSection),
     ):
         yield from _of_model(model.model_fields, section)
+
+
+def _of_layer(section: str) -> Iterator[SceneKey]:
+    yield from _of_class(Isotropic, section, "")
+    yield from _of_class(TransverselyIsotropic, section, " (transversely isotropic)", seen=("E", "nu"))
+    yield from _of_model(ThicknessSection.model_fields, section)
+    takes = f"one of {', '.join(BONDS)}, or {{ {', '.join(schema_of(Spring).model_fields)} }}"
+    yield SceneKey(section, "bond", takes, BONDS[0], _CHOICES[section, "bond"])
 
 
 def _own(family: type[Part]) -> dict[str, type[Part]]:

@@ -50,6 +50,8 @@ class CurvePlace:
         Numbers of its own scene (SI), by path.
     sha256 : str
         Hash of a curve in memory, or of its file, where it is known already.
+    labels : mapping
+        Whose it is, by column: animal, group and the like.
     """
 
     index: int
@@ -61,9 +63,12 @@ class CurvePlace:
     values: Mapping[str, float] = field(default_factory=dict)
     sha256: str = ""
     of_map: JpkMapCurve | None = None
+    labels: Mapping[str, str] = field(default_factory=dict)
 
 
-def list_curves(curves: Curves, leave_out: Iterable[Path] = ()) -> list[CurvePlace]:
+def list_curves(
+    curves: Curves, leave_out: Iterable[Path] = (), folders: Sequence[str] = ()
+) -> list[CurvePlace]:
     """List curves in the order of their names (a folder) or as given; no curve of a folder is read yet.
 
     Parameters
@@ -72,6 +77,8 @@ def list_curves(curves: Curves, leave_out: Iterable[Path] = ()) -> list[CurvePla
         A folder (its files, hidden ones and folders left out), one file that may hold many tests, or several.
     leave_out : iterable of Path
         Files of the folder that are no curves, such as the manifest.
+    folders : sequence of str
+        Labels that the folders within the folder stand for, outermost first.
 
     Raises
     ------
@@ -81,7 +88,11 @@ def list_curves(curves: Curves, leave_out: Iterable[Path] = ()) -> list[CurvePla
         If a folder or file is not there.
     """
     if isinstance(curves, str | os.PathLike):
-        places = _of_path(Path(curves), {path.resolve() for path in leave_out})
+        places = _of_path(Path(curves), {path.resolve() for path in leave_out}, folders)
+    elif folders:
+        raise InputError(
+            "folders label the curves of one folder; these are a list: give labels in a manifest"
+        )
     elif isinstance(curves, Curve):
         places = _of_several([curves])
     else:
@@ -125,7 +136,9 @@ def with_stand_ins(file: SceneFile, places: Sequence[CurvePlace]) -> SceneFile:
     )
 
 
-def _of_path(path: Path, leave_out: set[Path]) -> list[CurvePlace]:
+def _of_path(path: Path, leave_out: set[Path], folders: Sequence[str]) -> list[CurvePlace]:
+    if folders:
+        return _of_folders(path, leave_out, folders)
     if path.is_dir():
         try:
             names = sorted(entry.name for entry in os.scandir(path) if entry.is_file())
@@ -152,6 +165,18 @@ def _of_path(path: Path, leave_out: set[Path]) -> list[CurvePlace]:
     if len(tests) == 1:
         return [CurvePlace(0, path.name, file)]
     return [CurvePlace(number, f"{path.name}#{number + 1}", file, test) for number, test in enumerate(tests)]
+
+
+def _of_folders(path: Path, leave_out: set[Path], folders: Sequence[str]) -> list[CurvePlace]:
+    """Curves of folders in folders, labelled by the names of these."""
+    if not path.is_dir():
+        raise InputError(f"{path} is no folder: there are no folders in it to stand for {', '.join(folders)}")
+    places: list[CurvePlace] = []
+    for inner in sorted(entry for entry in path.iterdir() if entry.is_dir() and entry.name[0] != "."):
+        for place in _of_path(inner, leave_out, folders[1:]):
+            labels = {folders[0]: inner.name, **place.labels}
+            places.append(replace(place, index=len(places), name=f"{inner.name}/{place.name}", labels=labels))
+    return places
 
 
 def _of_several(curves: Iterable[Curve | str | os.PathLike[str]]) -> list[CurvePlace]:

@@ -74,8 +74,9 @@ def fit_many(
     free : mapping of path to prior
         As in `Problem`; by default what the scene file says.
     manifest : path, DataFrame or sequence of mappings, optional
-        Numbers of single curves: ``file``, ``name``, ``x``, ``y`` and any parameter path; see
-        `underlay.inference.batch.manifest`.
+        Numbers of single curves: ``file``, ``name``, ``x``, ``y``, any parameter path, and labels (``animal``,
+        ``group``) that say whose a curve is; see `underlay.inference.batch.manifest`. With labels the table
+        keeps what `population` needs.
     workers : int, optional
         Processes, each with one thread. By default as many as there are processors and curves to keep them
         busy; 0 fits in this process, to look into a failure.
@@ -122,11 +123,12 @@ def fit_many(
     options = options or MapOptions()
     own_files = [Path(entry) for entry in (manifest, scene) if isinstance(entry, str | os.PathLike)]
     own_files += [] if output is None else [_table_path(output)]
-    listed = list_curves(curves, own_files)
+    listed = list_curves(curves, own_files, options.folders)
     file = scene_file_of(scene)
     model = batch_model(scene if file is None else with_stand_ins(file, listed), free, options)
     count = _require_workers(workers)
-    places, given = _with_manifest(listed, manifest, model)
+    places, given, labels = _with_manifest(listed, manifest, model)
+    labels = tuple(dict.fromkeys((*options.folders, *labels)))
     told = () if file is None else tuple(path for path in file.left_out if path not in given)
     if output is not None:
         # The run must know its curves again.
@@ -134,7 +136,7 @@ def fit_many(
             place if place.curve is None else replace(place, sha256=curve_hash(place.curve))
             for place in places
         ]
-    layout = Layout.of(list(model.free), (*given, *told), sampled=model.sampling is not None)
+    layout = Layout.of(list(model.free), (*given, *told), labels, sampled=model.sampling is not None)
     with _table(output) as table:
         identity = _identity(model, places, layout)
         with _journal(table, identity, layout, options) as journal:
@@ -243,18 +245,25 @@ def _here(model: BatchModel, layout: Layout, todo: Sequence[CurvePlace]) -> Gene
 
 def _with_manifest(
     places: list[CurvePlace], manifest: Any, model: BatchModel
-) -> tuple[list[CurvePlace], tuple[str, ...]]:
-    """Places with what the manifest says of them, and the paths it gives."""
+) -> tuple[list[CurvePlace], tuple[str, ...], tuple[str, ...]]:
+    """Places with what the manifest says of them, and the paths and labels it gives."""
     if manifest is None:
-        return places, ()
+        return places, (), ()
     read = read_manifest(manifest, model.scene)
     entries = read.for_curves([place.name for place in places])
     model.check_starts((f"{read.source} ({entry.file})", entry.values) for entry in entries)
     joined = [
-        replace(place, name=entry.name or place.name, x=entry.x, y=entry.y, values=entry.values)
+        replace(
+            place,
+            name=entry.name or place.name,
+            x=entry.x,
+            y=entry.y,
+            values=entry.values,
+            labels={**place.labels, **entry.labels},
+        )
         for place, entry in zip(places, entries, strict=True)
     ]
-    return joined, read.paths
+    return joined, read.paths, read.labels
 
 
 def _identity(model: BatchModel, places: Sequence[CurvePlace], layout: Layout) -> dict[str, Any]:
@@ -262,7 +271,7 @@ def _identity(model: BatchModel, places: Sequence[CurvePlace], layout: Layout) -
     names, manifest = hashlib.sha256(), hashlib.sha256()
     for place in places:
         names.update(f"{Path(place.path).name}\0{place.sha256}\n".encode("utf-8", "backslashreplace"))
-        said = (place.name, place.x, place.y, sorted(place.values.items()))
+        said = (place.name, place.x, place.y, sorted({**place.values, **place.labels}.items()))
         manifest.update(repr(said).encode("utf-8", "backslashreplace"))
     hashes = {**model.hashes(), "curves": names.hexdigest(), "manifest": manifest.hexdigest()}
     return {"hashes": hashes, "columns": list(layout.kinds), "curves": len(places)}

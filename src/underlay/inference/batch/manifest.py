@@ -1,7 +1,8 @@
 """What a manifest says of every curve: its file, a name, where it was taken, and numbers of its scene.
 
-A manifest is a table with one row per curve. ``file`` says which; ``name``, ``x`` and ``y`` are optional; any
-other column is a parameter path (``layer.thickness``) or one of the short names ``thickness`` and ``radius``.
+A manifest is a table with one row per curve. ``file`` says which; ``name``, ``x`` and ``y`` are optional;
+``animal``, ``group`` and other labels say whose it is (any name with ``(label)`` after it is one); any other
+column is a parameter path (``layer.thickness``) or one of the short names ``thickness`` and ``radius``.
 In a file, lengths and moduli carry units, in the header (``thickness (mm)``) or in the cell (``1.5 mm``). In
 a table made in Python a bare number is SI.
 """
@@ -22,6 +23,7 @@ import pandas as pd
 from underlay._csv import numbered_rows
 from underlay._door import FileKind, printable, read_text, understood
 from underlay.errors import InputError, UnderlayError
+from underlay.inference.batch.results_table import RESERVED
 from underlay.scene.parameters import kind_of, unknown_parameter
 from underlay.scene.scene import Scene
 from underlay.units import parse_quantity
@@ -32,6 +34,14 @@ _SHORT = {"thickness": "layer.thickness", "radius": "indenter.radius"}
 _FILE = ("file", "path", "curve")
 _PLACES = ("x", "y")
 _WORDS = (*_FILE, "name", *_PLACES)
+# What people call groups and the things that curves were taken from; any other name says "(label)" after it.
+_LABELS = frozenset(
+    {
+        *("group", "treatment", "condition", "animal", "donor", "patient", "subject", "joint", "organ"),
+        *("sample", "specimen", "dish", "cell", "site", "region", "day", "batch"),
+    }
+)
+_LABEL = "label"
 _HEADER = re.compile(r"\s*(?P<name>[^()\[\]]+?)\s*(?:[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]])?\s*")
 # A million curves with ten numbers each.
 _KIND = FileKind("a manifest (CSV)", 256_000_000, "it needs a row of names with 'file', and a row per curve")
@@ -41,22 +51,24 @@ _LISTED = 5
 
 @dataclass(frozen=True)
 class Entry:
-    """One row: which curve, where (m), and the numbers of its scene (SI) by path."""
+    """One row: which curve, where (m), the numbers of its scene (SI) by path, and labels by column."""
 
     file: str
     name: str = ""
     x: float | None = None
     y: float | None = None
     values: Mapping[str, float] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """The rows of a manifest by the curve they belong to, and the parameter paths it gives."""
+    """The rows of a manifest by the curve they belong to, the parameter paths and the labels it gives."""
 
     entries: Mapping[str, Entry]
     paths: tuple[str, ...]
     source: str
+    labels: tuple[str, ...] = ()
 
     def for_curves(self, names: Sequence[str]) -> list[Entry]:
         """One entry per curve, in the order of `names`.
@@ -135,7 +147,8 @@ def read_manifest(
             raise InputError(f"{where} ({entry.file}): {error}") from error
         entries[entry.file] = entry
     paths = tuple(column.name for column in columns if "." in column.name)
-    return Manifest(entries, paths, source)
+    labels = tuple(column.name for column in columns if column.unit == _LABEL)
+    return Manifest(entries, paths, source, labels)
 
 
 @dataclass(frozen=True)
@@ -165,6 +178,12 @@ def _column(header: str, scene: Scene, source: str) -> _Column:
         return _Column("file", "")
     if name in _WORDS:
         return _Column(name, unit)
+    if unit == _LABEL and (name in RESERVED or "." in name):
+        raise InputError(
+            f"{source}: a label cannot be called {name!r}; the table has such a column of its own"
+        )
+    if unit == _LABEL or (name in _LABELS and not unit):
+        return _Column(name, _LABEL)
     path = _SHORT.get(name, name)
     if path in scene.parameters:
         return _Column(path, unit)
@@ -174,8 +193,9 @@ def _column(header: str, scene: Scene, source: str) -> _Column:
     near = difflib.get_close_matches(name, [*_WORDS, *_SHORT], n=1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     raise InputError(
-        f"{source} has an unknown column {header!r}{hint} Known are {', '.join(_WORDS)}, {', '.join(_SHORT)} "
-        "and every parameter path, such as layer.thickness"
+        f"{source} has an unknown column {header!r}{hint} Known are {', '.join(_WORDS)}, {', '.join(_SHORT)}, "
+        "every parameter path, such as layer.thickness, and labels: 'animal', 'group' and the like, or any "
+        f"'{name} (label)'"
     )
 
 
@@ -190,7 +210,9 @@ def _entry(columns: Sequence[_Column], cells: Sequence[Any], where: str, *, from
     numbers: dict[str, float] = {}
     for column, cell in zip(columns, cells, strict=True):
         blank = bool(pd.isna(cell)) or (isinstance(cell, str) and not cell.strip())
-        if column.name in ("file", "name"):
+        if column.name in ("file", "name") or column.unit == _LABEL:
+            if blank and column.unit == _LABEL:
+                raise InputError(f"{where}: no {column.name}; every row needs one, or leave the column out")
             texts[column.name] = "" if blank else str(cell).strip()
         elif not blank:
             try:
@@ -202,7 +224,9 @@ def _entry(columns: Sequence[_Column], cells: Sequence[Any], where: str, *, from
     if not texts["file"]:
         raise InputError(f"{where}: no file")
     x, y = numbers.pop("x", None), numbers.pop("y", None)
-    return Entry(texts["file"].replace("\\", "/").removeprefix("./"), texts.get("name", ""), x, y, numbers)
+    labels = {column.name: texts[column.name] for column in columns if column.unit == _LABEL}
+    file = texts["file"].replace("\\", "/").removeprefix("./")
+    return Entry(file, texts.get("name", ""), x, y, numbers, labels)
 
 
 def _number(cell: Any, column: _Column, *, from_file: bool) -> float:

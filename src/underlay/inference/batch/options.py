@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from underlay.errors import InputError
+from underlay.inference.batch.results_table import RESERVED
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise_model import NoiseModel
 
@@ -51,6 +53,9 @@ class MapOptions:
         of 95 % intervals.
     resume : bool, default False
         Continue the run in the output; rows that were written are not computed again.
+    folders : sequence of str, default ()
+        What the folders stand for in which the curves lie, outermost first: ``("group", "animal")`` reads
+        ``curves/<group>/<animal>/<file>`` and labels the rows so. Without it a folder's own files are read.
     time_limit : float, optional
         Longest time that a worker process may take over one curve (s); it is then ended, and the curve is a
         row with that reason. By default 600, and no limit where posteriors are sampled. Neither this process
@@ -74,8 +79,16 @@ class MapOptions:
     time_limit: float | None = None
     timeout: float = 10.0
     progress: bool | None = None
+    folders: Sequence[str] = ()
 
     def __post_init__(self) -> None:
+        if isinstance(self.folders, str) or len(set(self.folders)) < len(self.folders):
+            raise InputError(
+                f"folders must be different names, such as ('group', 'animal'); got {self.folders!r}"
+            )
+        taken = [name for name in self.folders if not name or name in RESERVED or "." in name]
+        if taken:
+            raise InputError(f"folders cannot stand for {taken[0]!r}; the table has such a column of its own")
         for name, value in (("time_limit", self.time_limit), ("timeout", self.timeout)):
             if value is not None and not value > 0.0:
                 raise InputError(f"{name} must be positive (s); got {value!r}")

@@ -22,6 +22,8 @@ __all__ = [
     "FAILED",
     "FITTED",
     "INSTRUMENT",
+    "LIKELIHOOD",
+    "RESERVED",
     "Layout",
     "read_parquet",
     "require_format",
@@ -34,6 +36,9 @@ FITTED, FAILED = "fitted", "failed"
 
 #: The instrument's own modulus (Pa) for the same Poisson's ratio, and ours over it less one (per cent).
 INSTRUMENT, DIFFERENCE = "layer.E.instrument", "layer.E.difference_percent"
+
+#: End of the column with the likelihood of a parameter in nine numbers, where its error alone would not do.
+LIKELIHOOD = "likelihood"
 
 _TEXT, _NUMBER, _COUNT = "text", "number", "count"
 _BEFORE = (
@@ -54,6 +59,8 @@ _AFTER = (
     ("sha256", _TEXT),
 )
 _SAMPLED = (("converged", _COUNT), ("seed", _COUNT))
+#: Columns that a label cannot have the name of.
+RESERVED = frozenset(name for name, _ in (*_BEFORE, *_AFTER, *_SAMPLED))
 _SUFFIXES = (".csv", ".parquet")
 _ROWS_AT_A_TIME = 20_000
 
@@ -71,14 +78,22 @@ class Layout:
     kinds: Mapping[str, str]
 
     @classmethod
-    def of(cls, parameters: Sequence[str], given: Sequence[str], *, sampled: bool) -> Layout:
-        """Columns for fitted `parameters` and, of the manifest, `given` ones."""
+    def of(
+        cls, parameters: Sequence[str], given: Sequence[str], labels: Sequence[str] = (), *, sampled: bool
+    ) -> Layout:
+        """Columns for fitted `parameters` and, of the manifest, `given` ones and `labels`.
+
+        A map with labels is one of a population: it keeps the likelihood of the modulus too.
+        """
         ends = ("", ".stderr", ".low", ".high") if sampled else ("", ".stderr")
         fitted = [(f"{path}{end}", _NUMBER) for path in parameters for end in ends]
         known = [(path, _NUMBER) for path in given if path not in parameters]
         if "layer.E" in parameters:
             known += [(column, _NUMBER) for column in (INSTRUMENT, DIFFERENCE)]
-        columns = (*_BEFORE, *fitted, *known, *_AFTER, *(_SAMPLED if sampled else ()))
+        whose = [(label, _TEXT) for label in labels]
+        if labels and "layer.E" in parameters:
+            known.append((f"layer.E.{LIKELIHOOD}", _TEXT))
+        columns = (*_BEFORE, *whose, *fitted, *known, *_AFTER, *(_SAMPLED if sampled else ()))
         return cls(dict(columns))
 
     @property

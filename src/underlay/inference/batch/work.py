@@ -7,6 +7,7 @@ no trace in it but the seconds it took.
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -24,7 +25,7 @@ from underlay.errors import CurveError, UnderlayError, UnderlayWarning
 from underlay.inference.batch.curves import CurvePlace
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.options import Sampling
-from underlay.inference.batch.results_table import DIFFERENCE, FAILED, FITTED, INSTRUMENT, Layout
+from underlay.inference.batch.results_table import DIFFERENCE, FAILED, FITTED, INSTRUMENT, LIKELIHOOD, Layout
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
 from underlay.inference.file_facts import EVERYTHING, settle
@@ -44,6 +45,10 @@ DIED = "the worker process died on this curve twice; out of memory, or killed fr
 # A contact that explains the force no better than this many squared standard deviations beyond a flat line
 # is none: three free numbers reach 30 by chance in one curve of a million.
 _NO_CONTACT = 30.0
+# A row keeps the whole likelihood where its relative error is above this, or a parameter is this near its bound.
+_MODULUS = "layer.E"
+_MODULUS_LIKELIHOOD = f"{_MODULUS}.{LIKELIHOOD}"
+_WIDE, _ON_BOUND = 0.2, 1e-6
 
 
 def work(model: BatchModel, layout: Layout, places: Sequence[CurvePlace]) -> Rows:
@@ -91,6 +96,7 @@ class CurveFitter:
     def __init__(self, model: BatchModel, layout: Layout) -> None:
         self._model, self._layout = model, layout
         self._separable = SeparableModel.of(model.template)
+        self._names, self._coordinates = model.template.names, model.template.coordinates
         self._base = model.scene.parameters
 
     def rows(self, places: Iterable[CurvePlace]) -> Iterator[tuple[int, str]]:
@@ -170,6 +176,8 @@ class CurveFitter:
             if told is not None:
                 row.update({INSTRUMENT: told.youngs, DIFFERENCE: 100.0 * told.difference})
         row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})
+        if _MODULUS_LIKELIHOOD in self._layout.kinds and self._error_will_not_do(outcome):
+            row[_MODULUS_LIKELIHOOD] = self._likelihood(place, curve)
         row.update(
             status=FITTED,
             verdict=GOOD,
@@ -181,6 +189,25 @@ class CurveFitter:
             **outcome.more,
         )
         _add_notes(row, [*notes, *outcome.notes])
+
+    def _error_will_not_do(self, outcome: _Found) -> bool:
+        """Whether a value and its error are no likelihood: a large error, or something on its bound."""
+        relative = outcome.stderr[_MODULUS] / outcome.values[_MODULUS]
+        ends = {path: (c.low, c.high) for path, c in zip(self._names, self._coordinates, strict=True)}
+        on_bound = any(
+            abs(value - end) <= _ON_BOUND * abs(end)
+            for path, value in outcome.values.items()
+            for end in ends.get(path, ())
+            if math.isfinite(end)
+        )
+        return on_bound or not relative <= _WIDE
+
+    def _likelihood(self, place: CurvePlace, curve: Curve) -> str:
+        # As for `quick_fit`: most maps never come here.
+        from underlay.inference.population.likelihood import CurveLikelihood  # noqa: PLC0415
+        from underlay.inference.profiles import profile  # noqa: PLC0415
+
+        return CurveLikelihood.of_profile(profile(self._problem(place, curve), _MODULUS)).as_text()
 
     def _of_scene(self, outcome: _Found) -> dict[str, float]:
         return {path: value for path, value in outcome.values.items() if path in self._base}
@@ -281,7 +308,14 @@ def _require_contact(curve: Curve, outcome: _Found) -> None:
 
 
 def _about(place: CurvePlace) -> dict[str, Any]:
-    return {"name": place.name, "path": place.path, "x": place.x, "y": place.y, **place.values}
+    return {
+        "name": place.name,
+        "path": place.path,
+        "x": place.x,
+        "y": place.y,
+        **place.labels,
+        **place.values,
+    }
 
 
 def _failure(reason: str) -> dict[str, Any]:

@@ -69,7 +69,7 @@ class Objective:
         self._one_law = not any(
             member.forward.similarity.ratio_slopes(path, member.base)
             for member in self.members
-            if not member.forward.laws.tabulated
+            if member.forward.laws.table is None
             for path in member.entries
         )
 

@@ -85,7 +85,7 @@ class Forward:
 
     def solved_by(self, solver: Solver) -> Forward:
         """Return the same with laws of another solver that scale alike, kept beside its own."""
-        return replace(self, laws=replace(self.laws, solver=solver, tabulated=False))
+        return replace(self, laws=replace(self.laws, solver=solver, table=None))
 
     def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
@@ -219,10 +219,14 @@ class Forward:
         """dP/dp at fixed tip depth: the two factors, then the ratios the parameter moves."""
         log_b, log_c = self.similarity.factor_slopes(path, values)
         derivative = (log_c * P + log_b * w * S) / values[path]
+        if self.laws.table is not None and (slope := self.laws.table.slope(path)):
+            known = law.ratio_slope(w, P)
+            if known is not None:
+                return np.asarray(derivative + known * (slope / values[path]))
         for ratio, slope in self.similarity.ratio_slopes(path, values).items():
             in_log = ratio not in self.similarity.direct
             if ratio not in ratio_columns:
-                known = _known_slope(law, ratio, w, P) if in_log else None
+                known = law.work_slope(w) if ratio == "adhesion.work" else None
                 ratio_columns[ratio] = (
                     self._ratio_derivative(ratio, values, deepest, w, rough=rough) if known is None else known
                 )
@@ -256,13 +260,6 @@ class Forward:
     def reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law at the reference with these ratios, for its depths up to `depth` (m)."""
         return self.laws.law(reduced, depth)
-
-
-def _known_slope(law: ContactLaw, ratio: str, w: FloatArray, P: FloatArray) -> FloatArray | None:
-    """dP/d ln k (N) where the law itself knows it."""
-    if ratio == "substrate.E":
-        return law.ratio_slope(w, P)
-    return law.work_slope(w) if ratio == "adhesion.work" else None
 
 
 #: (steps, weights) of a difference quotient.

@@ -1,12 +1,13 @@
 """The forward model for many parameter sets at once, as a sampler asks for it.
 
-Four ways, the first that applies:
+Five ways, the first that applies:
 
 1. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
-2. only the ratio of two moduli varies: every set's curve is read off the table of its cell (`curve_family`);
+2. one ratio alone varies: every set's curve is read off the table of its cell (`curve_family`);
 3. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
    go through it, in groups whose stiffness ratio and range are alike;
-4. otherwise set by set, through `Forward.reading`.
+4. moduli and thicknesses of a stack vary: through `ExactBatch` too, in groups of like ratios;
+5. otherwise set by set, through `Forward.reading`.
 
 A set's answer does not depend on the company it is asked in: a chain can be repeated bit by bit.
 """
@@ -24,6 +25,8 @@ from underlay.errors import InputError, RangeError
 from underlay.inference.model.exact_groups import exact_groups
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.parameter_sets import ParameterSets, Values, values_of
+from underlay.inference.model.stack_groups import has_stack_batches, stack_groups, stacked
+from underlay.inference.model.tables import OneRatio
 from underlay.mechanics.exact.family_batch import family_batch
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
@@ -71,10 +74,12 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     asked = ParameterSets(forward, values, sets)
     if asked.shared is not None:
         return _by_one_law(asked, asked.shared, stiffness=stiffness)
-    if forward.laws.tabulated:
-        return _from_tables(asked, stiffness=stiffness)
+    if forward.laws.table is not None:
+        return _from_tables(asked, forward.laws.table, stiffness=stiffness)
     if _has_exact_batches(asked):
         return _in_groups(asked, stiffness=stiffness)
+    if has_stack_batches(asked):
+        return _in_stack_groups(asked, stiffness=stiffness)
     return _one_by_one(forward, values, range(sets), Readings.empty(sets, len(forward.depth)))
 
 
@@ -120,19 +125,20 @@ def _by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: 
     return _one_by_one(asked.forward, asked.values, alone, readings)
 
 
-def _from_tables(asked: ParameterSets, *, stiffness: bool) -> Readings:
+def _from_tables(asked: ParameterSets, table: OneRatio, *, stiffness: bool) -> Readings:
     """All sets through the tables of the exact law; those without a table one by one."""
     scene = asked.forward.similarity.scene
     if not isinstance(scene.indenter, PowerLawShape):
         raise TypeError(f"only power-law tips are tabulated, not {scene.indenter!r}")
+    if table.family is None:
+        raise TypeError("one body alone needs no table of many")
     layer_E, nu = asked.column("layer.E")[:, 0], float(asked.values["layer.nu"])
     thickness = np.ascontiguousarray(asked.column("layer.thickness")[:, 0])
     # On a rigid base no ratio varies: there one law serves all.
     curves = family_batch(
         scene.indenter,
-        layer_nu=nu,
-        base_nu=float(asked.values["substrate.nu"]),
-        ratio=asked.column("substrate.E")[:, 0] / layer_E,
+        family=table.family,
+        ratio=asked.column(table.path)[:, 0] / asked.column(table.over)[:, 0],
         varpi=asked.varpi(thickness),
         rtol=asked.rtol,
     )
@@ -179,6 +185,29 @@ def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
             # The shape ends before the group's range does: each set knows its own reach.
             alone += rows.tolist()
             continue
+        fine = np.broadcast_to(curves.error_estimate <= asked.rtol, rows.size)
+        readings.possible[rows[fine]] = True
+        alone += rows[~fine].tolist()
+    readings = readings._replace(force=asked.instrument_force(readings.contact))
+    return _one_by_one(asked.forward, asked.values, alone, readings)
+
+
+def _in_stack_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
+    """All sets of a stack through compiled batches of the exact law."""
+    readings = Readings.empty(asked.sets, len(asked.forward.depth))
+    thickness = np.ascontiguousarray(asked.column("layer.thickness")[:, 0])
+    abel = asked.abel_coefficients()
+    alone: list[int] = []
+    for rows, compiled in stack_groups(asked):
+        if compiled is None:
+            alone += rows.tolist()
+            continue
+        kernel, theta = stacked(asked, rows)
+        curves = compiled.curves_of(kernel.one_minus_L(compiled.u))
+        arguments = (asked.tip[rows], theta, thickness[rows], None if abel is None else abel[rows])
+        readings.contact[rows] = curves.force(*arguments)
+        if stiffness:
+            readings.stiffness[rows] = curves.stiffness(*arguments)
         fine = np.broadcast_to(curves.error_estimate <= asked.rtol, rows.size)
         readings.possible[rows[fine]] = True
         alone += rows[~fine].tolist()

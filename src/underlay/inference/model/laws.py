@@ -1,8 +1,8 @@
 """Where the laws of a forward model come from: how they are built, read off tables, and kept.
 
 The range of a law that is solved for is its needed depth rounded up to a power of two: it is then a function of
-the parameters alone, not of what was asked before. Where only the ratio of two moduli varies, laws are read off
-the tables of `curve_family`.
+the parameters alone, not of what was asked before. Where one ratio alone varies, laws are read off the tables of
+`curve_family`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError, UnderlayWarning
 from underlay.inference.model.similarity import Similarity
+from underlay.inference.model.tables import OneRatio, one_ratio
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
@@ -89,9 +90,8 @@ class LawSource:
         Name of the reference in the store.
     contact : Contact
         Of the reference.
-    tabulated : bool
-        Whether nothing but the ratio of two moduli can change the law, and the solver reads such laws off a
-        table.
+    table : OneRatio or None
+        The one ratio that can change the law, where the solver reads such laws off a table.
     """
 
     similarity: Similarity
@@ -99,7 +99,7 @@ class LawSource:
     store: LawStore
     number: int
     contact: Contact
-    tabulated: bool
+    table: OneRatio | None
 
     @classmethod
     def of(
@@ -112,9 +112,8 @@ class LawSource:
     ) -> LawSource:
         """Source for what may vary at the paths `free`; `reference` names its laws in the store."""
         contact = similarity.scene.contact
-        moduli_alone = similarity.exponent is not None and not set(similarity.direct).intersection(free)
-        tabulated = moduli_alone and solver.has_table(contact)
-        return cls(similarity, solver, store, store.number(reference), contact, tabulated)
+        table = one_ratio(similarity, free) if solver.has_table(contact) else None
+        return cls(similarity, solver, store, store.number(reference), contact, table)
 
     @property
     def for_differences(self) -> LawSource:
@@ -129,7 +128,7 @@ class LawSource:
         InputError
             If the ratios are not those of a possible scene, or the law does not reach that deep.
         """
-        law = self._from_table(reduced, depth) if self.tabulated else None
+        law = None if self.table is None else self._from_table(self.table, reduced, depth)
         return law if law is not None else self._solved(reduced, depth)
 
     def for_statements(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
@@ -146,15 +145,15 @@ class LawSource:
         """Numbers of the ranges that depths (m), (sets,), belong to: those of one range share a law."""
         return self.solver.ranges(self.contact, depth)
 
-    def _from_table(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | None:
+    def _from_table(self, table: OneRatio, reduced: tuple[float, ...], depth: float) -> ContactLaw | None:
         """Law read off a table, to the end of the table's range; None where there is none."""
         similarity = self.similarity
         number = self.solver.table_number(self.contact, depth)
         key = (self.number, self.solver, similarity.length, reduced, "table", number)
         law = self.store.get(key)
         if law is None:
-            base = dict(zip(similarity.ratio_paths, reduced, strict=True)).get("substrate.E", np.inf)
-            found = self.solver.tabulated(self.contact, base / similarity.values["layer.E"], depth)
+            values = {**similarity.values, **dict(zip(similarity.ratio_paths, reduced, strict=True))}
+            found = self.solver.tabulated(self.contact, table.family, table.of(values), depth)
             if found is None:
                 return None
             law = self.store.keep(key, found)

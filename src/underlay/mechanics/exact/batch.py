@@ -31,8 +31,8 @@ from underlay.mechanics.exact.master_curve import (
     reach,
     truncation_error,
 )
-from underlay.mechanics.exact.nodes import Resolution, curve_terms
-from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.nodes import curve_terms
+from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.kernel import Kernel, LayerKernel
 from underlay.mechanics.plane_constants import PlaneConstants
@@ -106,7 +106,15 @@ class ExactBatch:
             If the contact radius would pass 20 thicknesses, or the end of the indenter's shape, or the batch
             would not fit into memory.
         """
-        problem = ContactProblem.of(indenter, thickness, LayerKernel(inner, outer))
+        kernel = LayerKernel(inner, outer)
+        return cls.compile_for(indenter, kernel, thickness=thickness, max_depth=max_depth, rtol=rtol)
+
+    @classmethod
+    def compile_for(
+        cls, indenter: Indenter, kernel: Kernel, *, thickness: float, max_depth: float, rtol: float = 1e-6
+    ) -> Self:
+        """Place the nodes for bodies near that of `kernel`; otherwise as `compile`."""
+        problem = ContactProblem.of(indenter, thickness, kernel)
         top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / thickness
         solved = solve_curve(problem, top, rtol)
         terms = min(curve_terms(problem.scales, top, problem.measure.exponent, rtol) + 1, MOST_TERMS)
@@ -115,7 +123,7 @@ class ExactBatch:
         margin = _MARGIN if indenter is problem.measure else 1.0
         targets = Stretch.to(margin * top, 0.0).v(np.cos(chebyshev_angles(terms)))
         eps = targets * solved.curve.factor(Factor.RADIUS, targets)
-        resolution = Resolution.choose(problem.scales, solved.eps, rtol)
+        resolution = proved_resolution(kernel, solved.eps, rtol)
         u, weights = resolution.wavenumber_rule()
         rule = even_rule(resolution.radial)
         count = rule.nodes.size
@@ -140,7 +148,11 @@ class ExactBatch:
         thickness : ndarray (sets,), optional
             Of the layers (m): needed only where the indenter is not a power law.
         """
-        punch = self._punch(LayerKernel(inner, outer))
+        return self.curves_of(LayerKernel(inner, outer).values(self.u), thickness)
+
+    def curves_of(self, kernels: FloatArray, thickness: FloatArray | float = 1.0) -> CurveBatch:
+        """Solve for a batch of bodies by their 1 - L at `u`, (sets, wavenumbers) or (wavenumbers,)."""
+        punch = self._punch(kernels)
         lengths = np.reshape(np.asarray(thickness, dtype=np.float64), (-1, 1))
         # A set whose radii pass the end of the shape is solved on the thickest layer that fits, and marked.
         thickest = self.indenter.max_radius / float(self.eps.max())
@@ -163,8 +175,8 @@ class ExactBatch:
             errors,
         )
 
-    def _punch(self, bodies: Kernel) -> PunchSolution:
-        strength = (2.0 / np.pi) * self.weights * np.atleast_2d(bodies.values(self.u))
+    def _punch(self, kernels: FloatArray) -> PunchSolution:
+        strength = (2.0 / np.pi) * self.weights * np.atleast_2d(kernels)
         count, radii = self.rule.nodes.size, self.eps.size
         kernel = (strength @ self.products).reshape(-1, radii, count + 1, count)
         matrix = kernel[:, :, :count] * -self.rule.weights

@@ -246,12 +246,11 @@ def _placement(
 ) -> tuple[Callable[[FloatArray], FloatArray] | None, float, float]:
     """Where to put the radii for given varpi, the largest, and how errors of depth grow in the radius.
 
-    The guess will do unless the substrate is much softer than the layer, or the body is more than one layer on a
-    base: then a coarse solution tells. Where
-    varpi(chi) folds, or stops short, there is no placing beforehand (None). The growth is the largest slope
-    d ln chi/d ln varpi: one, but near a fold.
+    The guess will do unless something under the surface is much softer than the layer: then a coarse solution
+    tells. Where varpi(chi) folds, or stops short, there is no placing beforehand (None). The growth is the
+    largest slope d ln chi/d ln varpi: one, but near a fold.
     """
-    if problem.scales.charted and problem.scales.ratio > _SOFT:
+    if problem.scales.softest > _SOFT:
         return guess.radius, last, 1.0
     branches = _series(problem, last, _COARSE)[0].branches()
     gain = min(max(_steepest(branch) for branch in branches), _LARGEST_GAIN)

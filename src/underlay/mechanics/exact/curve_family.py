@@ -1,10 +1,11 @@
-"""Master curves of one power-law tip over a range of modulus ratios, tabulated once and read off at once.
+"""Master curves of one power-law tip on bodies that differ in one ratio, tabulated once and read off at once.
 
 With Poisson's ratios fixed, the master curve of a layer on a base depends on one number more than varpi: the
-ratio k of the base's modulus to the layer's. A fit or a sampler that varies moduli asks for thousands of
-values of k. The coefficients of the curve are analytic in ln k: the kernel's poles lie where k is negative,
-at Im ln k = pi. So Chebyshev polynomials over a span of ln 4 gain a factor of 9 with each term, and half a dozen
-solutions serve every ratio in the span, with the derivative in ln k beside them.
+ratio k of the base's modulus to the layer's. So does that of a stack of which one modulus or thickness is not
+known. A fit or a sampler asks for thousands of values of k. The coefficients of the curve are analytic in ln k:
+in a ratio of moduli the kernel's poles lie where k is negative, at Im ln k = pi. So Chebyshev polynomials over a
+span of ln 4 gain a factor of 9 with each term, and half a dozen solutions serve every ratio in the span, with the
+derivative in ln k beside them; how many it takes is measured, for ratios of lengths too.
 
 The spans ("cells") of ratio and of varpi are fixed numbers, not taken from what was asked before: a law is a
 function of its parameters alone. Everything here is dimensionless, so one table serves any tip size, thickness
@@ -20,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
-from underlay.errors import RangeError
+from underlay.errors import InputError, RangeError
 from underlay.mechanics.exact.contact_curve import ContactProblem, SolvedCurve, solve_curve
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
@@ -36,12 +37,13 @@ from underlay.mechanics.exact.master_curve import (
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import PowerLaw
-from underlay.mechanics.kernel import LayerKernel
+from underlay.mechanics.kernel import Family, LayerKernel
 from underlay.mechanics.plane_constants import isotropic_constants
 
 __all__ = [
     "Cell",
     "CurveFamily",
+    "IsotropicPair",
     "curve_family",
     "range_end",
     "range_number",
@@ -63,15 +65,26 @@ _DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
 _MOST_RATIOS = 24
 
 
+class IsotropicPair(NamedTuple):
+    """An isotropic layer on an isotropic base: their Poisson's ratios; the number is the ratio of moduli."""
+
+    layer_nu: float
+    base_nu: float
+
+    def kernel(self, ratio: float) -> LayerKernel:
+        """Kernel with a base `ratio` times as stiff as the layer."""
+        return LayerKernel(isotropic_constants(1.0, self.layer_nu), isotropic_constants(ratio, self.base_nu))
+
+
 class Cell(NamedTuple):
-    """Which table: the tip's exponent, both Poisson's ratios, the spans and the accuracy.
+    """Which table: the tip's exponent, the bodies, the spans and the accuracy.
 
     Parameters
     ----------
     exponent : float
         Of the tip's power law.
-    layer_nu, base_nu : float
-        Poisson's ratios of the layer and of the base.
+    family : Family
+        The bodies.
     ratio : int
         Number of the span in ln k.
     range : int
@@ -81,18 +94,15 @@ class Cell(NamedTuple):
     """
 
     exponent: float
-    layer_nu: float
-    base_nu: float
+    family: Family
     ratio: int
     range: int
     rtol: float
 
     @classmethod
-    def holding(
-        cls, exponent: float, layer_nu: float, base_nu: float, ratio: float, varpi: float, rtol: float
-    ) -> Cell:
-        """Cell that holds a modulus ratio and a largest varpi."""
-        return cls(exponent, layer_nu, base_nu, ratio_number(ratio), range_number(varpi), rtol)
+    def holding(cls, exponent: float, family: Family, ratio: float, varpi: float, rtol: float) -> Cell:
+        """Cell that holds a ratio and a largest varpi."""
+        return cls(exponent, family, ratio_number(ratio), range_number(varpi), rtol)
 
     @property
     def log_ratios(self) -> tuple[float, float]:
@@ -190,21 +200,21 @@ class CurveFamily:
         place = (log_ratios - low) * (2.0 / (high - low)) - 1.0
         if (np.abs(place) > 1.0 + 1e-9).any():
             raise RangeError(
-                f"modulus ratios {np.exp(log_ratios.min()):.6g} to {np.exp(log_ratios.max()):.6g} leave the "
+                f"ratios {np.exp(log_ratios.min()):.6g} to {np.exp(log_ratios.max()):.6g} leave the "
                 f"table's span {np.exp(low):.6g} to {np.exp(high):.6g}: ask the cell that holds them"
             )
         return place
 
 
 def curve_family(cell: Cell) -> CurveFamily | None:
-    """Table of one cell; None where there is none: beyond 20 thicknesses, at a fold, or out of terms."""
+    """Table of one cell; None where there is none: beyond 20 thicknesses, at a fold, out of terms, no body."""
     return TABLES.get(("family", cell), lambda: _tabulated(cell))
 
 
 def _tabulated(cell: Cell) -> CurveFamily | None:
     try:
         return _expanded(cell, _first_ratios(cell))
-    except RangeError:
+    except InputError:
         return None
 
 
@@ -220,7 +230,7 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     solutions = [_solved(cell, float(np.exp(log_ratio))) for log_ratio in log_ratios]
     if any(solved.curve.jumps for solved in solutions):
         return None
-    stretch = Stretch.to(cell.top, _kernel(cell, float(np.exp(0.5 * (low + high)))).scales.softness)
+    stretch = Stretch.to(cell.top, cell.family.kernel(float(np.exp(0.5 * (low + high)))).scales.softness)
     pieces = _pieces([solved.curve for solved in solutions], stretch, (-1.0, 1.0), cell.rtol)
     if pieces is None:
         return None
@@ -303,9 +313,5 @@ def _resampled(curves: list[MasterCurve], stretch: Stretch, ends: tuple[float, f
 
 def _solved(cell: Cell, ratio: float) -> SolvedCurve:
     """Exact curve at one ratio, of a tip w = A F_2 a^lambda of any size on a layer of unit thickness."""
-    problem = ContactProblem.of(PowerLaw(cell.exponent, 1.0), 1.0, _kernel(cell, ratio))
+    problem = ContactProblem.of(PowerLaw(cell.exponent, 1.0), 1.0, cell.family.kernel(ratio))
     return solve_curve(problem, cell.top, _SHARE_OF_SOLUTIONS * cell.rtol)
-
-
-def _kernel(cell: Cell, ratio: float) -> LayerKernel:
-    return LayerKernel(isotropic_constants(1.0, cell.layer_nu), isotropic_constants(ratio, cell.base_nu))

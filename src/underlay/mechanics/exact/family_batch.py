@@ -19,6 +19,7 @@ from underlay.mechanics.exact.curve_family import (
 from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import PowerLawShape
+from underlay.mechanics.kernel import Family
 
 __all__ = ["family_batch"]
 
@@ -28,7 +29,7 @@ _RANGES = 1024
 
 @dataclass(frozen=True)
 class _SideBySide:
-    """Tables of one tip and one pair of Poisson's ratios, side by side; every array has one entry a cell.
+    """Tables of one tip and one family of bodies, side by side; every array has one entry a cell.
 
     A set without a table finds an entry with an infinite error.
 
@@ -80,8 +81,7 @@ class _SideBySide:
 def family_batch(
     indenter: PowerLawShape,
     *,
-    layer_nu: float,
-    base_nu: float,
+    family: Family,
     ratio: FloatArray,
     varpi: FloatArray,
     rtol: float,
@@ -92,10 +92,10 @@ def family_batch(
     ----------
     indenter : PowerLawShape
         The tip; its size may change from set to set through `CurveBatch.force`.
-    layer_nu, base_nu : float
-        Poisson's ratios.
+    family : Family
+        The bodies.
     ratio, varpi : ndarray (sets,)
-        Modulus of the base over that of the layer, and the largest varpi.
+        Which of them, and the largest varpi.
     rtol : float
         Relative error asked for.
 
@@ -106,11 +106,11 @@ def family_batch(
     """
     spans, ranges = ratio_numbers(ratio), range_numbers(varpi)
     numbers = (spans * _RANGES + ranges).astype(np.int64).tolist()
-    key = ("side by side", indenter.exponent, layer_nu, base_nu, rtol)
+    key = ("side by side", indenter.exponent, family, rtol)
     tables = TABLES.get(key, _SideBySide)
     missing = {number: first for first, number in enumerate(numbers) if number not in tables.places}
     for number, first in missing.items():
-        cell = Cell(indenter.exponent, layer_nu, base_nu, int(spans[first]), int(ranges[first]), rtol)
+        cell = Cell(indenter.exponent, family, int(spans[first]), int(ranges[first]), rtol)
         tables = tables.with_table(number, cell, curve_family(cell))
     if missing:
         # Never changed but replaced, so that another thread finds it whole.

@@ -26,7 +26,7 @@ from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, piecewise
 from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
-from underlay.mechanics.kernel import LayerKernel
+from underlay.mechanics.kernel import Family, LayerKernel
 from underlay.mechanics.plane_constants import isotropic_constants
 
 __all__ = ["FamilyLaw", "table_number", "tabulated_law"]
@@ -41,7 +41,7 @@ class FamilyLaw(ExactLaw):
     family : CurveFamily
         The table.
     log_ratio : float
-        ln(E of the base / E of the layer).
+        ln k of the family's ratio: for a layer on a base, that of their moduli.
     """
 
     family: CurveFamily
@@ -85,16 +85,19 @@ def table_number(contact: Contact, depth: float) -> int:
     return range_number(float(contact.indenter.halfspace_radius(np.asarray(depth))) / contact.thickness)
 
 
-def tabulated_law(contact: Contact, ratio: float, depth: float, rtol: float) -> ExactLaw | None:
-    """Exact law of a power-law tip on an isotropic layer, solved for itself or one like it before.
+def tabulated_law(
+    contact: Contact, family: Family | None, ratio: float, depth: float, rtol: float
+) -> ExactLaw | None:
+    """Exact law of a power-law tip on one of a family of bodies, solved for itself or one like it before.
 
     Parameters
     ----------
     contact : Contact
-        Of a power-law tip with an isotropic layer.
+        Of a power-law tip on one of them.
+    family : Family or None
+        The bodies; None for an isotropic layer on a rigid base, of which there is one.
     ratio : float
-        Young's modulus of the base over that of the layer, in place of the contact's own; a rigid base has
-        none.
+        Which, in place of the contact's own.
     depth : float
         Depth (m) that must be reached; the law goes to the end of its cell.
     rtol : float
@@ -106,11 +109,13 @@ def tabulated_law(contact: Contact, ratio: float, depth: float, rtol: float) -> 
         None where there is no table.
     """
     indenter, body, thickness, theta = contact.indenter, contact.isotropic, contact.thickness, contact.theta
-    if not (isinstance(indenter, PowerLawShape) and body is not None):
+    if not isinstance(indenter, PowerLawShape):
         return None
     reach = table_number(contact, depth)
     max_depth = float(indenter.abel(np.asarray(range_end(reach) * thickness)))
-    if body.base is None:
+    if family is None:
+        if body is None:
+            return None
         solved = _on_rigid_base(indenter.exponent, body.layer.nu, reach, rtol)
         if solved is None:
             return None
@@ -129,22 +134,21 @@ def tabulated_law(contact: Contact, ratio: float, depth: float, rtol: float) -> 
             resolution=solved.resolution,
             radii=solved.radii,
         )
-    cell = Cell(indenter.exponent, body.layer.nu, body.base.nu, ratio_number(ratio), reach, rtol)
-    family = curve_family(cell)
-    if family is None or family.error_estimate > rtol:
+    table = curve_family(Cell(indenter.exponent, family, ratio_number(ratio), reach, rtol))
+    if table is None or table.error_estimate > rtol:
         return None
     return FamilyLaw(
         method="exact",
-        reason=f"exact contact problem, tabulated over the ratio of moduli for a/h up to {family.eps:.3g}",
+        reason=f"exact contact problem, tabulated over what varies for a/h up to {table.eps:.3g}",
         max_depth=max_depth,
-        error_estimate=family.error_estimate,
+        error_estimate=table.error_estimate,
         measure=indenter,
         theta=theta,
         thickness=thickness,
-        curve=family.curve(log(ratio)),
-        resolution=family.resolution,
-        radii=family.radii,
-        family=family,
+        curve=table.curve(log(ratio)),
+        resolution=table.resolution,
+        radii=table.radii,
+        family=table,
         log_ratio=log(ratio),
     )
 

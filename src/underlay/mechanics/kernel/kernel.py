@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from math import factorial
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from underlay.errors import InputError
 from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.kernel.scales import Scales
 
-__all__ = ["Compliance", "Kernel", "Layers"]
+__all__ = ["Compliance", "Family", "Kernel", "Layers"]
 
 _MOST_COEFFICIENTS = 12
 
@@ -168,3 +168,18 @@ class Kernel(ABC):
         powers = weights[:, None] * u[:, None] ** (2.0 * np.arange(count))
         scale = [(-1.0) ** m / (2.0**m * factorial(m)) ** 2 for m in range(count)]
         return self.values(u) @ powers * scale
+
+
+class Family(Protocol):
+    """Bodies that differ in one positive number; hashable, since equal ones share their tables."""
+
+    def kernel(self, ratio: float) -> Kernel:
+        """Kernel of the body at one value of the number.
+
+        Raises
+        ------
+        InputError
+            If there is no such body.
+        """
+
+    def __hash__(self) -> int: ...

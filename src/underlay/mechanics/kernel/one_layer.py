@@ -26,12 +26,12 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray, read_only
 from underlay.mechanics.plane_constants import PlaneConstants, Real, magnitude
 
-__all__ = ["one_minus_L", "passage"]
+__all__ = ["EQUAL_ROOTS", "one_minus_L", "passage"]
 
-# |d^2|/p below which the two roots count as equal: ch and sh are then exp(-u sigma/2) times 1 and u. The
+#: |d^2|/p below which the two roots count as equal: ch and sh are then exp(-u sigma/2) times 1 and u. The
 # rounding of isotropic constants leaves up to 2.0 eps. Error of L at the switch, on a rigid base: 6e-16 with
 # equal roots, 4e-16 without; relative, on a base 1e-4 as stiff: 1.4e-15 with, 2.0e-15 without.
-_EQUAL_ROOTS = 4.0 * np.finfo(float).eps
+EQUAL_ROOTS = 4.0 * np.finfo(float).eps
 # det Y at u = 0 below which a substrate counts as soft (E2/E1 about 0.55): step 3 loses the digits of det Y
 # where u is small. Relative error of L at the switch: 7e-16 by step 3, 1.1e-15 by step 4.
 _SOFT = 0.5
@@ -132,7 +132,7 @@ def passage(u: FloatArray, p: Real, sigma2: Real, sigma: Real) -> tuple[FloatArr
     """ch and sh times exp(-u sigma/2), with decaying exponentials only; `sigma2` is sigma^2."""
     half = 0.5 * sigma
     d2 = 0.25 * sigma2 - p
-    equal = _EQUAL_ROOTS * p
+    equal = EQUAL_ROOTS * p
     if _holds_for_none(magnitude(d2) > equal):
         ch = np.exp(-half * u)
         return ch, u * ch

@@ -38,8 +38,9 @@ class Scales:
         Wavenumber below which a softer base lets the layer stretch with it.
     firmness : float
         How incompressible the layer is: 1 at nu = 0.5, 0 at nu = 0.3 and below.
-    stiffest : float
-        theta of the stiffest of what is under the layer over theta of the layer; inf when rigid.
+    stiffest, softest : float
+        theta of the stiffest and of the softest of what is under the layer over theta of the layer; inf when
+        rigid. An interface on springs is as soft as can be.
     charted : bool
         Whether node counts were fitted to bodies of this kind; others are proved by doubling.
     """
@@ -50,6 +51,7 @@ class Scales:
     stretch: float
     firmness: float
     stiffest: float
+    softest: float
     charted: bool = True
 
     @classmethod
@@ -70,7 +72,7 @@ class Scales:
         # (p - q)/p is 0 for an incompressible material and 4/7 for nu = 0.3.
         firmness = max(0.0, 1.0 - 1.75 * lowest(layer.p_minus_q / p))
         if substrate is None:
-            return cls(decay, fastest, inf, inf, firmness, inf)
+            return cls(decay, fastest, inf, inf, firmness, inf, inf)
         ratio = lowest(substrate.theta / layer.theta)
         if not ratio >= SOFTEST:
             raise RangeError(
@@ -78,7 +80,7 @@ class Scales:
                 f"{SOFTEST:g}: check the units of the moduli; a layer on nothing carries no load"
             )
         stretch = lowest(substrate.g / (layer.g * substrate.sigma))
-        return cls(decay, fastest, ratio, stretch, firmness, ratio)
+        return cls(decay, fastest, ratio, stretch, firmness, ratio, ratio)
 
     @property
     def softness(self) -> float:

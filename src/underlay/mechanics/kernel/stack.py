@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
@@ -10,15 +11,16 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.bonds import Bond, Spring
+from underlay.mechanics.kernel import surface
 from underlay.mechanics.kernel.kernel import Compliance, Kernel, Layers
 from underlay.mechanics.kernel.merging import joined, relative_effect
 from underlay.mechanics.kernel.quadrature import u_rule
-from underlay.mechanics.kernel.recursion import Sheet, scaled, stack_compliance, stack_one_minus_L
+from underlay.mechanics.kernel.recursion import Recursion, Sheet
 from underlay.mechanics.kernel.scales import SOFTEST, Scales
 from underlay.mechanics.kernel.substrate import material_contrast
-from underlay.mechanics.plane_constants import PlaneConstants
+from underlay.mechanics.plane_constants import PlaneConstants, Real
 
-__all__ = ["StackKernel"]
+__all__ = ["StackKernel", "sheets_of"]
 
 
 @dataclass(frozen=True)
@@ -48,13 +50,13 @@ class StackKernel(Kernel):
 
     def values(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,)."""
-        sheets, base = self._sheets
-        return stack_one_minus_L(u, sheets, base)
+        return self._recursion.one_minus_L(u)
 
     def compliance(self, u: FloatArray) -> Compliance:
         """Change of the surface's compliance in every direction at `u` (nodes,)."""
         sheets, base = self._sheets
-        return stack_compliance(u, sheets, base)
+        own = tuple(surface.Sheet(s.constants, float(s.thickness), s.opening, s.sliding) for s in sheets)
+        return surface.stack_compliance(u, own, base)
 
     @property
     def coupling(self) -> float:
@@ -62,17 +64,18 @@ class StackKernel(Kernel):
         return self.layers[0].material.plane_constants.coupling
 
     @cached_property
+    def _recursion(self) -> Recursion:
+        return Recursion(*self._sheets)
+
+    @cached_property
     def _sheets(self) -> tuple[tuple[Sheet, ...], PlaneConstants | None]:
         """The layers and the base, in units of the top layer's thickness and g."""
-        top = self.layers[0]
-        g, t = float(top.material.plane_constants.g), top.thickness
-        sheets = []
-        for layer in self.layers:
-            opening, sliding = (g / t * give for give in _give(layer.bond))
-            constants = scaled(layer.material.plane_constants, g)
-            sheets.append(Sheet(constants, layer.thickness / t, opening, sliding))
-        base = self.base.plane_constants
-        return tuple(sheets), None if base is None else scaled(base, g)
+        return sheets_of(
+            [layer.material.plane_constants for layer in self.layers],
+            self.base.plane_constants,
+            [layer.thickness for layer in self.layers],
+            [layer.bond for layer in self.layers],
+        )
 
     @cached_property
     def scales(self) -> Scales:
@@ -94,12 +97,13 @@ class StackKernel(Kernel):
                 f"a part under the surface is {softest:.3g} times as stiff as the layer on top, and the exact law "
                 f"ends at {SOFTEST:g}: check the units of the moduli; a layer on nothing carries no load"
             )
-        height = sum(sheet.thickness for sheet in sheets)
+        thicknesses = [layer.thickness / self.layers[0].thickness for layer in self.layers]
+        height = sum(thicknesses)
         # A base bends no more than the layers let it: only they are plates.
         stiff = max([1.0, *ratios[: len(sheets) - 1]])
         turns = [1.0 / height, (min(softest, 1.0) / stiff) ** (1.0 / 3.0) / height]
         stretch = min(1.0, softest) / (stiff * height)
-        gives = [(1.0 / r, sheet.thickness) for r, sheet in zip(ratios, sheets[1:], strict=False) if r < 1.0]
+        gives = [(1.0 / r, thick) for r, thick in zip(ratios, thicknesses[1:], strict=False) if r < 1.0]
         for sheet in sheets:
             if sheet.opening:
                 turns.append((1.0 / (sheet.opening * stiff * height**3)) ** 0.25)
@@ -108,9 +112,20 @@ class StackKernel(Kernel):
         turns += [(1.0 / (soft * thick * stiff * height)) ** 0.5 for soft, thick in gives]
         ratio = min(1.0, *turns) ** 3
         stiffest = inf if base is None else max(ratios)
-        fastest = max(Scales.of(sheet.constants, None).fastest * sheet.thickness for sheet in sheets)
+        fastest = max(
+            Scales.of(sheet.constants, None).fastest * thick
+            for sheet, thick in zip(sheets, thicknesses, strict=True)
+        )
+        soft = 0.0 if any(isinstance(layer.bond, Spring) for layer in self.layers) else softest
         return Scales(
-            top.decay, max(top.fastest, fastest), ratio, stretch, top.firmness, stiffest, charted=False
+            top.decay,
+            max(top.fastest, fastest),
+            ratio,
+            stretch,
+            top.firmness,
+            stiffest,
+            soft,
+            charted=False,
         )
 
     def rule(self, eps_max: float, rtol: float, *, power: int = 0) -> tuple[FloatArray, FloatArray]:
@@ -155,8 +170,27 @@ class StackKernel(Kernel):
         return " on ".join((*layers, repr(self.base)))
 
 
+def sheets_of(
+    constants: Sequence[PlaneConstants],
+    base: PlaneConstants | None,
+    thicknesses: Sequence[Real],
+    bonds: Sequence[Bond],
+) -> tuple[tuple[Sheet, ...], PlaneConstants | None]:
+    """Layers, from the top down, and base in units of the top layer's thickness and g; floats, or (sets, 1)."""
+    g, t = constants[0].g, thicknesses[0]
+    sheets = []
+    for own, thickness, bond in zip(constants, thicknesses, bonds, strict=True):
+        opening, sliding = (give if give in {0.0, inf} else float(g / t) * give for give in _give(bond))
+        sheets.append(Sheet(_scaled(own, g), thickness / t, opening, sliding))
+    return tuple(sheets), None if base is None else _scaled(base, g)
+
+
 def _give(bond: Bond) -> tuple[float, float]:
     """Opening and sliding per stress (m/Pa)."""
     if isinstance(bond, Spring):
         return 1.0 / bond.normal, 1.0 / bond.shear if bond.shear else inf
     return 0.0, inf if bond == "slip" else 0.0
+
+
+def _scaled(of: PlaneConstants, g: Real) -> PlaneConstants:
+    return PlaneConstants(of.q, of.c * g, of.g / g, of.S * g)

@@ -12,8 +12,8 @@ from underlay.mechanics.body import Base, Material
 from underlay.mechanics.kernel.kernel import Compliance, Kernel
 from underlay.mechanics.kernel.one_layer import one_minus_L
 from underlay.mechanics.kernel.quadrature import u_rule
-from underlay.mechanics.kernel.recursion import Sheet, scaled, stack_compliance
 from underlay.mechanics.kernel.scales import Scales
+from underlay.mechanics.kernel.surface import Sheet, scaled, stack_compliance
 from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["LayerKernel", "SubstrateKernel", "coefficients", "material_contrast"]

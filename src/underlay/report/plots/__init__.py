@@ -9,6 +9,7 @@ from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
 from underlay.report.plots.map import map  # noqa: A004  the public name
 from underlay.report.plots.plan import plan
+from underlay.report.plots.population import population
 from underlay.report.plots.predictive import predictive
 from underlay.report.plots.profile import profile
 from underlay.report.plots.relaxation import fit_in_time, relaxation
@@ -28,6 +29,7 @@ __all__ = [
     "identifiability",
     "map",
     "plan",
+    "population",
     "predictive",
     "profile",
     "relaxation",

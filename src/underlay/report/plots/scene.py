@@ -21,6 +21,10 @@ _WIDTH, _DEEPEST = 2.6, 5.0
 _POINTS = 400
 # A layer thinner than this share of the picture has no room for words.
 _THIN = 0.2
+# Deeper layers in turn, so that neighbours differ.
+_SHADES = ("#d9e5c3", "#efd9b8")
+# Inches: room for names beside the picture, the picture without it, and the least between two lines of names.
+_BESIDE, _PICTURE, _LINE = 2.3, (2.8, 2.0), 0.17
 
 
 def scene(
@@ -45,7 +49,7 @@ def scene(
     -------
     matplotlib Axes
         Both axes in the same unit, the undeformed surface at height zero. The surface outside the contact is
-        sketched.
+        sketched. A stack has its layers named beside the picture; a face that is not bonded is a broken line.
     """
     pressed = max(float(depth) - test.instrument.contact_depth, 0.0)
     law = test.contact_law(pressed, solver=solver)
@@ -57,7 +61,8 @@ def scene(
     half = max(_WIDTH * size, 0.9 * shown)
     unit, factor = human_unit(max(half, shown), "length")
     with style():
-        ax = axes(ax, width=COLUMN, height=2.6)
+        beside = _names_beside(test) and shown == thick
+        ax = axes(ax, width=COLUMN + (_BESIDE if beside else 0.0), height=2.6)
         top = 0.55 * half
         deeper = sum(layer.thickness for layer in test.layers[1:])
         room = max(0.35 * half, min(1.2 * deeper, half)) if shown == thick else 0.0
@@ -66,15 +71,18 @@ def scene(
         ax.set_aspect("equal")
         _draw_layer(ax, test, tip, radius, half, shown, factor)
         if shown == thick:
-            ax.fill_between(
-                [-half / factor, half / factor], bottom / factor, -thick / factor, color=SUBSTRATE
-            )
-            _draw_faces(ax, test, bottom, factor)
+            _draw_below(ax, test, half, bottom, factor)
         _draw_indenter(ax, test, tip, half, top, factor)
-        _write(ax, test, tip, radius, (half, shown, bottom, top), factor)
+        if beside:
+            ax.text(0.0, 0.9 * top / factor, test.indenter.shape.replace("_", " "), ha="center", va="top")
+            _name_beside(ax, test, (half, bottom, top), factor)
+        else:
+            _write(ax, test, (half, shown, bottom, top), factor)
+        _mark_contact(ax, test, tip, radius, factor)
         ax.set_xlabel(f"distance from the axis ({unit})")
         ax.set_ylabel(f"height ({unit})")
-        ax.set_title(title)
+        if title:
+            ax.set_title(title)
     return ax
 
 
@@ -94,28 +102,64 @@ def _draw_layer(
         edge = float(test.indenter.surface(np.array([radius]))[0]) - tip
         # Outside the contact: the form of a flat punch on a half-space, from the edge of the contact on.
         surface[~inside] = edge * (2.0 / np.pi) * np.arcsin(radius / r[~inside])
+        # A stiff film on something soft bends more widely: no sketch of it reaches into the indenter.
+        under = r <= test.indenter.max_radius
+        surface[under] = np.minimum(surface[under], test.indenter.surface(r[under]) - tip)
     both, height = _mirrored(r, surface)
     ax.fill_between(both / factor, -shown / factor, height / factor, color=LAYER, lw=0.0)
     ax.plot(both / factor, height / factor, color=INK, lw=0.9)
 
 
-def _draw_faces(ax: Axes, test: Scene, bottom: float, factor: float) -> None:
-    """Lower faces of the layers, at their depths; broken where a face is not bonded."""
-    depth = 0.0
+def _draw_below(ax: Axes, test: Scene, half: float, bottom: float, factor: float) -> None:
+    """What is under the layer on top, and the lower faces of the layers: broken where they are not bonded."""
+    sides = [-half / factor, half / factor]
+    depth = test.layer.thickness
+    ax.fill_between(sides, bottom / factor, -depth / factor, color=SUBSTRATE, lw=0.0)
+    layers = test.layers
+    for number, layer in enumerate(layers[1:]):
+        lower = min(depth + layer.thickness, -bottom)
+        shade = _SHADES[number % len(_SHADES)]
+        ax.fill_between(sides, -lower / factor, -depth / factor, color=shade, lw=0.0)
+        depth = lower
+    for face, layer in zip(np.cumsum([layer.thickness for layer in layers]), layers, strict=True):
+        if -face > bottom:
+            ax.axhline(-face / factor, color=INK, lw=0.9, ls="-" if layer.bond == "bonded" else "--")
+
+
+def _names_beside(test: Scene) -> bool:
+    """Whether there is too much to say for words inside the picture."""
+    return len(test.layers) > 1 or (test.substrate is not None and test.layer.bond != "bonded")
+
+
+def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], factor: float) -> None:
+    """Names of the layers and of the base to the right of the picture, each with a line to its middle."""
+    half, bottom, top = window
+    depth, middles, names = 0.0, [], []
     for layer in test.layers:
+        middles.append(-min(depth + 0.5 * layer.thickness, 0.995 * -bottom))
         depth += layer.thickness
-        if -depth > bottom:
-            ax.axhline(-depth / factor, color=INK, lw=0.9, ls="-" if layer.bond == "bonded" else "--")
+        bond = {"bonded": "", "slip": ",\nfree to slip"}.get(str(layer.bond), ",\non springs")
+        names.append(f"{format_quantity(layer.thickness, 'length')}, {_material(layer.material)}{bond}")
+    middles.append(0.5 * (bottom - min(depth, -bottom)))
+    names.append(_material(test.base))
+    lines = np.array([1.0 + name.count("\n") for name in names])
+    inch = max(2.0 * half / _PICTURE[0], (top - bottom) / _PICTURE[1])
+    places = _spread(np.array(middles), lines * _LINE * inch, bottom)
+    along = ax.get_yaxis_transform()
+    for name, middle, place in zip(names, middles, places.tolist(), strict=True):
+        ax.plot(
+            [1.0, 1.04], [middle / factor, place / factor], transform=along, color=INK, lw=0.6, clip_on=False
+        )
+        ax.text(1.05, place / factor, name, transform=along, va="center", ha="left")
 
 
-def _below(test: Scene) -> str:
-    """What is under the layer on top, a line each."""
-    name = f"substrate, {_material(test.base)}"
-    lines = [
-        f"{format_quantity(layer.thickness, 'length')}, {_material(layer.material)}"
-        for layer in test.layers[1:]
-    ]
-    return "\n".join([*lines, name])
+def _spread(wanted: FloatArray, heights: FloatArray, bottom: float) -> FloatArray:
+    """Places (n,) near those wanted, from the top down, that leave each its height; the last not below `bottom`."""
+    places = wanted.copy()
+    places[-1] = max(places[-1], bottom + 0.5 * heights[-1])
+    for n in range(len(places) - 2, -1, -1):
+        places[n] = max(places[n], places[n + 1] + 0.5 * (heights[n] + heights[n + 1]))
+    return places
 
 
 def _draw_indenter(ax: Axes, test: Scene, tip: float, half: float, top: float, factor: float) -> None:
@@ -127,14 +171,7 @@ def _draw_indenter(ax: Axes, test: Scene, tip: float, half: float, top: float, f
     ax.plot(both[inside] / factor, height[inside] / factor, color=INK, lw=0.9)
 
 
-def _write(
-    ax: Axes,
-    test: Scene,
-    tip: float,
-    radius: float,
-    window: tuple[float, float, float, float],
-    factor: float,
-) -> None:
+def _write(ax: Axes, test: Scene, window: tuple[float, float, float, float], factor: float) -> None:
     half, shown, bottom, top = window
     left = -0.96 * half / factor
     ax.text(0.0, 0.9 * top / factor, test.indenter.shape.replace("_", " "), ha="center", va="top")
@@ -144,15 +181,18 @@ def _write(
         below = f"goes on to {format_quantity(thick, 'length')}" if np.isfinite(thick) else "a half-space"
         ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
         ax.text(left, -0.94 * shown / factor, below, va="center", ha="left", style="italic")
+        return
+    words = f"substrate, {_material(test.base)}"
+    if shown < _THIN * (top - bottom):
+        # No room for words in a thin layer: they stand below it.
+        words = f"{layer}, {format_quantity(thick, 'length')} thick\n{words}"
     else:
-        words = _below(test)
-        if shown < _THIN * (top - bottom):
-            # No room for words in a thin layer: they stand below it.
-            words = f"{layer}, {format_quantity(thick, 'length')} thick\n{words}"
-        else:
-            ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
-            _write_thickness(ax, thick, 0.86 * half, factor)
-        ax.text(left, 0.5 * (bottom - shown) / factor, words, va="center", ha="left")
+        ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
+        _write_thickness(ax, thick, 0.86 * half, factor)
+    ax.text(left, 0.5 * (bottom - shown) / factor, words, va="center", ha="left")
+
+
+def _mark_contact(ax: Axes, test: Scene, tip: float, radius: float, factor: float) -> None:
     if radius > 0.0:
         edge = float(test.indenter.surface(np.array([radius]))[0]) - tip
         ax.plot([-radius / factor, radius / factor], [edge / factor] * 2, "o", color=INK, ms=2.5)

@@ -1,0 +1,66 @@
+"""`underlay population`: from the table of a map to a mean, its spread, and differences between groups."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from underlay._files import require_writable_folder, write_atomic
+from underlay.cli.console import say, say_table
+from underlay.cli.options import OutputFolder
+
+__all__ = ["population"]
+
+
+def population(
+    table: Annotated[Path, typer.Argument(help="Table of a map (map.csv or map.parquet) with labels.")],
+    by: Annotated[
+        list[str] | None,
+        typer.Option(help="Column that says whose a curve is; repeat for nested levels, outermost first."),
+    ] = None,
+    group: Annotated[str | None, typer.Option(help="Column of the groups to compare.")] = None,
+    parameter: Annotated[str, typer.Option(help="Which fitted parameter.")] = "layer.E",
+    sites_only: Annotated[
+        bool,
+        typer.Option("--sites-only", help="Take all curves for independent; speaks of these sites only."),
+    ] = False,
+    doubtful: Annotated[str, typer.Option(help="keep or drop curves with a doubtful verdict.")] = "keep",
+    tails: Annotated[
+        str, typer.Option(help="normal, or outliers: a tenth of the curves may be far off.")
+    ] = "normal",
+    shared_error: Annotated[
+        float, typer.Option(help="Relative error that all curves share, such as that of the tip's radius.")
+    ] = 0.0,
+    output: OutputFolder = None,
+) -> None:
+    """Mean and spread of many curves of several animals, with intervals that know that sites are not independent.
+
+    Labels come from columns of the map's manifest (animal, group, joint, ...) or from its folders
+    (`underlay map --folders group/animal`).
+
+    Example: `underlay population map.csv --by animal --group treatment`
+    """
+    from underlay._csv_text import csv_text
+    from underlay.inference.population.population import population as population_of
+    from underlay.report import plots
+    from underlay.report.population_words import comparison_table, group_table, population_sentences
+
+    if output is not None:
+        require_writable_folder(output)
+    levels = [] if sites_only else (by or ["animal"])
+    result = population_of(
+        table, levels, parameter, group=group, doubtful=doubtful, tails=tails, shared_error=shared_error
+    )
+    for sentence in population_sentences(result):
+        say(sentence)
+    say_table(group_table(result), "Groups" if group else "Population")
+    if result.comparisons:
+        say_table(comparison_table(result), "Ratios")
+    if output is None:
+        return
+    stem = f"{table.stem}.population"
+    say(f"wrote {write_atomic(output / f'{stem}.csv', csv_text(result.table()))}")
+    if levels:
+        say(f"wrote {plots.save(plots.population(result), output / f'{stem}.png')}")

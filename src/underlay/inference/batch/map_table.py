@@ -1,0 +1,64 @@
+"""The table of a map, read again from its file."""
+
+from __future__ import annotations
+
+import io
+from collections import deque
+from pathlib import Path
+
+import pandas as pd
+
+from underlay._csv import numbered_rows
+from underlay._csv_text import unguarded
+from underlay._door import FileKind, PathLike, read_bytes, read_start, understood
+from underlay.inference.batch.results_table import read_parquet
+
+__all__ = ["is_map", "read_map"]
+
+_ERROR = ".stderr"
+_TEXTS = ("name", "status", "verdict", "reason")
+_NUMBERS = ("x", "y", "seconds")
+# A million curves with thirty numbers each.
+_KIND = FileKind("the table of a map", 1_000_000_000, "make it again with underlay map --resume")
+_MOST_COLUMNS, _MOST_CELLS = 1000, 50_000_000
+_HEADER = "name,path,x,y,status,verdict,reason"
+
+
+def is_map(path: PathLike) -> bool:
+    """Whether a file is the table of a map: Parquet, or a CSV with its header."""
+    if Path(path).suffix.lower() == ".parquet":
+        return True
+    return read_start(path, len(_HEADER)) == _HEADER.encode()
+
+
+def read_map(path: PathLike) -> pd.DataFrame:
+    """Read the table of a map, CSV or Parquet.
+
+    Raises
+    ------
+    FileAccessError
+        If it cannot be read.
+    FileFormatError
+        If it is not such a table.
+    MissingExtraError
+        If it is Parquet and pyarrow is not installed.
+    """
+    content = io.BytesIO(read_bytes(path, _KIND))
+    with understood(path, _KIND):
+        if Path(path).suffix.lower() == ".parquet":
+            table = read_parquet(content, _MOST_CELLS)
+        else:
+            text = content.getvalue().decode("utf-8-sig")
+            deque(numbered_rows(text, _MOST_COLUMNS), maxlen=0)
+            table = unguarded(
+                pd.read_csv(io.StringIO(text), index_col=False, dtype=dict.fromkeys(_TEXTS, "str"))
+            )
+        missing = [name for name in _TEXTS if name not in table.columns]
+        if missing:
+            raise ValueError(f"it has no column {missing[0]!r}")
+        if not table["verdict"].notna().any():
+            raise ValueError("it has no row with a verdict")
+        errors = [name for name in map(str, table.columns) if name.endswith(_ERROR)]
+        fitted = [name.removesuffix(_ERROR) for name in errors]
+        known = [name for name in _NUMBERS if name in table.columns]
+        return table.astype(dict.fromkeys((*errors, *fitted, *known), "float64"))

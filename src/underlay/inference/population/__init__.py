@@ -1,0 +1,1 @@
+"""What many curves say of the population that they come from."""

@@ -1,0 +1,291 @@
+"""The model of one group: ln of the parameter is a mean, plus a step per animal, per site, per curve.
+
+Every step is normal with the spread of its level; the mean is free. Spreads are summed over a grid, the steps
+and the mean analytically or cell by cell (`messages`), so there is no chain and no chance in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.inference.population.likelihood import CurveLikelihood
+from underlay.inference.population.messages import Grid, IntArray, Messages, blurred, gathered
+from underlay.inference.population.spreads import BETWEEN, WITHIN, SpreadGrid, weighted_grid
+
+__all__ = ["Density", "GroupModel", "Units"]
+
+_LOG_2PI = float(np.log(2.0 * np.pi))
+# A tenth of the curves may come from a step five times as wide, where outliers are allowed for.
+_OUTLIERS, _WIDER = 0.1, 5.0
+# Cells are at most this wide in ln, at least this, and else half of the narrowest message: that adds two per cent
+# to its variance.
+_WIDEST, _NARROWEST = 0.05, 0.01
+# The fine part of a grid goes this far beyond the middles of the curves, the coarse one far beyond that.
+_FINE, _COARSE, _GROWTH = 1.0, 8.0, 1.12
+_PLACES = 801
+_FAR = 9.0
+_NEGLIGIBLE = 30.0
+
+
+@dataclass(frozen=True)
+class Units:
+    """How the curves of a group nest: per level, outermost first, which unit each unit below belongs to.
+
+    Parameters
+    ----------
+    names : tuple of tuple of str
+        Names of the units of each level, outermost first.
+    parents : tuple of ndarray of int
+        For each level, whose unit each unit of the level below it is; those of the innermost level hold curves.
+    """
+
+    names: tuple[tuple[tuple[str, ...], ...], ...]
+    parents: tuple[IntArray, ...]
+
+    @classmethod
+    def of(cls, labels: Sequence[tuple[str, ...]]) -> tuple[Units, IntArray]:
+        """Units of curves with these labels, and the order in which their units come one after the other."""
+        order = np.array(sorted(range(len(labels)), key=lambda i: labels[i]), dtype=int)
+        below: list[tuple[str, ...]] = [labels[i] for i in order]
+        names, parents = [], []
+        for depth in range(len(labels[0]), 0, -1):
+            heads = [label[:depth] for label in below]
+            distinct = list(dict.fromkeys(heads))
+            place = {head: number for number, head in enumerate(distinct)}
+            parents.append(np.array([place[head] for head in heads], dtype=int))
+            names.append(tuple(distinct))
+            below = distinct
+        return cls(tuple(names[::-1]), tuple(parents[::-1])), order
+
+
+@dataclass(frozen=True)
+class Density:
+    """Posterior density of ln of a mean over places (x,), and its share per cell."""
+
+    x: FloatArray
+    shares: FloatArray
+
+    def quantile(self, shares: FloatArray) -> FloatArray:
+        """Quantiles, same shape as `shares`; infinite where the density still stands at the end of the places."""
+        below = np.cumsum(self.shares)
+        edges = np.concatenate([0.5 * (self.x[1:] + self.x[:-1]), [self.x[-1]]])
+        places = np.interp(shares, below, edges)
+        places = np.where(shares < below[0], -np.inf, places)
+        return np.where(shares > below[-2], np.inf, places)
+
+    def minus(self, other: Density) -> Density:
+        """Density of the difference of two independent ones."""
+        low, high = self.x[0] - other.x[-1], self.x[-1] - other.x[0]
+        at = np.linspace(low, high, 2 * _PLACES)
+        differences = (self.x[:, None] - other.x[None, :]).ravel()
+        cells = np.rint((differences - low) / (at[1] - at[0])).astype(int)
+        shares = np.bincount(cells, np.outer(self.shares, other.shares).ravel(), minlength=len(at))
+        return Density(at, np.asarray(shares, dtype=np.float64))
+
+
+class GroupModel:
+    """Posterior of one group.
+
+    Parameters
+    ----------
+    curves : sequence of CurveLikelihood
+        Likelihood of every curve.
+    labels : sequence of tuple of str
+        Of every curve its labels, outermost first (animal, site); empty tuples where curves are independent.
+    outliers : bool
+        Whether a tenth of the curves may come from steps five times as wide.
+    """
+
+    def __init__(
+        self, curves: Sequence[CurveLikelihood], labels: Sequence[tuple[str, ...]], *, outliers: bool = False
+    ) -> None:
+        self.units, order = Units.of(labels)
+        self.curves = [curves[i] for i in order]
+        self._outliers = outliers
+        self._middles = np.array([curve.middle for curve in self.curves])
+        self._errors = np.array([curve.error for curve in self.curves])
+        self._normal = np.array([curve.is_normal for curve in self.curves])
+        self._priors = (BETWEEN,) * len(self.units.names) + (WITHIN,)
+
+    @cached_property
+    def spreads(self) -> SpreadGrid:
+        """Posterior of the spreads: of each level of units, outermost first, and of curves."""
+        return weighted_grid(self._log_evidence, self._priors)
+
+    @cached_property
+    def mean(self) -> Density:
+        """Posterior of ln of the geometric mean of the group."""
+        top = self._top(self.spreads.nodes)
+        weights = self.spreads.weights.ravel()
+        kept = weights > np.exp(-_NEGLIGIBLE) * weights.max()
+        return _mixture(_flat(top, kept), weights[kept], self._grid)
+
+    def unit_values(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and standard deviation (units,) of ln of each outermost unit, drawn towards the group's mean.
+
+        Raises
+        ------
+        IndexError
+            If the curves have no labels.
+        """
+        nodes = self.spreads.nodes
+        below = self._messages(nodes[1:])  # of the outermost units, before their own spread
+        centre, variance = self._as_normal(below)
+        between = nodes[0].reshape(-1, *([1] * (centre.ndim - 1)), 1)
+        seen = 1.0 / (variance + between**2)
+        total = seen.sum(axis=-1, keepdims=True)
+        mean, mean_variance = (seen * centre).sum(axis=-1, keepdims=True) / total, 1.0 / total
+        own = between**2 * seen
+        values = own * centre + (1.0 - own) * mean
+        variances = own * variance + (1.0 - own) ** 2 * mean_variance
+        weights = self.spreads.weights[..., None]
+        axes = tuple(range(self.spreads.weights.ndim))
+        average = (weights * values).sum(axis=axes)
+        spread = (weights * (variances + (values - average) ** 2)).sum(axis=axes)
+        return average, np.sqrt(spread)
+
+    def own_values(self, spreads: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+        """Ln of each outermost unit by its own curves alone, and its variance, at given inner spreads."""
+        nodes = tuple(np.array([max(spread, 1e-3)]) for spread in spreads)
+        centre, variance = self._as_normal(self._messages(nodes))
+        return centre.reshape(-1), variance.reshape(-1)
+
+    def _log_evidence(self, nodes: tuple[FloatArray, ...]) -> FloatArray:
+        """Logarithm of the likelihood of every combination of spreads, the mean summed out."""
+        top = self._top(nodes)
+        if not len(top.tabulated):
+            return np.asarray((top.constant + 0.5 * (_LOG_2PI - np.log(top.precision)))[..., 0])
+        x = self._grid.x
+        whole = _whole(top, x)
+        largest = whole.max(axis=-1)
+        widths = self._grid.widths
+        return np.asarray(largest + np.log((np.exp(whole - largest[..., None]) * widths).sum(axis=-1)))
+
+    def _top(self, nodes: tuple[FloatArray, ...]) -> Messages:
+        """Message to the mean of the group."""
+        units = blurred(self._messages(nodes[1:]), nodes[0], self._grid) if self.units.names else None
+        if units is None:
+            units = self._seen_curves(nodes[0])
+        count = units.precision.shape[-1]
+        return gathered(units, np.zeros(count, dtype=int), 1)
+
+    def _messages(self, nodes: tuple[FloatArray, ...]) -> Messages:
+        """Messages of the outermost units, each before its own spread; `nodes` of all levels below."""
+        units = self._seen_curves(nodes[-1])
+        inward = list(zip(self.units.names, self.units.parents, strict=True))[::-1]
+        for number, (names, parents) in enumerate(inward):
+            if number:
+                units = blurred(units, nodes[-1 - number], self._grid)
+            units = gathered(units, parents, len(names))
+        return units
+
+    def _seen_curves(self, within: FloatArray) -> Messages:
+        """Messages of the curves, blurred by the spread among curves, (spreads, curves)."""
+        count = len(self.curves)
+        normal = self._normal & (not self._outliers)
+        tabulated = np.flatnonzero(~normal)
+        errors = np.where(self._normal, self._errors, 1.0)
+        variance = errors**2 + within[:, None] ** 2
+        precision = np.where(normal, 1.0 / variance, 0.0)
+        constant = np.where(normal, -0.5 * np.log(variance) + np.log(errors), 0.0)
+        centre = np.broadcast_to(self._middles, (len(within), count))
+        tables = np.zeros((len(within), len(tabulated), len(self._grid.x)))
+        if len(tabulated):
+            tables = np.stack([self._tables(tabulated, float(spread)) for spread in within])
+        return Messages(precision, centre, constant, tables, tabulated)
+
+    def _tables(self, which: IntArray, within: float) -> FloatArray:
+        """Log-likelihoods of some curves on the grid, blurred, (curves, x)."""
+        plain = self._blurred_tables(which, within)
+        if not self._outliers:
+            return plain
+        wide = self._blurred_tables(which, _WIDER * within)
+        result: FloatArray = np.logaddexp(np.log1p(-_OUTLIERS) + plain, np.log(_OUTLIERS) + wide)
+        return result
+
+    def _blurred_tables(self, which: IntArray, within: float) -> FloatArray:
+        x = self._grid.x
+        tables = np.empty((len(which), len(x)))
+        normal = self._normal[which]
+        middles, errors = self._middles[which], self._errors[which]
+        if normal.any():
+            variance = errors[normal] ** 2 + within**2
+            off = x - middles[normal, None]
+            tables[normal] = (
+                -0.5 * off**2 / variance[:, None] + np.log(errors[normal] / np.sqrt(variance))[:, None]
+            )
+        if not normal.all():
+            values = np.array([np.exp(self.curves[i].log_at(x)) for i in which[~normal]])
+            tables[~normal] = np.log(values @ self._grid.kernel(within).T)
+        return tables
+
+    @cached_property
+    def _grid(self) -> Grid:
+        """Places for tables: fine where curves are, coarse far beyond, where what is open stays open."""
+        if self._normal.all() and not self._outliers:
+            return Grid(np.zeros(0), 0.0, 1.0, 1)
+        finest = _WIDEST
+        if self.units.names:
+            weights = 1.0 / (np.minimum(self._errors, 1.0) ** 2 + 0.05**2)
+            finest = 0.5 / np.sqrt(np.bincount(self.units.parents[-1], weights).max())
+        step = float(np.clip(finest, _NARROWEST, _WIDEST))
+        low, high = self._middles.min() - _FINE, self._middles.max() + _FINE
+        count = int(np.ceil((high - low) / step)) + 1
+        further = int(np.ceil(np.log1p(_COARSE * (_GROWTH - 1.0) / step) / np.log(_GROWTH)))
+        return Grid(np.cumsum(step * _GROWTH ** np.arange(1, further + 1)), low, step, count)
+
+    def _as_normal(self, units: Messages) -> tuple[FloatArray, FloatArray]:
+        """Middle and variance of every unit's likelihood, by moments where it is a table."""
+        precision = np.where(units.precision > 0.0, units.precision, 1.0)
+        centre, variance = np.array(units.centre), 1.0 / precision
+        if len(units.tabulated):
+            x, widths = self._grid.x, self._grid.widths
+            of = units.tabulated
+            whole = (
+                -0.5 * units.precision[..., of, None] * (x - units.centre[..., of, None]) ** 2 + units.tables
+            )
+            shares = np.exp(whole - whole.max(axis=-1, keepdims=True)) * widths
+            shares /= shares.sum(axis=-1, keepdims=True)
+            mean = (shares * x).sum(axis=-1)
+            centre[..., of] = mean
+            variance[..., of] = (shares * (x - mean[..., None]) ** 2).sum(axis=-1)
+        return centre, variance
+
+
+def _flat(top: Messages, kept: NDArray[np.bool_]) -> Messages:
+    """Messages of a group with the combinations of spreads along one axis, only some of them kept."""
+    length = top.tables.shape[-1]
+    tables = top.tables.reshape(-1, len(top.tabulated), length)[kept] if len(top.tabulated) else top.tables
+    parts = (part[..., 0].reshape(-1)[kept] for part in (top.precision, top.centre, top.constant))
+    precision, centre, constant = (part[:, None] for part in parts)
+    return Messages(precision, centre, constant, tables, top.tabulated)
+
+
+def _whole(top: Messages, x: FloatArray) -> FloatArray:
+    """Logarithm of a group's message, (..., x)."""
+    result: FloatArray = top.constant - 0.5 * top.precision * (x - top.centre) ** 2 + top.tables[..., 0, :]
+    return result
+
+
+def _mixture(top: Messages, weights: FloatArray, grid: Grid) -> Density:
+    """Posterior of the mean: over the spreads' weights, each combination normal or tabulated."""
+    if len(top.tabulated):
+        x, widths = grid.x, grid.widths
+        whole = _whole(top, x)
+        each = np.exp(whole - whole.max(axis=-1, keepdims=True)) * widths
+    else:
+        spread = 1.0 / np.sqrt(top.precision[:, 0])
+        low, high = (top.centre[:, 0] - _FAR * spread).min(), (top.centre[:, 0] + _FAR * spread).max()
+        # Sinh-spaced about the middle: the sum has sharp and wide parts.
+        middle, narrow = float(weights @ top.centre[:, 0]), float(spread.min())
+        reach = max(high - middle, middle - low)
+        x = middle + narrow * np.sinh(np.linspace(-1.0, 1.0, _PLACES) * np.arcsinh(reach / narrow))
+        each = np.exp(-0.5 * top.precision * (x - top.centre) ** 2) * np.gradient(x)
+    shares = weights @ (each / each.sum(axis=-1, keepdims=True))
+    return Density(x, shares / shares.sum())

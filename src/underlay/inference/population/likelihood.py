@@ -1,0 +1,204 @@
+"""The likelihood of one curve in nine numbers: all of it that a population needs.
+
+A value with its standard error is no likelihood: where a thickness is free, more than half of a map's rows end
+on a bound with an error that is the conditional one. So a curve keeps the places x = ln E where the signed root
+z of its log-likelihood, ln L = -z^2/2, is -3, -2, ..., 3, and the two roots at which it levels off for ever,
+where it does (a likelihood that stays below z = 3 upwards is open: the curve has no upper bound to give).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.profiling.profile_result import LikelihoodProfile
+from underlay.inference.sampling.posterior import Posterior
+
+__all__ = ["ROOTS", "CurveLikelihood"]
+
+#: Signed roots at which the places are kept.
+ROOTS = np.arange(-3.0, 4.0)
+_MIDDLE = 3
+# Places that stand this close (in standard errors) to those of a normal density are a normal density's.
+_NORMAL = 0.05
+# What lies further out than three is continued; nothing is told apart beyond thirty.
+_FURTHEST = 30.0
+_DRAWS_ON_A_GRID = 512
+
+
+@dataclass(frozen=True)
+class CurveLikelihood:
+    """Likelihood of one positive parameter, over its logarithm.
+
+    Parameters
+    ----------
+    places : tuple of float
+        ln of the parameter (SI) where the signed root is -3 to 3, seven numbers; -inf or inf where it never is.
+    below, above : float
+        Roots at which it levels off downwards (negative) and upwards (positive); -inf and inf where it does not.
+    """
+
+    places: tuple[float, ...]
+    below: float = -math.inf
+    above: float = math.inf
+
+    def __post_init__(self) -> None:
+        places = np.array(self.places, dtype=np.float64)
+        if places.shape != ROOTS.shape or np.isnan(places).any() or not np.isfinite(places[_MIDDLE]):
+            raise InputError(f"a likelihood has seven places and a finite middle; got {self.places!r:.200}")
+        inside = places[np.isfinite(places)]
+        if (np.diff(inside) <= 0.0).any() or (places[1:] < places[:-1]).any():
+            raise InputError(f"places of a likelihood increase; got {self.places!r:.200}")
+        if not (self.below <= 0.0 <= self.above):
+            raise InputError(
+                f"it levels off at a root below and one above zero; got {self.below}, {self.above}"
+            )
+
+    @classmethod
+    def normal(cls, value: float, error: float) -> CurveLikelihood:
+        """Normal in the logarithm, of a value (SI) and its standard error."""
+        if not (value > 0.0 and error > 0.0 and math.isfinite(value) and math.isfinite(error)):
+            raise InputError(f"a value and its error must be positive numbers; got {value!r} and {error!r}")
+        return cls(tuple((math.log(value) + error / value * ROOTS).tolist()))
+
+    @classmethod
+    def of_profile(cls, profile: LikelihoodProfile) -> CurveLikelihood:
+        """From a walked profile; where the noise was estimated, ln L = -n/2 ln(1 + t/(n - k))."""
+        statistics = profile.fit.statistics
+        n, free = float(statistics.points), float(statistics.points - statistics.parameters)
+        estimated = statistics.noise_estimated
+        places = [math.log(float(profile.values[profile.best]))] * len(ROOTS)
+        levels = [-math.inf, math.inf]
+        for upper in (False, True):
+            sign = 1 if upper else -1
+            for step in (1, 2, 3):
+                rise = free * math.expm1(step**2 / n) if estimated else float(step**2)
+                place, reason = profile.end(math.sqrt(rise), upper=upper)
+                places[_MIDDLE + sign * step] = math.log(place) if reason == "data" else sign * math.inf
+            if not math.isfinite(places[_MIDDLE + 3 * sign]):
+                last = float(profile.delta_chi_square[-1 if upper else 0])
+                root = n * math.log1p(last / free) if estimated else last
+                levels[int(upper)] = sign * math.sqrt(root)
+        return cls(tuple(places), levels[0], levels[1])
+
+    @classmethod
+    def of_posterior(cls, posterior: Posterior, name: str) -> CurveLikelihood:
+        """From draws, their prior divided out: flat in the logarithm is what is left."""
+        if posterior.problem is None or name not in posterior.names:
+            raise InputError(
+                f"the likelihood of {name} needs a posterior in which it is free and whose prior is known; this "
+                f"one has {', '.join(posterior.names)}{': ' + posterior.missing if posterior.missing else ''}"
+            )
+        coordinate = posterior.problem.coordinates[posterior.names.index(name)]
+        values = np.asarray(posterior.of(name), dtype=np.float64).ravel()
+        prior = posterior.problem.priors[name]
+        log_weight = -(np.log(values) + prior.log_density(values))
+        weights = np.exp(log_weight - log_weight.max())
+        x = np.log(values)
+        at = np.linspace(x.min(), x.max(), _DRAWS_ON_A_GRID)
+        log_density = stats.gaussian_kde(x, weights=weights).logpdf(at)
+        bounds = np.log([max(coordinate.low, np.finfo(float).tiny), coordinate.high])
+        return _of_grid(at, log_density, tuple(bounds.tolist()))
+
+    @property
+    def is_normal(self) -> bool:
+        """Whether the nine numbers are those of a normal density."""
+        places = np.array(self.places)
+        if not np.isfinite(places).all():
+            return False
+        error = (places[-1] - places[0]) / 6.0
+        return bool((np.abs(places - places[_MIDDLE] - error * ROOTS) <= _NORMAL * error).all())
+
+    @property
+    def middle(self) -> float:
+        """Where the likelihood is largest, ln of the parameter."""
+        return self.places[_MIDDLE]
+
+    @property
+    def error(self) -> float:
+        """A third of half the width at z = 3, or the nearest to it that there is; inf where both ends are open."""
+        finite = np.isfinite(self.places)
+        roots = ROOTS[finite]
+        if roots[-1] == roots[0]:
+            return math.inf
+        inside = np.array(self.places)[finite]
+        return float((inside[-1] - inside[0]) / (roots[-1] - roots[0]))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it levels off before z = 2 on a side: there is no 95 % bound there."""
+        return self.below > -2.0 or self.above < 2.0
+
+    def log_at(self, x: FloatArray) -> FloatArray:
+        """Log-likelihood at ln of the parameter, any shape; zero at its largest."""
+        finite = np.isfinite(self.places)
+        inside, roots = np.array(self.places)[finite], ROOTS[finite]
+        z = np.interp(x, inside, roots)
+        z = np.where(x < inside[0], -_outside(inside[0] - x, -roots[::-1], -inside[::-1], -self.below), z)
+        z = np.where(x > inside[-1], _outside(x - inside[-1], roots, inside, self.above), z)
+        result: FloatArray = -0.5 * np.clip(z, -_FURTHEST, _FURTHEST) ** 2
+        return result
+
+    def as_text(self) -> str:
+        """Nine numbers as text, to the last bit; `from_text` reads them."""
+        return " ".join(repr(float(number)) for number in (*self.places, self.below, self.above))
+
+    @classmethod
+    def from_text(cls, text: str) -> CurveLikelihood:
+        """Read what `as_text` wrote.
+
+        Raises
+        ------
+        InputError
+            If it is no such text.
+        """
+        try:
+            numbers = [float(word) for word in text.split()]
+        except ValueError:
+            numbers = []
+        if len(numbers) != len(ROOTS) + 2:
+            raise InputError(f"a likelihood is nine numbers; got {text!r:.100}")
+        return cls(tuple(numbers[:-2]), numbers[-2], numbers[-1])
+
+
+def _outside(beyond: FloatArray, roots: FloatArray, places: FloatArray, level: float) -> FloatArray:
+    """Root at a distance `beyond` the last place: it goes on as it went, or towards its level."""
+    slope = (roots[-1] - roots[-2]) / (places[-1] - places[-2]) if len(roots) > 1 else 0.0
+    left = level - roots[-1]
+    if math.isinf(left):
+        # A middle alone that is not open either cannot be made by a profile.
+        return np.asarray(roots[-1] + slope * np.maximum(beyond, 0.0), dtype=np.float64)
+    if left <= 0.0 or slope == 0.0:
+        return np.full(np.shape(beyond), roots[-1])
+    return np.asarray(level - left * np.exp(-slope * np.maximum(beyond, 0.0) / left), dtype=np.float64)
+
+
+def _of_grid(x: FloatArray, log_density: FloatArray, bounds: tuple[float, float]) -> CurveLikelihood:
+    """Nine numbers of a tabulated log-likelihood; a side that ends at a bound of the prior levels off there."""
+    best = int(np.argmax(log_density))
+    drop = np.sqrt(np.maximum(2.0 * (log_density[best] - log_density), 0.0))
+    places, levels = [x[best]] * len(ROOTS), [-math.inf, math.inf]
+    spacing = (x[-1] - x[0]) / 50.0
+    for upper in (False, True):
+        sign = 1 if upper else -1
+        outwards = slice(best, None) if upper else slice(best, None, -1)
+        there, z = x[outwards], np.maximum.accumulate(drop[outwards])
+        at_bound = abs(there[-1] - bounds[int(upper)]) < spacing
+        for step in (1, 2, 3):
+            if z[-1] > step:
+                places[_MIDDLE + sign * step] = float(np.interp(step, z, there))
+            else:
+                places[_MIDDLE + sign * step] = sign * math.inf
+        if at_bound and z[-1] <= ROOTS[-1]:
+            # The density of draws halves at a wall by the width of its kernel: the level is that a little inside.
+            inside = np.abs(there - there[-1]) >= spacing
+            levels[int(upper)] = sign * float(z[inside][-1]) if inside.any() else 0.0
+            for step in (1, 2, 3):
+                if abs(levels[int(upper)]) <= step:
+                    places[_MIDDLE + sign * step] = sign * math.inf
+    return CurveLikelihood(tuple(float(place) for place in places), levels[0], levels[1])

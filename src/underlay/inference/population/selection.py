@@ -1,0 +1,161 @@
+"""Which curves of a table count, whose they are, and what each says: the rows of a map made ready."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from underlay.errors import InputError
+from underlay.inference.batch.results_table import FITTED, LIKELIHOOD
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.population.likelihood import CurveLikelihood
+from underlay.inference.profiles import profile
+from underlay.inference.profiling.profile_result import LikelihoodProfile
+from underlay.inference.sampling.posterior import Posterior
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Labelled", "LabelledCurve", "LeftOut", "select_results", "select_rows"]
+
+#: Labels by column, beside what was found of one curve.
+Labelled: TypeAlias = tuple[Mapping[str, str], "Fit | Posterior | LikelihoodProfile"]
+
+_LISTED = 4
+_KEEP, _DROP = "keep", "drop"
+
+
+@dataclass(frozen=True)
+class LabelledCurve:
+    """One curve that counts: its group, its labels (outermost first), its likelihood."""
+
+    group: str
+    labels: tuple[str, ...]
+    likelihood: CurveLikelihood
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """One curve that does not count: its group, and why."""
+
+    group: str
+    name: str
+    reason: str
+
+
+def select_rows(
+    table: pd.DataFrame, parameter: str, by: Sequence[str], group: str | None, doubtful: str
+) -> tuple[list[LabelledCurve], list[LeftOut]]:
+    """Curves of a map's table, and those left out.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, a label is empty, or the parameter was not fitted.
+    """
+    if doubtful not in (_KEEP, _DROP):
+        raise InputError(f"doubtful must be {_KEEP!r} or {_DROP!r}; got {doubtful!r}")
+    wanted = [*([] if group is None else [group]), *by]
+    _require_columns(table, wanted, parameter)
+    kept: list[LabelledCurve] = []
+    left: list[LeftOut] = []
+    text = f"{parameter}.{LIKELIHOOD}"
+    for row in table.to_dict("records"):
+        labels = [_label(row, column) for column in wanted]
+        head = labels[0] if group is not None else ""
+        name = str(row.get("name", ""))
+        if row["status"] != FITTED:
+            left.append(LeftOut(head, name, "no fit"))
+        elif doubtful == _DROP and row["verdict"] != "good":
+            left.append(LeftOut(head, name, "doubtful"))
+        else:
+            told = row.get(text)
+            likelihood = (
+                CurveLikelihood.from_text(told)
+                if isinstance(told, str) and told
+                else _normal(row, parameter, name)
+            )
+            kept.append(LabelledCurve(head, tuple(labels[len(wanted) - len(by) :]), likelihood))
+    return kept, left
+
+
+def select_results(
+    results: Sequence[Labelled], parameter: str, by: Sequence[str], group: str | None
+) -> list[LabelledCurve]:
+    """Curves of fits, profiles or posteriors with their labels; fits are profiled.
+
+    Raises
+    ------
+    InputError
+        If a label is missing, the parameter is not free, or the results are of other models.
+    """
+    curves = []
+    frees = {_free(found) for _, found in results}
+    if len(frees) > 1:
+        raise InputError(
+            "the results have different free parameters, so their likelihoods do not mean the same: "
+            + "; ".join(", ".join(names) for names in sorted(frees)[:_LISTED])
+        )
+    for number, (labels, found) in enumerate(results):
+        for column in [*([] if group is None else [group]), *by]:
+            if not str(labels.get(column, "")).strip():
+                raise InputError(
+                    f"result {number} has no label {column!r}; it has {', '.join(labels) or 'none'}"
+                )
+        head = "" if group is None else str(labels[group])
+        curves.append(
+            LabelledCurve(head, tuple(str(labels[column]) for column in by), _likelihood(found, parameter))
+        )
+    return curves
+
+
+def _likelihood(found: Fit | Posterior | LikelihoodProfile, parameter: str) -> CurveLikelihood:
+    if isinstance(found, Posterior):
+        return CurveLikelihood.of_posterior(found, parameter)
+    if isinstance(found, Fit):
+        return CurveLikelihood.of_profile(profile(found, parameter))
+    if found.name != parameter:
+        raise InputError(f"a profile of {found.name} says nothing of {parameter}: walk that one")
+    return CurveLikelihood.of_profile(found)
+
+
+def _free(found: Fit | Posterior | LikelihoodProfile) -> tuple[str, ...]:
+    return found.fit.names if isinstance(found, LikelihoodProfile) else tuple(found.names)
+
+
+def _require_columns(table: pd.DataFrame, wanted: Sequence[str], parameter: str) -> None:
+    columns = [str(column) for column in table.columns]
+    for column in ("status", "verdict"):
+        if column not in columns:
+            raise InputError(f"this is not the table of a map: it has no column {column!r}")
+    if f"{parameter}.stderr" not in columns:
+        fitted = [name.removesuffix(".stderr") for name in columns if name.endswith(".stderr")]
+        raise InputError(f"{parameter} was not fitted in this map; fitted were {', '.join(fitted) or 'none'}")
+    for column in wanted:
+        if column not in columns:
+            labels = [name for name in columns if name in {"animal", "group", "joint", "site", "sample"}]
+            raise InputError(
+                f"the table has no column {column!r}"
+                + (f"; it has {', '.join(labels)}" if labels else "")
+                + ". Labels come from the manifest of the map, or from its folders (--folders)"
+            )
+
+
+def _label(row: Mapping[Any, Any], column: str) -> str:
+    value = row[column]
+    text = "" if value is None or value != value else str(value).strip()  # noqa: PLR0124  NaN
+    if not text:
+        raise InputError(f"row {row.get('name', '')!r} has no {column}: give each curve one in the manifest")
+    return text
+
+
+def _normal(row: Mapping[Any, Any], parameter: str, name: str) -> CurveLikelihood:
+    value, error = float(row[parameter]), float(row[f"{parameter}.stderr"])
+    if not (value > 0.0 and error > 0.0 and math.isfinite(value) and math.isfinite(error)):
+        raise InputError(
+            f"row {name!r} has {parameter} = {value!r} with standard error {error!r}: a population is of the "
+            "logarithm of a positive number with an error"
+        )
+    return CurveLikelihood.normal(value, error)

@@ -1,0 +1,99 @@
+"""A population in sentences and tables that a person reads."""
+
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+
+from underlay._text import one_line
+from underlay.inference.population.population import Comparison, Group, Population, Spread
+from underlay.report.labels import label, start
+from underlay.report.words import quantity_with_interval
+from underlay.scene.parameters import kind_of
+
+__all__ = ["comparison_table", "group_table", "population_sentences", "spread_in_words"]
+
+
+def group_table(result: Population) -> pd.DataFrame:
+    """One row per group: how many, the mean with and without a prior, the spreads."""
+    kind = kind_of(result.parameter)
+    rows = []
+    for name, group in result.groups.items():
+        row = {"group": one_line(name)} if len(result.groups) > 1 or name else {}
+        if result.by:
+            row[f"{result.by[0]}s"] = str(group.units)
+        row["curves"] = str(group.curves)
+        row["mean"] = quantity_with_interval(group.mean, group.low, group.high, kind)
+        row["without a prior"] = _plain(group, kind)
+        for spread in group.spreads:
+            row[f"spread, {spread.level}s"] = spread_in_words(spread)
+        row["error of a curve"] = f"{100.0 * group.curve_error:.2g} %"
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def comparison_table(result: Population) -> pd.DataFrame:
+    """One row per pair of groups: their ratio with its interval, and the same without a prior."""
+    return pd.DataFrame(
+        [
+            {
+                "ratio": f"{one_line(pair.name)} / {one_line(pair.reference)}",
+                "of the means": _ratio(pair.ratio, pair.low, pair.high),
+                "without a prior": _ratio(*pair.plain),
+                "P(ratio > 1)": _probability(pair.probability_above),
+            }
+            for pair in result.comparisons
+        ]
+    )
+
+
+def population_sentences(result: Population) -> list[str]:
+    """Means and ratios in words, first what people copy, then what they must know beside it."""
+    said = []
+    kind = kind_of(result.parameter)
+    for name, group in result.groups.items():
+        who = f"{one_line(name)}: " if name else ""
+        of = (
+            f"{group.units} {result.by[0]}s, {group.curves} curves" if result.by else f"{group.curves} curves"
+        )
+        mean = quantity_with_interval(group.mean, group.low, group.high, kind)
+        said.append(f"{who}{start(label(result.parameter))} {mean}, geometric mean of {of}.")
+    said += [_compared(pair) for pair in result.comparisons]
+    if result.shared_error:
+        said.append(
+            f"An error of {100.0 * result.shared_error:.2g} % that all curves share is in every mean."
+        )
+    return said + result.sentences()
+
+
+def spread_in_words(spread: Spread) -> str:
+    """Return ``"24 % (9 to 56)"``, or an upper limit where there may be none."""
+    if spread.low == 0.0:
+        return f"under {100.0 * spread.high:.2g} %"
+    return f"{100.0 * spread.median:.2g} % ({100.0 * spread.low:.2g} to {100.0 * spread.high:.2g})"
+
+
+def _compared(pair: Comparison) -> str:
+    return (
+        f"{one_line(pair.name)} over {one_line(pair.reference)}: {_ratio(pair.ratio, pair.low, pair.high)}; "
+        f"the probability that it is above one is {_probability(pair.probability_above)}."
+    )
+
+
+def _ratio(ratio: float, low: float, high: float) -> str:
+    if math.isnan(low):
+        return f"{ratio:.3g} (no interval)"
+    ends = f"{low:.3g} to {high:.3g}" if math.isfinite(high) else f"at least {low:.3g}"
+    return f"{ratio:.3g} ({ends})"
+
+
+def _plain(group: Group, kind: str) -> str:
+    mean, low, high = group.plain
+    return "-" if math.isnan(low) else quantity_with_interval(mean, low, high, kind)
+
+
+def _probability(share: float) -> str:
+    if share < 0.001:
+        return "under 0.001"
+    return "over 0.999" if share > 0.999 else f"{share:.3f}"

@@ -1,0 +1,124 @@
+"""Bonded or free to slip: one curve under both, in Python, on the command line and on the page."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import underlay as ul
+from underlay.cli.app import app
+from underlay.inference.bonding import compare_bonds
+from underlay.report.bond_words import bonds_sentences, bonds_told
+
+GEL = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(2e3, 0.5), 0.3e-3, bond="slip"), ul.RIGID)
+HALF_SPACE = ul.Scene(GEL.indenter, ul.Layer(GEL.layer.material))
+FREE = {"layer.E": ul.LogUniform(1e1, 1e6)}
+
+
+def posed(scene, noise=0.002, depth=6e-5, **changes):
+    """A problem on a curve of the scene, whose own bond may then be forgotten."""
+    depths = np.linspace(0.0, depth, 60)
+    force = float(scene.force(depth))
+    curve = ul.synthesize(scene, depths, ul.Noise(force=noise * force), rng=1)
+    return ul.Problem(replace(scene, **changes), curve, free=FREE, noise=ul.Noise(force=noise * force))
+
+
+@pytest.fixture(scope="module")
+def told():
+    return compare_bonds(posed(GEL, layer=replace(GEL.layer, bond="bonded")))
+
+
+def test_the_face_that_made_the_curve_is_found(told):
+    bonded, slipping = (told.fits[name] for name in ("bonded", "slipping"))
+    assert told.difference < -10.0
+    assert abs(slipping.values["layer.E"] - 2e3) < 4.0 * slipping.stderr["layer.E"]
+    # Bonded the layer is stiffer: the same force asks for a smaller modulus.
+    assert bonded.values["layer.E"] < 0.85 * slipping.values["layer.E"]
+
+
+def test_each_fit_is_that_of_its_own_scene(told):
+    for name, bond in (("bonded", "bonded"), ("slipping", "slip")):
+        scene = replace(GEL, layer=replace(GEL.layer, bond=bond))
+        alone = ul.fit(told.fits[name].problem.revised(scenes=[scene]))
+        assert told.fits[name].values["layer.E"] == pytest.approx(alone.values["layer.E"], rel=1e-9)
+
+
+def test_both_values_stand_in_one_sentence(told):
+    first, second = bonds_sentences(told)
+    assert first.startswith("bonded: layer modulus ")
+    assert ", slipping: layer modulus " in first
+    assert first.endswith("(95 % intervals).")
+    assert "speak for the slipping face" in second
+    frame = told.to_frame()
+    assert frame["face"].tolist() == ["bonded", "slipping"]
+    assert ((frame["low"] < frame["value"]) & (frame["value"] < frame["high"])).all()
+    assert frame["AIC"].min() == 0.0
+
+
+def test_a_shallow_curve_does_not_tell_and_says_so():
+    problem = posed(GEL, noise=0.05, depth=3e-6)
+    told = compare_bonds(problem)
+    assert "do not tell which" in bonds_sentences(told)[1]
+    values = {name: fit.values["layer.E"] for name, fit in told.fits.items()}
+    assert values["bonded"] < values["slipping"]
+
+
+def test_the_fit_at_hand_is_not_made_again():
+    fit = ul.fit(posed(GEL))
+    told = compare_bonds(fit)
+    assert told.fits["slipping"] is fit
+    assert told.fits["bonded"] is not fit
+
+
+def test_a_deeper_face():
+    stack = ul.Stack([ul.Layer(ul.Isotropic(2e5, 0.49), 1e-4)], ul.RIGID)
+    scene = ul.Scene(GEL.indenter, replace(GEL.layer, bond="bonded"), stack)
+    told = ul.compare_bonds(posed(scene), face="substrate.layers[0]")
+    assert told.fits["slipping"].problem.base_scenes[0].substrate.layers[0].bond == "slip"
+    assert told.fits["slipping"].problem.base_scenes[0].layer.bond == "bonded"
+
+
+@pytest.mark.parametrize(
+    ("scene", "face", "message"),
+    [
+        (GEL, "substrate.layers[0]", "such faces here: layer"),
+        (GEL, "base", "no layer 'base'"),
+        (HALF_SPACE, "layer", "such faces here: none"),
+    ],
+)
+def test_a_face_that_is_not_there_is_refused(scene, face, message):
+    with pytest.raises(ul.InputError, match=message):
+        compare_bonds(posed(scene), face)
+
+
+def test_without_a_base_there_is_nothing_to_say():
+    assert bonds_told(ul.fit(posed(HALF_SPACE))) == []
+
+
+def test_the_command_prints_both(tmp_path):
+    problem = posed(GEL)
+    curve = problem.curves[0]
+    table = np.column_stack([curve.depth * 1e6, curve.force * 1e6])
+    np.savetxt(tmp_path / "gel.csv", table, delimiter=",", header="depth (um),force (uN)", comments="")
+    GEL.save(tmp_path / "gel.toml")
+    with (tmp_path / "gel.toml").open("a", encoding="utf-8") as file:
+        file.write('\n[fit]\nlayer.E = { min = "10 Pa", max = "1 MPa" }\n')
+    done = CliRunner().invoke(
+        app,
+        [
+            "compare",
+            str(tmp_path / "gel.csv"),
+            "--scene",
+            str(tmp_path / "gel.toml"),
+            "--output",
+            str(tmp_path),
+        ],
+    )
+    assert done.exit_code == 0, done.output
+    assert "bonded: layer modulus" in done.output
+    assert ", slipping: layer modulus" in done.output
+    assert (
+        (tmp_path / "gel.bonds.csv").read_text(encoding="utf-8").startswith("face,parameter,value,low,high")
+    )
+    assert "exact" in (tmp_path / "gel.laws.csv").read_text(encoding="utf-8")
