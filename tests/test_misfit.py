@@ -1,6 +1,7 @@
 """Noise, drift and jump against each other: the algebra against dense matrices, the intervals by their coverage."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -248,6 +249,10 @@ def blocked_paraboloid():
     return Blocked.of(problem, problem.start)
 
 
+def _another(scene, depth, solver):
+    return scene.contact_law(depth, solver=solver)
+
+
 def test_the_column_of_a_sphere_is_what_its_shape_does_to_the_force():
     """To first order in (a/R)^2 on a half-space; the next order is 2/5 of it, of both signs' sum."""
     for depth in (1e-6, 1e-5, 1e-4):
@@ -255,7 +260,9 @@ def test_the_column_of_a_sphere_is_what_its_shape_does_to_the_force():
         scene = ul.Scene(ul.Paraboloid(1e-3), layer)
         law = scene.contact_law(2.0 * depth)
         w = np.array([-depth, 0.0, depth])
-        column = paraboloid_for_sphere(scene).column(Pressed(scene, law, w, law.force(w)))
+        column = paraboloid_for_sphere(scene).column(
+            Pressed(scene, law, w, law.force(w), partial(_another, scene, depth))
+        )
         sphere = ul.contact_law(ul.Sphere(1e-3), layer, None, max_depth=2.0 * depth)
         assert column[:2] == pytest.approx([0.0, 0.0], abs=0.0)
         assert column[2] == pytest.approx(sphere.force(depth) - law.force(depth), rel=depth / 1e-3)

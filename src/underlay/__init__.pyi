@@ -115,6 +115,7 @@ from .mechanics.solvers import (
     Exact as Exact,
     HalfSpace as HalfSpace,
     Published as Published,
+    Stuck as Stuck,
     contact_law as contact_law,
 )
 from .mechanics.stack import Stack as Stack

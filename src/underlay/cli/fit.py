@@ -81,6 +81,7 @@ def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
 def show_fit(result: Fit, name: str) -> None:
     """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
     from underlay.report.adhesion_tables import adhesion_frame, halfspace_sentence
+    from underlay.report.model_limits import model_limits
     from underlay.report.open_ends import advice, rivals
     from underlay.report.tables import correlated_pairs, fit_table
     from underlay.report.words import headline, stands_on, verdict_sentence
@@ -92,6 +93,7 @@ def show_fit(result: Fit, name: str) -> None:
         *rivals(result),
         verdict_sentence(result),
         *filter(None, [stands_on(result)]),
+        *model_limits(result),
         *advice(result),
     ):
         say(spoken(sentence))

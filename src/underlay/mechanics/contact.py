@@ -167,6 +167,8 @@ class Contact:
     adhesion : Adhesion or None
         What holds tip and surface together; None where nothing does. Solvers know nothing of it: the law of a
         contact with adhesion is built by `Adhesion.law`.
+    friction : str
+        One of `FRICTIONS`; ``"unknown"`` is computed as ``"none"``.
     """
 
     indenter: Indenter
@@ -175,6 +177,7 @@ class Contact:
     thickness: float = np.inf
     isotropic: IsotropicLayer | None = None
     adhesion: Adhesion | None = None
+    friction: str = "none"
 
     @classmethod
     def of(cls, indenter: Indenter, layer: Layer, substrate: Body | None) -> Self:
@@ -204,6 +207,11 @@ class Contact:
             return self, ""
         top, *under = found.layers
         return type(self).of(self.indenter, top, stacked(under, found.base)), "; ".join(found.said)
+
+    @property
+    def sticks(self) -> bool:
+        """Whether points of the surface stick to the tip where they touch it."""
+        return self.friction == "stuck"
 
     @property
     def layered(self) -> bool:

@@ -1,4 +1,4 @@
-"""Solvers of the contact problem to a relative error: `Exact`, and `Auto`, a half-space where that will do."""
+"""Solvers of the contact problem to a relative error: `Exact`, `Stuck`; `Auto`, a half-space where it will do."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth,
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, Sphere
 from underlay.mechanics.kernel import Family
 from underlay.mechanics.solver import Scaling, Solver
+from underlay.mechanics.stuck.law import stuck_law
 
-__all__ = ["Auto", "Exact"]
+__all__ = ["Auto", "Exact", "Stuck"]
 
 # Of rtol, what may be lost by joining layers.
 _SHARE_OF_JOINS = 0.2
@@ -48,6 +49,11 @@ class _ToTolerance(Solver):
     def with_tolerance(self, rtol: float) -> Solver:
         """Return the same solver at `rtol`."""
         return replace(self, rtol=rtol)
+
+    @property
+    def without_slip(self) -> Solver:
+        """`Stuck` at the same tolerance."""
+        return Stuck(self.rtol)
 
     def for_differences(self, rtol: float) -> Solver:
         """Return the exact solver, at `rtol` or finer."""
@@ -84,9 +90,9 @@ def _is_rounded_power_law(tip: Indenter) -> bool:
 
 
 def _is_plain_layer(contact: Contact) -> bool:
-    """Whether it is an isotropic layer on its base and nothing sticks."""
+    """Whether it is an isotropic layer on its base, without adhesion and friction."""
     isotropic = contact.isotropic is not None and bool(np.isfinite(contact.thickness))
-    return isotropic and contact.adhesion is None
+    return isotropic and contact.adhesion is None and not contact.sticks
 
 
 @dataclass(frozen=True)
@@ -108,6 +114,52 @@ class Exact(_ToTolerance):
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Solve; see `exact_law`."""
         return exact_law(contact, max_depth, self.rtol)
+
+
+@dataclass(frozen=True)
+class Stuck(_ToTolerance):
+    """The contact problem without slip: points stick where the tip touches them.
+
+    Parameters
+    ----------
+    rtol : float, default 1e-6
+        As for `Exact`.
+    """
+
+    @property
+    def name(self) -> str:
+        """``"stuck"``."""
+        return "stuck"
+
+    def build(self, contact: Contact, max_depth: float) -> ContactLaw:
+        """Solve; see `stuck_law`."""
+        if not max_depth > 0.0:
+            # No contact is asked for: any law says that there is no force.
+            return replace(halfspace_law(contact), method=self.name, max_depth=0.0, reason="no contact")
+        return stuck_law(contact, max_depth, self.rtol)
+
+    def law(self, contact: Contact, max_depth: float) -> ContactLaw:
+        """Build the law; a contact with adhesion is refused."""
+        if contact.adhesion is not None:
+            raise InputError(
+                "adhesion beside a tip that sticks is not simulated: leave the adhesion out, or take friction "
+                'as "none"'
+            )
+        return super().law(contact, max_depth)
+
+    def for_differences(self, rtol: float) -> Solver:
+        """Return the same at `rtol` or finer."""
+        return Stuck(min(self.rtol, rtol))
+
+    def has_table(self, contact: Contact) -> bool:
+        """There are no tables."""
+        del contact
+        return False
+
+    def has_batches(self, contact: Contact) -> bool:
+        """There are no batches."""
+        del contact
+        return False
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,11 @@ class PlaneConstants(NamedTuple):
         """The paper's elastic constant theta (Pa): half the indentation modulus."""
         return self.g / (self.p * self.sigma)
 
+    @property
+    def coupling(self) -> float:
+        """gamma of the surface, of one material: what a shear moves axially, (1 - 2 nu)/(2 (1 - nu)) isotropic."""
+        return float(self.p_minus_q / (self.sigma * self.p**0.5))
+
 
 def isotropic_constants(E: Real, nu: Real) -> PlaneConstants:
     """Plane constants of isotropic materials; `E` (Pa) and `nu` may be arrays of one shape."""

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from underlay._arrays import FloatArray, finite
-from underlay.errors import LawError, UnderlayError
+from underlay.errors import InputError, LawError, UnderlayError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.depth_doubt import DeeperThanLayer
@@ -101,6 +101,19 @@ class Solver(ABC):
         del rtol
         return self
 
+    @property
+    def without_slip(self) -> Solver:
+        """The solver of the same contact with a tip that sticks.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        raise InputError(
+            f"the solver {self.name} has no law for a tip that sticks (friction): take auto, exact or stuck"
+        )
+
     def for_differences(self, rtol: float) -> Solver:
         """Return a solver whose laws may be subtracted: of one kind, and smooth within `rtol`."""
         del rtol
@@ -150,10 +163,11 @@ class Solver(ABC):
             As `build` does.
         """
         deepest = finite(max_depth, "max_depth", "m")
+        solver = self.without_slip if contact.sticks else self
         if contact.adhesion is not None:
-            return contact.adhesion.law(contact, deepest, self)
+            return contact.adhesion.law(contact, deepest, solver)
         try:
-            law = self.build(contact, deepest)
+            law = solver.build(contact, deepest)
         except UnderlayError:
             raise
         except Exception as error:

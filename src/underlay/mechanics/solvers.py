@@ -3,6 +3,7 @@
 ==================  ===========================================================================================
 ``Auto``            half-space where a bound says that nothing under the surface matters, else exact
 ``Exact``           the contact problem solved to a relative error
+``Stuck``           the same with a tip on which points stick where they touch
 ``Asymptotic``      the paper's explicit formulas, orders 0 to 4: contacts smaller than the layer is thick
 ``HalfSpace``       no layer effect: Hertz, Sneddon, Boussinesq
 ``Published``       a correction from the literature, by name
@@ -12,7 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from difflib import get_close_matches
 from typing import Any, ClassVar, TypeAlias
 
@@ -21,7 +22,8 @@ from underlay.mechanics.asymptotic.law import FORMS, asymptotic_law
 from underlay.mechanics.body import Body, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact_solvers import Auto, Exact
+from underlay.mechanics.exact_solvers import Auto, Exact, Stuck
+from underlay.mechanics.friction import as_friction
 from underlay.mechanics.halfspace import halfspace_law
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.published import PublishedCorrection, published_law, published_names
@@ -34,6 +36,7 @@ __all__ = [
     "Exact",
     "HalfSpace",
     "Published",
+    "Stuck",
     "as_solver",
     "contact_law",
     "solver_named",
@@ -156,6 +159,7 @@ _NAMED: Mapping[str, type[Any]] = {
     "halfspace": HalfSpace,
     "asymptotic": Asymptotic,
     "exact": Exact,
+    "stuck": Stuck,
 }
 
 
@@ -254,6 +258,7 @@ def contact_law(
     *,
     max_depth: float,
     solver: AnySolver = "auto",
+    friction: str = "none",
 ) -> ContactLaw:
     """Build the law of an indenter on a layer on a substrate.
 
@@ -268,9 +273,11 @@ def contact_law(
     max_depth : float
         Largest indentation depth (m) that will be asked.
     solver : Solver, str or object, default "auto"
-        ``Auto(rtol)``, ``Exact(rtol)``, ``Asymptotic(order, form)``, ``HalfSpace()``, ``Published(name)``; a
-        name (``"auto"``, ``"exact"``, ``"asymptotic"``, ``"halfspace"``, or that of a published correction)
-        as shorthand; or an object of your own with ``build(contact, max_depth)``.
+        ``Auto(rtol)``, ``Exact(rtol)``, ``Stuck(rtol)``, ``Asymptotic(order, form)``, ``HalfSpace()``,
+        ``Published(name)``; a name (``"auto"``, ``"exact"``, ``"stuck"``, ``"asymptotic"``, ``"halfspace"``, or
+        that of a published correction) as shorthand; or an object of your own with ``build(contact, max_depth)``.
+    friction : {"none", "stuck"}
+        Whether points slide freely along the tip, or stick where they touch it.
 
     Returns
     -------
@@ -286,4 +293,5 @@ def contact_law(
     LawError
         If a solver of your own does not build a law.
     """
-    return as_solver(solver).law(Contact.of(indenter, layer, substrate), max_depth)
+    contact = replace(Contact.of(indenter, layer, substrate), friction=as_friction(friction))
+    return as_solver(solver).law(contact, max_depth)

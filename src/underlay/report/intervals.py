@@ -27,6 +27,10 @@ class Estimate:
         As in `StatedInterval`.
     not_fixed : str
         Why the data do not fix it; empty where they set an end.
+    wide_low, wide_high : float
+        Ends with what the law leaves out; those of the noise where that is no more.
+    left_out : tuple of str
+        What these allow for; empty where it does nothing.
     """
 
     name: str
@@ -36,6 +40,9 @@ class Estimate:
     high: float
     kind: str
     not_fixed: str
+    wide_low: float
+    wide_high: float
+    left_out: tuple[str, ...]
 
 
 def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
@@ -51,14 +58,39 @@ def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
                 if bound
                 else result.no_error_bars.get(coordinate.name, "the data bound it neither below nor above")
             )
+        wide = result.interval(coordinate.name, level, model_error=True)
         rows.append(
-            Estimate(coordinate.name, coordinate.path, known.value, known.low, known.high, known.kind, reason)
+            Estimate(
+                coordinate.name,
+                coordinate.path,
+                known.value,
+                known.low,
+                known.high,
+                known.kind,
+                reason,
+                wide.low,
+                wide.high,
+                () if wide == known else result.allowed_for.allowed,
+            )
         )
     for name in result.derived:
         known = result.interval(name, level)
         open_ = known.low == -float("inf") and known.high == float("inf")
         reason = "what it follows from is not fixed" if open_ else ""
-        rows.append(Estimate(name, path_of(name), known.value, known.low, known.high, known.kind, reason))
+        rows.append(
+            Estimate(
+                name,
+                path_of(name),
+                known.value,
+                known.low,
+                known.high,
+                known.kind,
+                reason,
+                known.low,
+                known.high,
+                (),
+            )
+        )
     return rows
 
 

@@ -15,6 +15,7 @@ from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.intervals import Estimate, estimates, is_averaged, standing
 from underlay.report.labels import is_of_the_sample, label, start
 from underlay.report.markdown import markdown_text
+from underlay.report.model_limits import model_limits
 from underlay.report.open_ends import advice, rivals
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit
@@ -67,7 +68,9 @@ def headline(result: Fit) -> str:
 
     Examples
     --------
-    ``"Layer modulus 0.42 MPa (0.40 to 0.44, 95 %). Layer thickness is not fixed by this test."``
+    ``"Layer modulus 0.42 MPa (0.40 to 0.44, 95 %). Layer thickness is not fixed by this test."``; where friction
+    or finite strain could do something, ``"Layer modulus 0.62 MPa (0.61 to 0.63 from the noise; with friction and
+    finite strain unknown 0.57 to 0.66, 95 %)."``
     """
     return " ".join(_sentence(entry) for entry in estimates(result) if is_of_the_sample(entry.name))
 
@@ -77,7 +80,7 @@ def summary(result: Fit) -> str:
     found = [entry for entry in estimates(result) if is_of_the_sample(entry.name)]
     lines = [f"**{_sentence(entry)}**" for entry in found]
     paragraphs = [" ".join(lines), f"**{verdict_sentence(result)}**", stands_on(result)]
-    paragraphs += [*advice(result), *rivals(result)]
+    paragraphs += [*model_limits(result), *advice(result), *rivals(result)]
     paragraphs += [
         f"{start(label(first))} and {label(second)} are known only together (correlation {value:+.3f}): "
         f"if one is wrong, so is the other."
@@ -179,7 +182,22 @@ def _sentence(entry: Estimate) -> str:
         return f"{words} is more than {format_quantity(entry.low, kind)} (95 %); the data set no upper end."
     if math.isinf(entry.low):
         return f"{words} is less than {format_quantity(entry.high, kind)} (95 %); the data set no lower end."
-    return f"{words} {_with_level(quantity_with_interval(entry.value, entry.low, entry.high, kind))}."
+    text = quantity_with_interval(entry.value, entry.low, entry.high, kind)
+    return f"{words} {_with_level(f'{text[:-1]}{_wide(entry, kind)})' if entry.left_out else text)}."
+
+
+def _wide(entry: Estimate, kind: str) -> str:
+    """What follows in the brackets where the law leaves something out that acts."""
+    factor = human_unit(entry.value, kind)[1]
+    digits = max(0, 1 - math.floor(math.log10(abs(entry.wide_high - entry.wide_low) / factor)))
+    known = f" from the noise; with {' and '.join(entry.left_out)} unknown "
+    if math.isinf(entry.wide_low) and math.isinf(entry.wide_high):
+        return f"{known}anything"
+    if math.isinf(entry.wide_high):
+        return f"{known}at least {entry.wide_low / factor:.{digits}f}"
+    if math.isinf(entry.wide_low):
+        return f"{known}at most {entry.wide_high / factor:.{digits}f}"
+    return f"{known}{entry.wide_low / factor:.{digits}f} to {entry.wide_high / factor:.{digits}f}"
 
 
 def _substrate_sentence(result: Fit) -> str:

@@ -56,8 +56,12 @@ class Simulated(Protocol):
         """What holds tip and surface together."""
 
     @property
+    def friction(self) -> str:
+        """What is known of friction under the tip."""
+
+    @property
     def contact(self) -> Contact:
-        """Indenter and body."""
+        """Indenter and body: what a solver is given."""
 
     @property
     def elastic(self) -> Simulated:
@@ -92,6 +96,10 @@ class Effect:
         What the size is measured against, or why there is none.
     duration : float, optional
         Time (s) of the even motion to the deepest point, for an effect that acts in time.
+    excess : callable, optional
+        Relative change of the force at depths (m), (n,), of an effect that no scene simulates; NaN where unknown.
+    note_at : callable, optional
+        The note of an effect that is known to a depth (m) only.
     """
 
     name: str
@@ -100,6 +108,8 @@ class Effect:
     simulated: bool
     note: str
     duration: float | None = None
+    excess: Callable[[FloatArray], FloatArray] | None = None
+    note_at: Callable[[float], str] | None = None
 
 
 #: How an effect is found: from a scene and the law of its contact.

@@ -15,6 +15,7 @@ from underlay.mechanics.solver import Solver
 from underlay.mechanics.stack import stacked
 from underlay.quantities import replace_values
 from underlay.scene.effect import Effect, Simulated
+from underlay.scene.left_out_effects import left_out_effects
 
 __all__ = ["effects_of", "range_asked"]
 
@@ -37,6 +38,7 @@ def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:
         _compliance_effect(level),
         _baseline_effect(scene, level),
         *_adhesion_effects(ranged, level, law),
+        *left_out_effects(level),
         *_relaxation_effects(given, level),
         _history_effect(remembers=given.history is not None),
     ]

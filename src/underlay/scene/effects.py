@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray, positive
-from underlay.errors import RangeError
+from underlay.errors import InputError
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.effect import Effect, EffectRule, Simulated
@@ -94,19 +94,20 @@ def effect_sizes(scene: Simulated, depth: FloatArray, solver: AnySolver = "auto"
     for effect in effects_of(scene, law):
         try:
             size = _size(effect, depth, wanted)
-        except RangeError:
-            continue  # the scene to compare with ends before: there is no size along the whole curve
+        except InputError:
+            continue  # the scene to compare with ends before, or has no such law: there is no size along the curve
         if np.isfinite(size).all():
             known[effect.name] = size
     return pd.DataFrame({"depth": depth, **known})
 
 
 def _row(effect: Effect, deepest: float, solver: Solver) -> dict[str, object]:
-    row = {"effect": effect.name, "simulated": effect.simulated, "note": effect.note}
+    note = effect.note if effect.note_at is None else effect.note_at(deepest)
+    row = {"effect": effect.name, "simulated": effect.simulated, "note": note}
     try:
         size = float(_size(effect, np.array([deepest]), solver)[0])
         cost = _added_cost(effect, deepest, solver) if effect.simulated else 0.0
-    except RangeError as error:
+    except InputError as error:
         size, cost, row["note"] = np.nan, np.nan, f"not measured: {error}"
     if effect.simulated and abs(size) < solver.tolerance:
         row["note"] = f"{effect.note}; below rtol = {solver.tolerance:g} here"
@@ -116,6 +117,8 @@ def _row(effect: Effect, deepest: float, solver: Solver) -> dict[str, object]:
 
 def _size(effect: Effect, depth: FloatArray, solver: Solver) -> FloatArray:
     """Relative change of the force at tip depths `depth` when the effect is put in; NaN where unknown."""
+    if effect.excess is not None:
+        return effect.excess(depth)
     if effect.with_it is None or effect.without is None:
         return np.full(depth.shape, np.nan)
     if effect.duration is not None:

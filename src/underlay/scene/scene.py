@@ -17,6 +17,7 @@ from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import Base, Body, Layer
 from underlay.mechanics.contact import Adhesion, Contact
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.friction import as_friction
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.response import History, Remembered, Response, checked_times
 from underlay.mechanics.solver import Solver
@@ -53,6 +54,12 @@ class Scene:
         What the sample remembers of earlier depths; without one it is elastic and no time is asked for.
     adhesion : Adhesion, optional
         What holds tip and surface together: ``JKR(work)``, ``DMT(work)``; without one nothing does.
+    friction : {"unknown", "none", "stuck"}
+        What is known of friction under the tip: points slide freely, or stick where they touch. Unknown friction
+        is computed as none, and a fit says what it could do.
+    finite_strain : bool, optional
+        Whether strains are large enough to count: False says that they are not, True refuses a test in which
+        what they do is not known. By default a fit says what they could do, where that is known.
 
     Raises
     ------
@@ -73,6 +80,8 @@ class Scene:
     instrument: Instrument = Instrument()
     history: History | None = None
     adhesion: Adhesion | None = None
+    friction: str = "unknown"
+    finite_strain: bool | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.indenter, Indenter):
@@ -87,7 +96,11 @@ class Scene:
             raise InputError(f"adhesion must be JKR(work), DMT(work) or None; got {self.adhesion!r}")
         if not isinstance(self.history, History | None):
             raise InputError(f"history must be a History or None; got {self.history!r}")
+        as_friction(self.friction)
+        if self.finite_strain not in (None, True, False):
+            raise InputError(f"finite_strain must be True, False or None; got {self.finite_strain!r:.60}")
         _check_memory(self)
+        _check_sticking(self)
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
                 f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
@@ -131,6 +144,8 @@ class Scene:
     def contact(self) -> Contact:
         """What a solver is given."""
         contact = Contact.of(self.indenter, self.layer, self.substrate)
+        if self.friction == "stuck":
+            contact = replace(contact, friction=self.friction)
         return contact if self.adhesion is None else replace(contact, adhesion=self.adhesion)
 
     def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
@@ -279,6 +294,19 @@ def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Sol
                 raise
         # The law itself says how stiff it is at its end: its force grows at least in proportion to depth.
         reach *= max(2.0, min(top / float(law.force(law.max_depth)), _LEAP))
+
+
+def _check_sticking(scene: Scene) -> None:
+    """Refuse what is not simulated with a tip that sticks."""
+    if scene.friction != "stuck":
+        return
+    if scene.adhesion is not None:
+        raise InputError('adhesion beside friction = "stuck" is not simulated: leave one of them out')
+    if scene.memory is not None:
+        raise InputError(
+            'friction = "stuck" beside a history or a relaxation is not simulated: how stuck points come loose '
+            "in time is another problem; leave one of them out"
+        )
 
 
 def _check_memory(scene: Scene) -> None:

@@ -182,6 +182,8 @@ def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
 _LONGEST_MESSAGE = 1000
 _SECTIONS = (
     "title",
+    "friction",
+    "finite_strain",
     "indenter",
     "layer",
     "substrate",
@@ -201,7 +203,7 @@ def _interpret(document: dict[str, Any], path: Path) -> SceneFile:
     for name in document:
         if name not in _SECTIONS:
             meant = hint(name, _SECTIONS) or ";"
-            raise InputError(f"unknown section [{name}]{meant} allowed: {', '.join(_SECTIONS[1:])}")
+            raise InputError(f"unknown section [{name}]{meant} allowed: {', '.join(_SECTIONS[3:])}")
     for name in ("indenter", "layer"):
         if name not in document:
             raise InputError(f"section [{name}] is missing")

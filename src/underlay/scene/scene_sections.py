@@ -13,6 +13,7 @@ from underlay.errors import InputError, UnderlayWarning
 from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.body import RIGID, Base, Body, Layer, Material
 from underlay.mechanics.bonds import Bond, Spring, as_bond
+from underlay.mechanics.friction import FRICTIONS
 from underlay.mechanics.indenters import Cone, Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import Relaxation
@@ -51,7 +52,18 @@ def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
         instrument=_build(Instrument, "instrument", table_of(document, "instrument")),
         history=_chosen(History, "history", document),
         adhesion=_chosen(Adhesion, "adhesion", document),
+        **_words(document),
     )
+
+
+def _words(document: Mapping[str, Any]) -> dict[str, Any]:
+    """What the file says of the whole scene, before its sections."""
+    said = {key: document[key] for key in ("friction", "finite_strain") if key in document}
+    if said.get("friction", "none") not in FRICTIONS:
+        raise InputError(f"friction: {said['friction']!r:.60} is not known; allowed: {', '.join(FRICTIONS)}")
+    if not isinstance(said.get("finite_strain", True), bool):
+        raise InputError(f"finite_strain: must be true or false, not {said['finite_strain']!r:.60}")
+    return said
 
 
 def _indenter(table: dict[str, Any]) -> Indenter:

@@ -22,8 +22,15 @@ def scene_text(scene: Any) -> str:
     import tomlkit  # noqa: PLC0415  loaded by whoever writes a scene
 
     document = tomlkit.document()
+    # A word or a switch of the whole scene stands before its sections.
+    words = [entry for entry in fields(scene) if isinstance(getattr(scene, entry.name), str | bool)]
+    for entry in words:
+        if getattr(scene, entry.name) != entry.default:
+            document[entry.name] = getattr(scene, entry.name)
     for entry in fields(scene):
         part = getattr(scene, entry.name)
+        if entry in words:
+            continue
         table = {} if part is None else _section(part)
         if table:
             document[entry.name] = table

@@ -13,8 +13,9 @@ from underlay.inference.headline.derived import band, derived_interval
 from underlay.inference.headline.known_inputs import sensitivity
 from underlay.inference.headline.plain import plain_interval
 from underlay.inference.headline.verdict import verdict
+from underlay.inference.headline.widened import Widened, widened, wider_interval
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.stated import Follows, StatedInterval, Statements, Verdict
+from underlay.inference.least_squares.stated import AllowedFor, Follows, StatedInterval, Statements, Verdict
 from underlay.inference.misfit.averaging import Averaged
 
 __all__ = ["Headline"]
@@ -31,15 +32,32 @@ class Headline(Statements):
     """
 
     fit: Fit
-    _intervals: dict[tuple[str, float], StatedInterval] = field(default_factory=dict, init=False)
+    _intervals: dict[tuple[str, float, bool], StatedInterval] = field(default_factory=dict, init=False)
 
-    def interval(self, name: str, level: float) -> StatedInterval:
+    def interval(self, name: str, level: float, *, model_error: bool = False) -> StatedInterval:
         """Interval of a parameter; see `Fit.interval`."""
         if not 0.0 < level <= 0.999:
             raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
-        if (name, level) not in self._intervals:
-            self._intervals[name, level] = self._found(name, level)
-        return self._intervals[name, level]
+        key = (name, level, model_error)
+        if key not in self._intervals:
+            self._intervals[key] = self._wider(name, level) if model_error else self._found(name, level)
+        return self._intervals[key]
+
+    def _wider(self, name: str, level: float) -> StatedInterval:
+        known, found = self.interval(name, level), self._widened.averaged
+        # What follows from the parameters is stated from the noise alone.
+        if found is None or name not in self.fit.names:
+            return known
+        return wider_interval(self.fit, found, known, name, level)
+
+    @cached_property
+    def _widened(self) -> Widened:
+        return widened(self.fit)
+
+    @property
+    def allowed_for(self) -> AllowedFor:
+        """What the interval with model error allows for."""
+        return self._widened.allowed_for
 
     def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, (n,), of quantities that follow; see `Fit.band`."""

@@ -24,7 +24,7 @@ from underlay.inference.least_squares.instrument_modulus import InstrumentModulu
 from underlay.inference.least_squares.last_word import METHODS, Minimiser
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.provenance import provenance
-from underlay.inference.least_squares.stated import Follows, StatedInterval, Statements, Verdict
+from underlay.inference.least_squares.stated import AllowedFor, Follows, StatedInterval, Statements, Verdict
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.quantities import field_quantities
@@ -107,7 +107,7 @@ class Fit:
     def _statements(self) -> Statements:
         return self.state(self)
 
-    def interval(self, name: str, level: float = 0.95) -> StatedInterval:
+    def interval(self, name: str, level: float = 0.95, *, model_error: bool = False) -> StatedInterval:
         """Return the interval of a parameter: the one that every headline, table, page and file prints.
 
         Where the noise was stated it is the quadratic one if the profile agrees with it at both ends, else the
@@ -120,6 +120,8 @@ class Fit:
             One of `names` or of `derived`.
         level : float, default 0.95
             Confidence.
+        model_error : bool, default False
+            Whether to allow for what the law leaves out, friction and finite strain, as well; see `allowed_for`.
 
         Returns
         -------
@@ -131,7 +133,12 @@ class Fit:
         InputError
             If the name is not fitted, or the level is not between 0 and 0.999.
         """
-        return self._statements.interval(name, level)
+        return self._statements.interval(name, level, model_error=model_error)
+
+    @property
+    def allowed_for(self) -> AllowedFor:
+        """What `interval` allows for with ``model_error=True``, and what it cannot allow for."""
+        return self._statements.allowed_for
 
     def band(self, of: Follows, level: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, each (n,), of positive quantities that follow from the parameters.
@@ -280,6 +287,10 @@ class Fit:
             "values": dict(self.values),
             "stderr": dict(self.stderr),
             "intervals": {name: asdict(self.interval(name)) for name in (*self.names, *self.derived)},
+            "intervals_with_model_error": {
+                name: asdict(self.interval(name, model_error=True)) for name in self.names
+            },
+            "allowed_for": asdict(self.allowed_for),
             "verdict": asdict(self.verdict),
             "sensitivity": {name: dict(row) for name, row in self.sensitivity.items()},
             "names": list(self.names),

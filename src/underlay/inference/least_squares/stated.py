@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from underlay._arrays import FloatArray
 
-__all__ = ["Follows", "StatedInterval", "Statements", "Verdict"]
+__all__ = ["AllowedFor", "Follows", "StatedInterval", "Statements", "Verdict"]
 
 
 #: Quantities (draws, n) that follow from parameters (draws, k), SI.
@@ -35,7 +35,8 @@ class StatedInterval:
     kind : str
         Why this wide: ``"quadratic"`` (the standard error, which was checked at both ends), ``"profile"``
         (likelihood profile), ``"averaged"`` (over what the residuals may be), ``"averaged profile"`` (the same, and
-        as far as the profile under the most likely noise reaches).
+        as far as the profile under the most likely noise reaches), ``"with model error"`` (with what the law leaves
+        out as well).
     """
 
     name: str
@@ -52,6 +53,28 @@ class StatedInterval:
 
     def __contains__(self, value: float) -> bool:
         return self.low <= value <= self.high
+
+
+@dataclass(frozen=True)
+class AllowedFor:
+    """What a law leaves out, and what became of it in the interval with model error.
+
+    Parameters
+    ----------
+    allowed : tuple of str
+        What that interval allows for.
+    negligible : tuple of str
+        What would move no parameter by a tenth of its standard error.
+    unknown : tuple of str
+        What cannot be allowed for, and why.
+    declared : tuple of str
+        What the scene says, and the interval believes.
+    """
+
+    allowed: tuple[str, ...] = ()
+    negligible: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()
+    declared: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -87,12 +110,17 @@ class Statements(ABC):
     """What can be stated of one fit; computed when it is asked for, and once."""
 
     @abstractmethod
-    def interval(self, name: str, level: float) -> StatedInterval:
+    def interval(self, name: str, level: float, *, model_error: bool) -> StatedInterval:
         """Interval of a parameter; raises InputError for a name or a level that is none."""
 
     @abstractmethod
     def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, (n,), of quantities that follow from the parameters."""
+
+    @property
+    @abstractmethod
+    def allowed_for(self) -> AllowedFor:
+        """What the interval with model error allows for."""
 
     @property
     @abstractmethod

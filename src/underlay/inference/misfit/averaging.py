@@ -21,6 +21,7 @@ from underlay._arrays import FloatArray
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, descend
+from underlay.inference.misfit.known_error import KnownError
 from underlay.inference.misfit.linearised import DRIFTS, JUMPS
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.sizes import Sizes
@@ -182,6 +183,7 @@ def average(
     others: Sequence[FloatArray] = (),
     held: frozenset[int] = frozenset(),
     sizes: Sizes | None = None,
+    errors: Sequence[KnownError] = (),
 ) -> Averaged:
     """Average a fit over what its residuals may be.
 
@@ -197,6 +199,8 @@ def average(
         Entries that stay where they are: on a bound, or without effect on the curve.
     sizes : Sizes, optional
         What is weighed.
+    errors : sequence of KnownError
+        What the laws leave out, to be allowed for.
 
     Raises
     ------
@@ -204,7 +208,7 @@ def average(
         If there is no contact law at the vector.
     """
     sizes = sizes or Sizes.of(problem)
-    blocked = Blocked.of(problem, vector, held)
+    blocked = Blocked.of(problem, vector, held, errors)
     first = _settled(blocked, vector, sizes)
     optima = [first, *(_settled(blocked, other, sizes) for other in others)]
     if first[1].no_jump < _JUMP_LIKELY:

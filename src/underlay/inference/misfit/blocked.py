@@ -7,7 +7,9 @@ readings: blocks of depths have no history.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +22,8 @@ from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.solver import Solver
 from underlay.scene.chain import ContactPoint
 
 __all__ = ["Blocked", "BlockedCurve"]
@@ -52,11 +56,20 @@ class Blocked:
     held: frozenset[int] = frozenset()
 
     @classmethod
-    def of(cls, problem: Problem, vector: FloatArray, held: frozenset[int] = frozenset()) -> Blocked:
-        """Take the curves in blocks, their contact where it is at a scaled vector (k,)."""
+    def of(
+        cls,
+        problem: Problem,
+        vector: FloatArray,
+        held: frozenset[int] = frozenset(),
+        errors: Sequence[KnownError] = (),
+    ) -> Blocked:
+        """Take the curves in blocks, their contact where it is at a scaled vector (k,).
+
+        `errors` are further ones than those that the laws of its scenes always have.
+        """
         physical = problem.physical(vector)
         curves = tuple(BlockedCurve.of(member, physical) for member in problem.members)
-        return cls(problem, curves, known_errors(problem.base_scenes), held)
+        return cls(problem, curves, (*known_errors(problem.base_scenes), *errors), held)
 
     def released(self) -> Blocked:
         """Return the same with nothing held, and with coarse laws, whose errors cancel between its places."""
@@ -130,6 +143,10 @@ class BlockedCurve:
         laws = replace(laws, solver=laws.solver.with_tolerance(_COARSE), store=LawStore())
         return replace(self, forward=replace(self.forward, laws=laws))
 
+    def _law_by(self, values: Mapping[str, float], deepest: float, solver: Solver) -> ContactLaw:
+        """Law of another solver at `values` up to `deepest` (m), from the same store."""
+        return self.forward.solved_by(solver).law(values, deepest)
+
     def part(self, physical: FloatArray, slopes: FloatArray, errors: tuple[KnownError, ...] = ()) -> Part:
         """Model about a physical vector (k,), whose slopes are dx/dq (k,); raises InputError without a law."""
         values = self.member.values_at(physical)
@@ -142,7 +159,8 @@ class BlockedCurve:
         )
         if errors:
             law = self.forward.law(values, max(float(depth.max()), 0.0))
-            pressed = Pressed(self.member.scene_at(physical), law, depth, reading.contact)
+            by = partial(self._law_by, values, max(float(depth.max()), 0.0))
+            pressed = Pressed(self.member.scene_at(physical), law, depth, reading.contact, by)
             columns[:, len(physical) :] = np.column_stack([error.column(pressed) for error in errors])
         scatter = self.member.scatter
         return Part(

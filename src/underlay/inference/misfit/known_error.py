@@ -35,6 +35,7 @@ from typing import TypeAlias
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.solver import Solver
 from underlay.scene.scene import Scene
 
 __all__ = ["Column", "KnownError", "Pressed"]
@@ -54,12 +55,15 @@ class Pressed:
         Indentation depth w (m), (n,), negative before contact.
     force : FloatArray
         Contact force P (N), (n,), of the law.
+    by : callable
+        Law of the same contact by another solver, kept from one call to the next as the law's own is.
     """
 
     scene: Scene
     law: ContactLaw
     depth: FloatArray
     force: FloatArray
+    by: Callable[[Solver], ContactLaw]
 
 
 #: Force (N), (n,), that an error of amplitude one adds.

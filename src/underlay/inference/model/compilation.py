@@ -16,6 +16,7 @@ from underlay.inference.model.laws import LawStore, quiet_law
 from underlay.inference.model.members import Member
 from underlay.inference.model.noise_start import noise_start
 from underlay.inference.priors import Given, Prior
+from underlay.mechanics.finite_strain import require_measured
 from underlay.mechanics.response import checked_times
 from underlay.mechanics.solver import Solver
 from underlay.quantities import Quantity, curve_of, field_quantities, path_of
@@ -94,6 +95,8 @@ def _check_tests(tests: Sequence[tuple[Scene, Curve]]) -> None:
         _require(scene, Scene, number)
         _require(curve, Curve, number)
         check_fittable(curve, withdrawn=scene.adhesion is not None)
+        if scene.finite_strain:
+            require_measured(scene.contact, float(curve.depth.max()) - scene.instrument.contact_depth)
         for key, what in _identities(curve):
             if key in seen:
                 raise CurveError(

@@ -83,6 +83,10 @@ class Forward:
         laws = LawSource.of(similarity, reference, free, solver, store)
         return cls(similarity, depth, laws, scene.memory, time if scene.memory is not None else None)
 
+    def solved_by(self, solver: Solver) -> Forward:
+        """Return the same with laws of another solver that scale alike, kept beside its own."""
+        return replace(self, laws=replace(self.laws, solver=solver, table=None))
+
     def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
 

@@ -7,6 +7,7 @@ radii up to 20 thicknesses, and up to the end of the indenter's shape.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,18 +100,19 @@ class ExactPunchLaw(ContactLaw):
         Of the punch (m).
     incremental : float
         dP/dw (N/m), (9.1).
-    edge : float
-        g(1), the solution at the edge: what adhesion pulls on.
     resolution : Resolution
         Nodes of the solution.
+    edge : float, optional
+        g(1), the solution at the edge: what adhesion pulls on. Not a number where nothing can pull: adhesion
+        beside friction is refused.
     lowest : float, default 0
         Depth (m) at which the punch comes off, whether depth or load is given: negative where it sticks.
     """
 
     radius: float
     incremental: float
-    edge: float
     resolution: Resolution
+    edge: float = math.nan
     lowest: float = 0.0
 
     @property

@@ -4,7 +4,7 @@
 are the wavenumbers at which a kernel bends, `quadrature` its integrals.
 """
 
-from underlay.mechanics.kernel.kernel import Family, Kernel
+from underlay.mechanics.kernel.kernel import Compliance, Family, Kernel
 from underlay.mechanics.kernel.one_layer import one_minus_L
 from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.mechanics.kernel.scales import Scales
@@ -12,6 +12,7 @@ from underlay.mechanics.kernel.stack import StackKernel
 from underlay.mechanics.kernel.substrate import LayerKernel, SubstrateKernel, coefficients
 
 __all__ = [
+    "Compliance",
     "Family",
     "Kernel",
     "LayerKernel",

@@ -17,7 +17,7 @@ from underlay.errors import InputError
 from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.kernel.scales import Scales
 
-__all__ = ["Family", "Kernel", "Layers"]
+__all__ = ["Compliance", "Family", "Kernel", "Layers"]
 
 _MOST_COEFFICIENTS = 12
 
@@ -28,6 +28,19 @@ class Layers(NamedTuple):
     layers: tuple[Layer, ...]
     base: Base
     said: tuple[str, ...] = ()
+
+
+class Compliance(NamedTuple):
+    """How the body changes the surface's compliance in every direction, each (nodes,).
+
+    With theta and p those of the surface, C the 2 x 2 compliance of the surface of the body (radial, axial) per
+    wavenumber and gamma its coupling: `radial` is 1 - theta p C_11, `mixed` theta sqrt(p) C_12 + gamma, `axial`
+    1 - theta C_22, which is 1 - L.
+    """
+
+    radial: FloatArray
+    mixed: FloatArray
+    axial: FloatArray
 
 
 class Kernel(ABC):
@@ -64,6 +77,29 @@ class Kernel(ABC):
     @abstractmethod
     def uniform(self) -> bool:
         """Whether nothing under the surface differs from it: the kernel is zero."""
+
+    def compliance(self, u: FloatArray) -> Compliance:
+        """What a tip that sticks feels of the body, at `u` (nodes,) of zero or more.
+
+        Raises
+        ------
+        InputError
+            If this kernel knows the axial compliance alone.
+        """
+        del u
+        raise InputError(
+            f"{type(self).__name__} says nothing of shear: friction needs its compliance in shear and its coupling"
+        )
+
+    @property
+    def coupling(self) -> float:
+        """gamma = (p - q)/(sigma sqrt p) of the surface, (1 - 2 nu)/(2 (1 - nu)) when isotropic.
+
+        Raises as `compliance` does.
+        """
+        raise InputError(
+            f"{type(self).__name__} says nothing of shear: friction needs its compliance in shear and its coupling"
+        )
 
     def simpler(self, eps: float, allowed: float) -> Layers | None:
         """Return a body of fewer layers that contacts cannot tell from this one; None where there is none.

@@ -11,7 +11,8 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.bonds import Bond, Spring
-from underlay.mechanics.kernel.kernel import Kernel, Layers
+from underlay.mechanics.kernel import surface
+from underlay.mechanics.kernel.kernel import Compliance, Kernel, Layers
 from underlay.mechanics.kernel.merging import joined, relative_effect
 from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.mechanics.kernel.recursion import Recursion, Sheet
@@ -50,6 +51,17 @@ class StackKernel(Kernel):
     def values(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,)."""
         return self._recursion.one_minus_L(u)
+
+    def compliance(self, u: FloatArray) -> Compliance:
+        """Change of the surface's compliance in every direction at `u` (nodes,)."""
+        sheets, base = self._sheets
+        own = tuple(surface.Sheet(s.constants, float(s.thickness), s.opening, s.sliding) for s in sheets)
+        return surface.stack_compliance(u, own, base)
+
+    @property
+    def coupling(self) -> float:
+        """Gamma of the layer on top."""
+        return self.layers[0].material.plane_constants.coupling
 
     @cached_property
     def _recursion(self) -> Recursion:

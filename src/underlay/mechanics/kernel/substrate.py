@@ -9,10 +9,11 @@ from math import sqrt
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.mechanics.body import Base, Material
-from underlay.mechanics.kernel.kernel import Kernel
+from underlay.mechanics.kernel.kernel import Compliance, Kernel
 from underlay.mechanics.kernel.one_layer import one_minus_L
 from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.mechanics.kernel.scales import Scales
+from underlay.mechanics.kernel.surface import Sheet, scaled, stack_compliance
 from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["LayerKernel", "SubstrateKernel", "coefficients", "material_contrast"]
@@ -101,6 +102,18 @@ class SubstrateKernel(Kernel):
     def values(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,)."""
         return one_minus_L(u, *self.constants)
+
+    def compliance(self, u: FloatArray) -> Compliance:
+        """Change of the surface's compliance in every direction at `u` (nodes,)."""
+        layer, base = self.constants
+        g = float(layer.g)
+        sheet = Sheet(scaled(layer, g), thickness=1.0, opening=0.0, sliding=0.0)
+        return stack_compliance(u, (sheet,), None if base is None else scaled(base, g))
+
+    @property
+    def coupling(self) -> float:
+        """Gamma of the layer."""
+        return self.constants[0].coupling
 
     @cached_property
     def scales(self) -> Scales:

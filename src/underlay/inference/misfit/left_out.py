@@ -1,0 +1,95 @@
+"""Friction and finite strain: errors of a law whose scene does not say that they are absent.
+
+Friction lies between none and full, and real friction between a law without it and one without slip (they bracket
+it to 0.03 %): a share of their difference, any between 0 and 1, here a normal distribution. Finite strain has a
+measured shape (`mechanics/finite_strain`) and a size that depends on a strain energy nobody knows: 1 +- 0.5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.misfit.known_error import KnownError, Pressed
+from underlay.mechanics.finite_strain import finite_strain_excess, require_measured, why_unmeasured
+from underlay.mechanics.solvers import Exact, Stuck
+from underlay.scene.scene import Scene
+
+__all__ = ["FINITE_STRAIN", "FRICTION", "LeftOut", "left_out"]
+
+FRICTION, FINITE_STRAIN = "friction", "finite strain"
+# Of the share of full friction. Flat between 0 and 1 would be 0.29, but both ends, a tip that slides and one that
+# sticks, are common and belong well inside a 95 % interval.
+_SHARE = 0.35
+# What the columns are computed to: they are known to a tenth at best.
+_RTOL = 1e-4
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What the law of a scene leaves out.
+
+    Parameters
+    ----------
+    errors : tuple of KnownError
+        What can be computed of it.
+    unknown : tuple of str
+        What cannot, and why.
+    declared : tuple of str
+        What the scene says.
+    """
+
+    errors: tuple[KnownError, ...] = ()
+    unknown: tuple[str, ...] = ()
+    declared: tuple[str, ...] = ()
+
+
+def left_out(scene: Scene, depth: float) -> LeftOut:
+    """Say what the law of a scene leaves out for depths up to `depth` (m).
+
+    Raises
+    ------
+    InputError
+        If the scene asks for finite strain where it was not measured.
+    """
+    parts = (_friction(scene), _finite_strain(scene, depth))
+    return LeftOut(*(tuple(entry for part in parts for entry in getattr(part, name)) for name in _FIELDS))
+
+
+_FIELDS = ("errors", "unknown", "declared")
+
+
+def _friction(scene: Scene) -> LeftOut:
+    if scene.friction != "unknown":
+        return LeftOut(declared=(f'friction = "{scene.friction}"',))
+    if scene.adhesion is not None or scene.memory is not None:
+        return LeftOut(unknown=(f"{FRICTION} beside adhesion or relaxation",))
+    return LeftOut((KnownError(FRICTION, _stuck_less_free, mean=0.5, deviation=_SHARE),))
+
+
+def _stuck_less_free(test: Pressed) -> FloatArray:
+    inside = np.maximum(test.depth, 0.0)
+    free, stuck = (test.by(solver).force(inside) for solver in (Exact(_RTOL), Stuck(_RTOL)))
+    ratio = np.divide(stuck, free, out=np.ones_like(free), where=free > 0.0)
+    return np.asarray(test.force * (ratio - 1.0))
+
+
+def _finite_strain(scene: Scene, depth: float) -> LeftOut:
+    if scene.finite_strain is False:
+        return LeftOut(declared=("finite_strain = false",))
+    why = why_unmeasured(scene.contact, depth)
+    if scene.adhesion is not None or scene.memory is not None:
+        why = "measured without adhesion and relaxation"
+    if not why:
+        return LeftOut((KnownError(FINITE_STRAIN, _excess, mean=1.0, deviation=0.5),))
+    if scene.finite_strain:
+        require_measured(scene.contact, depth)
+    return LeftOut(unknown=(f"{FINITE_STRAIN} is beyond what is known here ({why})",))
+
+
+def _excess(test: Pressed) -> FloatArray:
+    inside = np.maximum(test.depth, 0.0)
+    excess = finite_strain_excess(test.scene.contact, inside, test.law.contact_radius(inside))
+    return np.asarray(test.force * excess)

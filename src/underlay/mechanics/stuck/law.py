@@ -1,0 +1,342 @@
+"""The law of an indenter on whose surface points stick where they touch, in the form of a master curve.
+
+Assumes a rigid, axisymmetric indenter whose contact is one disc, small strains, monotone loading, and friction
+enough to hold every point (a tenth to a third of the pressure on thin, nearly incompressible layers). Range:
+contact radii up to 20 thicknesses, up to the end of the indenter's shape, and up to where a film much stiffer
+than its base folds: there points do not stick in the order in which they are touched.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import ceil, log10
+from typing import Self
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import RangeError
+from underlay.mechanics.contact import Contact
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.exact.contact_curve import LARGEST_EPS, ContactProblem, RadiusGuess
+from underlay.mechanics.exact.law import ExactLaw, ExactPunchLaw
+from underlay.mechanics.exact.master_curve import (
+    MOST_TERMS,
+    Factor,
+    MasterCurve,
+    Stretch,
+    chebyshev_angles,
+    chebyshev_coefficients,
+    truncation_error,
+)
+from underlay.mechanics.exact.nodes import Resolution, curve_terms
+from underlay.mechanics.exact.punch_solution import proved_resolution
+from underlay.mechanics.exact.radius_series import RadiusSeries
+from underlay.mechanics.indenters import FlatPunch, PowerLawShape, Sphere
+from underlay.mechanics.stuck.growth import Growth, chebyshev_radii
+from underlay.mechanics.stuck.stuck_punch import StuckPunch
+
+__all__ = ["stuck_law"]
+
+# A stuck contact at equal depth is 0.955 to 1.021 times as wide as a frictionless one.
+_WIDER = 1.03
+# Points that overshoot the wanted depth by more would only cost.
+_OVERSHOOT = 1.5
+_MOST_ATTEMPTS = 12
+_MOST_RADII, _MOST_STEPS = 120, 90
+_GROWTH_OF_COUNTS = 1.35
+# What each part of the solution may take of the relative error.
+_SHARE = 0.3
+# Depth against radius is looked at on so many radii per term of its polynomial.
+_LOOKS = 6
+# A measured tip has corners in its curvature: its radii converge as 1/n only, its integrals take more steps, and
+# what its coefficients say of the error is taken so many times. With 48 radii forces are right to 1e-3.
+_MEASURED_RADII, _MEASURED_STEPS, _UNEVEN = 48, 240, 4.0
+
+
+@dataclass(frozen=True)
+class _Counts:
+    """Nodes of one solution: functions, radii, and steps of the growth's integral.
+
+    Fits, with a margin, to what errors of 1e-3 to 1e-9 in P(w) took for rigid bases and ratios of 0.1 to 10, at
+    a/h of 0.5 to 10; every solution is checked by how its coefficients fall.
+    """
+
+    modes: int
+    radii: int
+    steps: int
+
+    @classmethod
+    def choose(cls, eps: float, rtol: float, softness: float) -> Self:
+        digits = 0.5 - log10(rtol)
+        wide = 0.8 + 0.5 * eps + 0.02 * eps * eps + 0.1 * np.log1p(softness * eps)
+        return cls.of(6 + max(0, ceil(digits * wide) - 5), digits)
+
+    @classmethod
+    def of(cls, radii: int, digits: float) -> Self:
+        return cls(2 + ceil(0.64 * radii), radii, 14 + ceil(3.2 * digits))
+
+    def more(self, most: int) -> _Counts:
+        """The next to try, of at most so many radii."""
+        radii = min(ceil(_GROWTH_OF_COUNTS * self.radii), most)
+        return _Counts(
+            2 + ceil(0.64 * radii), radii, min(ceil(1.2 * self.steps), max(self.steps, _MOST_STEPS))
+        )
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """A growth, and varpi and the logarithms of the three factors at its Chebyshev radii.
+
+    `looks` are further radii from 0 on, with varpi and b = w'/H' at them.
+    """
+
+    growth: Growth
+    resolution: Resolution
+    varpi: FloatArray
+    logarithms: FloatArray
+    error: float
+    looks: FloatArray
+    varpi_at_looks: FloatArray
+    rate_at_looks: FloatArray
+
+
+def stuck_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> ContactLaw:
+    """Solve the contact problem without slip for depths up to `max_depth`.
+
+    Parameters
+    ----------
+    contact : Contact
+        Of any shape, on any body whose kernel knows shear.
+    max_depth : float
+        Largest depth (m), positive.
+    rtol : float, default 1e-6
+        Relative error allowed in force, contact radius and stiffness.
+
+    Returns
+    -------
+    ExactLaw or ExactPunchLaw
+        With ``method = "stuck"``.
+
+    Raises
+    ------
+    RangeError
+        If the contact would pass 20 thicknesses, the end of the shape, or a fold.
+
+    Examples
+    --------
+    >>> from underlay.mechanics.indenters import Paraboloid
+    >>> from underlay.mechanics.body import RIGID, Layer
+    >>> from underlay.mechanics.materials import Isotropic
+    >>> contact = Contact.of(Paraboloid(0.5), Layer(Isotropic(1.5, 0.5), 1.0), RIGID)
+    >>> law = stuck_law(contact, max_depth=1.2)
+    >>> f"{law.force(1.10407546804):.5f}"  # a/h = 1: P = 7.731771 theta A a^3
+    '7.73177'
+    """
+    indenter = contact.indenter
+    if isinstance(indenter, FlatPunch):
+        return _punch_law(indenter, contact, max_depth, rtol)
+    length = contact.thickness
+    if length == np.inf:
+        length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
+    problem = ContactProblem.of(indenter, length, contact.kernel)
+    top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
+    solved, last = _reaching(problem, top, rtol)
+    curve, error = _curve(problem, solved, top, rtol)
+    return ExactLaw(
+        method="stuck",
+        reason=(
+            f"contact without slip, solved for a/h up to {last:.3g}, {solved.resolution.radial} functions"
+            if contact.thickness < np.inf
+            else "contact without slip on a half-space"
+        ),
+        max_depth=max_depth,
+        error_estimate=solved.error + error,
+        measure=problem.measure,
+        theta=contact.theta,
+        thickness=length,
+        curve=curve,
+        resolution=solved.resolution,
+        radii=solved.varpi.size,
+    )
+
+
+def _punch_law(indenter: FlatPunch, contact: Contact, max_depth: float, rtol: float) -> ExactPunchLaw:
+    eps = indenter.radius / contact.thickness
+    if eps > LARGEST_EPS:
+        raise RangeError(
+            f"the punch's radius is {eps:.4g} layer thicknesses, and {LARGEST_EPS:g} is the most that works "
+            "here: use a smaller punch"
+        )
+    resolution = proved_resolution(contact.kernel, eps, rtol)
+    counts = _Counts.choose(eps, rtol, 0.0)
+    while True:
+        punch = StuckPunch.solve(contact.kernel, np.array([eps]), counts.modes, resolution)
+        # kappa is variational: its error is the square of the field's.
+        error = _tail(punch) ** 2
+        if error <= _SHARE * rtol or counts.radii >= _MOST_RADII:
+            break
+        counts = counts.more(_MOST_RADII)
+    return ExactPunchLaw(
+        method="stuck",
+        reason=f"contact without slip, a/h = {eps:.3g}, {counts.modes} functions",
+        max_depth=max_depth,
+        error_estimate=error + _SHARE * rtol,
+        radius=indenter.radius,
+        incremental=4.0 * contact.theta * indenter.radius * float(punch.kappa[0]),
+        resolution=_counted(resolution, counts),
+    )
+
+
+def _tail(punch: StuckPunch) -> float:
+    """The last two of the fields' coefficients, over the largest."""
+    size = np.abs(punch.fields)
+    return float((size[:, -2:].max(axis=1) / size.max(axis=1)).max())
+
+
+def _counted(resolution: Resolution, counts: _Counts) -> Resolution:
+    return Resolution(counts.modes, resolution.wavenumbers, resolution.first, resolution.reach)
+
+
+def _reaching(problem: ContactProblem, top: float, rtol: float) -> tuple[_Solved, float]:
+    """Solve up to a contact radius at which varpi is `top`, or a little more; that radius over the thickness."""
+    end = min(problem.indenter.max_radius / problem.thickness, LARGEST_EPS)
+    guess = RadiusGuess.of(problem.scales, problem.measure.exponent).radius(np.array([top]))[0]
+    last = min(_WIDER * float(problem.eps(np.array([guess]))[0]), end)
+    foreseen = problem.scales.charted and problem.scales.ratio > _OVERSHOOT / 5.0
+    allowed = rtol if foreseen else max(rtol, 1e-2)
+    for _ in range(_MOST_ATTEMPTS):
+        solved = _solve(problem, last, allowed)
+        reached, depth = _reached(problem, solved, top)
+        if depth < top:
+            if last >= end:
+                raise _too_deep(problem, top, depth)
+            last = min(last * min(1.02 * top / depth, 2.0), end)
+        elif reached < last / _OVERSHOOT or allowed > rtol:
+            last, allowed = min(1.02 * reached, end), rtol
+        else:
+            return solved, last
+    raise RangeError(
+        f"no contact radius was found for depth {_depth(problem, top):.6g} m: press less deep, or take a contact "
+        "without friction"
+    )
+
+
+def _solve(problem: ContactProblem, last: float, rtol: float) -> _Solved:
+    """Grow up to `last` = a/h, with as many nodes as it takes."""
+    scales = problem.scales
+    resolution = proved_resolution(problem.kernel, last, rtol)
+    counts, most, uneven = _Counts.choose(last, rtol, scales.softness), _MOST_RADII, 1.0
+    if not isinstance(problem.indenter, PowerLawShape | Sphere):
+        counts, most, uneven = replace(counts, steps=_MEASURED_STEPS), _MEASURED_RADII, _UNEVEN
+    stretch = Stretch.to(last, scales.softness)
+    while True:
+        radii = chebyshev_radii(stretch, counts.radii)
+        punch = StuckPunch.solve(problem.kernel, radii, counts.modes, resolution)
+        growth = Growth.solve(punch, stretch, problem.indenter, problem.thickness, counts.steps)
+        varpi, logarithms = _factors(problem, radii, growth)
+        angles = chebyshev_angles(counts.radii)
+        own = np.column_stack((logarithms, np.log(varpi / radii)))
+        error = _tail(punch) ** 2 + uneven * float(truncation_error(chebyshev_coefficients(own, angles)))
+        if error <= _SHARE * rtol or counts.radii >= most:
+            break
+        counts = counts.more(most)
+    looks = last * np.linspace(0.0, 1.0, _LOOKS * counts.radii + 1)
+    ratios = growth.values(looks)
+    return _Solved(
+        growth,
+        _counted(resolution, counts),
+        varpi,
+        logarithms,
+        error + _SHARE * rtol,
+        looks,
+        _varpi(problem, looks, ratios[:, 1]),
+        ratios[:, 3],
+    )
+
+
+def _varpi(problem: ContactProblem, eps: FloatArray, depth: FloatArray) -> FloatArray:
+    """Varpi at contact radii `eps` where w/H is `depth`.
+
+    What is not positive was not resolved, or lies beyond a fold: both are found by the caller.
+    """
+    halfspace = problem.indenter.abel(eps * problem.thickness)
+    return problem.measure.halfspace_radius(np.abs(depth) * halfspace) / problem.thickness
+
+
+def _factors(problem: ContactProblem, eps: FloatArray, growth: Growth) -> tuple[FloatArray, FloatArray]:
+    """Varpi (n,) and the logarithms of the three factors (n, 3) at contact radii `eps` over the thickness."""
+    kappa, depth, force = growth.values(eps)[:, :3].T
+    varpi = _varpi(problem, eps, depth)
+    factors = np.empty((eps.size, len(Factor)))
+    factors[:, Factor.RADIUS] = eps / varpi
+    factors[:, Factor.FORCE] = (1.0 + 1.0 / problem.measure.exponent) * force * eps / (depth * varpi)
+    factors[:, Factor.STIFFNESS] = kappa
+    return varpi, np.log(np.abs(factors))
+
+
+def _reached(problem: ContactProblem, solved: _Solved, top: float) -> tuple[float, float]:
+    """The contact radius at which varpi is `top`, and varpi there, or both at the end.
+
+    Raises
+    ------
+    RangeError
+        If the contact stops growing with depth before.
+    """
+    looks, varpi, rate = solved.looks, solved.varpi_at_looks, solved.rate_at_looks
+    beyond = np.flatnonzero(varpi >= top)
+    stop = int(beyond[0]) if beyond.size else looks.size
+    folded = np.flatnonzero(rate[: stop + 1] <= 0.0)
+    if folded.size:
+        before = max(int(folded[0]) - 1, 0)
+        deepest = _depth(problem, float(varpi[before]))
+        raise RangeError(
+            f"depth {_depth(problem, top):.6g} m is beyond the largest that works here with a tip that sticks, "
+            f"{deepest:.6g} m: there the film, much stiffer than its base, wraps the tip in a jump, and points do "
+            "not stick in the order in which they are touched; press less deep, or leave friction out",
+            max_depth=deepest,
+        )
+    if not beyond.size:
+        return float(looks[-1]), float(varpi[-1])
+    return float(looks[stop]), float(varpi[stop])
+
+
+def _depth(problem: ContactProblem, varpi: float) -> float:
+    """Depth (m) at which the measure's half-space radius over the thickness is `varpi`."""
+    return float(problem.measure.abel(np.array([varpi * problem.thickness]))[0])
+
+
+def _too_deep(problem: ContactProblem, top: float, reached: float) -> RangeError:
+    deepest = _depth(problem, reached)
+    if problem.indenter.max_radius < LARGEST_EPS * problem.thickness:
+        why = "there the contact reaches the end of the indenter's shape; use a larger radius or less depth"
+    else:
+        why = f"there the contact radius is {LARGEST_EPS:g} thicknesses; use less depth"
+    return RangeError(
+        f"depth {_depth(problem, top):.6g} m is beyond the largest that works here, {deepest:.6g} m: {why}",
+        max_depth=deepest,
+    )
+
+
+def _curve(problem: ContactProblem, solved: _Solved, top: float, rtol: float) -> tuple[MasterCurve, float]:
+    """Turn the relation round: the curve for varpi up to `top`, and the error that this adds."""
+    softness = problem.scales.softness
+    terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol)
+    while terms <= MOST_TERMS:
+        wanted = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
+        at, logarithms = _factors(
+            problem, np.interp(wanted, solved.varpi_at_looks, solved.looks), solved.growth
+        )
+        curve = MasterCurve.through(at, logarithms, top, softness)
+        if curve.error_estimate <= _SHARE * rtol:
+            return curve, curve.error_estimate
+        terms += 4
+    radii = chebyshev_radii(solved.growth.stretch, solved.varpi.size)
+    # Column RADIUS is ln(eps/chi), and the radius stands for itself.
+    relation = np.column_stack((solved.logarithms, np.log(solved.varpi / radii)))
+    relation[:, Factor.RADIUS] = 0.0
+    series = RadiusSeries(
+        solved.growth.stretch, chebyshev_coefficients(relation, chebyshev_angles(radii.size))
+    )
+    inverted = series.inverted(top, _SHARE * rtol)
+    return inverted, inverted.error_estimate

@@ -1,0 +1,82 @@
+"""Do the intervals hold the truth of a layer in large strains, or under a tip that sticks?
+
+    python tests/studies/left_out_coverage.py NU [seeds]    # -> results/left_out_coverage_NU.csv
+
+Curves of finite elements (`finite_elements.py curves NU`: a true sphere on a neo-Hookean layer bonded to a rigid
+base, sliding and sticking), their ratio to the linear law smoothed over the mesh, with white noise of 0.3 % of the
+peak of unknown size; modulus, thickness, contact point and baseline free, fitted by the law of small strains
+without friction.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import underlay as ul
+
+RESULTS = Path(__file__).parent / "results"
+E, THICKNESS, NOISE, POINTS = 1e6, 1e-3, 0.003, 240
+DEPTHS = (0.1, 0.2, 0.3)
+FREE = ("layer.E", "layer.thickness")
+
+
+def main(given, seeds=20):
+    table = pd.read_csv(RESULTS / f"finite_element_curves_{given}.csv")
+    rows = []
+    for (nu, ratio, stuck), own in table.groupby(["nu", "h/R", "stuck"]):
+        scene = ul.Scene(ul.Sphere(THICKNESS / ratio), ul.Layer(ul.Isotropic(E, nu), THICKNESS), ul.RIGID)
+        last = float(own["w/h"].max())
+        for deepest in sorted({min(depth, last) for depth in DEPTHS}):
+            rows.append(
+                {"nu": nu, "h/R": ratio, "w/h": f"{deepest:.3g}", "stuck": stuck}
+                | _cell(scene, own, deepest * THICKNESS, int(seeds))
+            )
+            print(rows[-1], flush=True)
+            with (RESULTS / f"left_out_coverage_{given}.csv").open("w", newline="") as file:
+                writer = csv.DictWriter(file, rows[0])
+                writer.writeheader()
+                writer.writerows(rows)
+
+
+def _cell(scene, own, deepest, seeds):
+    depth = np.linspace(-0.4 * deepest, deepest, POINTS)
+    force = _force(scene, own, depth)
+    counts, widths = {}, []
+    for seed in range(seeds):
+        noise = NOISE * force.max() * np.random.default_rng(seed).standard_normal(POINTS)
+        curve = ul.Curve.from_frame(pd.DataFrame({"depth": depth, "force": force + noise}))
+        free = dict.fromkeys((*FREE, "instrument.contact_depth", "instrument.baseline"))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            fit = ul.fit(ul.Problem(scene, curve, free))
+            for wide in (False, True):
+                for path in FREE:
+                    known = fit.interval(path, model_error=wide)
+                    key = f"{path} {'with model error' if wide else 'from the noise'}"
+                    counts[key] = counts.get(key, 0) + (scene.parameters[path] in known)
+                    widths += [(key, np.log(known.high / known.low))] if known.low > 0.0 else [(key, np.inf)]
+    shares = {key: f"{count / seeds:.2f}" for key, count in counts.items()}
+    medians = {f"width of {key}": f"{np.median([w for k, w in widths if k == key]):.3f}" for key in counts}
+    return shares | medians
+
+
+def _force(scene, own, depth):
+    """Forces (N) at depths (m): the linear law times a smooth ratio, which is one at contact."""
+    known = own["w/h"].to_numpy() * THICKNESS
+    law = scene.contact_law(float(max(known.max(), depth.max())))
+    ratio = own["P/(E h^2)"].to_numpy() * E * THICKNESS**2 / law.force(known)
+    powers = np.arange(1, 5)
+    root = np.sqrt(known / known.max())[:, None] ** powers
+    fitted = np.linalg.lstsq(root, ratio - 1.0, rcond=None)[0]
+    inside = np.maximum(depth, 0.0)
+    return law.force(inside) * (1.0 + np.sqrt(inside / known.max())[:, None] ** powers @ fitted)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,274 @@
+"""Finite elements of a rigid tip on one layer: shares nothing with the contact laws but the shapes of the tips.
+
+Axisymmetric 8-node quadrilaterals with four points each (reduced: nearly incompressible layers do not lock), on a
+mesh fine under the contact; contact by a stiff penalty at the points of the surface, loading in steps. Small
+strains of Hooke's law, or a neo-Hookean layer, mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2. A tip slides freely, or
+holds every point of the surface where it was at the end of the step in which it was touched: an error of first
+order in the steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import skfem
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+Array = NDArray[np.float64]
+
+# Penalty in units of E over the element under the tip: points enter the tip by 1e-4 of that at a pressure of E.
+_PENALTY = 1e4
+_MOST_NEWTON = 40
+_CONVERGED = 1e-8
+_MOST_TRIALS, _FLATTER = 10, 0.5
+_POINTS = 5  # per side, on the surface
+# Components of F - I in order: rr, rz, zr, zz, and the hoop.
+_ROWS, _COLUMNS = (0, 0, 1, 1, 2), (0, 1, 0, 1, 2)
+
+
+class NoEquilibriumError(RuntimeError):
+    """Newton's method did not find one."""
+
+
+@dataclass(frozen=True)
+class Tip:
+    """A sphere or a paraboloid of radius R."""
+
+    radius: float
+    sphere: bool
+
+    def shape(self, r: Array) -> tuple[Array, Array]:
+        """Height and slope at `r`."""
+        R = self.radius
+        if not self.sphere:
+            return r**2 / (2.0 * R), r / R
+        inside = np.minimum(np.abs(r), 0.98 * R)
+        root = np.sqrt(R**2 - inside**2)
+        return R - root, inside / root
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A layer of thickness and Young's modulus one, fixed below, as wide as `width`."""
+
+    nu: float
+    thickness: float = 1.0
+    width: float = 8.0
+    finite: bool = False
+
+
+class Loaded(NamedTuple):
+    """Force and contact radius at every depth."""
+
+    depth: Array
+    force: Array
+    radius: Array
+
+
+@dataclass
+class Press:
+    """One tip on one layer.
+
+    `fine` elements lie side by side under the largest contact radius expected, `contact`.
+    """
+
+    tip: Tip
+    layer: Layer
+    contact: float
+    fine: int = 24
+    stuck: bool = False
+    _u: Array = field(init=False)
+    _linear: sparse.csr_matrix | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        size = self.contact / self.fine
+        r = _graded(size, 1.25 * self.contact, self.layer.width)
+        z = -_graded(size, 0.3 * min(self.contact, self.layer.thickness), self.layer.thickness)[::-1]
+        mesh = skfem.MeshQuad.init_tensor(r, z)
+        element = skfem.ElementVector(skfem.ElementQuadS2())
+        self._basis = skfem.Basis(mesh, element, intorder=3)
+        top = mesh.facets_satisfying(lambda x: (np.abs(x[1]) < 1e-12) & (x[0] < 1.2 * self.contact))
+        self._surface = skfem.FacetBasis(mesh, element, facets=top, intorder=2 * _POINTS - 1)
+        fixed = self._basis.get_dofs(lambda x: np.abs(x[1] + self.layer.thickness) < 1e-12).all()
+        axis = self._basis.get_dofs(lambda x: np.abs(x[0]) < 1e-12).all(["u^1"])
+        self._free = np.setdiff1d(np.arange(self._basis.N), np.concatenate((fixed, axis)))
+        self._penalty = _PENALTY / size
+        self._u = np.zeros(self._basis.N)
+        self._gradients, self._volumes = _strains(self._basis)
+        self._values = np.array(
+            [np.asarray(part[0]) for part in self._surface.basis]
+        )  # (dofs, 2, facets, points)
+        where = np.asarray(self._surface.global_coordinates())[0]
+        self._radius = where
+        self._areas = 2.0 * np.pi * where * self._surface.dx
+        self._home = np.full(where.shape, np.nan)
+
+    def load(self, depths: Array) -> Loaded:
+        """Press to every depth in turn, as far as there is an equilibrium on this mesh."""
+        found = []
+        for depth in depths:
+            try:
+                found.append(self._to(float(depth)))
+            except NoEquilibriumError:
+                break
+        return Loaded(depths[: len(found)], *np.array(found).T)
+
+    def _to(self, depth: float) -> tuple[float, float]:
+        for _ in range(_MOST_NEWTON):
+            stiffness, residual = self._system(depth)
+            step = np.zeros_like(self._u)
+            system = stiffness[self._free][:, self._free].tocsc()
+            step[self._free] = splu(system).solve(-residual[self._free])
+            self._u = self._u + self._share(depth, step, float(step @ residual)) * step
+            if np.abs(step).max() <= _CONVERGED * depth:
+                break
+        else:
+            raise NoEquilibriumError(f"no equilibrium at depth {depth:.4g}")
+        gap = self._gap(depth)[0]
+        touched = gap > 0.0
+        self._home = np.where(touched & np.isnan(self._home), self._surface_displacement()[0], self._home)
+        pressure = self._penalty * np.where(touched, gap, 0.0)
+        return float((pressure * self._areas).sum()), float(self._radius[touched].max(initial=0.0))
+
+    def _system(self, depth: float) -> tuple[sparse.csr_matrix, Array]:
+        """Stiffness and unbalanced force of layer and contact."""
+        stiffness, residual = self._body()
+        own, unbalanced = self._touch(depth)
+        return stiffness + own, residual + unbalanced
+
+    def _share(self, depth: float, step: Array, start: float) -> float:
+        """How much of a step to go: to where the energy along it is least, roughly."""
+        here, low, high = self._u, 0.0, 1.0
+        for _ in range(_MOST_TRIALS):
+            self._u = here + high * step
+            slope = float(step @ self._system(depth)[1])
+            self._u = here
+            if not np.isfinite(slope):
+                high *= 0.5  # an element turned inside out
+                continue
+            if slope < _FLATTER * abs(start):
+                return high
+            # The slope is negative at `low`: between, by a weighted mean.
+            high = low + (high - low) * max(abs(start) / (abs(start) + slope), 0.1)
+        return high
+
+    def _surface_displacement(self) -> Array:
+        """Radial and axial, (2, facets, points)."""
+        local = self._u[self._surface.element_dofs]
+        return np.einsum("dcfp,df->cfp", self._values, local)
+
+    def _gap(self, depth: float) -> tuple[Array, Array]:
+        """Overlap, positive inside the tip, and the tip's slope there."""
+        radial, axial = self._surface_displacement()
+        place = self._radius + radial if self.layer.finite else self._radius
+        height, slope = self.tip.shape(place)
+        return axial + depth - height, slope if self.layer.finite else np.zeros_like(slope)
+
+    def _touch(self, depth: float) -> tuple[sparse.csr_matrix, Array]:
+        """Stiffness and force of the penalty."""
+        gap, slope = self._gap(depth)
+        inside = gap > 0.0
+        weight = np.where(inside, self._penalty * self._areas, 0.0)
+        normal = self._values[:, 1] - slope * self._values[:, 0]
+        force = np.einsum("dfp,fp->df", normal, weight * gap)
+        stiff = np.einsum("dfp,fp,efp->def", normal, weight, normal)
+        # The tip's own curvature is left out of the stiffness, which it would make indefinite; the force is exact.
+        if self.stuck:
+            holds = np.where(np.isnan(self._home), 0.0, self._penalty * self._areas)
+            away = np.where(np.isnan(self._home), 0.0, self._surface_displacement()[0] - self._home)
+            force += np.einsum("dfp,fp->df", self._values[:, 0], holds * away)
+            stiff += np.einsum("dfp,fp,efp->def", self._values[:, 0], holds, self._values[:, 0])
+        return _assembled(self._surface.element_dofs, stiff, force, self._basis.N)
+
+    def _body(self) -> tuple[sparse.csr_matrix, Array]:
+        """Stiffness and force of the layer."""
+        if not self.layer.finite and self._linear is not None:
+            return self._linear, self._linear @ self._u
+        local = self._u[self._basis.element_dofs]
+        strain = np.einsum("dceq,de->ceq", self._gradients, local)
+        stress, tangent = (_neo_hookean if self.layer.finite else _hooke)(strain, self.layer.nu)
+        force = np.einsum("dceq,ceq->de", self._gradients, stress * self._volumes)
+        pushed = np.einsum("cgeq,hgeq->hceq", tangent * self._volumes, self._gradients)
+        stiff = np.einsum("dceq,hceq->dhe", self._gradients, pushed, optimize=True)
+        found = _assembled(self._basis.element_dofs, stiff, force, self._basis.N)
+        self._linear = found[0]
+        return found
+
+
+def _graded(size: float, even: float, end: float) -> Array:
+    """Edges from 0: of one size up to `even`, then wider and wider to `end`."""
+    edges = list(np.linspace(0.0, even, max(2, round(even / size)) + 1))
+    step = size
+    while edges[-1] < end:
+        step *= 1.3
+        edges.append(edges[-1] + step)
+    edges[-1] = end
+    if len(edges) > 2 and edges[-1] - edges[-2] < 0.3 * step:
+        edges.pop(-2)
+    return np.array(edges)
+
+
+def _strains(basis: skfem.Basis) -> tuple[Array, Array]:
+    """Displacement gradients of every local function, (dofs, 5, elements, points), and volumes."""
+    r = np.asarray(basis.global_coordinates())[0]
+    parts = []
+    for function in basis.basis:
+        value, slope = np.asarray(function[0]), np.asarray(function[0].grad)
+        parts.append(np.stack((slope[0, 0], slope[0, 1], slope[1, 0], slope[1, 1], value[0] / r)))
+    return np.array(parts), 2.0 * np.pi * r * basis.dx
+
+
+def _assembled(dofs: Array, stiff: Array, force: Array, size: int) -> tuple[sparse.csr_matrix, Array]:
+    rows = np.broadcast_to(dofs[:, None], stiff.shape).ravel()
+    columns = np.broadcast_to(dofs[None], stiff.shape).ravel()
+    matrix = sparse.csr_matrix((stiff.ravel(), (rows, columns)), shape=(size, size))
+    return matrix, np.bincount(dofs.ravel(), force.ravel(), minlength=size)
+
+
+def _moduli(nu: float) -> tuple[float, float]:
+    """Shear and bulk modulus at E = 1."""
+    return 0.5 / (1.0 + nu), 1.0 / (3.0 * (1.0 - 2.0 * nu))
+
+
+def _hooke(strain: Array, nu: float) -> tuple[Array, Array]:
+    mu, bulk = _moduli(nu)
+    tangent = np.zeros((5, 5))
+    for i, (a, b) in enumerate(zip(_ROWS, _COLUMNS, strict=True)):
+        for j, (c, d) in enumerate(zip(_ROWS, _COLUMNS, strict=True)):
+            shear = mu * ((a == c and b == d) + (a == d and b == c))
+            tangent[i, j] = shear + (bulk - 2.0 / 3.0 * mu) * (a == b) * (c == d)
+    tangent = np.broadcast_to(tangent[:, :, None, None], (5, 5, *strain.shape[1:]))
+    return np.einsum("cgeq,geq->ceq", tangent, strain), tangent
+
+
+def _neo_hookean(strain: Array, nu: float) -> tuple[Array, Array]:
+    """First Piola-Kirchhoff stress and its derivative in F."""
+    mu, bulk = _moduli(nu)
+    F = np.zeros((3, 3, *strain.shape[1:]))
+    for i, (a, b) in enumerate(zip(_ROWS, _COLUMNS, strict=True)):
+        F[a, b] = strain[i] + (a == b)
+    plane = F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
+    J = plane * F[2, 2]
+    if not (J > 0.0).all():
+        return np.full_like(strain, np.nan), np.full((5, 5, *J.shape), np.nan)
+    inverse = np.zeros_like(F)
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = F[1, 1] / plane, F[0, 0] / plane, 1.0 / F[2, 2]
+    inverse[0, 1], inverse[1, 0] = -F[0, 1] / plane, -F[1, 0] / plane
+    I1, scale = (F * F).sum(axis=(0, 1)), mu * J ** (-2.0 / 3.0)
+    deviator = np.array([F[a, b] - I1 / 3.0 * inverse[b, a] for a, b in zip(_ROWS, _COLUMNS, strict=True)])
+    back = np.array([inverse[b, a] for a, b in zip(_ROWS, _COLUMNS, strict=True)])
+    stress = scale * deviator + bulk * (J - 1.0) * J * back
+    tangent = np.zeros((5, 5, *J.shape))
+    for j, (c, d) in enumerate(zip(_ROWS, _COLUMNS, strict=True)):
+        for i, (a, b) in enumerate(zip(_ROWS, _COLUMNS, strict=True)):
+            turned = inverse[d, a] * inverse[b, c]
+            tangent[i, j] = (
+                scale * ((i == j) - 2.0 / 3.0 * inverse[d, c] * deviator[i])
+                - scale * (2.0 / 3.0 * F[c, d] * back[i] - I1 / 3.0 * turned)
+                + bulk * J * ((2.0 * J - 1.0) * inverse[d, c] * back[i] - (J - 1.0) * turned)
+            )
+    return stress, tangent
