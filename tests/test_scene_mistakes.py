@@ -16,7 +16,7 @@ from underlay.errors import InputError, ParameterError, RangeError, UnderlayWarn
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.scene.scene_file import read_scene_file
-from underlay.scene.scene_keys import scene_keys
+from underlay.scene.scene_keys import TOP, scene_keys
 
 SAMPLES = Path(__file__).resolve().parents[1] / "data_samples"
 SCENE = """
@@ -156,6 +156,7 @@ def test_every_key_that_a_scene_file_may_hold_is_listed(run, tmp_path):
                 # A section within a section, [layer.relaxation], has keys of its own.
                 inner = [(f"{section}.{key}", word) for word in value] if isinstance(value, dict) else ()
                 assert set(inner or [(section, key)]) <= listed
+    assert {(TOP, key) for key in ("title", "friction", "finite_strain")} <= listed
     assert all(entry.meaning and entry.takes for entry in scene_keys())
     kinds = {entry.key: entry.takes for entry in scene_keys() if entry.section == "simulate"}
     assert kinds["start"].startswith("length")

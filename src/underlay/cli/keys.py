@@ -32,7 +32,7 @@ def keys(
     """
     import pandas as pd
 
-    from underlay.scene.scene_keys import scene_keys
+    from underlay.scene.scene_keys import TOP, scene_keys
 
     table = pd.DataFrame(scene_keys())
     sections = list(dict.fromkeys(table["section"]))
@@ -40,7 +40,7 @@ def keys(
         raise InputError(f"a scene file has no section {section!r}; it has {', '.join(sections)}")
     for name in sections if section is None else [section]:
         # One table for every layer: its header is doubled in TOML.
-        title = f"[[{name}]]" if name == "substrate.layers" else f"[{name}]"
+        title = {"substrate.layers": f"[[{name}]]", TOP: "Before any section"}.get(name, f"[{name}]")
         say_table(table[table["section"] == name].drop(columns="section"), title)
     say(
         "PARAMETER is any number of the scene: layer.E, layer.thickness, instrument.contact_depth, noise.force"

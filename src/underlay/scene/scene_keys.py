@@ -15,6 +15,7 @@ import numpy as np
 
 from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.bonds import BONDS, Spring
+from underlay.mechanics.friction import FRICTIONS
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import RELAXES, Relaxation
@@ -34,7 +35,7 @@ from underlay.scene.scene_schema import (
 from underlay.scene.scene_sections import EQUIVALENT_CONES
 from underlay.units import KINDS
 
-__all__ = ["SceneKey", "scene_keys"]
+__all__ = ["TOP", "SceneKey", "scene_keys"]
 
 _WORDS = {str: "text", int: "a whole number", float: "a number", bool: "true or false", dict: "a table"}
 #: Keys that choose what a section is, rather than being a number of it.
@@ -50,7 +51,23 @@ _CHOICES = {
         "bond",
     ): "how its lower face holds to what is under it; slip: no friction; or springs, e.g. 1 GPa/m each way",
     ("substrate.layers", "bond"): "the same of this layer; further layers stand from the top down",
+    ("adhesion", "model"): "how tip and surface stick; without the section they do not",
     ("substrate", "rigid"): "true for a base that does not deform, in place of its moduli",
+}
+#: What the keys are listed under that stand before any section.
+TOP = "top of the file"
+_BEFORE_SECTIONS = {
+    "title": ("text", "none", "what reports call the test"),
+    "friction": (
+        f"one of {', '.join(FRICTIONS)}",
+        FRICTIONS[0],
+        "under the tip: unknown friction widens the second interval; stuck is solved exactly",
+    ),
+    "finite_strain": (
+        "true or false",
+        "unknown",
+        "false says that strains are small; unknown or true widens the second interval where its size is known",
+    ),
 }
 _FIT = {
     "prior": "density of what is known before; bounds alone are a flat one",
@@ -79,6 +96,8 @@ def scene_keys() -> list[SceneKey]:
 
 
 def _all() -> Iterator[SceneKey]:
+    for key, (takes, default, meaning) in _BEFORE_SECTIONS.items():
+        yield SceneKey(TOP, key, takes, default, meaning)
     shapes = _own(Indenter)
     names = ", ".join(sorted([*shapes, *EQUIVALENT_CONES]))
     yield SceneKey("indenter", "shape", f"one of {names}", "", _CHOICES["indenter", "shape"])
@@ -98,7 +117,11 @@ def _all() -> Iterator[SceneKey]:
     yield from _of_class(Isotropic, "substrate", "")
     yield from _of_class(TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu"))
     yield from _of_class(Instrument, "instrument", "")
-    for name, adhesion in sorted(_own(Adhesion).items()):
+    sticky = _own(Adhesion)
+    yield SceneKey(
+        "adhesion", "model", f"one of {', '.join(sorted(sticky))}", "", _CHOICES["adhesion", "model"]
+    )
+    for name, adhesion in sorted(sticky.items()):
         yield from _of_class(adhesion, "adhesion", f" ({name})")
     yield from _of_class(Noise, "noise", "")
     for name, field in free_parameter_schema("dimensionless").model_fields.items():
