@@ -36,8 +36,8 @@ def keys(
 
     table = pd.DataFrame(scene_keys())
     sections = list(dict.fromkeys(table["section"]))
-    if section is not None and section not in sections:
-        raise InputError(f"a scene file has no section {section!r}; it has {', '.join(sections)}")
+    if section is not None and section not in sections[1:]:
+        raise InputError(f"a scene file has no section {section!r}; it has {', '.join(sections[1:])}")
     for name in sections if section is None else [section]:
         # One table for every layer: its header is doubled in TOML.
         title = {"substrate.layers": f"[[{name}]]", TOP: "Before any section"}.get(name, f"[{name}]")
