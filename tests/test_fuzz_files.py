@@ -65,8 +65,9 @@ def test_the_harness_sees_what_it_looks_for(fuzz, tmp_path):
 
 
 def test_the_stored_result_of_the_long_run_is_clean():
-    # Of curves alone: the long run over every kind of file is still to be stored.
     result = json.loads(RESULT.read_text(encoding="utf-8"))
+    assert {outcome.split(":")[0] for outcome in result["outcomes"]} == KINDS
+    assert result["command"].startswith("python tests/fuzz_files.py")
     assert result["files"] >= 100_000
     assert result["failures"] == []
     assert result["slowest_seconds"] < 5.0

@@ -13,6 +13,7 @@ import pandas as pd
 from underlay._csv_text import csv_text
 from underlay._files import require_own_folder, require_writable_folder, write_atomic
 from underlay.errors import InputError
+from underlay.inference.bonding import has_face
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
@@ -241,6 +242,7 @@ def _fit_notebook(
             "segments_part": segments,
             "time_part": filled("relaxation", {}) if any(s.memory is not None for s in scenes) else (),
             "adhesion_part": adhesion_part(scenes),
+            "bond_part": filled("bonding", {}) if all(map(has_face, scenes)) else (),
             "facts": {**facts, "random numbers": "none"},
             "files": files,
         },

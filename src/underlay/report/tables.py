@@ -118,7 +118,6 @@ def interval_table(result: Fit) -> pd.DataFrame:
                 ),
                 "interval": entry.kind,
                 "before the test": _prior_text(result, entry.name, kind),
-                "path": entry.name,
             }
         )
     return labelled_table(rows)

@@ -27,6 +27,7 @@ _COST_POINTS = 200
 _COST_ROUNDS = 25
 # One that takes longer than this (s) is timed once.
 _LONG = 0.2
+_ROUNDING = 1e3 * np.finfo(float).eps
 
 
 def effects_table(
@@ -128,7 +129,9 @@ def _size(effect: Effect, depth: FloatArray, solver: Solver) -> FloatArray:
         return np.interp(depth, along[1:] - along[0], sizes)
     readings = depth + effect.with_it.instrument.contact_depth
     with_it = effect.with_it.force(readings, solver=solver)
-    return np.asarray(with_it / effect.without.force(readings, solver=solver) - 1.0)
+    change = np.asarray(with_it / effect.without.force(readings, solver=solver) - 1.0)
+    # Two laws of one contact agree to rounding: friction does nothing to an incompressible half-space.
+    return np.where(np.abs(change) > _ROUNDING, change, 0.0)
 
 
 def _added_cost(effect: Effect, deepest: float, solver: Solver) -> float:

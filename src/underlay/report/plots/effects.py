@@ -55,6 +55,8 @@ def effects(
     with style():
         drawn = axes(ax, height=3.2)
         for name, size in sizes.items():
+            if not size.any():  # nothing has no place on a logarithmic axis
+                continue
             drawn.loglog(
                 depth / unit, 100.0 * np.abs(size.to_numpy()), label=_label(str(name), size.iloc[-1])
             )
