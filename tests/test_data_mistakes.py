@@ -232,5 +232,7 @@ def test_a_map_says_the_same_of_each_curve(curve, put, tmp_path):
 def test_the_command_fits_an_unloading(curve, put, tmp_path, capsys):
     path, scene = put(curve.depth, curve.force, 'segment = "unloading"')
     fit_command(path, scene, output=tmp_path / "out")
-    assert "Layer modulus 0.6199" in capsys.readouterr().out
+    # Four in a thousand is the drift of the law that the averaging allows for.
+    found = float(re.search(r"Layer modulus ([0-9.]+) MPa", capsys.readouterr().out).group(1))
+    assert found == pytest.approx(0.62, rel=4e-3)
     assert (tmp_path / "out" / "curve.fit.json").is_file()

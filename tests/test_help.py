@@ -10,6 +10,7 @@ import sys
 import pytest
 import typer
 
+from support.populations import write_study
 from support.reports import SAMPLES
 from underlay.cli.app import app, main
 
@@ -41,6 +42,7 @@ def folder(tmp_path):
     (tmp_path / "manifest.csv").write_text(
         "file,x (mm),y (mm)\nsite1.csv,0,0\nsite2.csv,1,0\n", encoding="utf-8"
     )
+    write_study(tmp_path / "map.csv", group="treatment")
     return tmp_path
 
 

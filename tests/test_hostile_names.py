@@ -51,7 +51,9 @@ def all_cells(words_, problem):
     a, b, c, d = words_
     facts = {"to repeat": c, f"curve 1 taken from {a}": b}
     measured = segments_part({1: a, 2: d})
-    common = {"title": a, "facts": facts, "files": [b, c]}
+    parts = {"time_part": filled("relaxation", {}), "adhesion_part": filled("adhesion", {})}
+    parts["bond_part"] = filled("bonding", {})
+    common = {"title": a, "facts": facts, "files": [b, c], **parts}
     load = Source(problem_source(problem, [c, d]))
     return (
         *filled("fit", {**common, "load": load, "segments_part": measured}),

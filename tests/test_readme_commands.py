@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import underlay as ul
+from support.populations import write_study
 from test_help import examples
 from underlay.cli.app import main
 from underlay.data.curve_csv import curve_csv
@@ -69,6 +70,8 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "curves" / "site-0001.csv").write_text(text, encoding="utf-8")
     manifest = re.search(r"```text\n(file,.*?)```", README, re.DOTALL).group(1)
     (tmp_path / "manifest.csv").write_text(manifest, encoding="utf-8")
+    (tmp_path / "results").mkdir()
+    write_study(tmp_path / "results" / "map.csv", group="group")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -2,8 +2,10 @@
 
 import math
 
+import numpy as np
 import pandas as pd
 
+from underlay._csv_text import csv_text
 from underlay.inference.population.likelihood import ROOTS, CurveLikelihood
 
 
@@ -59,3 +61,13 @@ def table_of(curves, labels, **columns):
             **columns,
         }
     )
+
+
+def write_study(path, *, group):
+    """Write the table of a map of two groups of three animals, `group` being the column that says which."""
+    rng = np.random.default_rng(6)
+    tables = []
+    for name in ("sham", "treated"):
+        curves, labels = made_study(rng, animals=3, sites=3, between=0.2, within=0.2, mean=math.log(5e5))
+        tables.append(table_of(curves, labels, reason="", **{group: name}))
+    path.write_text(csv_text(pd.concat(tables, ignore_index=True)), encoding="utf-8")

@@ -63,7 +63,7 @@ def simulate(
     """
     if depth is None:
         if force is None:
-            raise InputError("give the depths (m), or with force=... the forces (N), of the readings")
+            raise InputError("give the depths (m) or the forces (N) of the readings")
         loads = _column(force, "force")
         clock = None if time is None else _times(time, loads.size, "force")
         return Curve(scene.depth(loads, clock, solver=solver), loads, time=clock, truth=scene.parameters)

@@ -178,7 +178,7 @@ class Fit:
         if all(member.scene.layer.relaxation is None for member in self.problem.members):
             return ()
         # Not loaded for a sample that does not relax.
-        from underlay.inference.sampling.derived import relaxed_moduli  # noqa: PLC0415  see above
+        from underlay.inference.relaxed_moduli import relaxed_moduli  # noqa: PLC0415  see above
 
         return tuple(relaxed_moduli(self.problem, self.problem.physical(self.vector)[None]))
 

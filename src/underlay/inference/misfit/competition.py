@@ -182,8 +182,10 @@ class _Weighed:
         normal, gradient = bordered[:, :-1, :-1], bordered[:, :-1, -1]
         inverse = np.linalg.inv(normal)
         solved = np.einsum("cij,cj->ci", inverse, gradient)
-        square = bordered[:, -1, -1] - np.einsum("ci,ci->c", gradient, solved)
-        log_normal = np.linalg.slogdet(normal)[1]
+        # The last pivot is r'r - c'N^-1 c without the cancellation.
+        root = np.diagonal(np.linalg.cholesky(bordered), axis1=-2, axis2=-1)
+        square = root[:, -1] ** 2
+        log_normal = 2.0 * np.log(root[:, :-1]).sum(axis=-1)
         evidence = log_prior + self._evidence(square, self.log_determinants[noise], log_normal)
         shift = -solved * self._scale(amounts, variance)
         variance = square / self.freedom

@@ -17,7 +17,7 @@ Otherwise
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -95,7 +95,7 @@ class PunchRelaxation(Relaxation):
 
     model: ClassVar[str] = ""
 
-    known: Modes
+    known: Modes = field(metadata={"no number": True})
     relaxes: str = "shear_and_bulk"
 
     @property
