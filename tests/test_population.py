@@ -1,6 +1,8 @@
 """Populations: exact limits of the model, open curves, coverage with controls that must fail, bad input."""
 
+import csv
 import math
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -182,6 +184,25 @@ def test_sites_are_not_independent():
     assert hits["levels"] >= 51
     assert hits["plain"] >= 51
     assert hits["sites"] <= 40
+
+
+def test_the_stored_study_covers_and_its_controls_fail():
+    """`tests/studies/population_coverage.py`: a true 95 % strays by three standard errors in one cell of 400."""
+    file = Path(__file__).parent / "studies" / "results" / "population_coverage.csv"
+    with file.open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    assert len(rows) >= 10
+    for row in rows:
+        error = 100.0 * math.sqrt(0.95 * 0.05 / float(row["studies"]))
+        # The prior on three animals' spread costs up to three per cent where they differ by 60 %.
+        assert float(row["levels"]) > 95.0 - 3.0 * error
+        assert float(row["animal_means"]) > 95.0 - 3.0 * error
+    # Curves of one animal hang together where animals differ.
+    apart = [float(row["sites_independent"]) for row in rows if float(row["between"]) >= 0.3]
+    assert max(apart) < 70.0
+    dropped = [float(row["open_dropped"]) for row in rows if float(row["open_share"]) > 0.2]
+    assert dropped
+    assert max(dropped) < 70.0
 
 
 def test_dropping_open_curves_biases_and_keeping_them_does_not():

@@ -33,7 +33,6 @@ CELLS = (
     (10, 10, 0.6, 0.2, 0.0, True),
     (3, 8, 0.2, 0.3, 0.55, False),
     (5, 8, 0.2, 0.3, 0.55, False),
-    (10, 8, 0.2, 0.5, 0.55, False),
 )
 FIELDS = (
     *("animals", "sites", "between", "within", "open_share", "unequal", "studies"),
