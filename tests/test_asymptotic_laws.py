@@ -306,6 +306,15 @@ def build(case, E=1.0, h=1.0, depth=1e-4):
     return asymptotic_law(case["indenter"], layer, substrate, depth, order=case["order"], form=case["form"])
 
 
+def test_a_law_that_ends_where_its_depth_turns_is_inverted_up_to_there():
+    """Newton's first step stands on the turning point, where dP/dw is infinite."""
+    tip = {"indenter": PowerLaw(1.8617181888027474, 0.8), "nu": 0.0}
+    law = build({**tip, "ratio": 0.027236810548516895, "order": 3, "form": "auto"})
+    assert law.form == "compliance"
+    depth = law.max_depth * np.linspace(0.02, 0.98, 15)
+    assert np.allclose(law.depth(law.force(depth)), depth, rtol=1e-9)
+
+
 @given(laws)
 @settings(max_examples=80, deadline=None)
 def test_force_radius_and_stiffness_agree(case):

@@ -106,7 +106,11 @@ class AsymptoticLaw(ContactLaw):
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
         s = self.series.parameter(depth, self.series_end)
-        return self.series.force(s)[1] / self.series.depth(s)[1]
+        deeper = self.series.depth(s)[1]
+        # Where the series of the depth turns, the law ends: more force, no more depth.
+        return np.divide(
+            self.series.force(s)[1], deeper, out=np.full_like(deeper, np.inf), where=deeper != 0.0
+        )
 
 
 def asymptotic_law(
