@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import underlay as ul
 from underlay.errors import InputError
 from underlay.scene.correlated_noise import ar1_whiten
 from underlay.scene.noise import Noise
@@ -142,3 +143,13 @@ def test_correlation_needs_increasing_times(time, message):
 def test_batched_correlation_times_must_all_be_positive():
     with pytest.raises(InputError, match="positive"):
         ar1_whiten(np.zeros((2, 3)), np.arange(3.0), np.array([[0.1], [0.0]]))
+
+
+def test_a_curve_without_scatter_says_that_its_noise_must_be_stated():
+    scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45)))
+    depth = np.array([0.0, 1e-5])
+    curve = ul.Curve(depth, scene.force(depth))
+    with pytest.raises(InputError, match=r"cannot be estimated from it: state noise\.force"):
+        ul.Noise().of_size(0.0)
+    known = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, ul.Noise(force=1e-6)))
+    assert known.values["layer.E"] == pytest.approx(1e6, rel=1e-9)

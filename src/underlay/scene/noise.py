@@ -159,7 +159,18 @@ class Noise(NoiseModel):
         return self.force is None
 
     def of_size(self, size: float) -> Self:
-        """Return the model with this white noise (N); itself where it is known."""
+        """Return the model with this white noise (N); itself where it is known.
+
+        Raises
+        ------
+        InputError
+            If the size is zero: scatter that is not there cannot be told from the curve.
+        """
+        if self.force is None and not size:
+            raise InputError(
+                "the curve follows the law to the last digit, so the size of its noise cannot be estimated from "
+                "it: state noise.force, such as the last digit of the instrument"
+            )
         return replace(self, force=size) if self.force is None else self
 
     def of_force(self) -> Noise | None:
