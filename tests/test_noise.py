@@ -147,7 +147,7 @@ def test_batched_correlation_times_must_all_be_positive():
 
 def test_a_curve_without_scatter_says_that_its_noise_must_be_stated():
     scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45)))
-    depth = np.array([0.0, 1e-5])
+    depth = np.linspace(0.0, 1e-5, 20)
     curve = ul.Curve(depth, scene.force(depth))
     with pytest.raises(InputError, match=r"cannot be estimated from it: state noise\.force"):
         ul.Noise().of_size(0.0)
