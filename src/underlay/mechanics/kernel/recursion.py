@@ -1,4 +1,4 @@
-"""1 - L(u) of a stack of layers: the five minors of its solutions, carried up from the base.
+"""The compliance of a stack's surface, 1 - L(u) first: the five minors of its solutions, carried up from the base.
 
 With xi the wavenumber, v = xi t in a layer of thickness t, and below every interface (displacement) = -C
 (stress over xi), C = [[C11, C12], [C12, C22]] (radial, axial) symmetric, the compliance obeys a Riccati equation
@@ -18,7 +18,8 @@ ones, never arises. With p, sigma as in `one_layer` and d^2 = sigma^2/4 - p the 
 
 At an interface with springs C <- C + xi diag(1/k_shear, 1/k_normal), and where it slips C11 -> inf: both are
 linear in y. On top 1 - L = (C_1,22 y0 - y22)/(C_1,22 y0): the first term of the thick passage is absent from the
-numerator, exactly, so that it keeps its digits where it decays.
+numerator, exactly, so that it keeps its digits where it decays. With friction C11 and C12 are wanted too: they are
+the other minors over y0.
 
 Constants and thicknesses may be (sets, 1): all sets go up together.
 """
@@ -33,10 +34,11 @@ from math import factorial, inf
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.mechanics.kernel.kernel import Compliance
 from underlay.mechanics.kernel.one_layer import EQUAL_ROOTS, passage
 from underlay.mechanics.plane_constants import PlaneConstants, Real
 
-__all__ = ["Recursion", "Sheet"]
+__all__ = ["Recursion", "Sheet", "scaled"]
 
 # The minors: f, -f C12, f det C, f C11, f C22.
 _UNIT, _CROSS, _BOTH, _RADIAL, _AXIAL = range(5)
@@ -105,7 +107,8 @@ class Recursion:
         constants = _constants(self._sheets)
         self._functions = _Functions(self._sheets, constants)
         tables = _passages(constants)
-        top = _seen(tables[..., -1, :, :, :], sheets[0])
+        self._whole = tables[..., -1, :, :, :]
+        top = _seen(self._whole, sheets[0])
         self._tables = [*np.moveaxis(tables[..., :-1, :, :, :], -4, 0), top]
         # Where the lowest interface does not know the wavenumber, neither does what is below the first passage.
         self._fed = not sheets[-1].sprung
@@ -121,19 +124,49 @@ class Recursion:
         array (nodes,) or (sets, nodes)
             Relative error below 1e-13 for the stacks of tests/test_stacks.py, contrasts up to 1e8: 2e-14 seen.
         """
+        u, functions = self._at(u)
+        if self._fed and len(self._sheets) == 1:
+            y = self._tables[0] @ functions[..., 0, :, :]
+        else:
+            below = self._under_the_top(u, functions)
+            y = _applied(self._tables[-1], functions[..., -1, :, :], below)
+        return np.asarray(y[..., 0, :] / y[..., 1, :])
+
+    def compliance(self, u: FloatArray) -> Compliance:
+        """Change of the surface's compliance in every direction at `u` (nodes,) of zero or more.
+
+        The axial entry keeps its digits where it decays; the others are differences with the half-space's, right
+        to the rounding of that.
+        """
+        axial = self.one_minus_L(u)
+        u, functions = self._at(u)
+        minors = _applied(self._whole, functions[..., -1, :, :], self._under_the_top(u, functions))
+        of = self._sheets[-1].constants
+        unit, theta = minors[..., _UNIT, :], of.g / (of.p * of.sigma)
+        radial = 1.0 - theta * of.p * minors[..., _RADIAL, :] / unit
+        mixed = theta * of.p**0.5 * (of.p_minus_q / of.g - minors[..., _CROSS, :] / unit)
+        return Compliance(np.asarray(radial), np.asarray(mixed), axial)
+
+    def _at(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Wavenumbers that can be computed at, and the sheets' functions there."""
         if any(sheet.slips for sheet in self._sheets):
             u = np.maximum(u, _NEAREST)
-        functions = self._functions(u)
+        return u, self._functions(u)
+
+    def _under_the_top(self, u: FloatArray, functions: FloatArray) -> FloatArray:
+        """Minors above the interface under the sheet on top."""
         y = self._base
-        for number, (sheet, table) in enumerate(zip(self._sheets, self._tables, strict=True)):
-            basis = functions[..., number, :, :]
-            if number == 0 and self._fed:
-                y = table @ basis
-                continue
-            if number > 1:
-                y = y / y.max(axis=-2, keepdims=True)
-            y = _applied(table, basis, _opened(u, sheet, y))
-        return np.asarray(y[..., 0, :] / y[..., 1, :])
+        for number, sheet in enumerate(self._sheets[:-1]):
+            basis, table = functions[..., number, :, :], self._tables[number]
+            fed = number == 0 and self._fed
+            y = table @ basis if fed else _applied(table, basis, _opened(u, sheet, y))
+            y = y / y.max(axis=-2, keepdims=True)
+        return _opened(u, self._sheets[-1], y)
+
+
+def scaled(of: PlaneConstants, g: Real) -> PlaneConstants:
+    """Plane constants in units of `g`."""
+    return PlaneConstants(of.q, of.c * g, of.g / g, of.S * g)
 
 
 def _applied(table: FloatArray, basis: FloatArray, y: FloatArray) -> FloatArray:

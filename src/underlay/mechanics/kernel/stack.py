@@ -11,11 +11,10 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.body import Base, Layer
 from underlay.mechanics.bonds import Bond, Spring
-from underlay.mechanics.kernel import surface
 from underlay.mechanics.kernel.kernel import Compliance, Kernel, Layers
 from underlay.mechanics.kernel.merging import joined, relative_effect
 from underlay.mechanics.kernel.quadrature import u_rule
-from underlay.mechanics.kernel.recursion import Recursion, Sheet
+from underlay.mechanics.kernel.recursion import Recursion, Sheet, scaled
 from underlay.mechanics.kernel.scales import SOFTEST, Scales
 from underlay.mechanics.kernel.substrate import material_contrast
 from underlay.mechanics.plane_constants import PlaneConstants, Real
@@ -54,9 +53,7 @@ class StackKernel(Kernel):
 
     def compliance(self, u: FloatArray) -> Compliance:
         """Change of the surface's compliance in every direction at `u` (nodes,)."""
-        sheets, base = self._sheets
-        own = tuple(surface.Sheet(s.constants, float(s.thickness), s.opening, s.sliding) for s in sheets)
-        return surface.stack_compliance(u, own, base)
+        return self._recursion.compliance(u)
 
     @property
     def coupling(self) -> float:
@@ -181,8 +178,8 @@ def sheets_of(
     sheets = []
     for own, thickness, bond in zip(constants, thicknesses, bonds, strict=True):
         opening, sliding = (give if give in {0.0, inf} else float(g / t) * give for give in _give(bond))
-        sheets.append(Sheet(_scaled(own, g), thickness / t, opening, sliding))
-    return tuple(sheets), None if base is None else _scaled(base, g)
+        sheets.append(Sheet(scaled(own, g), thickness / t, opening, sliding))
+    return tuple(sheets), None if base is None else scaled(base, g)
 
 
 def _give(bond: Bond) -> tuple[float, float]:
@@ -190,7 +187,3 @@ def _give(bond: Bond) -> tuple[float, float]:
     if isinstance(bond, Spring):
         return 1.0 / bond.normal, 1.0 / bond.shear if bond.shear else inf
     return 0.0, inf if bond == "slip" else 0.0
-
-
-def _scaled(of: PlaneConstants, g: Real) -> PlaneConstants:
-    return PlaneConstants(of.q, of.c * g, of.g / g, of.S * g)

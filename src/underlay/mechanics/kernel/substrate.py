@@ -12,8 +12,8 @@ from underlay.mechanics.body import Base, Material
 from underlay.mechanics.kernel.kernel import Compliance, Kernel
 from underlay.mechanics.kernel.one_layer import one_minus_L
 from underlay.mechanics.kernel.quadrature import u_rule
+from underlay.mechanics.kernel.recursion import Recursion, Sheet, scaled
 from underlay.mechanics.kernel.scales import Scales
-from underlay.mechanics.kernel.surface import Sheet, scaled, stack_compliance
 from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["LayerKernel", "SubstrateKernel", "coefficients", "material_contrast"]
@@ -105,10 +105,13 @@ class SubstrateKernel(Kernel):
 
     def compliance(self, u: FloatArray) -> Compliance:
         """Change of the surface's compliance in every direction at `u` (nodes,)."""
+        return self._recursion.compliance(u)
+
+    @cached_property
+    def _recursion(self) -> Recursion:
         layer, base = self.constants
-        g = float(layer.g)
-        sheet = Sheet(scaled(layer, g), thickness=1.0, opening=0.0, sliding=0.0)
-        return stack_compliance(u, (sheet,), None if base is None else scaled(base, g))
+        sheet = Sheet(scaled(layer, layer.g), thickness=1.0, opening=0.0, sliding=0.0)
+        return Recursion((sheet,), None if base is None else scaled(base, layer.g))
 
     @property
     def coupling(self) -> float:
