@@ -40,7 +40,7 @@ from .inference.least_squares import (
     fit as fit,
 )
 from .inference.design.planning import plan as plan
-from .inference.population.population import Population as Population
+from .inference.population.result import Population as Population
 from .inference.population.population import population as population
 from .inference.priors import (
     HalfNormal as HalfNormal,

@@ -7,7 +7,7 @@ import math
 import pandas as pd
 
 from underlay._text import one_line
-from underlay.inference.population.population import Comparison, Group, Population, Spread
+from underlay.inference.population.result import Comparison, Group, Population, Spread
 from underlay.report.labels import label, start
 from underlay.report.words import quantity_with_interval
 from underlay.scene.parameters import kind_of

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from underlay._text import one_line
-from underlay.inference.population.population import Group, Population
+from underlay.inference.population.result import Group, Population
 from underlay.report.labels import label
 from underlay.report.plots.style import DATA, FIT, GREY, INK, PAGE, style
 from underlay.scene.parameters import kind_of

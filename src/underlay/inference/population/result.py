@@ -1,0 +1,195 @@
+"""What `population` answers: groups, their spreads, their ratios, and what must be said beside them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from underlay.inference.population.levels import Density
+from underlay.inference.population.selection import LeftOut
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Comparison", "Group", "Population", "Spread"]
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Spread of ln of the parameter at one level: its median and 95 % interval, or an upper limit alone.
+
+    Parameters
+    ----------
+    level : str
+        Whose spread: "animal" says how animals differ, "curve" how curves of one innermost unit do.
+    median, low, high : float
+        As shares: 0.2 is 20 %. `low` is zero where there may be none, and `high` a one-sided limit then.
+    """
+
+    level: str
+    median: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """One group of a population.
+
+    Parameters
+    ----------
+    name : str
+        Empty where the population has no groups.
+    mean, low, high : float
+        Geometric mean (SI) with its 95 % interval; an end that is not there is zero or infinite.
+    spreads : tuple of Spread
+        Outermost level first, curves last.
+    units : int
+        How many outermost units (animals); zero without labels.
+    curves, open_curves : int
+        How many curves count, and how many of them have an open end.
+    curve_error : float
+        Median standard error of ln of a curve.
+    plain : tuple of float
+        Mean, low and high by the t interval of the animals' means, without a prior; not-a-number for fewer
+        than two.
+    unit_values : DataFrame
+        Per outermost unit: ``mean``, ``low``, ``high`` (SI, drawn towards the group's mean), ``own`` (its
+        curves alone), ``curves``.
+    density : Density
+        Posterior of ln of the mean, without the error that all curves share.
+    plain_moments : tuple
+        Of ln of the plain mean: value, variance, degrees of freedom.
+    """
+
+    name: str
+    mean: float
+    low: float
+    high: float
+    spreads: tuple[Spread, ...]
+    units: int
+    curves: int
+    open_curves: int
+    curve_error: float
+    plain: tuple[float, float, float]
+    unit_values: pd.DataFrame
+    density: Density
+    plain_moments: tuple[float, float, int]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One group over another.
+
+    Parameters
+    ----------
+    name, reference : str
+        The two groups.
+    ratio, low, high : float
+        Of the geometric means, with the 95 % interval.
+    probability_above : float
+        That the ratio exceeds one.
+    plain : tuple of float
+        Ratio, low and high by Welch's interval of the animals' means.
+    """
+
+    name: str
+    reference: str
+    ratio: float
+    low: float
+    high: float
+    probability_above: float
+    plain: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """Result of `population`.
+
+    Parameters
+    ----------
+    parameter : str
+        What it is of.
+    by : tuple of str
+        Levels, outermost first.
+    groups : mapping of str to Group
+        By name, in the order in which they came; one with an empty name without groups.
+    comparisons : tuple of Comparison
+        Every group over every earlier one.
+    left_out : tuple of LeftOut
+        Curves that do not count, and why.
+    shared_error : float
+        Relative error that all curves share (radius, spring constant): in every mean, in no ratio.
+    """
+
+    parameter: str
+    by: tuple[str, ...]
+    groups: Mapping[str, Group]
+    comparisons: tuple[Comparison, ...]
+    left_out: tuple[LeftOut, ...]
+    shared_error: float
+
+    def table(self) -> pd.DataFrame:
+        """One row per group (SI): means and spreads with the ends of their intervals."""
+        import pandas as pd  # noqa: PLC0415  where a table is asked for
+
+        rows = {}
+        for name, group in self.groups.items():
+            row: dict[str, float] = {
+                "units": group.units,
+                "curves": group.curves,
+                "mean": group.mean,
+                "low": group.low,
+                "high": group.high,
+                "plain mean": group.plain[0],
+                "plain low": group.plain[1],
+                "plain high": group.plain[2],
+            }
+            for spread in group.spreads:
+                row |= {
+                    f"spread {spread.level}": spread.median,
+                    f"spread {spread.level} low": spread.low,
+                    f"spread {spread.level} high": spread.high,
+                }
+            rows[name] = row
+        return pd.DataFrame.from_dict(rows, orient="index")
+
+    def sentences(self) -> list[str]:
+        """What a reader must know beside the numbers: left out, too few, no scatter beyond the errors."""
+        said = []
+        if self.left_out:
+            total = sum(group.curves for group in self.groups.values()) + len(self.left_out)
+            by_reason = Counter((left.group, left.reason) for left in self.left_out)
+            parts = [
+                f"{count} {reason}" + (f" in {group}" if group else "")
+                for (group, reason), count in by_reason.items()
+            ]
+            said.append(f"Left out: {len(self.left_out)} of {total} curves ({', '.join(parts)}).")
+            if len({left.group for left in self.left_out}) < len(self.groups):
+                said.append("Groups lost curves unequally: their ratio may be biased.")
+        for name, group in self.groups.items():
+            of = f"{name}: " if name else ""
+            said += [of + sentence for sentence in self._of_group(group)]
+        return said
+
+    def _of_group(self, group: Group) -> list[str]:
+        said = []
+        level = self.by[0] if self.by else ""
+        if not self.by:
+            said.append("The interval is for these sites: nothing here says how samples differ.")
+        elif group.units == 1:
+            said.append(
+                f"One {level} alone: nothing here says how {level}s differ; the interval rests on the prior."
+            )
+        elif group.units == 2:
+            said.append(f"Two {level}s: the spread between them is mostly the prior's.")
+        if group.open_curves:
+            said.append(
+                f"{group.open_curves} of {group.curves} curves are open to one side; they count as that."
+            )
+        if all(spread.low == 0.0 for spread in group.spreads):
+            limits = ", ".join(f"{spread.level} < {100.0 * spread.high:.0f} %" for spread in group.spreads)
+            said.append(f"No scatter beyond the errors of the curves ({limits}).")
+        return said
