@@ -160,7 +160,8 @@ class Recursion:
             basis, table = functions[..., number, :, :], self._tables[number]
             fed = number == 0 and self._fed
             y = table @ basis if fed else _applied(table, basis, _opened(u, sheet, y))
-            y = y / y.max(axis=-2, keepdims=True)
+            if number:  # any factor will do; one or two passages cannot grow beyond all numbers
+                y = y / y.max(axis=-2, keepdims=True)
         return _opened(u, self._sheets[-1], y)
 
 
