@@ -19,7 +19,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from scipy import special
@@ -124,12 +124,12 @@ def _fault(name: str, thing: object) -> str:
         return "it is no class that derives from Indenter"
     if not thing.shape:
         return "it has no name: give its class a `shape`"
-    others = [kind for kind in _family(Indenter) if kind.shape == thing.shape and kind is not thing]
+    others = [kind for kind in _heirs(Indenter) if kind.shape == thing.shape and kind is not thing]
     return f"another indenter is called {thing.shape!r}" if others else ""
 
 
-def _family(kind: type[Indenter]) -> list[type[Indenter]]:
-    return [kind, *(heir for child in kind.__subclasses__() for heir in _family(child))]
+def _heirs(kind: type[Part]) -> list[type[Any]]:
+    return [heir for child in kind.__subclasses__() for heir in (child, *_heirs(child))]
 
 
 def abel_factor(exponent: float | FloatArray) -> FloatArray:

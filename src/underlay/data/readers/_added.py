@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from underlay._text import one_line
 from underlay.data.curve import Curve
@@ -59,15 +60,15 @@ def _contained(plugin: Plugin) -> Format:
 
     def read_all(source: Source, options: Options) -> list[Curve]:
         try:
-            curves = list(own.read_all(source, options))
+            curves: list[Any] = list(own.read_all(source, options))
         except UnderlayError:
             raise
         except Exception as error:
             said = one_line(f"{type(error).__name__}: {error}")
             raise FileFormatError(f"{source.name}: the {whose} failed: {said}") from error
-        strange = [curve for curve in curves if not isinstance(curve, Curve)]
-        if strange:
-            raise FileFormatError(f"{source.name}: the {whose} gave {strange[0]!r:.60} in place of a curve")
+        for curve in curves:
+            if not isinstance(curve, Curve):
+                raise FileFormatError(f"{source.name}: the {whose} gave {curve!r:.60} in place of a curve")
         return curves
 
     return replace(own, sniff=sniff, read_all=read_all)
