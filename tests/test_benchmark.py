@@ -69,17 +69,21 @@ def test_the_references_hold_twelve_digits():
     assert STORED.exists()
 
 
+def law_errors(solver, material, friction):
+    """Errors of a law at each Poisson's ratio (rows) and depth (columns)."""
+    table = against_finite_elements(solver)
+    own = table[(table["material"] == material) & (table["friction"] == friction)]
+    return own.sort_values("nu")[[name for name in table if name.startswith("w/h")]].to_numpy()
+
+
 def test_finite_elements_of_a_linear_layer_meet_the_law():
-    table = against_finite_elements("exact").set_index(["material", "friction", "nu"])
-    sliding = table.loc[("linear", "none")]
-    assert np.abs(sliding.to_numpy()).max() < 1e-3
-    stuck = (
-        against_finite_elements("stuck").set_index(["material", "friction", "nu"]).loc[("linear", "stuck")]
-    )
+    sliding = law_errors("exact", "linear", "none")
+    assert np.isfinite(sliding).all()
+    assert np.abs(sliding).max() < 1e-3
     # Points are held where they were at the end of the step that touched them: first order in the steps.
-    assert np.abs(stuck.to_numpy()).max() < 5e-3
+    assert np.abs(law_errors("stuck", "linear", "stuck")).max() < 5e-3
     # What linear elasticity leaves out of the neo-Hookean layer shows.
-    assert table.loc[("neo-Hookean", "none", 0.3), "w/h = 0.3"] < -0.1
+    assert law_errors("exact", "neo-Hookean", "none")[0, -1] < -0.1
 
 
 def test_a_constant_is_scored_as_one():

@@ -86,3 +86,12 @@ def test_the_model_is_the_law(nanite):
     # Far above the base it is Hertz's model, which nanite has.
     hertz = models["hertz_para"].module.model_func(-depth / 1e3, 3e3, 5e-6, 0.45)
     assert entry.module.model_func(-depth / 1e3, 3e3, 5e-6, 0.45, 1.0) == pytest.approx(hertz, rel=1e-3)
+
+
+def test_a_guess_deeper_than_the_tip_goes_on_by_the_tangent(nanite):
+    model = nanite.model.models_available["underlay_layer"].module.model_func
+    depth = np.linspace(0.0, 2e-5, 200)  # of a sphere of 5 um
+    force = model(-depth, 3e3, 5e-6, 0.45, 8e-6)
+    rise = np.diff(force)
+    assert (rise > 0.0).all()
+    assert rise[-1] == pytest.approx(rise[-2], rel=1e-9)

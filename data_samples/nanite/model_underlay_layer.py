@@ -68,11 +68,23 @@ def layer_on_rigid_base(delta, E, R, nu, thickness, contact_point=0, baseline=0)
     root = contact_point - delta
     # Not the deepest point of this guess: the law must not change with the contact point.
     deepest = max(float(np.ptp(delta)), float(root.max()))
-    law = ul.contact_law(
-        ul.Sphere(R), ul.Layer(ul.Isotropic(1.0, nu), thickness), ul.RIGID, max_depth=deepest, solver=_LAW
-    )
+    try:
+        law = _law(R, nu, thickness, deepest)
+    except ul.RangeError as error:
+        if error.max_depth is None:
+            raise
+        # A step of the search may go deeper than the sphere is high: the force goes on by its tangent, so that
+        # the search finds back. No result lies there: the tip would be buried.
+        deepest = error.max_depth * (1 - 1e-9)
+        law = _law(R, nu, thickness, deepest)
     # On a rigid base the force is proportional to E.
-    return E * law.force(root) + baseline
+    beyond = np.maximum(root - deepest, 0.0)
+    return E * (law.force(np.minimum(root, deepest)) + law.stiffness(deepest) * beyond) + baseline
+
+
+def _law(R, nu, thickness, deepest):
+    layer = ul.Layer(ul.Isotropic(1.0, nu), thickness)
+    return ul.contact_law(ul.Sphere(R), layer, ul.RIGID, max_depth=deepest, solver=_LAW)
 
 
 model_doc = layer_on_rigid_base.__doc__

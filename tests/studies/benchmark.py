@@ -481,7 +481,7 @@ def score() -> None:
                 "way": label,
                 "kind": row["kind"],
                 "noise": row["noise"],
-                "error (%)": f"{row['error (%)']:.4g}",
+                "error (%)": f"{row['error (%)']:.7g}",
                 "holds": ""
                 if np.isnan(row["low (Pa)"])
                 else int(row["low (Pa)"] <= row["truth (Pa)"] <= row["high (Pa)"]),
@@ -508,7 +508,9 @@ def score_table() -> str:
         for kind in kinds:
             own = [row for row in rows if (row["way"], row["kind"]) == (way, kind)]
             sizes = [abs(float(row["error (%)"])) for row in own if row["error (%)"] != "nan"]
-            cells.append(f"{np.median(sizes):.2g} ({max(sizes):.2g})" if len(sizes) == len(own) else "-")
+            cells.append(
+                f"{short(np.median(sizes))} ({short(max(sizes))})" if len(sizes) == len(own) else "-"
+            )
         lines.append(f"| {way} | {' | '.join(cells)} |")
     held = [row for row in rows if row["holds"]]
     lines.append(
@@ -516,6 +518,11 @@ def score_table() -> str:
         "truth (95 % are asked for). A dash: the law does not take that sample."
     )
     return "\n".join(lines)
+
+
+def short(size: float) -> str:
+    """Two digits, and no power of ten."""
+    return f"{size:.0f}" if size >= 10.0 else f"{size:.2g}"
 
 
 def main(words: list[str]) -> None:
