@@ -62,7 +62,7 @@ def _of_fit(path: PathLike) -> dict[str, str]:
         document: Any = parse_json(read_text(path, _FIT))
         if "used" in document:
             return {str(key): str(why) for key, why in document["used"].items()}
-        # As versions before 0.2 wrote it.
+        # As it was written before a fit kept what it used.
         return used_by([str(document["statistics"]["law_method"])]) | of_fit(robust=False, averaged=False)
 
 
