@@ -31,6 +31,7 @@ from .errors import (
 from .inference.batch.fit_many import fit_many as fit_many
 from .inference.batch.options import MapOptions as MapOptions
 from .inference.batch.options import Sampling as Sampling
+from .inference.benchmark.scores import benchmark as benchmark
 from .inference.bonding import compare_bonds as compare_bonds
 from .inference.compare import compare as compare
 from .inference.from_files import load_problem as load_problem
