@@ -124,6 +124,11 @@ class LawSource:
         return cls(similarity, solver, store, store.number(reference), contact, table, tips)
 
     @property
+    def know_slopes(self) -> bool:
+        """Whether the laws say their derivatives in what may vary: no further law is needed for them."""
+        return self.table is not None or self.tips is not None
+
+    @property
     def for_differences(self) -> LawSource:
         """The same with laws that may be subtracted: of one kind, and not rougher than the step allows."""
         return replace(self, solver=self.solver.for_differences(_STENCIL_RTOL))
