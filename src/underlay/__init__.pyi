@@ -28,6 +28,8 @@ from .errors import (
     UnderlayWarning as UnderlayWarning,
     UnitError as UnitError,
 )
+from .inference.answer_cost import answer_cost as answer_cost
+from .inference.answer_cost import effects_on_answers as effects_on_answers
 from .inference.batch.fit_many import fit_many as fit_many
 from .inference.batch.options import MapOptions as MapOptions
 from .inference.batch.options import Sampling as Sampling
@@ -41,6 +43,7 @@ from .inference.least_squares import (
     fit as fit,
 )
 from .inference.design.planning import plan as plan
+from .inference.posterior_cost import posterior_cost as posterior_cost
 from .inference.population.result import Population as Population
 from .inference.population.population import population as population
 from .inference.priors.densities import (
