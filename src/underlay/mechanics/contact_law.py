@@ -160,6 +160,11 @@ class ContactLaw(Response, ABC):
         del compliance
         return ContactState(0.0, 0.0, 0.0)
 
+    def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
+        """Travels (m) of the other end of a spring (m/N) at which the force jumps; none without adhesion."""
+        least = self._least_force
+        return (self.domain[0] + compliance * least,) if least else ()
+
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
         """Depths (m) and forces (N), each (n,), of every contact up to `max_depth` (m), unstable ones included."""
         depth = np.linspace(self.domain[0], max_depth, _DRAWN)

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -150,14 +151,22 @@ class LayerRelation(RadiusRelation):
         """That of the layer (Pa)."""
         return self.halfspace.theta
 
+    @cached_property
+    def _with_slopes(self) -> FloatArray:
+        """Coefficients of the four logarithms and of their derivatives, (terms, 8)."""
+        slopes = np.zeros_like(self.coefficients)
+        slopes[:-1] = np.polynomial.chebyshev.chebder(self.coefficients)
+        return np.hstack((self.coefficients, slopes))
+
     def at(self, radius: FloatArray) -> AtRadius:
         """See `RadiusRelation`."""
         eps = radius / self.thickness
-        cosine = self.stretch.z(eps)
-        basis = np.polynomial.chebyshev.chebvander(cosine, self.coefficients.shape[0] - 1)
-        factors = np.exp(basis @ self.coefficients)
-        slopes = basis[:, :-1] @ np.polynomial.chebyshev.chebder(self.coefficients)
-        rates = slopes * (self.stretch.dz(eps) / self.thickness)[:, None]
+        # The last radius may round to beyond 1. Cosines: the recursion of the polynomials would take a step a term.
+        angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
+        basis = np.cos(angle[:, None] * np.arange(self.coefficients.shape[0]))
+        both = basis @ self._with_slopes
+        factors = np.exp(both[:, :4])
+        rates = both[:, 4:] * (self.stretch.dz(eps) / self.thickness)[:, None]
         half = self.halfspace.at(radius)
         depth = half.depth * factors[:, 0]
         depth_slope = half.depth_slope * factors[:, 0] + depth * rates[:, 0]
