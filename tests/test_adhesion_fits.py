@@ -231,7 +231,9 @@ def test_where_the_force_jumps():
     assert law.jump_travels() == pytest.approx((law.pull_off_depth,), rel=1e-12)
     end = law.pull_off(10.0)
     assert law.jump_travels(10.0) == pytest.approx((end.depth + 10.0 * end.force,), rel=1e-12)
-    assert replace(SCENE, adhesion=ul.JKR(2e-4, branch="approaching")).contact_law(1e-6).jump_travels() == (0.0,)
+    assert replace(SCENE, adhesion=ul.JKR(2e-4, branch="approaching")).contact_law(1e-6).jump_travels() == (
+        0.0,
+    )
     cycle = replace(SCENE, adhesion=ul.JKR(2e-4, branch="cycle")).contact_law(1e-6)
     assert cycle.jump_travels() == (0.0, *law.jump_travels())
     forward = ul.Problem(SCENE, made(), FREE).members[0].forward

@@ -11,9 +11,10 @@ visited:
 - "cantilever": 200 even travels of a cantilever's other end, which takes its share and lets the tip jump off.
 
 The readings of "depth" and "cantilever" begin anywhere within one spacing, drawn for each curve: the jump off
-falls anywhere between two readings, beside one too. White noise of 1 % of the pull-off force, its size known. E, thickness, work and contact point are free, and every
-fit begins at the wrong numbers given below with its own scan, as a user's does. "profile" counts truths that the
-profile likelihood does not reject, "standard error" those within 1.96 of it.
+falls anywhere between two readings, beside one too. White noise of 1 % of the pull-off force, its size known. E,
+thickness, work and contact point are free, and every fit begins at the wrong numbers given below with its own scan,
+as a user's does. "profile" counts truths that the profile likelihood does not reject, "standard error" those within
+1.96 of it.
 """
 
 from __future__ import annotations

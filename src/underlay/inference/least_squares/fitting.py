@@ -126,7 +126,10 @@ def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> 
     # Not loaded for a scene without adhesion.
     from underlay.inference.least_squares.jump_readings import about_left_out, determined  # noqa: PLC0415
 
-    problem, used = found.problem, [np.ones(len(member.force), dtype=bool) for member in found.problem.members]
+    problem, used = (
+        found.problem,
+        [np.ones(len(member.force), dtype=bool) for member in found.problem.members],
+    )
     for _ in range(_MAX_PASSES):
         kept = determined(found, problem)
         same = all(np.array_equal(one, other) for one, other in zip(kept, used, strict=True))
