@@ -5,8 +5,10 @@ and the sum of squares jumps as soon as the model has it on the wrong one: no se
 wall. Just before a pull-off the force turns as a root does, with a slope that has no bound: there standard errors,
 which come from slopes, are too small.
 
-The rule: left out is a reading that lies within four standard errors of the place of the jump, as all readings but
-the next on either side tell that place. The fit is then made again, until it leaves out what it left out before.
+The rule: the reading next to the jump on either side is left out where it lies within four standard errors of the
+place of the jump, as all other readings tell that place. The fit is then made again, until it leaves out what it left
+out before. No more than one on a side: beyond them the readings themselves say where the jump is, which is worth more
+than four errors of a contact whose modulus and thickness are known together only.
 """
 
 from __future__ import annotations
@@ -43,7 +45,8 @@ def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
             others = np.delete(rows, begin[number] + _beside(member.forward.depth, place), axis=0)
             # The shortest x with J'x = slope: |x|^2 = slope' (J'J)^-1 slope, also where J'J has no inverse.
             error = float(np.linalg.norm(np.linalg.lstsq(others.T, slope)[0]))
-            keep &= np.abs(whole.forward.depth - place) > _ERRORS * error
+            near = _beside(whole.forward.depth, place)
+            keep[near] &= np.abs(whole.forward.depth[near] - place) > _ERRORS * error
         kept.append(keep)
     return kept
 
