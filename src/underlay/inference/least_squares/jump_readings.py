@@ -6,9 +6,9 @@ wall. Just before a pull-off the force turns as a root does, with a slope that h
 which come from slopes, are too small.
 
 The rule: the reading next to the jump on either side is left out where it lies within four standard errors of the
-place of the jump, as all other readings tell that place. The fit is then made again, until it leaves out what it left
-out before. No more than one on a side: beyond them the readings themselves say where the jump is, which is worth more
-than four errors of a contact whose modulus and thickness are known together only.
+place of the jump, as all other readings tell that place. The fit is then made again, until it leaves out what it
+left out before. No more than one on a side: beyond them the readings themselves say where the jump is, which is
+worth more than four errors of a contact whose modulus and thickness are known together only.
 """
 
 from __future__ import annotations
