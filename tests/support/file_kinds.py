@@ -35,7 +35,7 @@ CALIBRATION = {"spring_constant": "0.04 N/m", "sensitivity": "60 nm/nA"}
 FORMAT_OF = {
     "optics11": "optics11", "mach1": "mach1", "bioindenter": "bioindenter", "hysitron": "hysitron",
     "fischer": "fischer", "nanosuite": "nanosuite", "testxpert": "testxpert", "excel": "excel",
-    "afm": "afm", "csv": "csv", "json": "json", "hdf5": "hdf5", "archive": None,
+    "afm": "afm", "asylum": "asylum", "csv": "csv", "json": "json", "hdf5": "hdf5", "archive": None,
 }  # fmt: skip
 
 

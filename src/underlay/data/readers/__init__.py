@@ -11,6 +11,7 @@ from underlay._version import VERSION
 from underlay.data.curve import Curve
 from underlay.data.readers import (
     afm,
+    asylum,
     bioindenter,
     delimited,
     excel,
@@ -20,13 +21,16 @@ from underlay.data.readers import (
     mach1,
     nanoscope,
     nanosuite,
+    nanosurf,
     optics11,
+    park,
     testxpert,
 )
 from underlay.data.readers._calibration import Calibration
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._jpk_map import JpkMapCurve, curves_of_jpk_map
 from underlay.data.readers._source import Source, load, unpack
+from underlay.data.readers._unread import way_out
 from underlay.errors import CurveError, FileFormatError, InputError
 
 __all__ = ["FORMATS", "Format", "JpkMapCurve", "curves_of_jpk_map", "read", "read_all", "read_from_map"]
@@ -41,6 +45,9 @@ FORMATS: tuple[Format, ...] = (
     fischer.FORMAT,
     nanosuite.FORMAT,
     nanoscope.FORMAT,
+    nanosurf.FORMAT,
+    park.FORMAT,
+    asylum.FORMAT,
     testxpert.FORMAT,
     exported.JSON_FORMAT,
     exported.HDF5_FORMAT,
@@ -209,6 +216,8 @@ def recognise(source: Source) -> Format:
     for candidate in FORMATS:
         if candidate.sniff(source):
             return candidate
+    if what := way_out(source):
+        raise FileFormatError(f"{source.name} is {what}")
     names = ", ".join(known.name for known in FORMATS)
     raise FileFormatError(f"{source.name} is not recognised as any known format ({names})")
 
