@@ -58,7 +58,7 @@ class Calibration:
             if number != "":
                 kind, value = _value(name, number)
                 values[kind] = value
-            if spread:
+            if spread is not None:
                 uncertainties[name] = _share(name, number, spread)
         return cls(values, uncertainties)
 
@@ -68,12 +68,10 @@ class Calibration:
         return {f"{name}_uncertainty": share for name, share in self.uncertainties.items()}
 
 
-def _apart(text: str | float) -> tuple[str | float, str]:
-    """A number and what stands behind its ±; either may be ''."""
-    if not isinstance(text, str):
-        return text, ""
-    number, *spread = _PLUS_MINUS.split(text, maxsplit=1)
-    return number.strip() if spread else text, spread[0].strip() if spread else ""
+def _apart(text: str | float) -> tuple[str | float, str | None]:
+    """A number, which may be '', and what stands behind its ±; None where there is none."""
+    number, *spread = _PLUS_MINUS.split(text, maxsplit=1) if isinstance(text, str) else (text,)
+    return (number.strip(), spread[0].strip()) if spread else (text, None)
 
 
 def _value(name: str, number: str | float) -> tuple[str, float]:
