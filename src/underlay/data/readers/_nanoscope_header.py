@@ -2,6 +2,7 @@ r"""The header of a NanoScope file: sections of lines ``\name: value``, and the 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -45,14 +46,15 @@ class Section:
         return next((self.entries[name] for name in names if name in self.entries), "")
 
     def number(self, *names: str) -> float | None:
-        """Return the number that such an entry begins with; None where there is none."""
+        """Return the finite number that such an entry begins with; None where there is none."""
         found = _PLAIN.match(self.text(*names))
-        return None if found is None else float(found[1])
+        value = math.inf if found is None else float(found[1])
+        return value if math.isfinite(value) else None
 
     def length(self, name: str) -> float:
         """Return a length (m); zero where it is not written."""
-        found = _PLAIN.match(self.text(name))
-        return 0.0 if found is None else float(found[1]) * _METRES.get(found[2], 1e-9)
+        value, found = self.number(name), _PLAIN.match(self.text(name))
+        return 0.0 if value is None or found is None else value * _METRES.get(found[2], 1e-9)
 
     def scale(self, *names: str) -> Scale | None:
         """Return a quantity in volts; None where the entry is none."""
@@ -60,7 +62,10 @@ class Section:
         if found is None or found[3] not in _VOLTS:
             return None
         volt = _VOLTS[found[3]]
-        return Scale(float(found[2]) * volt, float(found[4] or "nan") * volt, found[1] or "")
+        per_number, value = float(found[2]) * volt, float(found[4] or "nan") * volt
+        if not math.isfinite(per_number) or math.isinf(value):
+            return None
+        return Scale(per_number, value, found[1] or "")
 
 
 @dataclass(frozen=True)
@@ -93,8 +98,8 @@ class Header:
             found = _SENSITIVITY.match(section.text(f"@{name}"))
             if found:
                 # Where no unit was written in a file that was seen, the number was of nanometres.
-                metres = _METRES.get(found[2] or "nm")
-                return None if metres is None else float(found[1]) * metres
+                metres = float(found[1]) * _METRES.get(found[2] or "nm", math.nan)
+                return metres if math.isfinite(metres) else None
         return None
 
     def count(self, section: Section, name: str) -> int:

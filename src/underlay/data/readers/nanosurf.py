@@ -46,6 +46,8 @@ _GROUPS = (
 )
 _PROPERTY = re.compile(r"\w\[([^\]]*)\]\*\[([^\]]*)\]")
 _COUNT = re.compile(r"\d{1,9}")
+# 18 groups of 8 channels and 256 lines were seen.
+_MOST_GROUPS, _MOST_CHANNELS, _MOST_LINES = 1000, 64, 20_000
 # What is worth showing, by its name in the section of the measurement.
 _ABOUT = {"instrument": "Head type", "software version": "Software ver.", "date": "Date", "time": "Time"}
 _CANTILEVER = r"DataSet\Calibration\Cantilever"
@@ -88,11 +90,13 @@ class _Sections:
     def __getitem__(self, section: str) -> Mapping[str, str]:
         return self._entries.get(section, {})
 
-    def count(self, section: str, key: str) -> int:
-        """Return a whole number that must be there."""
+    def count(self, section: str, key: str, most: int = MAX_BYTES) -> int:
+        """Return a whole number up to `most` that must be there."""
         text = self[section].get(key, "")
-        if not _COUNT.fullmatch(text):
-            raise FileFormatError(f"{self.source.name}: no number for {key!r} in [{section!s:.60}]")
+        if not _COUNT.fullmatch(text) or int(text) > most:
+            raise FileFormatError(
+                f"{self.source.name}: no number up to {most} for {key!r} in [{section!s:.60}]; it says {text!r:.40}"
+            )
         return int(text)
 
     def number(self, section: str, key: str) -> float:
@@ -148,15 +152,15 @@ def _groups(sections: _Sections, start: int) -> dict[str, list[_Channel]]:
     """Channels of the groups of a force curve, by the name of the group."""
     source, wanted = sections.source, {name for name, *_ in _GROUPS}
     groups: dict[str, list[_Channel]] = {}
-    for group in range(sections.count("DataSet", "GroupCount")):
+    for group in range(sections.count("DataSet", "GroupCount", _MOST_GROUPS)):
         name = sections["DataSet"].get(f"Gr{group}-Name", "")
-        for channel in range(sections.count("DataSet", f"Gr{group}-Count")):
+        for channel in range(sections.count("DataSet", f"Gr{group}-Count", _MOST_CHANNELS)):
             section = sections["DataSet"].get(f"Gr{group}-Ch{channel}")
             if section is None:
                 continue
-            points, lines = sections.count(section, "Points"), sections.count(section, "Lines")
+            points, lines = sections.count(section, "Points"), sections.count(section, "Lines", _MOST_LINES)
             integer = _INTEGERS.get(sections[section].get("SaveBits", ""))
-            if integer is None or points * lines * 4 > MAX_BYTES:
+            if integer is None:
                 raise FileFormatError(f"{source.name}: [{section!s:.60}] holds no numbers of 16 or 32 bits")
             size = points * lines * integer.itemsize
             if start + size > len(source.data):

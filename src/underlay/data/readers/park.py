@@ -34,9 +34,10 @@ from underlay.errors import FileFormatError
 __all__ = ["FORMAT"]
 
 _TIFF = b"II*\0"
-_MAGIC, _HEADER, _SPECTRA, _VALUES = 50432, 50435, 50438, 50439
+_MAGIC, _SPECTRA, _VALUES = 50432, 50438, 50439
 _MAGIC_NUMBER = 235082497
 _SOFTWARE, _DATE = 305, 306
+_WANTED = {_SPECTRA, _VALUES, _SOFTWARE, _DATE}
 # Bytes of one item of a TIFF type; others are not met here.
 _SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 7: 1}
 _MOST_TAGS = 1000
@@ -88,7 +89,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
 
 
 def _tags(source: Source) -> dict[int, bytes]:
-    """Content of every tag of the first directory, by its number."""
+    """Content of the tags that are wanted of the first directory, by their numbers."""
     data = source.data
     found: dict[int, bytes] = {}
     try:
@@ -97,6 +98,8 @@ def _tags(source: Source) -> dict[int, bytes]:
         for number in range(min(count, _MOST_TAGS)):
             at = start + 2 + 12 * number
             tag, kind, items, place = struct.unpack_from("<HHII", data, at)
+            if tag not in _WANTED or tag in found:
+                continue
             size = items * _SIZES.get(kind, 0)
             place = at + 8 if size <= 4 else place
             if place + size > len(data):
