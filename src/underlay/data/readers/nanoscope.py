@@ -28,7 +28,7 @@ from underlay._arrays import FloatArray
 from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
-from underlay.data.readers._lever import Lever, lever_curve
+from underlay.data.readers._lever import Lever, lever_curve, sensor_note
 from underlay.data.readers._nanoscope_header import Header, Section, read_header
 from underlay.data.readers._nanoscope_tap import Tap, tap_of
 from underlay.data.readers._source import Source
@@ -114,17 +114,17 @@ def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | N
         recorded = np.isfinite(force)
         if not recorded.any():
             return None
-        which = order[recorded]
+        which, travel = order[recorded], travels.of(number)
         return lever_curve(
             source,
-            travels.of(number)[which],
+            travel[which],
             force[recorded],
             lever,
             channel=travels.channel,
             time=None if time is None else time[which],
             segment=labels[recorded],
             name=source.path.stem if number == 0 else f"{source.path.stem}, curve {number + 1}",
-            notes=_notes(recorded, tap),
+            notes=(*_notes(recorded, tap), *sensor_note(travel[: layout.way], travels.ramp)),
             test=number + 1,
             **_place(header, layout, number),
             **about,
@@ -188,28 +188,30 @@ def _lever(header: Header, image: Section, options: Options) -> Lever:
 
 
 class _Travels(NamedTuple):
-    """Travel towards the sample (m), (points,), of a curve as stored, and what it is read from."""
+    """Travel towards the sample (m), (points,), of a curve as stored, what it is read from, and the ramp (m)."""
 
     of: Callable[[int], FloatArray]
     channel: str
+    ramp: float = 0.0
 
 
 def _travel(header: Header, deflection: Section, layout: _Layout, tap: Tap | None) -> _Travels:
     if tap is not None:
         driven = layout.stored(tap.travel)
         return _Travels(lambda _: driven, "sine of the drive, of which the file holds size and turn,")
+    ramp = deflection.scale(*_RAMP)
+    piezo = header.sensitivity(ramp.sensitivity) if ramp else None
+    driven = ramp.volts * piezo if ramp and piezo and ramp.volts > 0.0 else 0.0
     for image in header.images:
         scale = image.scale(*_SCALE)
         metres = header.sensitivity(scale.sensitivity) if scale else None
         if "[ZSensor]" in image.text(_SIGNAL) and metres is not None:
-            return _Travels(_signal(header, image, layout, metres), "height sensor")
-    ramp = deflection.scale(*_RAMP)
-    metres = header.sensitivity(ramp.sensitivity) if ramp else None
-    if ramp is None or metres is None or not ramp.volts > 0.0:
+            return _Travels(_signal(header, image, layout, metres), "height sensor", driven)
+    if not driven > 0.0:
         raise FileFormatError(
             f"{header.source.name}: neither a height sensor nor the size of the ramp is there"
         )
-    way_in = np.arange(layout.way) * (ramp.volts * metres / layout.way)
+    way_in = np.arange(layout.way) * (driven / layout.way)
     in_time = np.concatenate((way_in, way_in[::-1]))
     ramped = layout.stored(in_time, np.full(layout.hold, way_in[-1]))
     return _Travels(lambda _: ramped, "ramp of the piezo, of which the file holds the size,")

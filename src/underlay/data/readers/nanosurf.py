@@ -13,8 +13,6 @@ read: .nhf of Nanosurf Studio, of which no public force curve was found.
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -26,8 +24,9 @@ from underlay._arrays import FloatArray
 from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
-from underlay.data.readers._lever import Lever, lever_curve
-from underlay.data.readers._source import MAX_BYTES, Source
+from underlay.data.readers._lever import Lever, lever_curve, sensor_note
+from underlay.data.readers._nid_header import NidHeader
+from underlay.data.readers._source import Source
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError
 
@@ -44,8 +43,6 @@ _GROUPS = (
     ("Spec fwd pause", HOLD, False, "FwPause"),
     ("Spec backward", UNLOADING, True, "BwMod"),
 )
-_PROPERTY = re.compile(r"\w\[([^\]]*)\]\*\[([^\]]*)\]")
-_COUNT = re.compile(r"\d{1,9}")
 # 18 groups of 8 channels and 256 lines were seen.
 _MOST_GROUPS, _MOST_CHANNELS, _MOST_LINES = 1000, 64, 20_000
 # What is worth showing, by its name in the section of the measurement.
@@ -59,65 +56,19 @@ _SENSOR = "sensor"
 
 @dataclass(frozen=True)
 class _Channel:
-    """One channel of one group: its name, unit, numbers (lines, points) and points of each line."""
+    """One channel of one group: its name, unit, numbers (lines, points), points of each line, and its section."""
 
     name: str
     unit: str
     values: FloatArray
     points: tuple[int, ...]
+    section: str
 
     def line(self, number: int, *, backwards: bool) -> FloatArray:
         """Numbers of a curve in the order of time, (n,), without the padding."""
         count = min(self.points[number], self.values.shape[1])
         line: FloatArray = self.values[number][:count]
         return line[::-1] if backwards else line
-
-
-class _Sections:
-    """The text of a file, by section and key."""
-
-    def __init__(self, source: Source, text: str) -> None:
-        self.source = source
-        self._entries: dict[str, dict[str, str]] = {}
-        entries: dict[str, str] = {}
-        for line in text.splitlines():
-            if line.startswith("[") and line.endswith("]"):
-                entries = self._entries.setdefault(line[1:-1], {})
-            elif "=" in line:
-                key, _, value = line.partition("=")
-                entries.setdefault(key, value.strip())
-
-    def __getitem__(self, section: str) -> Mapping[str, str]:
-        return self._entries.get(section, {})
-
-    def count(self, section: str, key: str, most: int = MAX_BYTES) -> int:
-        """Return a whole number up to `most` that must be there."""
-        text = self[section].get(key, "")
-        if not _COUNT.fullmatch(text) or int(text) > most:
-            raise FileFormatError(
-                f"{self.source.name}: no number up to {most} for {key!r} in [{section!s:.60}]; it says {text!r:.40}"
-            )
-        return int(text)
-
-    def number(self, section: str, key: str) -> float:
-        """Return a finite number that must be there."""
-        text = self[section].get(key, "")
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise FileFormatError(f"{self.source.name}: {text!r:.40} for {key!r} in [{section!s:.60}]")
-        return value
-
-    def property(self, section: str, key: str) -> float | None:
-        """The number of an entry such as ``D[2.7]*[N/m]``; None where it is not there or none."""
-        found = _PROPERTY.fullmatch(self[section].get(key, ""))
-        try:
-            value = float(found[1]) if found else math.nan
-        except ValueError:
-            return None
-        return value if math.isfinite(value) else None
 
 
 def _sniff(source: Source) -> bool:
@@ -128,7 +79,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     end = source.data.find(_END)
     if end < 0:
         raise FileFormatError(f"{source.name} is cut short: its header does not end")
-    sections = _Sections(source, source.data[:end].decode("latin-1"))
+    sections = NidHeader(source, source.data[:end].decode("latin-1"))
     groups = _groups(sections, end + len(_END))
     deflections = {
         name: next((channel for channel in channels if channel.name == _DEFLECTION), None)
@@ -148,7 +99,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     ]
 
 
-def _groups(sections: _Sections, start: int) -> dict[str, list[_Channel]]:
+def _groups(sections: NidHeader, start: int) -> dict[str, list[_Channel]]:
     """Channels of the groups of a force curve, by the name of the group."""
     source, wanted = sections.source, {name for name, *_ in _GROUPS}
     groups: dict[str, list[_Channel]] = {}
@@ -175,7 +126,7 @@ def _groups(sections: _Sections, start: int) -> dict[str, list[_Channel]]:
     return groups
 
 
-def _channel(sections: _Sections, section: str, raw: NDArray[Any]) -> _Channel:
+def _channel(sections: NidHeader, section: str, raw: NDArray[Any]) -> _Channel:
     bits = 8 * raw.dtype.itemsize
     low, extent = sections.number(section, "Dim2Min"), sections.number(section, "Dim2Range")
     values = low + (raw + 2.0 ** (bits - 1)) * (extent / 2.0**bits)
@@ -184,12 +135,12 @@ def _channel(sections: _Sections, section: str, raw: NDArray[Any]) -> _Channel:
         sections.count(section, f"LineDim{line}Points") if f"LineDim{line}Points" in entries else raw.shape[1]
         for line in range(raw.shape[0])
     )
-    return _Channel(entries.get("Dim2Name", ""), entries.get("Dim2Unit", ""), values, points)
+    return _Channel(entries.get("Dim2Name", ""), entries.get("Dim2Unit", ""), values, points, section)
 
 
-def _lever(sections: _Sections, options: Options) -> Lever:
+def _lever(sections: NidHeader, options: Options) -> Lever:
     """Spring constant of the cantilever, and sensitivity from the full scales of one signal in metres and volts."""
-    stated = {"stiffness": sections.property(_CANTILEVER, "Prop0")}
+    stated = {"stiffness": sections.number_if_there(_CANTILEVER, "Prop0")}
     scales: dict[str, float] = {}
     for entry in sections[_SCANHEAD].values():
         # "5,TipSignalDC,Deflection,m,7.30723e-07,0"
@@ -207,7 +158,7 @@ def _lever(sections: _Sections, options: Options) -> Lever:
 
 
 def _curve(
-    sections: _Sections,
+    sections: NidHeader,
     groups: Mapping[str, list[_Channel]],
     deflections: Mapping[str, _Channel | None],
     lever: Lever,
@@ -224,8 +175,8 @@ def _curve(
         travel = axis.line(number, backwards=backwards)
         if len(travel) != len(force):
             raise FileFormatError(f"{sections.source.name}: {group!r} has channels of different lengths")
-        lasted = sections.property(_TIMES, f"{setting}Time") or 0.0
-        planned = sections.property(_TIMES, f"{setting}Datapoints") or 0.0
+        lasted = sections.number_if_there(_TIMES, f"{setting}Time") or 0.0
+        planned = sections.number_if_there(_TIMES, f"{setting}Datapoints") or 0.0
         timed &= lasted > 0.0 and planned > 0.0
         # One that was stopped early took its share.
         taken = lasted / max(planned, 1.0)
@@ -236,20 +187,28 @@ def _curve(
         labels += [label] * len(force)
     source = sections.source
     told = {name: one_line(sections["DataSet-Info"].get(key, ""))[:200] for name, key in _ABOUT.items()}
+    axis = _axis(source, groups[_GROUPS[0][0]])
     return lever_curve(
         source,
         np.concatenate(travels),
         np.concatenate(forces),
         lever,
-        channel=_axis(source, groups[_GROUPS[0][0]]).name[:80],
+        channel=axis.name[:80],
         time=np.concatenate(times) if timed else None,
         segment=np.array(labels, dtype="<U9"),
         name=source.path.stem if number == 0 else f"{source.path.stem}, curve {number + 1}",
         header={name: text for name, text in told.items() if text},
+        notes=sensor_note(travels[0], _driven(sections, axis.section, number)),
         sign_rules={
             "segment": "forward, pause and backward of the modulation; backward is stored along its axis"
         },
     )
+
+
+def _driven(sections: NidHeader, section: str, number: int) -> float:
+    """How far the axis was driven on the way in (m); zero where it is not written in metres."""
+    in_metres = sections[section].get("Dim0Unit") == "m"
+    return (sections.number_if_there(section, f"LineDim{number}Range") or 0.0) if in_metres else 0.0
 
 
 def _axis(source: Source, channels: list[_Channel]) -> _Channel:
@@ -261,7 +220,7 @@ def _axis(source: Source, channels: list[_Channel]) -> _Channel:
 
 
 def _force(
-    sections: _Sections, channel: _Channel, lever: Lever, number: int, *, backwards: bool
+    sections: NidHeader, channel: _Channel, lever: Lever, number: int, *, backwards: bool
 ) -> FloatArray:
     """Force (N) of the deflection in newtons, metres or volts, by the calibration that is used."""
     values = channel.line(number, backwards=backwards)
