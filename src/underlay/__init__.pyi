@@ -42,14 +42,14 @@ from .inference.least_squares import (
 from .inference.design.planning import plan as plan
 from .inference.population.result import Population as Population
 from .inference.population.population import population as population
-from .inference.priors import (
+from .inference.priors.densities import (
     HalfNormal as HalfNormal,
     LogNormal as LogNormal,
     LogUniform as LogUniform,
     Normal as Normal,
-    Prior as Prior,
     Uniform as Uniform,
 )
+from .inference.priors.prior import Prior as Prior
 from .inference.problem import Problem as Problem
 from .inference.profiles import profile as profile
 from .inference.design.second_test import remedy as remedy

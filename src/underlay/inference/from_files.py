@@ -17,7 +17,8 @@ from underlay.data.signs import flipped, require_signs
 from underlay.errors import CurveError, InputError, UnderlayError
 from underlay.inference.file_facts import settle
 from underlay.inference.plausibility import require_plausible
-from underlay.inference.priors import Normal, Uniform, prior_from_numbers
+from underlay.inference.priors.densities import Normal, Uniform
+from underlay.inference.priors.from_numbers import prior_from_numbers
 from underlay.inference.problem import Given, Problem
 from underlay.scene.fit_section import FreeParameter
 from underlay.scene.scene import Scene

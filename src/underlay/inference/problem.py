@@ -18,7 +18,7 @@ from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
 from underlay.inference.model.laws import LawStore
-from underlay.inference.priors import Given, Prior
+from underlay.inference.priors.prior import Given, Prior
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise_model import NoiseModel

@@ -24,7 +24,7 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.solver import Solver
-from underlay.scene.chain import ContactPoint
+from underlay.scene.chain import ContactDepth
 
 __all__ = ["Blocked", "BlockedCurve"]
 
@@ -115,7 +115,7 @@ class BlockedCurve:
     @classmethod
     def of(cls, member: Member, physical: FloatArray) -> BlockedCurve:
         """Take a curve in blocks, its contact where it is at a physical vector (k,)."""
-        curve, contact = member.curve, member.values_at(physical)[ContactPoint.path]
+        curve, contact = member.curve, member.values_at(physical)[ContactDepth.path]
         deepest = float(curve.depth.max()) - contact
         if not deepest > 0.0:
             raise InputError("a curve that never touches has no residuals in contact")
@@ -155,7 +155,7 @@ class BlockedCurve:
         columns = np.zeros((len(self.force), len(physical) + len(errors)))
         columns[:, entries] = own * slopes[entries]
         depth = (
-            self.forward.depth - values[ContactPoint.path] - values["instrument.compliance"] * reading.contact
+            self.forward.depth - values[ContactDepth.path] - values["instrument.compliance"] * reading.contact
         )
         if errors:
             law = self.forward.law(values, max(float(depth.max()), 0.0))

@@ -21,7 +21,7 @@ from underlay.mechanics.response import Elastic, History, Remembered, Response, 
 from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.mechanics.solver import Solver
 from underlay.quantities import replace_values
-from underlay.scene.chain import Chain, ContactPoint, Frame
+from underlay.scene.chain import Chain, ContactDepth, Frame
 from underlay.scene.instrument import Instrument
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
@@ -149,7 +149,7 @@ class Forward:
         for path in paths:
             if path in columns:
                 continue
-            if path == ContactPoint.path:
+            if path == ContactDepth.path:
                 columns[path] = chain.at_fixed_travel(-S, S)
             elif path == Frame.path and chain.frame is not None:
                 columns[path] = chain.frame.slope(P, S)
@@ -202,7 +202,7 @@ class Forward:
         own = [path for path in paths if self._remembers(path)]
         columns |= through.slopes(own, kept)
         for path in paths:
-            if path == ContactPoint.path and path not in columns:
+            if path == ContactDepth.path and path not in columns:
                 columns[path] = through(lambda x: -kept.stiffness(x))
             elif path not in columns:
                 scale = self._force_scale(path, values)
