@@ -130,6 +130,7 @@ from .report.render import report as report
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.effect import Effect as Effect
 from .scene.instrument import Instrument as Instrument
+from .scene.lever import Lever as Lever
 from .scene.noise import Noise as Noise
 from .scene.noise_model import NoiseModel as NoiseModel
 from .scene.program import Program as Program

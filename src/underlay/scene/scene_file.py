@@ -190,6 +190,7 @@ _SECTIONS = (
     "instrument",
     "history",
     "adhesion",
+    "lever",
     "fit",
     "solver",
     "noise",
