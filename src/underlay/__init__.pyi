@@ -40,6 +40,11 @@ from .inference.least_squares import (
     fit as fit,
 )
 from .inference.design.planning import plan as plan
+from .inference.pointwise.modulus import (
+    ModulusCurve as ModulusCurve,
+    PointwiseModulus as PointwiseModulus,
+    pointwise_modulus as pointwise_modulus,
+)
 from .inference.population.result import Population as Population
 from .inference.population.population import population as population
 from .inference.priors import (
