@@ -42,8 +42,13 @@ def site(tmp_path):
 
 def test_it_writes_a_table_and_a_picture_and_names_what_failed(run, site, tmp_path):
     words, _ = site
-    code, out, _ = run(*words, "--output", tmp_path / "new" / "out")
+    book = tmp_path / "map.xlsx"
+    code, out, _ = run(*words, "--output", tmp_path / "new" / "out", "--excel", book)
     assert code == 0
+    sheets = pd.read_excel(book, sheet_name=None)
+    assert list(sheets) == ["results", "settings", "curves"]
+    assert list(sheets["curves"]["name"]) == [f"site-{index:04d}.csv" for index in range(COUNT)]
+    assert "[indenter]" in set(sheets["settings"]["value"])
     assert "12 curves: 11 good, 0 doubtful, 1 refused" in out
     assert "failed: site-0005.csv: site-0005.csv is empty" in out
     table = pd.read_csv(tmp_path / "new" / "out" / "map.csv")

@@ -174,7 +174,7 @@ def test_the_page_says_how_many_depths_agree_and_draws_them():
     assert "half-space reads" in sentence
     table = pointwise_tables.pointwise_table(found)
     assert len(table) == 10
-    assert table["modulus, layer in the model"].str.startswith(("1.0", "1 ", "0.999")).all()
+    assert table["from the force, layer in the model (MPa)"].str.startswith(("1.0", "1 ", "0.999")).all()
     ax = ul.plots.pointwise_modulus(found)
     assert next(line.get_label() for line in ax.get_lines()) == "half-space formula"
     ul.plots.pointwise_modulus(found, ax=ax)

@@ -127,6 +127,7 @@ from .mechanics.stack import Stack as Stack
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
 from .quantities import quantity as quantity
 from .report import plots as plots
+from .report.excel import write_excel as write_excel
 from .report.render import report as report
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.effect import Effect as Effect

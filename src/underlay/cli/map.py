@@ -9,12 +9,15 @@ import typer
 
 from underlay._files import require_writable_folder
 from underlay.cli.console import say, say_error, say_table
-from underlay.cli.options import Rtol, SceneOption, Seed, SolverName
+from underlay.cli.excel_file import require_excel
+from underlay.cli.options import ExcelFile, Rtol, SceneOption, Seed, SolverName
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from underlay.mechanics.solver import Solver
 
 __all__ = ["map_curves"]
 
@@ -52,6 +55,7 @@ def map_curves(
     seed: Seed = 0,
     solver: SolverName = None,
     rtol: Rtol = None,
+    excel: ExcelFile = None,
 ) -> None:
     """Fit every curve of a folder into one table; a curve that fails is a row with its reason.
 
@@ -67,6 +71,8 @@ def map_curves(
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
     wanted = wanted_solver(read_scene_file(scene).solver, solver, rtol)
     folder = require_writable_folder(output)
+    if excel is not None:
+        require_excel(excel)
     path = folder / f"map.{table_format}"
     try:
         table = fit_many(
@@ -91,6 +97,20 @@ def map_curves(
     say(f"wrote {path}")
     for picture in _draw(table, folder):
         say(f"wrote {picture}")
+    if excel is not None:
+        say(f"wrote {_write_excel(table, excel, scene, wanted)}")
+
+
+def _write_excel(table: pd.DataFrame, path: Path, scene: Path, solver: Solver) -> Path:
+    """Write the table of a map as an Excel file, with the scene file line by line."""
+    from underlay._door import read_text
+    from underlay.report.excel import write_excel
+    from underlay.scene.scene_file import SCENE_FILE
+
+    lines = enumerate(read_text(scene, SCENE_FILE).splitlines(), 1)
+    settings = {"solver": solver.label, "scene file": str(scene)}
+    settings |= {f"scene file, line {number}": line for number, line in lines if line.strip()}
+    return write_excel(path, table, settings=settings)
 
 
 def _show(table: pd.DataFrame) -> None:

@@ -12,7 +12,7 @@ from underlay.inference.pointwise.modulus import ModulusCurve, PointwiseModulus,
 from underlay.report.notebook import Cell, filled
 from underlay.report.tables import labelled_table
 from underlay.report.words import quantity_with_interval
-from underlay.units import format_quantity
+from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,23 +64,25 @@ def pointwise_sentence(found: PointwiseModulus | str) -> str:
 
 def pointwise_table(found: PointwiseModulus) -> pd.DataFrame:
     """Return ten of the depths, as text: the modulus with the layer and by the half-space, with intervals."""
+    length, metre = human_unit(float(found.depth[-1]), "length")
+    name, pascal = human_unit(float(found.apparent.expected[-1]), "pressure")
+    what = ", layer in the model" if found.layered else ""
     rows = []
     for n in np.unique(np.linspace(0, len(found.depth) - 1, _ROWS).round().astype(int)):
         row = {
-            "depth": format_quantity(float(found.depth[n]), "length"),
+            f"depth ({length})": f"{found.depth[n] / metre:.3g}",
             "points": f"{found.points[n]:.0f}",
-            "modulus, layer in the model": _cell(found.apparent, n),
+            f"from the force{what} ({name})": _cell(found.apparent, n, pascal),
+            f"from the slope{what} ({name})": _cell(found.incremental, n, pascal),
         }
         if found.layered:
-            row["modulus, half-space"] = _cell(found.apparent_halfspace, n)
-            row["half-space, were the model right"] = format_quantity(
-                float(found.apparent_halfspace.expected[n]), "pressure"
-            )
-        row["from the slope, layer in the model"] = _cell(found.incremental, n)
+            bare = found.apparent_halfspace
+            row[f"from the force, half-space ({name})"] = _cell(bare, n, pascal)
+            row["half-space, were the model right"] = f"{bare.expected[n] / pascal:.4g}"
         rows.append(row)
     return labelled_table(rows)
 
 
-def _cell(curve: ModulusCurve, n: int) -> str:
-    value, low, high = (float(column[n]) for column in (curve.modulus, curve.low, curve.high))
-    return "none" if np.isnan(value) else quantity_with_interval(value, low, high, "pressure")
+def _cell(curve: ModulusCurve, n: int, pascal: float) -> str:
+    value, low, high = (float(column[n]) / pascal for column in (curve.modulus, curve.low, curve.high))
+    return "none" if np.isnan(value) else quantity_with_interval(value, low, high, "dimensionless")

@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
+from underlay._arrays import FloatArray
 from underlay.report.plots.style import FIT, PAGE, REFERENCE, style, unit_for
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["pointwise_modulus"]
 
 # Over the largest modulus of a panel; what noise throws further out is cut off.
-_HEADROOM = 1.25
+_HEADROOM, _USUAL = 1.25, 0.9
 
 
 def pointwise_modulus(found: PointwiseModulus, *, ax: Axes | None = None) -> Axes:
@@ -72,12 +73,16 @@ def pointwise_modulus(found: PointwiseModulus, *, ax: Axes | None = None) -> Axe
     return first
 
 
-def _shown(found: PointwiseModulus) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _shown(found: PointwiseModulus) -> FloatArray:
     """Every modulus that sets the height of the picture (Pa)."""
     lines = [found.apparent.modulus, found.apparent.expected]
     if found.layered:
         lines += [found.apparent_halfspace.modulus, found.incremental_halfspace.expected]
-    return np.concatenate(lines)
+    slopes = (found.incremental_halfspace if found.layered else found.incremental).modulus
+    # A slope that noise throws far up may stand over the edge.
+    return np.append(
+        np.concatenate(lines), np.nanquantile(slopes, _USUAL) if np.isfinite(slopes).any() else 0.0
+    )
 
 
 def _draw(
