@@ -56,6 +56,13 @@ def map_curves(
     solver: SolverName = None,
     rtol: Rtol = None,
     excel: ExcelFile = None,
+    review: Annotated[
+        bool, typer.Option("--review", help="Write a gallery of the curves, worst first, and decisions.csv.")
+    ] = False,
+    decisions: Annotated[
+        Path | None,
+        typer.Option(help="CSV of a review, filled in: which curves are refused or accepted, and why."),
+    ] = None,
 ) -> None:
     """Fit every curve of a folder into one table; a curve that fails is a row with its reason.
 
@@ -63,10 +70,13 @@ def map_curves(
 
     Example: `underlay map curves --scene scene.toml --manifest manifest.csv --output results`
     """
+    from underlay.inference.batch.decisions import read_decisions, without_refused
     from underlay.inference.batch.fit_many import fit_many
     from underlay.inference.batch.options import MapOptions, Sampling
+    from underlay.inference.batch.results_table import write_frame
     from underlay.scene.scene_file import read_scene_file
 
+    decided = None if decisions is None else read_decisions(decisions)
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
     wanted = wanted_solver(read_scene_file(scene).solver, solver, rtol)
@@ -74,6 +84,7 @@ def map_curves(
     if excel is not None:
         require_excel(excel)
     path = folder / f"map.{table_format}"
+    labels = tuple(folders.split("/")) if folders else ()
     try:
         table = fit_many(
             curves,
@@ -87,15 +98,29 @@ def map_curves(
                 quality=check,
                 sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
                 resume=resume,
-                folders=tuple(folders.split("/")) if folders else (),
+                folders=labels,
             ),
         )
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")
         raise typer.Exit(_INTERRUPTED) from None
-    _show(table)
+    if decided is not None:
+        table = decided.applied(table)
+        write_frame(path, table)
+    counted = without_refused(table)
+    _show(counted)
     say(f"wrote {path}")
-    for picture in _draw(table, folder):
+    if review:
+        from underlay.report.review import write_review
+
+        # As `fit_many` listed the curves.
+        own = [entry for entry in (manifest, scene, path) if entry is not None]
+        pages = write_review(
+            table, curves, scene, folder, decisions=decided, solver=wanted, folders=labels, leave_out=own
+        )
+        say(f"wrote {pages[0]}{f' and {len(pages) - 2} more' if len(pages) > 2 else ''}")
+        say(f"wrote {pages[-1]}: fill it in, and run this again with --resume --decisions {pages[-1]}")
+    for picture in _draw(counted, folder):
         say(f"wrote {picture}")
     if excel is not None:
         say(f"wrote {_write_excel(table, excel, scene, wanted)}")
