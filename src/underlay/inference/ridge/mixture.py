@@ -1,0 +1,162 @@
+"""A mixture of Student distributions: what is laid along the ridges, drawn from and weighed with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from scipy import special
+
+from underlay._arrays import FloatArray
+from underlay.inference.ridge.march import Node
+
+__all__ = ["Chance", "Mixture"]
+
+#: Degrees of freedom of every component: tails heavier than a posterior's, and a covariance that exists.
+_FREEDOM = 5.0
+# Widths over those of a slice, and over the gap between nodes; share that is even over the nodes.
+_WIDER, _ALONG, _EVEN = 1.2, 0.9, 0.15
+# The wide twin of a component, and what it gets of its weight.
+_TWIN, _TWIN_SHARE = 1.8, 0.3
+# A component learnt from draws keeps what so many of them per parameter would tell it of its old covariance, and is
+# given up once fewer than one in a thousand are its own.
+_INERTIA, _NEGLIGIBLE = 4.0, 1e-3
+
+
+class Chance(Protocol):
+    """What is asked of numpy's generators, the new and the old."""
+
+    def standard_normal(self, size: tuple[int, ...]) -> FloatArray:
+        """Normal numbers."""
+
+    def chisquare(self, df: float, size: int) -> FloatArray:
+        """Chi-squared numbers."""
+
+    def uniform(self, low: float, high: float, size: int) -> FloatArray:
+        """Even numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """Student distributions of five degrees of freedom in p dimensions.
+
+    Parameters
+    ----------
+    weights : FloatArray
+        (K,), of sum one.
+    places : FloatArray
+        (K, p): their middles.
+    factors : FloatArray
+        (K, p, p): lower Cholesky factors of their scale matrices.
+    """
+
+    weights: FloatArray
+    places: FloatArray
+    factors: FloatArray
+
+    @classmethod
+    def along(cls, nodes: Sequence[Node]) -> Mixture:
+        """One component a node, wide enough to overlap with its neighbours."""
+        mass = special.softmax([node.log_weight for node in nodes])
+        wide = [np.column_stack([_WIDER * node.across, _ALONG * node.along]) for node in nodes]
+        return cls(
+            (1.0 - _EVEN) * mass + _EVEN / len(nodes),
+            np.array([node.place for node in nodes]),
+            np.linalg.cholesky(np.array([columns @ columns.T for columns in wide])),
+        )
+
+    @classmethod
+    def from_rows(cls, rows: FloatArray) -> Mixture:
+        """What `rows` wrote, (K, 1 + p + p^2)."""
+        count, width = rows.shape
+        parameters = int(round((width - 0.75) ** 0.5 - 0.5))
+        places = rows[:, 1 : 1 + parameters]
+        return cls(rows[:, 0], places, rows[:, 1 + parameters :].reshape(count, parameters, parameters))
+
+    @property
+    def rows(self) -> FloatArray:
+        """All numbers, a row for each component, (K, 1 + p + p^2)."""
+        return np.column_stack([self.weights, self.places, self.factors.reshape(len(self.weights), -1)])
+
+    def with_twins(self) -> Mixture:
+        """Each component again, wider: for tails that the slices do not tell of."""
+        weights = np.concatenate([(1.0 - _TWIN_SHARE) * self.weights, _TWIN_SHARE * self.weights])
+        places = np.concatenate([self.places, self.places])
+        return Mixture(weights, places, np.concatenate([self.factors, _TWIN * self.factors]))
+
+    def with_more(self, places: FloatArray, factors: FloatArray, share: float) -> Mixture:
+        """With components at `places` (m, p) of `factors` (m, p, p) that get `share` of the weight, each alike."""
+        fresh = np.full(len(places), share / len(places))
+        return Mixture(
+            np.concatenate([(1.0 - share) * self.weights, fresh]),
+            np.concatenate([self.places, places]),
+            np.concatenate([self.factors, factors]),
+        )
+
+    def draw(self, count: int, chance: Chance, *, stratified: bool = False) -> FloatArray:
+        """Draw places (count, p); `stratified` takes of each component what it is due, in order."""
+        levels = (
+            (np.arange(count) + chance.uniform(0.0, 1.0, count)) / count
+            if stratified
+            else chance.uniform(0.0, 1.0, count)
+        )
+        edges = np.cumsum(self.weights)
+        which = np.searchsorted(edges / edges[-1], levels, side="right").clip(max=len(self.weights) - 1)
+        normal = chance.standard_normal((count, self.places.shape[1]))
+        size = np.sqrt(_FREEDOM / chance.chisquare(_FREEDOM, count))
+        return np.asarray(
+            self.places[which] + size[:, None] * np.einsum("nij,nj->ni", self.factors[which], normal)
+        )
+
+    def log_density(self, z: FloatArray) -> FloatArray:
+        """Log-density (n,) at places z (n, p)."""
+        return np.asarray(special.logsumexp(self._log_parts(z)[0], axis=1))
+
+    def responsibilities(self, z: FloatArray) -> FloatArray:
+        """Probability (n, K) that a place z (n, p) is of a component."""
+        return np.asarray(special.softmax(self._log_parts(z)[0], axis=1))
+
+    def learnt(self, z: FloatArray, weights: FloatArray) -> Mixture:
+        """Return the mixture fitted to weighted draws z (n, p), `weights` (n,) of sum one: one round.
+
+        Population Monte Carlo for Student mixtures: Cappe, Douc, Guillin, Marin and Robert (2008),
+        doi:10.1007/s11222-008-9059-x, with covariances that hold to their old values for want of draws.
+        """
+        parts, squares = self._log_parts(z)
+        own = special.softmax(parts, axis=1) * weights[:, None]
+        share = own.sum(axis=0)
+        kept = np.flatnonzero(share > _NEGLIGIBLE / len(share))
+        parameters = z.shape[1]
+        counts = 1.0 / np.maximum(np.square(own[:, kept]).sum(axis=0), 1e-300) * share[kept] ** 2
+        pull = (_FREEDOM + parameters) / (_FREEDOM + squares[:, kept])
+        drawn = own[:, kept] * pull
+        places = np.einsum("nk,np->kp", drawn, z) / drawn.sum(axis=0)[:, None]
+        inertia = _INERTIA * parameters / (_INERTIA * parameters + counts)
+        factors = []
+        for k, entry in enumerate(kept):
+            off = z - places[k]
+            fresh = np.einsum("n,ni,nj->ij", drawn[:, k], off, off) / share[entry]
+            old = self.factors[entry] @ self.factors[entry].T
+            factors.append(np.linalg.cholesky(inertia[k] * old + (1.0 - inertia[k]) * fresh))
+        places = inertia[:, None] * self.places[kept] + (1.0 - inertia[:, None]) * places
+        return replace(
+            self, weights=share[kept] / share[kept].sum(), places=places, factors=np.array(factors)
+        )
+
+    def _log_parts(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Logarithms of the weighted densities, and squared distances, each (n, K)."""
+        parameters = z.shape[1]
+        inverse = np.linalg.inv(self.factors)
+        squares = np.empty((len(z), len(self.weights)))
+        for k, whiten in enumerate(inverse):
+            squares[:, k] = np.square((z - self.places[k]) @ whiten.T).sum(axis=1)
+        log_volume = np.log(np.diagonal(self.factors, axis1=1, axis2=2)).sum(axis=1)
+        constant = (
+            special.gammaln(0.5 * (_FREEDOM + parameters))
+            - special.gammaln(0.5 * _FREEDOM)
+            - 0.5 * parameters * np.log(_FREEDOM * np.pi)
+        )
+        bell = -0.5 * (_FREEDOM + parameters) * np.log1p(squares / _FREEDOM)
+        return constant + np.log(self.weights) - log_volume + bell, squares
