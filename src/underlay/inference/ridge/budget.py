@@ -28,6 +28,11 @@ class Budget:
         """Seconds used so far."""
         return time.process_time() - self._begin
 
+    @property
+    def left(self) -> bool:
+        """Whether there is any left."""
+        return self.used < self._seconds
+
     def require(self) -> None:
         """Go on.
 
@@ -36,5 +41,5 @@ class Budget:
         OutOfTimeError
             If the time is used up.
         """
-        if self.used > self._seconds:
+        if not self.left:
             raise OutOfTimeError

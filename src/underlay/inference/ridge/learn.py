@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -44,6 +45,24 @@ class Proposal:
     mixture: Mixture
     optima: int
     open_end: str
+
+    @property
+    def numbers(self) -> FloatArray:
+        """All of it but words: parameters, optima, whether an end is open, then a row for each component."""
+        mixture = self.mixture
+        rows = np.column_stack(
+            [mixture.weights, mixture.places, mixture.factors.reshape(len(mixture.weights), -1)]
+        )
+        return np.concatenate([[mixture.places.shape[1], self.optima, bool(self.open_end)], rows.ravel()])
+
+    @classmethod
+    def from_numbers(cls, numbers: FloatArray) -> Self:
+        """Take up what `numbers` told."""
+        parameters, optima, is_open = (int(number) for number in numbers[:3])
+        rows = numbers[3:].reshape(-1, 1 + parameters + parameters**2)
+        factors = rows[:, 1 + parameters :].reshape(-1, parameters, parameters)
+        mixture = Mixture(rows[:, 0], rows[:, 1 : 1 + parameters], factors)
+        return cls(mixture, optima, "a ridge goes on beyond what was walked" if is_open else "")
 
 
 def learn(
@@ -94,7 +113,7 @@ def learn(
             ends += inside
     except OutOfTimeError:
         ends.append("the processor time for trying the mixture was used up")
-    return Proposal(trial.mixture, len(ridges), next((end for end in ends if end), ""))
+    return Proposal(trial.mixture.pruned(), len(ridges), next((end for end in ends if end), ""))
 
 
 def _with_sheets(density: Density, ridges: Sequence[Ridge], trial: Trial) -> tuple[Trial, list[str]]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +13,10 @@ from scipy import special
 from underlay._arrays import FloatArray
 from underlay.inference.ridge.march import Node
 
-__all__ = ["Chance", "Mixture"]
+__all__ = ["MOST_COMPONENTS", "Chance", "Mixture"]
+
+#: Most components of a frozen mixture: with more a proposal costs more than a density.
+MOST_COMPONENTS = 1000
 
 #: Degrees of freedom of every component: tails heavier than a posterior's, and a covariance that exists.
 _FREEDOM = 5.0
@@ -23,6 +27,8 @@ _TWIN, _TWIN_SHARE = 1.8, 0.3
 # A component learnt from draws keeps what so many of them per parameter would tell it of its old covariance, and is
 # given up once fewer than one in a thousand are its own.
 _INERTIA, _NEGLIGIBLE = 4.0, 1e-3
+# Places looked at together: what fits a processor's cache.
+_ROWS = 1024
 
 
 class Chance(Protocol):
@@ -67,24 +73,23 @@ class Mixture:
             np.linalg.cholesky(np.array([columns @ columns.T for columns in wide])),
         )
 
-    @classmethod
-    def from_rows(cls, rows: FloatArray) -> Mixture:
-        """What `rows` wrote, (K, 1 + p + p^2)."""
-        count, width = rows.shape
-        parameters = int(round((width - 0.75) ** 0.5 - 0.5))
-        places = rows[:, 1 : 1 + parameters]
-        return cls(rows[:, 0], places, rows[:, 1 + parameters :].reshape(count, parameters, parameters))
-
-    @property
-    def rows(self) -> FloatArray:
-        """All numbers, a row for each component, (K, 1 + p + p^2)."""
-        return np.column_stack([self.weights, self.places, self.factors.reshape(len(self.weights), -1)])
-
     def with_twins(self) -> Mixture:
         """Each component again, wider: for tails that the slices do not tell of."""
         weights = np.concatenate([(1.0 - _TWIN_SHARE) * self.weights, _TWIN_SHARE * self.weights])
         places = np.concatenate([self.places, self.places])
         return Mixture(weights, places, np.concatenate([self.factors, _TWIN * self.factors]))
+
+    def pruned(self) -> Mixture:
+        """The heaviest components, as many as there may be."""
+        if len(self.weights) <= MOST_COMPONENTS:
+            return self
+        kept = np.sort(np.argsort(self.weights)[-MOST_COMPONENTS:])
+        weights = self.weights[kept] / self.weights[kept].sum()
+        return Mixture(weights, self.places[kept], self.factors[kept])
+
+    def widened(self, factor: float) -> Mixture:
+        """Every component `factor` times as wide."""
+        return Mixture(self.weights, self.places, factor * self.factors)
 
     def with_more(self, places: FloatArray, factors: FloatArray, share: float) -> Mixture:
         """With components at `places` (m, p) of `factors` (m, p, p) that get `share` of the weight, each alike."""
@@ -141,22 +146,31 @@ class Mixture:
             old = self.factors[entry] @ self.factors[entry].T
             factors.append(np.linalg.cholesky(inertia[k] * old + (1.0 - inertia[k]) * fresh))
         places = inertia[:, None] * self.places[kept] + (1.0 - inertia[:, None]) * places
-        return replace(
-            self, weights=share[kept] / share[kept].sum(), places=places, factors=np.array(factors)
-        )
+        return Mixture(share[kept] / share[kept].sum(), places, np.array(factors))
 
-    def _log_parts(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Logarithms of the weighted densities, and squared distances, each (n, K)."""
-        parameters = z.shape[1]
+    @cached_property
+    def _whitening(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Inverse factors side by side, (p, K p), the places seen through them, (K p,), and log-constants (K,)."""
+        count, parameters = self.places.shape
         inverse = np.linalg.inv(self.factors)
-        squares = np.empty((len(z), len(self.weights)))
-        for k, whiten in enumerate(inverse):
-            squares[:, k] = np.square((z - self.places[k]) @ whiten.T).sum(axis=1)
         log_volume = np.log(np.diagonal(self.factors, axis1=1, axis2=2)).sum(axis=1)
         constant = (
             special.gammaln(0.5 * (_FREEDOM + parameters))
             - special.gammaln(0.5 * _FREEDOM)
             - 0.5 * parameters * np.log(_FREEDOM * np.pi)
         )
+        middles = np.einsum("kij,kj->ki", inverse, self.places).ravel()
+        side_by_side = inverse.reshape(count * parameters, parameters).T.copy()
+        return side_by_side, middles, constant + np.log(self.weights) - log_volume
+
+    def _log_parts(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Logarithms of the weighted densities, and squared distances, each (n, K)."""
+        whiten, middles, constants = self._whitening
+        count, parameters = self.places.shape
+        squares = np.empty((len(z), count))
+        for first in range(0, len(z), _ROWS):
+            rows = slice(first, first + _ROWS)
+            off = (z[rows] @ whiten - middles).reshape(-1, count, parameters)
+            squares[rows] = np.einsum("nki,nki->nk", off, off)
         bell = -0.5 * (_FREEDOM + parameters) * np.log1p(squares / _FREEDOM)
-        return constant + np.log(self.weights) - log_volume + bell, squares
+        return constants + bell, squares

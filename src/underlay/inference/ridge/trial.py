@@ -89,7 +89,7 @@ class Trial:
         return self.share if self.pilot.k_hat < _GOOD_INDEX else self.share - self.pilot.k_hat
 
     def adapted(self) -> Trial:
-        """Itself if it is good; else the best of what its wider twin learns in some rounds from all draws so far."""
+        """Itself if it is good; else the best of what its wider twin learns in rounds from all draws so far."""
         best, rounds = self, [self]
         mixture = self.mixture.with_twins()
         for _ in range(_ROUNDS):
@@ -116,7 +116,7 @@ def _learnt(rounds: Sequence[Trial]) -> Mixture:
 
 
 def _at_heaviest(pilot: WeightedDraws, z: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places (m, p) of the heaviest draws of a pilot and factors (m, p, p) of what all draws z (n, p) are near them.
+    """Places (m, p) of the heaviest draws of a pilot, and factors (m, p, p) of all draws z (n, p) near them.
 
     Incremental mixture importance sampling: Raftery and Bao (2010), doi:10.1111/j.1541-0420.2010.01399.x.
     """
