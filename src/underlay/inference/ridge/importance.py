@@ -95,7 +95,8 @@ def produced(
     while len(drawn.z) < _MOST_DRAWS and budget.left:
         if drawn.k_hat < _LARGEST_INDEX and drawn.quantile_errors().max() <= error:
             break
-        more = weigh(target, target.coordinates, proposal.mixture, len(drawn.z), rng)
+        count = min(len(drawn.z), _MOST_DRAWS - len(drawn.z))
+        more = weigh(target, target.coordinates, proposal.mixture, count, rng)
         drawn = WeightedDraws.joined([drawn, more])
     return drawn
 

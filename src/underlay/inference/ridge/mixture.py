@@ -117,7 +117,9 @@ class Mixture:
 
     def log_density(self, z: FloatArray) -> FloatArray:
         """Log-density (n,) at places z (n, p)."""
-        return np.asarray(special.logsumexp(self._log_parts(z)[0], axis=1))
+        parts = self._log_parts(z)[0]
+        largest = parts.max(axis=1)
+        return np.asarray(largest + np.log(np.exp(parts - largest[:, None]).sum(axis=1)))
 
     def responsibilities(self, z: FloatArray) -> FloatArray:
         """Probability (n, K) that a place z (n, p) is of a component."""

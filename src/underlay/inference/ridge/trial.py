@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -90,29 +89,52 @@ class Trial:
 
     def adapted(self) -> Trial:
         """Itself if it is good; else the best of what its wider twin learns in rounds from all draws so far."""
-        best, rounds = self, [self]
-        mixture = self.mixture.with_twins()
+        best, mixture, known = self, self.mixture.with_twins(), _Known.of(self)
         for _ in range(_ROUNDS):
             if best.is_good:
                 break
-            rounds.append(self.with_mixture(mixture))
-            best = max(best, rounds[-1], key=lambda trial: trial.score)
-            mixture = _learnt(rounds)
+            trial = self.with_mixture(mixture)
+            best = max(best, trial, key=lambda entry: entry.score)
+            known = known.and_of(trial)
+            mixture = known.learnt(trial)
         return best
 
 
-def _learnt(rounds: Sequence[Trial]) -> Mixture:
-    """The last round's mixture after what the draws of all rounds say, with components at its heaviest draws."""
-    z = np.concatenate([trial.pilot.z for trial in rounds])
-    log_target = np.concatenate([trial.pilot.log_target for trial in rounds])
-    proposals = np.array([trial.mixture.log_density(z) for trial in rounds])
-    # All draws as those of the even mixture of the mixtures: Veach and Guibas' balance heuristic.
-    log_weights = log_target - special.logsumexp(proposals, axis=0)
-    weights = special.softmax(smoothed(log_weights)[0])
-    last = rounds[-1]
-    mixture = last.mixture.learnt(z, weights)
-    places, factors = _at_heaviest(last.pilot, z, weights)
-    return mixture.with_more(places, factors, _SHARE) if len(places) else mixture
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """All draws so far: places (n, p), log-posterior (n,), and log-densities (m, n) of the mixtures they are of."""
+
+    mixtures: tuple[Mixture, ...]
+    z: FloatArray
+    log_target: FloatArray
+    proposals: FloatArray
+
+    @classmethod
+    def of(cls, trial: Trial) -> Self:
+        """What one trial drew."""
+        pilot = trial.pilot
+        return cls((trial.mixture,), pilot.z, pilot.log_target, pilot.log_proposal[None])
+
+    def and_of(self, trial: Trial) -> _Known:
+        """With what another drew."""
+        fresh = trial.pilot.z
+        across = np.array([mixture.log_density(fresh) for mixture in self.mixtures])
+        own = np.concatenate([trial.mixture.log_density(self.z), trial.pilot.log_proposal])
+        return _Known(
+            (*self.mixtures, trial.mixture),
+            np.concatenate([self.z, fresh]),
+            np.concatenate([self.log_target, trial.pilot.log_target]),
+            np.vstack([np.hstack([self.proposals, across]), own]),
+        )
+
+    def learnt(self, last: Trial) -> Mixture:
+        """The last mixture after what all draws say, with components at its heaviest draws."""
+        # All draws as those of the even mixture of the mixtures: Veach and Guibas' balance heuristic.
+        log_weights = self.log_target - special.logsumexp(self.proposals, axis=0)
+        weights = special.softmax(smoothed(log_weights)[0])
+        mixture = last.mixture.learnt(self.z, weights)
+        places, factors = _at_heaviest(last.pilot, self.z, weights)
+        return mixture.with_more(places, factors, _SHARE) if len(places) else mixture
 
 
 def _at_heaviest(pilot: WeightedDraws, z: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:

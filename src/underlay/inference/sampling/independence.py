@@ -33,13 +33,13 @@ class IndependenceMove(emcee.moves.MHMove):  # type: ignore[misc]  # emcee ships
         super().__init__(self._proposed, ndim=coordinates.size)
         self._coordinates, self._mixture = coordinates, mixture
 
-    def log_proposal(self, vectors: FloatArray) -> FloatArray:
-        """Log-density (m,) with which scaled vectors (m, p) are proposed; -inf where they never are."""
-        z = self._coordinates.normal(vectors)
+    def log_proposal(self, vectors: FloatArray, z: FloatArray | None = None) -> FloatArray:
+        """Log-density (m,) with which scaled vectors (m, p), at `z`, are proposed; -inf where they never are."""
+        places = self._coordinates.normal(vectors) if z is None else z
         result = np.full(len(vectors), -np.inf)
-        near = (np.abs(z) < FARTHEST).all(axis=1)
-        slopes = self._coordinates.log_slope(vectors[near], z[near])
-        result[near] = self._mixture.log_density(z[near]) + slopes
+        near = (np.abs(places) < FARTHEST).all(axis=1)
+        slopes = self._coordinates.log_slope(vectors[near], places[near])
+        result[near] = self._mixture.log_density(places[near]) + slopes
         return result
 
     def _proposed(self, vectors: FloatArray, random: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
@@ -49,11 +49,10 @@ class IndependenceMove(emcee.moves.MHMove):  # type: ignore[misc]  # emcee ships
         # What is cut away is proposed to nobody: such a walker stays, and its density is not asked for elsewhere.
         proposals = vectors.copy()
         proposals[near] = self._coordinates.scaled(z[near])
-        factors = np.full(len(vectors), -np.inf)
-        new = self.log_proposal(proposals[near])
-        old = self.log_proposal(vectors[near])
-        factors[near] = np.where(np.isfinite(new), old - np.where(np.isfinite(new), new, 0.0), -np.inf)
-        return proposals, factors
+        both = np.concatenate([self._coordinates.normal(vectors), z])
+        old, new = np.split(self.log_proposal(np.concatenate([vectors, proposals]), both), 2)
+        possible = near & np.isfinite(new)
+        return proposals, np.where(possible, old - np.where(possible, new, 0.0), -np.inf)
 
 
 class Tallied:

@@ -29,7 +29,7 @@ __all__ = ["Ridges", "by_weights"]
 # old moves is not slower than what a mixture would save.
 _TO_LEARN, _TO_DRAW = 10.0, 5.0
 # What a quantile of weighted draws that stand alone may be off by, in standard deviations.
-_ALONE_ERROR = 0.05
+_ALONE_ERROR = 0.07
 _CHAINS = 8
 
 
