@@ -11,6 +11,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from underlay.inference.priors import Normal, Uniform
 
@@ -120,7 +121,12 @@ class Quadrature:
         else:
             constant = -0.5 * ((force - mean) @ (force - mean)) / s2
         constant -= n * np.log(self.sigma) + 0.5 * n * np.log(2.0 * np.pi)
-        fit = constant + 0.5 * (aa * best**2)[:, None] - 0.5 * nodes**2 + np.log(width * (nodes[1] - nodes[0]))[:, None]
+        fit = (
+            constant
+            + 0.5 * (aa * best**2)[:, None]
+            - 0.5 * nodes**2
+            + np.log(width * (nodes[1] - nodes[0]))[:, None]
+        )
         positive = E > 0.0
         safe = np.where(positive, E, 1.0)
         fit = fit + self.priors[E_PATH].log_density(safe) + self.log_axis_prior(places)[:, None]
@@ -130,12 +136,6 @@ class Quadrature:
         b_mean = middle_b - E * (f1 / s2 / total)[:, None] if baseline else None
         value = np.where(positive & np.isfinite(fit), fit, -np.inf)
         return value, E, b_mean, total**-0.5 if baseline else 0.0
-
-    def grid(self, ranges, points):
-        lines = [np.linspace(low, high, points) for low, high in ranges]
-        places = np.array(list(itertools.product(*lines))) if lines else np.zeros((1, 0))
-        steps = [line[1] - line[0] for line in lines]
-        return lines, places, float(np.log(np.prod(steps))) if steps else 0.0
 
     def placed(self):
         """Ranges of the axes outside which the posterior holds nothing."""
@@ -151,35 +151,6 @@ class Quadrature:
                 low = max(near[:, j].min() - step, whole[j][0])
                 high = min(near[:, j].max() + step, whole[j][1])
                 shrinks |= high - low < 0.9 * (ranges[j][1] - ranges[j][0])
-                ranges[j] = low, high
-            if not shrinks:
-                break
-        return ranges
-
-    def grid(self, ranges, points):
-        lines = [np.linspace(low, high, points) for low, high in ranges]
-        places = np.array(list(itertools.product(*lines))) if lines else np.zeros((1, 0))
-        steps = [line[1] - line[0] for line in lines]
-        return lines, places, float(np.log(np.prod(steps))) if steps else 0.0
-
-    def placed(self, fixed=None):
-        """Ranges of the axes, but of those fixed, outside which the posterior holds nothing."""
-        whole = [self.axis_range(name) for name in self.axes]
-        fixed = fixed or {}
-        ranges = [(fixed[j], fixed[j]) if j in fixed else span for j, span in enumerate(whole)]
-        free = [j for j in range(len(whole)) if j not in fixed]
-        for attempt in range(10):
-            points = COARSE[len(free)] if attempt < 2 else 24
-            lines, places, _ = self.grid(ranges, points)
-            mass = self.weights(places)[0].max(axis=1)
-            if not np.isfinite(mass).any():
-                return None
-            near, shrinks = places[mass > mass.max() - DEPTH], False
-            for j in free:
-                step = 1.5 * (lines[j][1] - lines[j][0])
-                low = max(near[:, j].min() - step, whole[j][0])
-                high = min(near[:, j].max() + step, whole[j][1])
-                shrinks |= high - low < 0.8 * (ranges[j][1] - ranges[j][0])
                 ranges[j] = low, high
             if not shrinks:
                 break
@@ -224,8 +195,6 @@ def _quantiles(values, share):
 
 def _smeared(means, share, sd):
     """Quantiles of a mixture of normals of one width."""
-    from scipy import special
-
     kept = share > 1e-9 * share.max()
     m, w = means[kept], share[kept] / share[kept].sum()
     edges = np.linspace(m.min(), m.max() + 1e-300, 4001)

@@ -107,7 +107,9 @@ def climb(
         basis = turned / np.sqrt(precision)
         values = density(candidates)
         best = int(np.argmax(values))
-        idle = 0 if values[best] - top > tolerance else idle + 1
+        # A basis that still grows has not looked as far as there may be something to gain.
+        grows = bool((precision <= 1.01 * _GROWTH**-2).any())
+        idle = 0 if grows or values[best] - top > tolerance else idle + 1
         if values[best] > top:
             place, top = candidates[best], float(values[best])
         settled = bool((np.abs(np.log(precision)) < _SETTLED).all())
@@ -132,6 +134,8 @@ def _derivatives(
     steps = offsets @ basis.T
     values = density(np.concatenate([place[None], place + steps, place - steps]))
     top = float(values[0])
+    if not np.isfinite(top):
+        return top, np.zeros(columns), np.zeros((columns, columns))
     up, down = values[1 : 1 + len(offsets)] - top, values[1 + len(offsets) :] - top
     inside = np.isfinite(up) & np.isfinite(down)
     even = np.where(inside, np.add(up, down, where=inside, out=np.zeros_like(up)), -4.0)

@@ -60,7 +60,7 @@ def smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
         0.5. Inf where there are too few weights to tell.
     """
     count = int(np.isfinite(log_weights).sum())
-    tail = int(min(0.2 * count, 3.0 * np.sqrt(count)))
+    tail = int(np.ceil(min(0.2 * count, 3.0 * np.sqrt(count))))
     if tail < _FEWEST:
         return log_weights, float("inf")
     order = np.argsort(log_weights, kind="stable")

@@ -71,6 +71,7 @@ def assemble_posterior(
     every = -(-len(chain) * outcome.walkers // _DERIVED_DRAWS)
     spaced = chain.reshape(-1, chain.shape[-1])
     chosen = rng.choice(len(spaced), size=min(_PREDICTIVE_DRAWS, len(spaced)), replace=False)
+    is_chain = method == "emcee"
     moved = (np.diff(burnt, axis=0) != 0.0).any(axis=-1)
     return Posterior(
         names=problem.names,
@@ -87,8 +88,8 @@ def assemble_posterior(
             burn_in=outcome.burn_in,
             thin=thin,
             walkers=outcome.walkers,
-            autocorrelation_time=tuple(outcome.times.tolist()),
-            rhat=tuple(outcome.rhat.tolist()),
+            autocorrelation_time=tuple(outcome.times.tolist()) if is_chain else (),
+            rhat=tuple(outcome.rhat.tolist()) if is_chain else (),
             acceptance=float(moved.mean()),
             evaluations=density.evaluations,
             failures=density.failures,

@@ -118,6 +118,7 @@ def sample(
         with SamplingProgress(max_steps, shown=progress) as line:
             outcome = run.go(line)
     outcome, importance = second_opinion(ridges, run.coords, outcome)
+    ridges.count()
     posterior = assemble_posterior(
         problem,
         run.coords,

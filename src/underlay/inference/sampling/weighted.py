@@ -73,7 +73,13 @@ class Ridges:
         checked_start(self.problem, self.density, found[0])
         places = list(self.coordinates.normal(np.array(found)))
         self.proposal = learn(self.target, places, self._for_pilots, Budget(_TO_LEARN))
+        self.count()
         return found[0]
+
+    def count(self) -> None:
+        """Count what was asked of the density here since the last time among its evaluations."""
+        self.density.continue_from(self.target.evaluations, 0)
+        self.target.evaluations = 0
 
     def recall(self, numbers: FloatArray | None) -> None:
         """Take the mixture that an earlier run found, if it did."""
@@ -116,6 +122,7 @@ def by_weights(
             f"weighted draws are not accepted: {importance.refused}; sample with method='emcee', which is exact "
             "where they are not"
         )
+    ridges.count()
     count = _CHAINS * max(1, int(drawn.effective) // _CHAINS)
     rows = drawn.resampled(count, ridges.for_draws).reshape(-1, _CHAINS)
     coords = drawn.vectors[rows]
@@ -129,7 +136,7 @@ def by_weights(
             f"accepted: {importance.effective:.0f} effective draws of {importance.draws}, k-hat "
             f"is {importance.k_hat:.2f}",
         ),
-        _counted(ridges),
+        ridges.density,
         rng,
         seed=seed,
         seconds=time.perf_counter() - begin,
@@ -137,11 +144,6 @@ def by_weights(
         method="importance",
         importance=importance,
     )
-
-
-def _counted(ridges: Ridges) -> CountedDensity:
-    ridges.density.continue_from(ridges.target.evaluations, 0)
-    return ridges.density
 
 
 def _outcome(coords: FloatArray, drawn: WeightedDraws, reason: str) -> Outcome:
