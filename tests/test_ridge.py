@@ -19,7 +19,7 @@ from support.posterior_cases import (
 )
 from support.posterior_quadrature import reference
 from underlay.errors import FitError, InputError
-from underlay.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
+from underlay.inference.priors.densities import HalfNormal, LogNormal, LogUniform, Normal, Uniform
 from underlay.inference.ridge.budget import Budget
 from underlay.inference.ridge.climb import climb, small_basis
 from underlay.inference.ridge.coordinates import PriorNormal, Target

@@ -28,9 +28,9 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent.parent / "src")]
 
 from sampling_speed import layered  # noqa: E402  # after the path is set
+
 from support.posterior_quadrature import LEVELS, reference  # noqa: E402
 from support.random_posteriors import random_problem  # noqa: E402
-
 from underlay.errors import FitError, UnderlayError  # noqa: E402
 from underlay.inference.sampling.convergence import tail_size  # noqa: E402
 from underlay.inference.sampling.run import sample  # noqa: E402

@@ -218,16 +218,16 @@ def plan(
         raise unknown_parameter(parameter, scene.parameters)
     if "indenter.radius" not in scene.parameters:
         raise ParameterError(f"the grid varies indenter.radius, which {scene.indenter!r} does not have")
-    grid = tuple(_positive(values, name) for values, name in ((radii, "radii"), (depths, "depths")))
-    told = Grid.of(scene, wanted, noise, *grid, specimen, points, solver)
+    tips, ends = _positive(radii, "radii"), _positive(depths, "depths")
+    told = Grid.of(scene, wanted, noise, tips, ends, specimen, points, solver)
     slope = told.slopes[specimen.index(parameter)]
     errors = _errors(told.information + told.prior, specimen.index(parameter), ~np.isnan(told.peak_force))
     planned = Plan(
         parameter=parameter,
         value=scene.parameters[parameter],
         names=specimen,
-        radii=read_only(grid[0]),
-        depths=read_only(grid[1]),
+        radii=read_only(tips),
+        depths=read_only(ends),
         stderr=read_only(errors * slope),
         peak_force=read_only(told.peak_force),
         refusals=told.refusals,
