@@ -13,12 +13,14 @@ worth more than four errors of a contact whose modulus and thickness are known t
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.fit_result import Fit, FitWarning
+from underlay.inference.least_squares.fit_result import Fit, FitStatistics, FitWarning
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.members import Member
@@ -26,7 +28,7 @@ from underlay.inference.problem import Problem
 from underlay.scene.chain import Chain
 from underlay.units import format_quantity
 
-__all__ = ["about_left_out", "determined"]
+__all__ = ["about_left_out", "determined", "for_all_readings"]
 
 _ERRORS = 4.0
 # Of a scaled coordinate, for the slope of a jump's place: laws are good to 1e-6.
@@ -68,6 +70,20 @@ def about_left_out(problem: Problem, kept: list[NDArray[np.bool_]]) -> list[FitW
                 )
             )
     return warnings
+
+
+def for_all_readings(statistics: FitStatistics, readings: int) -> FitStatistics:
+    """Return the statistics with a log-likelihood that counts those left out as the mean of the others.
+
+    So that models which leave out different ones may be compared.
+    """
+    more = statistics.log_likelihood * (readings / statistics.points - 1.0)
+    return replace(
+        statistics,
+        log_likelihood=statistics.log_likelihood + more,
+        aic=statistics.aic - 2.0 * more,
+        bic=statistics.bic - 2.0 * more,
+    )
 
 
 def _beside(depth: FloatArray, place: float) -> NDArray[np.intp]:
