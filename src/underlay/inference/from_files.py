@@ -17,6 +17,7 @@ from underlay.data.signs import flipped, require_signs
 from underlay.data.withdrawal import remembering_withdrawal
 from underlay.errors import CurveError, InputError, UnderlayError
 from underlay.inference.file_facts import settle
+from underlay.inference.known_lever import known_lever
 from underlay.inference.plausibility import require_plausible
 from underlay.inference.priors.densities import Normal, Uniform
 from underlay.inference.priors.from_numbers import prior_from_numbers
@@ -189,9 +190,11 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
         overrule=file.curve.get("overrule", ()),
         free=[entry.path for entry in file.free],
     )
-    file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
-    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
-    free = {**free_of(file, curve), **(priors or {})}
+    known = known_lever(file.draft, curve)
+    draft = replace(file.draft.with_values(settled.values), lever=known.lever)
+    file = replace(file, draft=draft, left_out=())
+    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes, *known.notes))
+    free = {**known.priors, **free_of(file, curve), **(priors or {})}
     problem = Problem(_started(file, curve), curve, free, file.noise, solver=file.solver)
     require_plausible(problem)
     return problem

@@ -189,6 +189,11 @@ class ContactLaw(Response, ABC):
         del depth
         return None
 
+    def size_slope(self, depth: FloatArray, force: FloatArray, stiffness: FloatArray) -> FloatArray | None:
+        """dP/d ln(size of the tip) (N) at fixed depths (m) and thickness; None where the law does not know it."""
+        del depth, force, stiffness
+        return None
+
     @abstractmethod
     def _force(self, depth: FloatArray) -> FloatArray:
         """Force (N) at depths (m) inside the domain, 1-D."""

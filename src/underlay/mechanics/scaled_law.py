@@ -60,6 +60,11 @@ class ScaledLaw(ContactLaw):
         """As the reference: the slope goes with the force."""
         return self.law.ratio_slope(self.b * depth, force)
 
+    def size_slope(self, depth: FloatArray, force: FloatArray, stiffness: FloatArray) -> FloatArray | None:
+        """As the reference: the slope goes with the force."""
+        slope = self.law.size_slope(self.b * depth, force / self.c, stiffness / (self.b * self.c))
+        return None if slope is None else self.c * slope
+
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
         """As the reference: the slope goes with the force."""
         slope = self.law.work_slope(self.b * depth)

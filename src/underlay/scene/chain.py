@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self, TypeAlias
 
 import numpy as np
@@ -171,6 +171,10 @@ class Chain:
             Frame(float(frame)) if called(Frame.path) else None,
             tuple(link(values[link.path]) for link in (Baseline, BaselineSlope) if called(link.path)),
         )
+
+    def with_compliance(self, compliance: float) -> Chain:
+        """Return the chain with another frame's compliance (m/N), of either sign; none where it is zero."""
+        return replace(self, frame=Frame(compliance) if compliance else None)
 
     def travel(self, depth: FloatArray) -> FloatArray:
         """Travel since contact (m) at depth readings (m)."""

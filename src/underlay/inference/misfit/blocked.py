@@ -134,8 +134,7 @@ class BlockedCurve:
         def means(values: FloatArray) -> FloatArray:
             return np.asarray(values[start:].reshape(-1, size).mean(axis=1))
 
-        forward = replace(member.forward, depth=means(depth))
-        return cls(member, forward, means(force), means(time[used]))
+        return cls(member, member.forward.moved(means(depth), means(force)), means(force), means(time[used]))
 
     def coarse(self) -> BlockedCurve:
         """Return the same with laws of a tenth of a thousandth of the force, of its own store."""
@@ -154,9 +153,8 @@ class BlockedCurve:
         reading, own = self.forward.jacobian(values, tuple(self.member.entries), rough=True)
         columns = np.zeros((len(self.force), len(physical) + len(errors)))
         columns[:, entries] = own * slopes[entries]
-        depth = (
-            self.forward.depth - values[ContactDepth.path] - values["instrument.compliance"] * reading.contact
-        )
+        bent = values["instrument.compliance"] * reading.contact
+        depth = self.forward.depth_at(values) - values[ContactDepth.path] - bent
         if errors:
             law = self.forward.law(values, max(float(depth.max()), 0.0))
             by = partial(self._law_by, values, max(float(depth.max()), 0.0))

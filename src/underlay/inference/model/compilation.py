@@ -206,7 +206,7 @@ def _member(
         begins = 0.0 if scene.adhesion is None else quiet_law(scene, solver, 0.0).domain[0]
         check_fittable(curve, scene.instrument.contact_depth + begins, withdrawn=scene.adhesion is not None)
     noise.check(noisy, len(curve), curve.time)
-    forward = Forward.compile(scene, curve.depth, tuple(mechanical), solver, store, curve.time)
+    forward = Forward.compile(scene, curve.depth, tuple(mechanical), solver, store, curve.time, curve.force)
     return Member(scene, curve, forward, noise, scene.parameters, mechanical, noisy)
 
 
