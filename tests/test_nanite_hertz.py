@@ -21,8 +21,14 @@ UNFIXED = 0.05
 CURVES = 2
 #: The one file without a calibration, and the numbers that both programs are given for it.
 UNCALIBRATED = "fmt-jpk-cl_calibration_force-save-2015-02-04.jpk-force"
-#: Files whose way in holds a single point: nothing to fit, and we say so.
-EMPTY = {f"fmt-jpk-fd_single_bad_2017-01-16_{number}.jpk-force" for number in (2, 3, 4, 5)}
+#: Files whose way in holds one to three points (afmformats reads as many): nothing to fit, and we say so.
+EMPTY = {
+    *(f"fmt-jpk-fd_single_bad_2017-01-16_{number}.jpk-force" for number in (2, 3, 4, 5)),
+    "fmt-jpk-fd_single_bad_GWAT_2017-10-17.jpk-force",
+    "fmt-jpk-fd_single_bad_bead10_2017-04-27.jpk-force",
+    "fmt-jpk-fd_single_bad_bead46_2017-04-20.jpk-force",
+    "fmt-jpk-fd_single_bad_bead7_2017-04-27.jpk-force",
+}
 
 FILES = (
     UNCALIBRATED,
@@ -35,10 +41,6 @@ FILES = (
     "fmt-jpk-fd_map_bad_2013-05-27_2.jpk-force-map",
     "fmt-jpk-fd_single_bad_2017-01-16_1.jpk-force",
     *sorted(EMPTY),
-    "fmt-jpk-fd_single_bad_GWAT_2017-10-17.jpk-force",
-    "fmt-jpk-fd_single_bad_bead10_2017-04-27.jpk-force",
-    "fmt-jpk-fd_single_bad_bead46_2017-04-20.jpk-force",
-    "fmt-jpk-fd_single_bad_bead7_2017-04-27.jpk-force",
     "fmt-jpk-fd_single_tilted-baseline-drift-mitotic_2021-01-29.jpk-force",
     "fmt-jpk-fd_single_tilted-baseline-shift-adyp_2023-06-26.jpk-force",
     "fmt-jpk-fd_spot3-0192.jpk-force",
