@@ -14,6 +14,7 @@ from underlay.data.curve import Curve
 from underlay.data.readers import JpkMapCurve, read, read_from_map
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.data.signs import flipped, require_signs
+from underlay.data.withdrawal import remembering_withdrawal
 from underlay.errors import CurveError, InputError, UnderlayError
 from underlay.inference.file_facts import settle
 from underlay.inference.known_lever import known_lever
@@ -134,6 +135,8 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
             f"{curve.metadata.get('name', 'the curve')} has no {segment} part, only {there}: choose another "
             'segment in [curve], or check the sign of the depth (flip = ["depth"] turns it)'
         )
+    if segment == LOADING:
+        part = remembering_withdrawal(part, curve)
     if segment == UNLOADING:
         part = part.with_metadata(notes=(*part.metadata.get("notes", ()), *_inelastic(curve)))
     low, high = choice.get("min_depth", -np.inf), choice.get("max_depth", np.inf)

@@ -16,7 +16,7 @@ import numpy as np
 from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.bonds import BONDS, Spring
 from underlay.mechanics.friction import FRICTIONS
-from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.indenters import Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import RELAXES, Relaxation
 from underlay.quantities import Part
@@ -147,8 +147,13 @@ def _of_layer(section: str) -> Iterator[SceneKey]:
 
 
 def _own(family: type[Part]) -> dict[str, type[Part]]:
-    """Every kind of a part that is of this package, by name."""
-    return {name: kind for name, kind in family.kinds().items() if kind.__module__.startswith("underlay.")}
+    """Every kind of a part that is of this package or a plug-in, by name."""
+    added = [entry.thing for entry in plugged_indenters()]
+    return {
+        name: kind
+        for name, kind in family.kinds().items()
+        if kind.__module__.startswith("underlay.") or kind in added
+    }
 
 
 def _of_class(kind: type[Any], section: str, remark: str, seen: tuple[str, ...] = ()) -> Iterator[SceneKey]:

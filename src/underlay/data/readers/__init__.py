@@ -26,16 +26,28 @@ from underlay.data.readers import (
     park,
     testxpert,
 )
+from underlay.data.readers._added import added_formats, plugged_readers
 from underlay.data.readers._calibration import Calibration
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._jpk_map import JpkMapCurve, curves_of_jpk_map
 from underlay.data.readers._source import Source, load, unpack
 from underlay.data.readers._unread import way_out
 from underlay.errors import CurveError, FileFormatError, InputError
+from underlay.plugins import faults
 
-__all__ = ["FORMATS", "Format", "JpkMapCurve", "curves_of_jpk_map", "read", "read_all", "read_from_map"]
+__all__ = [
+    "FORMATS",
+    "Format",
+    "JpkMapCurve",
+    "all_formats",
+    "curves_of_jpk_map",
+    "plugged_readers",
+    "read",
+    "read_all",
+    "read_from_map",
+]
 
-#: Every format, in the order in which they are tried on a file. Plain tables come last: many
+#: Every format of this package, in the order in which they are tried on a file. Plain tables come last: many
 #: instrument files look like one.
 FORMATS: tuple[Format, ...] = (
     mach1.FORMAT,
@@ -59,6 +71,12 @@ FORMATS: tuple[Format, ...] = (
 _LISTED = 12
 
 
+def all_formats() -> tuple[Format, ...]:
+    """Every format that is tried on a file, in order: those of plug-ins before plain tables."""
+    *instruments, tables = FORMATS
+    return (*instruments, *added_formats(FORMATS), tables)
+
+
 def read(
     path: str | os.PathLike[str],
     format: str | Format | None = None,  # noqa: A002  the name users know from other readers
@@ -74,7 +92,7 @@ def read(
     path : str or path
         The file.
     format : str or Format, optional
-        Name of a format in `FORMATS`, or one of your own; recognised from the content by default.
+        Name of a format that `underlay formats` lists, or one of your own; recognised from the content by default.
     columns : mapping, optional
         For plain tables, which column is what: ``{"depth": "h (nm)", "force": "-Fz (mN)"}``. A unit in the
         name overrides the file's; a minus sign turns the direction.
@@ -211,24 +229,26 @@ def recognise(source: Source) -> Format:
     Raises
     ------
     FileFormatError
-        If it is none of `FORMATS`.
+        If it is none of `all_formats`.
     """
-    for candidate in FORMATS:
+    for candidate in all_formats():
         if candidate.sniff(source):
             return candidate
     if what := way_out(source):
         raise FileFormatError(f"{source.name} is {what}")
-    names = ", ".join(known.name for known in FORMATS)
-    raise FileFormatError(f"{source.name} is not recognised as any known format ({names})")
+    names = ", ".join(known.name for known in all_formats())
+    broken = faults(plugged_readers(FORMATS))
+    raise FileFormatError(f"{source.name} is not recognised as any known format ({names}){broken}")
 
 
 def _format_named(name: str | Format) -> Format:
     if isinstance(name, Format):
         return name
-    for candidate in FORMATS:
-        if candidate.name == name:
-            return candidate
-    raise InputError(f"no format {name!r}; there are {', '.join(known.name for known in FORMATS)}")
+    known = {candidate.name: candidate for candidate in all_formats()}
+    if name not in known:
+        broken = faults(plugged_readers(FORMATS))
+        raise InputError(f"no format {name!r}; there are {', '.join(known)}{broken}")
+    return known[name]
 
 
 def _stamp(curve: Curve, source: Source, reader: Format, known: Calibration) -> Curve:

@@ -161,6 +161,11 @@ class ScaledSpace:
             self.reference + self.scale * q,
         )
 
+    def scaled(self, physical: FloatArray) -> FloatArray:
+        """Scaled vectors (..., k) at values (SI), (..., k)."""
+        ratio = np.where(self.logarithmic, physical / np.where(self.logarithmic, self.reference, 1.0), 1.0)
+        return np.where(self.logarithmic, np.log(ratio), (physical - self.reference) / self.scale)
+
     def slopes(self, physical: FloatArray) -> FloatArray:
         """dx/dq (SI), (..., k), at values (..., k)."""
         return np.where(self.logarithmic, physical, self.scale)

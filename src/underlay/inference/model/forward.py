@@ -265,12 +265,26 @@ class Forward:
         for ratio, slope in self.similarity.ratio_slopes(path, values).items():
             in_log = ratio not in self.similarity.direct
             if ratio not in ratio_columns:
-                known = law.work_slope(w) if ratio == "adhesion.work" else None
+                known = self._known_slope(ratio, law, w, P, S)
                 ratio_columns[ratio] = (
                     self._ratio_derivative(ratio, values, deepest, w, rough=rough) if known is None else known
                 )
             derivative = derivative + ratio_columns[ratio] * (slope / values[path] if in_log else slope)
         return derivative
+
+    def _known_slope(
+        self, ratio: str, law: ContactLaw, w: FloatArray, P: FloatArray, S: FloatArray
+    ) -> FloatArray | None:
+        """dP/d ln k of a ratio where the law says it itself."""
+        if ratio == "adhesion.work":
+            return law.work_slope(w)
+        tips = self.laws.tips
+        if tips is None:
+            return None
+        if ratio == tips.path:
+            return law.ratio_slope(w, P)
+        # One length makes the tip: its ratio is the tip's size.
+        return law.size_slope(w, P, S) if self.similarity.lengths == (ratio,) else None
 
     def _ratio_derivative(
         self, ratio: str, values: Mapping[str, float], deepest: float, w: FloatArray, *, rough: bool
