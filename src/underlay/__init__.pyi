@@ -2,6 +2,7 @@
 from .data.contact_point import find_contact as find_contact
 from .data.curve import Curve as Curve
 from .data.disturbances import Disturbances as Disturbances
+from .data.fit_range import in_range as in_range
 from .data.quality import check_quality as check_quality
 from .data.readers import (
     Format as Format,
@@ -63,6 +64,7 @@ from .inference.priors import (
 from .inference.problem import Problem as Problem
 from .inference.profiles import profile as profile
 from .inference.design.second_test import remedy as remedy
+from .inference.recipe import steps_to_ours as steps_to_ours
 from .inference.sampling.from_chain import posterior_from_chain as posterior_from_chain
 from .inference.sampling.model_comparison import (
     compare_models as compare_models,
@@ -137,6 +139,7 @@ from .report.render import report as report
 from .report.review import write_review as write_review
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.effect import Effect as Effect
+from .scene.fit_range import FitRange as FitRange
 from .scene.instrument import Instrument as Instrument
 from .scene.noise import Noise as Noise
 from .scene.noise_model import NoiseModel as NoiseModel

@@ -11,6 +11,7 @@ import numpy as np
 
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
+from underlay.data.fit_range import in_range
 from underlay.data.readers import JpkMapCurve, read, read_from_map
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.data.signs import flipped, require_signs
@@ -19,6 +20,7 @@ from underlay.inference.file_facts import settle
 from underlay.inference.plausibility import require_plausible
 from underlay.inference.priors import Normal, Uniform, prior_from_numbers
 from underlay.inference.problem import Given, Problem
+from underlay.scene.fit_range import PRESETS, FitRange
 from underlay.scene.fit_section import FreeParameter
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
@@ -33,6 +35,7 @@ __all__ = [
     "turned",
     "weak_bounds",
     "whole_curve",
+    "within_range",
 ]
 
 # An elastic sample gives back the work of the way in; over a tenth less is no rounding of the segments' ends.
@@ -145,6 +148,23 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
     return part if inside.all() else part.select(inside)
 
 
+def within_range(file: SceneFile, scene: Scene, curve: Curve) -> Curve:
+    """Return the points of a part of a curve within the fit range of the ``[curve]`` section; all without one.
+
+    Depths count from the contact that the scene file states, or from where the curve shows it.
+
+    Raises
+    ------
+    CurveError, InputError
+        If no point is left, or the scene lacks what the range is a multiple of.
+    """
+    choice = file.curve
+    preset = PRESETS.get(choice.get("preset") or "", FitRange())
+    wanted = FitRange.of(choice.get("fit_from", preset.low), choice.get("fit_to", preset.high))
+    known = _CONTACT in file.stated and all(entry.path != _CONTACT for entry in file.free)
+    return in_range(curve, wanted, scene, scene.instrument.contact_depth if known else None)
+
+
 def _inelastic(curve: Curve) -> list[str]:
     """What speaks against fitting the way back with an elastic law: the work that it does not give back."""
     spent, back = (abs(_work(part)) for part in (curve.loading(), curve.unloading()))
@@ -187,6 +207,7 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
     )
     file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
     curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
+    curve = within_range(file, file.draft, curve)
     free = {**free_of(file, curve), **(priors or {})}
     problem = Problem(_started(file, curve), curve, free, file.noise, solver=file.solver)
     require_plausible(problem)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ import pandas as pd
 from underlay._door import sha256_of
 from underlay._text import one_line
 from underlay.inference.least_squares.provenance import version_record
+from underlay.inference.recipe import Step
 from underlay.quantities import numbers_of
 from underlay.report.intervals import estimates, standing
 from underlay.report.labels import label
@@ -38,6 +39,7 @@ __all__ = [
     "provenance_table",
     "reservations_table",
     "source_rows",
+    "steps_table",
 ]
 
 
@@ -120,6 +122,16 @@ def interval_table(result: Fit) -> pd.DataFrame:
                 "before the test": _prior_text(result, entry.name, kind),
             }
         )
+    return labelled_table(rows)
+
+
+def steps_table(steps: Sequence[Step]) -> pd.DataFrame:
+    """Return one row per step from an instrument's number to ours, as text: what was changed, and by how much."""
+    rows = []
+    for before, step in zip([None, *steps], steps, strict=False):
+        change = "" if before is None else f"{100.0 * (step.modulus / before.modulus - 1.0):+.2f} %"
+        value = format_quantity(step.modulus, "pressure")
+        rows.append({"step": step.what, "Young's modulus": value, "change": change})
     return labelled_table(rows)
 
 
