@@ -39,6 +39,10 @@ from .inference.batch.options import MapOptions as MapOptions
 from .inference.batch.options import Sampling as Sampling
 from .inference.bonding import compare_bonds as compare_bonds
 from .inference.compare import compare as compare
+from .inference.films import (
+    StiffnessFit as StiffnessFit,
+    fit_stiffness as fit_stiffness,
+)
 from .inference.from_files import load_problem as load_problem
 from .inference.design.identifiability import identifiability as identifiability
 from .inference.least_squares import (
@@ -75,6 +79,7 @@ from .inference.sampling.run import sample as sample
 from .mechanics.adhesion.dmt import DMT as DMT
 from .mechanics.adhesion.jkr import JKR as JKR
 from .mechanics.adhesion.maugis import Maugis as Maugis
+from .mechanics.area_function import AreaFunction as AreaFunction
 from .mechanics.body import (
     RIGID as RIGID,
     Layer as Layer,

@@ -150,6 +150,7 @@ class CurveSection(_Section):
             "instrument.compliance",
             "calibration.spring_constant",
             "calibration.sensitivity",
+            "imprint",
         ]
     ] = Field(default=[], description="what is right here where the file of the curve says another number")
     preset: Literal["bioindenter"] | None = Field(
