@@ -114,15 +114,16 @@ def bare_silicon():
     return table[:, 0] * 1e-9, table[:, 1] * 1e-3, table[:, 2]
 
 
-#: E / (1 - nu^2) (Pa) of (001) silicon under a tip, from C11, C12, C44 = 165.7, 63.9, 79.6 GPa (Vlassak and Nix 1994).
+#: E / (1 - nu^2) (Pa) of (001) silicon under a tip, from C11 = 165.7, C12 = 63.9 and C44 = 79.6 GPa (mean of its
+#: surface Green's function over all directions, as in Vlassak and Nix 1994).
 SILICON_001 = 164.8e9
 
 
 def test_oxide_on_silicon_with_the_tip_calibrated_on_bare_silicon():
     """The files say nothing of the tip, but the toolbox holds a test of bare silicon: it gives the area function.
 
-    That the tip was the same in both tests is assumed. Then the oxide has the modulus of the books, 70 to 72 GPa, and
-    with a perfect pyramid 83 to 88.
+    That the tip was the same in both tests is assumed. Then the oxide has the modulus of the books, 70 to 72 GPa,
+    and with a perfect pyramid 83 to 88.
     """
     h, P, S = bare_silicon()
     kept = (h > 30e-9) & (h < 1e-6)

@@ -141,6 +141,7 @@ from .quantities import quantity as quantity
 from .report import plots as plots
 from .report.excel import write_excel as write_excel
 from .report.render import report as report
+from .report.with_units import with_units as with_units
 from .report.review import write_review as write_review
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.effect import Effect as Effect

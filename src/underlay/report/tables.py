@@ -21,7 +21,7 @@ from underlay.report.open_ends import rival_name
 from underlay.report.words import quantity_with_interval, strong_pairs
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of
-from underlay.units import format_quantity, human_unit
+from underlay.units import format_quantity, human_unit, printed
 
 if TYPE_CHECKING:
     from underlay.inference.design.identifiability import Identifiability
@@ -267,7 +267,7 @@ def source_rows(files: Iterable[str]) -> dict[str, str]:
 
 def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
     """Make a table whose first column labels the rows; what came from a file is one printable line in it."""
-    frame = pd.DataFrame([{name: one_line(text) for name, text in row.items()} for row in rows])
+    frame = pd.DataFrame([{name: printed(one_line(text)) for name, text in row.items()} for row in rows])
     # The first column's name goes beside the others': pandas would give the index a header row of its own.
     return frame.set_index(frame.columns[0]).rename_axis(index=None, columns=frame.columns[0])
 
