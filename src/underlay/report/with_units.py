@@ -7,6 +7,7 @@ from numbers import Real
 
 import pandas as pd
 
+from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import path_of
 from underlay.scene.parameters import declared
 from underlay.units import format_quantity, printed
@@ -49,8 +50,9 @@ def _kind(name: str) -> str | None:
     """Kind of quantity of a parameter, or of what a column says of one; None for any other name."""
     for suffix in _SUFFIXES:
         name = name.removesuffix(suffix)
-    known = declared(path_of(name))
-    return known.kind if known.label and "." in name else None
+    path = path_of(name)
+    known = DERIVED.get(path.rpartition(".")[2]) or declared(path)
+    return known.kind if known.label and ("." in path or path in DERIVED) else None
 
 
 def _cell(value: object, kind: str | None) -> str:
