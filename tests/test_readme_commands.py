@@ -14,6 +14,8 @@ from support.reports import write_result
 from test_help import examples
 from underlay.cli.app import main
 from underlay.data.curve_csv import curve_csv
+from underlay.inference.answer_cost import answer_cost
+from underlay.inference.posterior_cost import posterior_cost
 from underlay.scene.accuracy_cost import accuracy_cost
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -95,7 +97,9 @@ def test_readme_command_works_as_printed(words, folder, monkeypatch, capsys):
     if any(word.startswith(EXCEPTED) for word in words):
         pytest.skip("needs other machines, the user's shell or the reader's words")
     # How often each law is timed changes nothing but the time.
-    monkeypatch.setitem(accuracy_cost.__kwdefaults__, "rounds", 1)
+    for timed in (accuracy_cost, answer_cost):
+        monkeypatch.setitem(timed.__kwdefaults__, "rounds", 1)
+    monkeypatch.setitem(posterior_cost.__kwdefaults__, "steps", (20,))
     code, _, err = run(words, monkeypatch, capsys)
     assert code == 0, err
     for flag in ("--output", "--new-scene", "--new-notebook"):

@@ -21,6 +21,7 @@ from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import RELAXES, Relaxation
 from underlay.quantities import Part
 from underlay.scene.instrument import Instrument
+from underlay.scene.lever import Lever
 from underlay.scene.noise import Noise
 from underlay.scene.scene_schema import (
     CurveSection,
@@ -117,6 +118,7 @@ def _all() -> Iterator[SceneKey]:
     yield from _of_class(Isotropic, "substrate", "")
     yield from _of_class(TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu"))
     yield from _of_class(Instrument, "instrument", "")
+    yield from _of_class(Lever, "lever", "")
     sticky = _own(Adhesion)
     yield SceneKey(
         "adhesion", "model", f"one of {', '.join(sorted(sticky))}", "", _CHOICES["adhesion", "model"]

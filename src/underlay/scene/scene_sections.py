@@ -25,6 +25,7 @@ from underlay.plugins import faults
 from underlay.quantities import Part
 from underlay.scene.field_names import hint
 from underlay.scene.instrument import Instrument
+from underlay.scene.lever import Lever
 from underlay.scene.noise import Noise
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
@@ -53,6 +54,7 @@ def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
         instrument=_build(Instrument, "instrument", table_of(document, "instrument")),
         history=_chosen(History, "history", document),
         adhesion=_chosen(Adhesion, "adhesion", document),
+        lever=_build(Lever, "lever", table_of(document, "lever")) if "lever" in document else None,
         **_words(document),
     )
 

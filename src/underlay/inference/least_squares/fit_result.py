@@ -44,7 +44,7 @@ class Fit:
     Parameters
     ----------
     problem : Problem
-        What was fitted.
+        What was fitted: as it was handed in, but for readings beside a jump that were left out (a warning says so).
     vector : FloatArray
         Optimum in scaled coordinates, (k,).
     values, stderr : mapping of name to float
