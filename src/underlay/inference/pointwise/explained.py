@@ -121,7 +121,8 @@ class Body:
         P = force - chain.reading(np.zeros_like(depth), depth)
         along = slope - values.get("instrument.baseline_slope", 0.0)
         # dw = dd - C dP
-        return Contacts(chain.travel(depth) - compliance * P, P, along / (1.0 - compliance * along))
+        travel = chain.travel(self.forward.depth_at(values))
+        return Contacts(travel - compliance * P, P, along / (1.0 - compliance * along))
 
     def reading(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
         """Force (N) that the elastic model shows and its slope (N/m) along the depth readings, each (n,)."""
