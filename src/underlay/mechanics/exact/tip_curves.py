@@ -159,18 +159,16 @@ def _radii(
 
 
 def _placing(asked: TipContacts, exponent: float) -> _Placing | None:
+    key = ("placing", exponent, asked.family, asked.octave)
     if asked.span is None:
-        return TABLES.get(
-            ("placing", exponent, asked.family, asked.octave), lambda: _on_one_body(asked, exponent)
-        )
+        return TABLES.get(key, lambda: _on_one_body(asked, exponent))
     cell = Cell(exponent, asked.family, asked.span, asked.octave, _PLACED)
     table = curve_family(cell)
     if table is None or len(table.edges) > 2:
         return None
-    middle = asked.family.kernel(float(np.exp(0.5 * sum(cell.log_ratios))))
-    return _Placing(
-        exponent, middle.scales, table.stretch, table.tables(asked.log_ratio)[:, 0, Factor.RADIUS]
-    )
+    middle = float(np.exp(0.5 * sum(cell.log_ratios)))
+    scales = TABLES.get((*key, asked.span), lambda: asked.family.kernel(middle).scales)
+    return _Placing(exponent, scales, table.stretch, table.tables(asked.log_ratio)[:, 0, Factor.RADIUS])
 
 
 def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
