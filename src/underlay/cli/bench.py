@@ -30,7 +30,9 @@ def bench(
     ] = None,
     output: OutputFolder = None,
 ) -> None:
-    """Time models, fits, start-up, reading, maps and stacks, each against its unit.
+    """Measure SPEED: models, fits, start-up, reading, maps and stacks, each against its unit.
+
+    How right they are is measured by `underlay benchmark`.
 
     Example: `underlay bench --readme README.md`
     """

@@ -14,7 +14,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError, UnderlayWarning
 from underlay.inference.answer_cost import CONTACT, MODULUS, THICKNESS, OwnCurve, timed
 from underlay.inference.least_squares import fit
-from underlay.inference.priors import LogUniform, Uniform
+from underlay.inference.priors.densities import LogUniform, Uniform
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
 from underlay.mechanics.solvers import Exact

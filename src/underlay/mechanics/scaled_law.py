@@ -88,6 +88,10 @@ class ScaledLaw(ContactLaw):
         """As the reference."""
         return self._here(self.law.jump_in(self.b * self.c * compliance))
 
+    def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
+        """Those of the reference."""
+        return tuple(travel / self.b for travel in self.law.jump_travels(self.b * self.c * compliance))
+
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
         """Those of the reference."""
         depth, force = self.law.equilibria(self.b * max_depth)

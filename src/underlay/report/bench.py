@@ -28,6 +28,7 @@ from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Asymptotic, Auto, Exact, HalfSpace
 from underlay.report.bench_fits import exact_fit, hertz_fit
 from underlay.report.bench_users import user_markdown
+from underlay.report.bench_relaxing import CYCLE, RAMP_AND_HOLD, relaxing_fit, relaxing_force
 from underlay.scene.accuracy_cost import explicit_formula
 from underlay.scene.scene import Scene
 
@@ -167,6 +168,8 @@ CASES = (
         "exact to 1e-6, true sphere, a/R up to 0.4, law held",
         _held(_BALL, Exact(1e-6), _BALL_SHARE),
     ),
+    BenchCase("three Prony terms, ramp and hold, law held", relaxing_force(_RIGID_BASE, RAMP_AND_HOLD)),
+    BenchCase("three Prony terms, in and out, law held", relaxing_force(_RIGID_BASE, CYCLE)),
     BenchCase(f"exact to 1e-6, {_SETS} sets of materials at once, per set", _batched, _SETS),
     BenchCase(
         "fit: E, thickness, contact, rigid base",
@@ -202,6 +205,11 @@ CASES = (
         "fit: E, nu, contact, base ten times stiffer",
         exact_fit(_STIFF_BASE_MATERIAL, ("layer.E", "layer.nu", "instrument.contact_depth")),
         unit=hertz_fit(_STIFF_BASE_MATERIAL),
+    ),
+    BenchCase(
+        "fit: E, thickness, contact, two Prony terms",
+        relaxing_fit(_RIGID_BASE, RAMP_AND_HOLD),
+        unit=hertz_fit(RIGID),
     ),
 )
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from underlay.inference.batch.decisions import ACCEPT, REFUSE, without_refused
 from underlay.inference.batch.map_table import is_map, read_map
 from underlay.inference.batch.results_table import FITTED
 from underlay.report.labels import label, start
@@ -17,6 +18,8 @@ from underlay.units import format_quantity
 
 __all__ = [
     "columns_to_draw",
+    "decision_table",
+    "decision_words",
     "failure_table",
     "has_positions",
     "is_map",
@@ -26,6 +29,7 @@ __all__ = [
     "read_map",
     "sample_parameters",
     "verdict_table",
+    "without_refused",
 ]
 
 _ERROR = ".stderr"
@@ -34,10 +38,15 @@ _LISTED = 50
 _MIDDLE = (0.5, 0.16, 0.84)
 
 
+# What follows from a fit with adhesion at every site; the table has no error of them.
+_FOLLOW = ("adhesion.pull_off_force", "adhesion.pull_off_depth")
+
+
 def sample_parameters(table: pd.DataFrame) -> list[str]:
-    """Fitted parameters of layer and substrate."""
+    """Fitted parameters of layer, substrate and adhesion, and where the tip comes off."""
     names = [str(name).removesuffix(_ERROR) for name in table.columns if str(name).endswith(_ERROR)]
-    return [name for name in names if name.startswith(("layer.", "substrate."))]
+    fitted = [name for name in names if name.startswith(("layer.", "substrate.", "adhesion."))]
+    return [*fitted, *(name for name in _FOLLOW if name in table.columns)]
 
 
 def has_positions(table: pd.DataFrame) -> bool:
@@ -50,6 +59,7 @@ def columns_to_draw(table: pd.DataFrame) -> list[str]:
     if not has_positions(table):
         return []
     columns = [name for fitted in sample_parameters(table) for name in (fitted, f"{fitted}{_ERROR}")]
+    columns = [name for name in columns if name in table.columns]
     return [name for name in columns if np.isfinite(table[name].to_numpy(dtype=float)).any()]
 
 
@@ -84,12 +94,15 @@ def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
         if not known.size:
             continue
         middle, low, high = (float(value) for value in np.quantile(known, _MIDDLE))
-        share = np.nanmedian(table[f"{name}{_ERROR}"].to_numpy(dtype=float) / np.abs(values))
+        error = f"{name}{_ERROR}"
+        share = (
+            np.nanmedian(table[error].to_numpy(dtype=float) / np.abs(values)) if error in table else np.nan
+        )
         rows.append(
             {
                 "parameter": label(name),
                 "median (two thirds of the sites)": quantity_with_interval(middle, low, high, kind_of(name)),
-                "median standard error": f"{100.0 * share:.2g} %",
+                "median standard error": f"{100.0 * share:.2g} %" if np.isfinite(share) else "",
                 **_instrument_cells(table, name),
             }
         )
@@ -112,6 +125,42 @@ def verdict_table(table: pd.DataFrame) -> pd.DataFrame:
     """Return how many curves got which verdict."""
     counts = table["verdict"].value_counts()
     return labelled_table([{"verdict": str(name), "curves": str(count)} for name, count in counts.items()])
+
+
+def decision_words(table: pd.DataFrame) -> str:
+    """Say in a sentence how many curves a person accepted and refused; nothing where none was judged."""
+    decided = _decisions(table)
+    if decided.empty:
+        return ""
+    counts = decided["decision"].value_counts()
+    told = " and ".join(
+        f"{counts[word]} {done}"
+        for word, done in ((REFUSE, "refused"), (ACCEPT, "accepted"))
+        if word in counts
+    )
+    return f"By hand {told}. What was refused keeps its numbers in the table and counts nowhere on this page."
+
+
+def decision_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the curves of which a person decided, each with what and why."""
+    decided = _decisions(table)
+    rows = [
+        {"curve": str(row["name"]), "decision": str(row["decision"]), "why": _words(row["decision_reason"])}
+        for row in decided[:_LISTED].to_dict("records")
+    ]
+    if len(decided) > _LISTED:
+        rows.append({"curve": f"and {len(decided) - _LISTED} more", "decision": "", "why": "see the table"})
+    return labelled_table(rows or [{"curve": "none", "decision": "", "why": ""}])
+
+
+def _decisions(table: pd.DataFrame) -> pd.DataFrame:
+    if "decision" not in table.columns:
+        return table.iloc[:0]
+    return table[table["decision"].isin([ACCEPT, REFUSE])]
+
+
+def _words(cell: object) -> str:
+    return cell if isinstance(cell, str) else ""
 
 
 def failure_table(table: pd.DataFrame) -> pd.DataFrame:

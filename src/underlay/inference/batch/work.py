@@ -20,17 +20,16 @@ from underlay._arrays import FloatArray
 from underlay._door import sha256_of
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
-from underlay.data.readers import read, read_from_map
 from underlay.errors import CurveError, UnderlayError, UnderlayWarning
 from underlay.inference.adhesive_numbers import adhesive_numbers
-from underlay.inference.batch.curves import CurvePlace
+from underlay.inference.batch.curves import CurvePlace, read_place
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.options import Sampling
 from underlay.inference.batch.results_table import DIFFERENCE, FAILED, FITTED, INSTRUMENT, LIKELIHOOD, Layout
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
 from underlay.inference.file_facts import EVERYTHING, settle
-from underlay.inference.from_files import chosen_part, read_for, turned
+from underlay.inference.from_files import require_elastic, within_range
 from underlay.inference.least_squares.instrument_modulus import instrument_modulus
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.plausibility import require_plausible
@@ -114,6 +113,9 @@ class CurveFitter:
                 curve = self._read(place, row)
                 place, curve, notes = self._settled(place, curve)
                 row.update(place.values)
+                if self._model.file is not None:
+                    require_elastic(self._model.scene, curve, self._model.file.curve.get("overrule", ()))
+                    curve = within_range(self._model.file, self._model.scene.with_values(place.values), curve)
                 self._fit(place, curve, row)
                 _add_notes(row, notes)
         except UnderlayError as error:
@@ -147,14 +149,7 @@ class CurveFitter:
 
     def _read(self, place: CurvePlace, row: dict[str, Any]) -> Curve:
         """Read the curve and the part of it that is fitted; note its hash and position."""
-        file = self._model.file
-        if place.curve is not None:
-            curve = place.curve if file is None else chosen_part(turned(place.curve, file.curve), file.curve)
-        elif file is not None:
-            curve = read_for(file, place.of_map or place.path)
-        else:
-            whole = read(place.path) if place.of_map is None else read_from_map(place.of_map)
-            curve = chosen_part(turned(whole, {}), {})
+        curve = read_place(place, self._model.file)
         row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
         if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:
@@ -257,7 +252,8 @@ class CurveFitter:
             found.statistics.law_method,
             found.statistics.reduced_chi_square,
             float(residuals @ residuals),
-            tuple(str(warning) for warning in found.warnings),
+            # That a reading beside a jump was left out is no doubt of the fit.
+            tuple(str(warning) for warning in found.warnings if warning.code != "jump"),
             {},
         )
         return (

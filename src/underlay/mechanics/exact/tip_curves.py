@@ -131,14 +131,14 @@ class _Placing(NamedTuple):
 
 def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> tuple[FloatArray, FloatArray]:
     """Ends of curves in varpi, of their range or of the shape (sets,), and a/h at their radii (sets, count)."""
-    tops = asked.top
+    tops = asked.top.copy()
+    end = asked.tip.max_radius / asked.thickness
     varpi, eps = _radii(asked, placing, tops, count)
-    last = _SHARE_OF_SHAPE * asked.tip.max_radius / asked.thickness
-    beyond = np.flatnonzero(eps[:, -1] > last).tolist()
-    if beyond:
-        tops = tops.copy()
-        tops[beyond] = [np.interp(last[row], eps[row], varpi[row]) for row in beyond]
-        eps = _radii(asked, placing, tops, count)[1]
+    # Between few radii, of which those beyond the shape lie at its end, a straight line leaves the rest too far out.
+    while (beyond := eps[:, -1] > 0.5 * (1.0 + _SHARE_OF_SHAPE) * end).any():
+        for row in np.flatnonzero(beyond).tolist():
+            tops[row] = np.interp(_SHARE_OF_SHAPE * end[row], eps[row], varpi[row])
+        varpi, eps = _radii(asked, placing, tops, count)
     return tops, eps
 
 

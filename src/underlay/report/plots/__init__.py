@@ -5,11 +5,12 @@ from underlay.report.plots.adhesion import adhesion
 from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
 from underlay.report.plots.effects import effects
-from underlay.report.plots.fit import fit, fit_in_time
+from underlay.report.plots.fit import fit, fit_in_time, fit_log
 from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
 from underlay.report.plots.map import map  # noqa: A004  the public name
 from underlay.report.plots.plan import plan
+from underlay.report.plots.pointwise import pointwise_modulus
 from underlay.report.plots.population import population
 from underlay.report.plots.predictive import predictive
 from underlay.report.plots.profile import profile
@@ -28,10 +29,12 @@ __all__ = [
     "effects",
     "fit",
     "fit_in_time",
+    "fit_log",
     "histogram",
     "identifiability",
     "map",
     "plan",
+    "pointwise_modulus",
     "population",
     "posterior_cost",
     "predictive",
