@@ -134,7 +134,7 @@ def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> tuple[Fl
     tops = asked.top.copy()
     end = asked.tip.max_radius / asked.thickness
     varpi, eps = _radii(asked, placing, tops, count)
-    # Between few radii, those beyond the shape at its end, a straight line leaves the rest too far out.
+    # Radii beyond the shape lie at its end: between few of them a straight line leaves the last too far out.
     while (beyond := eps[:, -1] > 0.5 * (1.0 + _SHARE_OF_SHAPE) * end).any():
         for row in np.flatnonzero(beyond).tolist():
             tops[row] = np.interp(_SHARE_OF_SHAPE * end[row], eps[row], varpi[row])
@@ -159,16 +159,18 @@ def _radii(
 
 
 def _placing(asked: TipContacts, exponent: float) -> _Placing | None:
-    key = ("placing", exponent, asked.family, asked.octave)
     if asked.span is None:
-        return TABLES.get(key, lambda: _on_one_body(asked, exponent))
+        return TABLES.get(
+            ("placing", exponent, asked.family, asked.octave), lambda: _on_one_body(asked, exponent)
+        )
     cell = Cell(exponent, asked.family, asked.span, asked.octave, _PLACED)
     table = curve_family(cell)
     if table is None or len(table.edges) > 2:
         return None
-    middle = float(np.exp(0.5 * sum(cell.log_ratios)))
-    scales = TABLES.get((*key, asked.span), lambda: asked.family.kernel(middle).scales)
-    return _Placing(exponent, scales, table.stretch, table.tables(asked.log_ratio)[:, 0, Factor.RADIUS])
+    middle = asked.family.kernel(float(np.exp(0.5 * sum(cell.log_ratios))))
+    return _Placing(
+        exponent, middle.scales, table.stretch, table.tables(asked.log_ratio)[:, 0, Factor.RADIUS]
+    )
 
 
 def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
