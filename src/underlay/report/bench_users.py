@@ -294,7 +294,10 @@ def _quality(points: int) -> Callable[[int], float]:
         scene = _scene(Paraboloid(1e-3), RIGID)
         curve, noise = _curve(scene, points)
         free = ("layer.E", "instrument.contact_depth")
-        fitted = lambda: fit(Problem(scene, curve, free, noise=noise, solver="exact"))  # noqa: E731  two calls side by side
+
+        def fitted() -> object:
+            return fit(Problem(scene, curve, free, noise=noise, solver="exact"))
+
         return _over(fitted, lambda: check_quality(curve, scene), max(3, rounds // (1 + points // 100_000)))
 
     return measure
@@ -325,7 +328,10 @@ def _map_of_files(rounds: int) -> float:
     """A map from a folder of CSV, ms a curve."""
     with tempfile.TemporaryDirectory() as name:
         scene, paths = _files(Path(name), _CURVES)
-        call = lambda: fit_many(paths[0].parent, scene, workers=0)  # noqa: E731  timed often
+
+        def call() -> object:
+            return fit_many(paths[0].parent, scene, workers=0)
+
         call()
         return 1e3 * min(_seconds(call) for _ in range(max(2, rounds // 2))) / _CURVES
 
