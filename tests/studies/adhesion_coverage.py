@@ -12,9 +12,9 @@ visited:
 
 The readings of "cantilever" begin anywhere within one spacing, drawn for each curve: the jump off falls anywhere
 between two readings, beside one too. In "depth" it falls in the middle between two, and in "force" there is none.
-White noise of 1 % of the pull-off force, its size known. E, thickness, work and contact point are free, and every fit
-begins at the wrong numbers given below with its own scan, as a user's does. "profile" counts truths that the profile
-likelihood does not reject, "standard error" those within 1.96 of it.
+White noise of 1 % of the pull-off force, its size known. E, thickness, work and contact point are free, and every
+fit begins at the wrong numbers given below with its own scan, as a user's does. "profile" counts truths that the
+profile likelihood does not reject, "standard error" those within 1.96 of it.
 """
 
 from __future__ import annotations
