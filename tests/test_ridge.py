@@ -164,21 +164,23 @@ def test_a_top_that_no_start_leads_to_is_missed_and_not_noticed():
 
 
 def test_the_leak_tells_of_a_mixture_that_leaves_a_part_out():
-    density = Known(normal)
-    narrow = Proposal(Mixture(np.ones(1), np.array([[-1.5, 0.0]]), 0.4 * np.eye(2)[None]), 1, "")
-    whole = found(normal, [np.zeros(2)])[0]
-    z = np.random.default_rng(1).standard_normal((4096, 2))
-    leaks = []
-    for proposal in (narrow, whole):
+    density = Known(two_tops)
+    one, both = (
+        found(two_tops, starts)[0] for starts in ([np.full(2, -1.0)], [np.full(2, -1.0), np.full(2, 1.5)])
+    )
+    rng = np.random.default_rng(1)
+    where = np.where(rng.random(4096) < 0.8, -1.0, 1.5)
+    z = where[:, None] + 0.1 * rng.standard_normal((4096, 2))
+    leaks, told = [], []
+    for proposal in (one, both):
         drawn = produced(density, proposal, np.random.default_rng(0), Budget(60.0))
         leaks.append(leak_of(density(z) - proposal.mixture.log_density(z), drawn))
-    # By its definition one draw in a hundred of the posterior lies beyond the 99 % point: binomial, and the point's own.
-    assert leaks[0] > 0.06
+        told.append(judged(drawn, proposal, leaks[-1]))
+    # A fifth of the posterior is where the first does not reach; by its definition a hundredth for the second.
+    assert leaks[0] > 0.15
     assert leaks[1] == pytest.approx(0.01, abs=0.012)
-    drawn = produced(density, narrow, np.random.default_rng(0), Budget(60.0))
-    told = judged(drawn, narrow, leaks[0])
-    assert "hardly reaches" in told.refused
-    assert "k-hat" in told.refused
+    assert "hardly reaches" in told[0].refused
+    assert told[1].accepted
 
 
 def test_an_open_end_is_not_believed():
@@ -194,7 +196,8 @@ def test_no_time_means_no_mixture():
 
 
 def test_the_climb_is_newtons_method():
-    precision = np.array([[1e8, 9e3], [9e3, 1.0]])
+    # Correlated to 0.96, one direction 5000 times as long as the other, none longer than the prior.
+    precision = np.array([[1e8, 2.35e4], [2.35e4, 6.0]])
     top = climb(
         lambda z: -0.5 * np.einsum("ni,ij,nj->n", z - 0.3, precision, z - 0.3), np.zeros(2), small_basis(2)
     )
