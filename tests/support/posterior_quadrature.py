@@ -157,11 +157,14 @@ class Quadrature:
         return ranges
 
     def grid(self, ranges, points):
-        """Lines of the axes, one point where an axis is fixed, places (m, axes), and ln of a cell's volume."""
-        lines = [np.linspace(low, high, points if high > low else 1) for low, high in ranges]
+        """Lines of the axes, their places (m, axes), and ln of the volume (m,) of each by the trapezoid rule."""
+        lines = [np.linspace(low, high, points) for low, high in ranges]
         places = np.array(list(itertools.product(*lines))) if lines else np.zeros((1, 0))
-        steps = [line[1] - line[0] for line in lines if len(line) > 1]
-        return lines, places, float(np.log(np.prod(steps))) if steps else 0.0
+        volumes = np.zeros(len(places))
+        for j, line in enumerate(lines):
+            at_end = (places[:, j] == line[0]) | (places[:, j] == line[-1])
+            volumes += np.log((line[1] - line[0]) * np.where(at_end, 0.5, 1.0))
+        return lines, places, volumes
 
     def reference(self):
         """Quantiles and evidence."""

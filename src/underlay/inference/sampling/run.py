@@ -5,7 +5,7 @@ modulus moves in ratios; all walkers of a half-ensemble are evaluated in one cal
 model. A mixture is laid along the ridges of the posterior from every optimum of the fit and frozen
 (`inference/ridge`): they start over-dispersed on it, inside the priors, and most moves propose from it. They go on
 until the chain is longer than 50 autocorrelation times, of the tails too, the rank-normalised R-hat is below 1.01
-and the quantiles are known to a tenth of a standard deviation, or the result says that it is not. Draws of the
+and every quantile is known to 0.06 standard deviations, or the result says that it is not. Draws of the
 mixture with their weights give the evidence, and a second opinion.
 """
 
