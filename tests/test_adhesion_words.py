@@ -9,6 +9,7 @@ import pytest
 from matplotlib import pyplot as plt
 
 import underlay as ul
+from underlay.cli.fit import quality_doubts
 from underlay.data.quality import check_quality
 from underlay.inference.adhesive_numbers import adhesive_estimates
 from underlay.mechanics.adhesion.range_limit import range_limit
@@ -202,6 +203,25 @@ def test_a_dip_is_a_proposal():
     flat = made(BARE, way)
     quiet = ul.Curve(way, flat.force, np.arange(160.0))
     assert "[adhesion]" not in " ".join(check_quality(quiet, BARE).reasons)
+
+
+def test_a_fit_of_the_way_in_alone_still_sees_the_dip_of_the_way_out(tmp_path):
+    """A scene without adhesion fits the way in of a file; what the rest of the file shows is said all the same."""
+    cycle = replace(SCENE, adhesion=ul.JKR(2e-4, branch="cycle"))
+    way = np.concatenate((np.linspace(-1e-6, 1.2e-6, 80), DEPTH))
+    options = ul.MapOptions(progress=False, quality=True)
+    for scene, sticks in ((cycle, True), (BARE, False)):
+        file = tmp_path / f"{sticks}.csv"
+        columns = np.column_stack((way, made(scene, way).force, np.arange(way.size)))
+        np.savetxt(file, columns, delimiter=",", header="depth (m),force (N),time (s)", comments="")
+        stated = BARE.save(tmp_path / "scene.toml")
+        stated.write_text(stated.read_text() + '\n[fit]\nlayer.E = { min = "10 Pa", max = "10 MPa" }\n')
+        problem = ul.load_problem(file, stated)
+        assert set(problem.curves[0].segments()) == {"loading"}
+        said = " ".join(quality_doubts(problem))
+        assert ('segment = "unloading"' in said) == sticks
+        table = ul.fit_many([file], stated, workers=0, options=options)
+        assert ('segment = "unloading"' in table["reason"].iloc[0]) == sticks
 
 
 def test_wide_contacts_are_refused_with_the_bound():

@@ -21,7 +21,7 @@ from support.posterior_cases import (
 )
 from support.posterior_quadrature import reference
 from underlay.errors import FileFormatError, FitError, InputError, UnderlayWarning
-from underlay.inference.priors import HalfNormal, LogNormal, LogUniform, Normal, Uniform
+from underlay.inference.priors.densities import HalfNormal, LogNormal, LogUniform, Normal, Uniform
 from underlay.inference.ridge.budget import Budget
 from underlay.inference.ridge.climb import climb, small_basis
 from underlay.inference.ridge.coordinates import PriorNormal, Target

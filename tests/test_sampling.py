@@ -22,7 +22,7 @@ from support.posterior_cases import (
     halfspace_scene,
 )
 from underlay.errors import InputError, UnderlayWarning
-from underlay.inference.priors import Flat, LogUniform, Normal, Uniform
+from underlay.inference.priors.densities import Flat, LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.inference.sampling import run as sampling
 from underlay.inference.sampling.convergence import autocorrelation_time, effective_size

@@ -28,9 +28,17 @@ from .errors import (
     UnderlayWarning as UnderlayWarning,
     UnitError as UnitError,
 )
+from .inference.answer_cost import answer_cost as answer_cost
+from .inference.answer_cost import effects_on_answers as effects_on_answers
+from .inference.batch.decisions import (
+    Decision as Decision,
+    Decisions as Decisions,
+    read_decisions as read_decisions,
+)
 from .inference.batch.fit_many import fit_many as fit_many
 from .inference.batch.options import MapOptions as MapOptions
 from .inference.batch.options import Sampling as Sampling
+from .inference.benchmark.scores import benchmark as benchmark
 from .inference.bonding import compare_bonds as compare_bonds
 from .inference.compare import compare as compare
 from .inference.from_files import load_problem as load_problem
@@ -40,16 +48,22 @@ from .inference.least_squares import (
     fit as fit,
 )
 from .inference.design.planning import plan as plan
+from .inference.posterior_cost import posterior_cost as posterior_cost
+from .inference.pointwise.modulus import (
+    ModulusCurve as ModulusCurve,
+    PointwiseModulus as PointwiseModulus,
+    pointwise_modulus as pointwise_modulus,
+)
 from .inference.population.result import Population as Population
 from .inference.population.population import population as population
-from .inference.priors import (
+from .inference.priors.densities import (
     HalfNormal as HalfNormal,
     LogNormal as LogNormal,
     LogUniform as LogUniform,
     Normal as Normal,
-    Prior as Prior,
     Uniform as Uniform,
 )
+from .inference.priors.prior import Prior as Prior
 from .inference.problem import Problem as Problem
 from .inference.profiles import profile as profile
 from .inference.design.second_test import remedy as remedy
@@ -122,10 +136,13 @@ from .mechanics.stack import Stack as Stack
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
 from .quantities import quantity as quantity
 from .report import plots as plots
+from .report.excel import write_excel as write_excel
 from .report.render import report as report
+from .report.review import write_review as write_review
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.effect import Effect as Effect
 from .scene.instrument import Instrument as Instrument
+from .scene.lever import Lever as Lever
 from .scene.noise import Noise as Noise
 from .scene.noise_model import NoiseModel as NoiseModel
 from .scene.program import Program as Program

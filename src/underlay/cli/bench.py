@@ -29,7 +29,9 @@ def bench(
     ] = None,
     output: OutputFolder = None,
 ) -> None:
-    """Time models against the explicit formula, and fits against a plain Hertz fit, in one process.
+    """Measure SPEED: models against the explicit formula, fits against a plain Hertz fit, in one process.
+
+    How right they are is measured by `underlay benchmark`.
 
     Example: `underlay bench --readme README.md`
     """

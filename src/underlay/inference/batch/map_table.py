@@ -51,7 +51,12 @@ def read_map(path: PathLike) -> pd.DataFrame:
             text = content.getvalue().decode("utf-8-sig")
             deque(numbered_rows(text, _MOST_COLUMNS), maxlen=0)
             table = unguarded(
-                pd.read_csv(io.StringIO(text), index_col=False, dtype=dict.fromkeys(_TEXTS, "str"))
+                pd.read_csv(
+                    io.StringIO(text),
+                    index_col=False,
+                    dtype=dict.fromkeys(_TEXTS, "str"),
+                    float_precision="round_trip",
+                )
             )
         missing = [name for name in _TEXTS if name not in table.columns]
         if missing:

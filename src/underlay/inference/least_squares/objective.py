@@ -70,7 +70,7 @@ class Objective:
         self._one_law = not any(
             member.forward.similarity.ratio_slopes(path, member.base)
             for member in self.members
-            if member.forward.laws.table is None
+            if not member.forward.laws.know_slopes
             for path in member.entries
         )
 

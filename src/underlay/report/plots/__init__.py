@@ -1,6 +1,6 @@
 """Pictures: each function takes ``ax=`` (or makes one), draws, and returns the axes; none shows a window."""
 
-from underlay.report.plots.accuracy import accuracy_cost
+from underlay.report.plots.accuracy import accuracy_cost, answer_cost, posterior_cost, what_accuracy_costs
 from underlay.report.plots.adhesion import adhesion
 from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
@@ -10,6 +10,7 @@ from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
 from underlay.report.plots.map import map  # noqa: A004  the public name
 from underlay.report.plots.plan import plan
+from underlay.report.plots.pointwise import pointwise_modulus
 from underlay.report.plots.population import population
 from underlay.report.plots.predictive import predictive
 from underlay.report.plots.profile import profile
@@ -22,6 +23,7 @@ from underlay.report.plots.survey import survey, verdicts
 __all__ = [
     "accuracy_cost",
     "adhesion",
+    "answer_cost",
     "corner",
     "correlations",
     "effects",
@@ -31,7 +33,9 @@ __all__ = [
     "identifiability",
     "map",
     "plan",
+    "pointwise_modulus",
     "population",
+    "posterior_cost",
     "predictive",
     "profile",
     "relaxation",
@@ -40,4 +44,5 @@ __all__ = [
     "segments",
     "survey",
     "verdicts",
+    "what_accuracy_costs",
 ]
