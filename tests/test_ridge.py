@@ -226,7 +226,7 @@ def test_a_bent_sheet_is_walked_inside_its_slices():
     """Two directions as wide as the prior, and a third that follows the square of one of them."""
 
     def sheet(z):
-        return stats.norm.logpdf(z[:, :2]).sum(axis=1) + stats.norm.logpdf(z[:, 2], 0.5 * z[:, 1] ** 2, 0.02)
+        return stats.norm.logpdf(z[:, :2]).sum(axis=1) + stats.norm.logpdf(z[:, 2], 0.5 * z[:, 1] ** 2, 0.05)
 
     ridge = march(sheet, climb(sheet, np.array([0.05, 0.1, 0.0]), small_basis(3)))
     nodes, open_end = march_inside(sheet, ridge)
