@@ -16,7 +16,7 @@ from underlay.cli.app import main
 from underlay.errors import FileFormatError, InputError
 from underlay.inference.citation.bibtex import bibtex
 from underlay.inference.citation.result import cited
-from underlay.inference.citation.used import used_by
+from underlay.inference.citation.used import of_sampling, used_by
 from underlay.inference.citation.works import _WORKS, work
 from underlay.mechanics.published import published_corrections, published_names
 
@@ -68,7 +68,12 @@ def test_each_thing_modelled_is_cited(change, key):
 
 def test_a_program_that_read_the_file_is_cited():
     assert "afmformats" in used_by(["exact"], [SCENE], ["afm"])
-    assert "afmformats" not in used_by(["exact"], [SCENE], ["csv"])
+    assert "igor2" in used_by(["exact"], [SCENE], ["asylum"])
+    assert not {"afmformats", "igor2"} & set(used_by(["exact"], [SCENE], ["csv"]))
+
+
+def test_weighted_draws_alone_cite_no_chain():
+    assert of_sampling(chain=False, mixture=True) == {"raftery2010": "draws along the ridges"}
 
 
 def test_a_posterior_cites_its_sampler(tmp_path):
@@ -77,6 +82,7 @@ def test_a_posterior_cites_its_sampler(tmp_path):
     keys = keys_of(tmp_path / "a.posterior.npz")
     assert {"foreman_mackey2013", "vehtari2021", "goodman2010"} <= keys
     assert "marquardt1963" not in keys
+    assert ("raftery2010" in keys) == (posterior.diagnostics.importance is not None)
 
 
 def test_the_table_of_a_map_cites_its_laws(tmp_path):

@@ -50,11 +50,12 @@ def cited(path: PathLike) -> list[tuple[Work, str]]:
 
 
 def _of_posterior(posterior: Posterior) -> dict[str, str]:
-    problem = posterior.problem
+    problem, told = posterior.problem, posterior.diagnostics
+    sampling = of_sampling(chain=told.method == "emcee", mixture=told.importance is not None)
     if problem is None:
-        return used_by(()) | of_sampling()
+        return used_by(()) | sampling
     formats = [str(curve.metadata.get("format", "")) for curve in problem.curves]
-    return used_by([problem.solver.name], problem.base_scenes, formats) | of_sampling()
+    return used_by([problem.solver.name], problem.base_scenes, formats) | sampling
 
 
 def _of_fit(path: PathLike) -> dict[str, str]:

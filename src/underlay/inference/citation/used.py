@@ -21,7 +21,7 @@ _LAWS: Mapping[str, Mapping[str, str]] = {
 }
 _ADHESION = {"jkr": "johnson1971", "dmt": "derjaguin1975", "maugis": "maugis1992"}
 #: Programs that read a file, by the format's name.
-_READERS = {"afm": "afmformats"}
+_READERS = {"afm": "afmformats", "asylum": "igor2"}
 
 
 def used_by(
@@ -71,11 +71,14 @@ def of_fit(*, robust: bool, averaged: bool) -> dict[str, str]:
     return used
 
 
-def of_sampling() -> dict[str, str]:
-    """What a posterior by Markov chains adds."""
-    return {
-        "foreman_mackey2013": "the sampler",
-        "goodman2010": "how it moves",
-        "ter_braak2006": "how it moves",
-        "vehtari2021": "convergence",
-    }
+def of_sampling(*, chain: bool = True, mixture: bool = False) -> dict[str, str]:
+    """What a posterior adds: its Markov chain, and the mixture along its ridges where there is one."""
+    used = {}
+    if chain:
+        used = {
+            "foreman_mackey2013": "the sampler",
+            "goodman2010": "how it moves",
+            "ter_braak2006": "how it moves",
+            "vehtari2021": "convergence",
+        }
+    return used | ({"raftery2010": "draws along the ridges"} if mixture else {})

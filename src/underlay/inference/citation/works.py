@@ -175,6 +175,14 @@ _WORKS = (
         "10.1007/s11222-006-8769-1",
     ),
     Work(
+        "raftery2010",
+        ("Raftery, A. E.", "Bao, L."),
+        2010,
+        "",
+        "Biometrics 66",
+        "10.1111/j.1541-0420.2010.01399.x",
+    ),
+    Work(
         "vehtari2021",
         ("Vehtari, A.", "Gelman, A.", "Simpson, D.", "Carpenter, B.", "Bürkner, P.-C."),
         2021,
@@ -199,6 +207,7 @@ _WORKS = (
         "10.1038/s41592-019-0686-2",
     ),
     Work("lmfit", ("Newville, M.", "others"), None, "lmfit", "a program", program=True),
+    Work("igor2", ("the igor2 developers",), None, "igor2", "a program", program=True),
     Work("afmformats", ("Müller, P.", "others"), None, "afmformats", "a program", program=True),
 )
 _BY_KEY: Mapping[str, Work] = {entry.key: entry for entry in _WORKS}

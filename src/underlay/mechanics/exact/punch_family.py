@@ -39,6 +39,8 @@ __all__ = ["PunchCell", "PunchFamily", "punch_family"]
 # Of the share of an error that a solution's nodes may take: the nodes, and what either interpolation leaves out.
 _SHARE_OF_SOLUTION, _SHARE_OF_RATIO, _SHARE_OF_RADIUS = 0.4, 0.3, 0.3
 _MOST_RATIOS, _MOST_RADII = 24, 96
+# What a series leaves out is read off its last four coefficients.
+_FEWEST_RADII = 4
 # Coarser solutions of wide contacts are rough in eps: at 1e-2 their series did not end.
 _COARSEST = 1e-4
 
@@ -104,8 +106,8 @@ class PunchFamily:
             table = flat.reshape(*place.shape, radii, columns)
         else:
             table = self.coefficients[0]
-        angles = np.arccos(np.clip(self.stretch.z(eps), -1.0, 1.0))
-        values = np.cos(angles[..., None] * np.arange(radii)) @ table
+        # A last radius that passes the end by rounding is nothing to a polynomial.
+        values = np.polynomial.chebyshev.chebvander(self.stretch.z(eps), radii - 1) @ table
         kappa, edge = np.exp(values[..., 0]), np.exp(values[..., 1])
         count = self.rule.nodes.size
         g, rho = values[..., 2 : 2 + count], values[..., 2 + count :]
@@ -143,7 +145,7 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
         key=lambda nodes: (nodes.radial, nodes.wavenumbers),
     )
     stretch = Stretch.to(cell.top, middle.softness)
-    radii = series_terms(middle, cell.top, share)
+    radii = max(series_terms(middle, cell.top, share), _FEWEST_RADII)
     while True:
         eps_angles = chebyshev_angles(radii)
         eps = stretch.v(np.cos(eps_angles))
