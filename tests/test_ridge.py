@@ -33,8 +33,8 @@ from underlay.inference.ridge.pareto import pareto_fit, smoothed
 from underlay.inference.sampling import second_opinion as opinions
 from underlay.inference.sampling.convergence import effective_size
 from underlay.inference.sampling.counted import CountedDensity
-from underlay.inference.sampling.independence import IndependenceMove
 from underlay.inference.sampling.model_comparison import compare_models
+from underlay.inference.sampling.moves import IndependenceMove
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.run import sample
 from underlay.inference.sampling.weighted import Ridges

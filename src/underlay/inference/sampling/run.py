@@ -30,8 +30,7 @@ from underlay.inference.sampling.assembly import assemble_posterior
 from underlay.inference.sampling.chain_file import ChainFile, Progress, RandomState
 from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
-from underlay.inference.sampling.independence import IndependenceMove, Tallied
-from underlay.inference.sampling.moves import moves
+from underlay.inference.sampling.moves import IndependenceMove, Tallied, moves
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.progress import SamplingProgress
 from underlay.inference.sampling.second_opinion import second_opinion
