@@ -24,6 +24,7 @@ GROUND = {
     "_text",
     "_version",
     "_zip",
+    "plugins",
 }
 
 #: Third parties and the only modules (relative to the package, by prefix) that may import them.
@@ -206,7 +207,7 @@ def test_the_search_for_open_files_finds_them(tmp_path):
 
 
 #: What outlives its callers, and where it is argued why.
-KEPT_FOR_THE_PROCESS = {"mechanics/exact/tables": {"TABLES"}}
+KEPT_FOR_THE_PROCESS = {"mechanics/exact/tables": {"TABLES"}, "plugins": {"plugins"}}
 CACHES = {"cache", "lru_cache"}
 #: Calls that make something to be filled.
 CONTAINERS = {

@@ -18,7 +18,7 @@ from support.real_data import real_file
 from support.reports import SAMPLES, cells_of, joint_fit, page_text, small_posterior
 from underlay.data.recorded import recorded
 from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
-from underlay.inference.priors import Truncated
+from underlay.inference.priors.prior import Truncated
 from underlay.report import labels, maps, open_ends, tables, words
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.execution import execute

@@ -29,6 +29,8 @@ from .errors import (
     UnderlayWarning as UnderlayWarning,
     UnitError as UnitError,
 )
+from .inference.answer_cost import answer_cost as answer_cost
+from .inference.answer_cost import effects_on_answers as effects_on_answers
 from .inference.batch.decisions import (
     Decision as Decision,
     Decisions as Decisions,
@@ -37,6 +39,7 @@ from .inference.batch.decisions import (
 from .inference.batch.fit_many import fit_many as fit_many
 from .inference.batch.options import MapOptions as MapOptions
 from .inference.batch.options import Sampling as Sampling
+from .inference.benchmark.scores import benchmark as benchmark
 from .inference.bonding import compare_bonds as compare_bonds
 from .inference.compare import compare as compare
 from .inference.films import (
@@ -50,6 +53,7 @@ from .inference.least_squares import (
     fit as fit,
 )
 from .inference.design.planning import plan as plan
+from .inference.posterior_cost import posterior_cost as posterior_cost
 from .inference.pointwise.modulus import (
     ModulusCurve as ModulusCurve,
     PointwiseModulus as PointwiseModulus,
@@ -57,14 +61,14 @@ from .inference.pointwise.modulus import (
 )
 from .inference.population.result import Population as Population
 from .inference.population.population import population as population
-from .inference.priors import (
+from .inference.priors.densities import (
     HalfNormal as HalfNormal,
     LogNormal as LogNormal,
     LogUniform as LogUniform,
     Normal as Normal,
-    Prior as Prior,
     Uniform as Uniform,
 )
+from .inference.priors.prior import Prior as Prior
 from .inference.problem import Problem as Problem
 from .inference.profiles import profile as profile
 from .inference.design.second_test import remedy as remedy
@@ -147,6 +151,7 @@ from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.effect import Effect as Effect
 from .scene.fit_range import FitRange as FitRange
 from .scene.instrument import Instrument as Instrument
+from .scene.lever import Lever as Lever
 from .scene.noise import Noise as Noise
 from .scene.noise_model import NoiseModel as NoiseModel
 from .scene.program import Program as Program

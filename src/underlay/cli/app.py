@@ -10,6 +10,8 @@ import typer
 from underlay._version import VERSION
 from underlay.cli.accuracy import accuracy
 from underlay.cli.bench import bench
+from underlay.cli.benchmark import benchmark
+from underlay.cli.cite import cite
 from underlay.cli.compare import compare
 from underlay.cli.console import noted, say, say_error
 from underlay.cli.demo import demo
@@ -68,9 +70,11 @@ for command in (
     plan,
     population,
     report,
+    cite,
     formats,
     keys,
     bench,
+    benchmark,
 ):
     app.command()(command)
 app.command("map")(map_curves)

@@ -16,10 +16,13 @@ from underlay.data.plasticity import imprint_of
 from underlay.data.readers import JpkMapCurve, read, read_from_map
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.data.signs import flipped, require_signs
+from underlay.data.withdrawal import remembering_withdrawal
 from underlay.errors import CurveError, InputError, UnderlayError
 from underlay.inference.file_facts import settle
+from underlay.inference.known_lever import known_lever
 from underlay.inference.plausibility import require_plausible
-from underlay.inference.priors import Normal, Uniform, prior_from_numbers
+from underlay.inference.priors.densities import Normal, Uniform
+from underlay.inference.priors.from_numbers import prior_from_numbers
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.indenters import Cone
 from underlay.scene.fit_range import PRESETS, FitRange
@@ -162,6 +165,8 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
             f"{curve.metadata.get('name', 'the curve')} has no {segment} part, only {there}: choose another "
             'segment in [curve], or check the sign of the depth (flip = ["depth"] turns it)'
         )
+    if segment == LOADING:
+        part = remembering_withdrawal(part, curve)
     if segment == UNLOADING:
         part = part.with_metadata(notes=(*part.metadata.get("notes", ()), *_inelastic(curve)))
     low, high = choice.get("min_depth", -np.inf), choice.get("max_depth", np.inf)
@@ -232,11 +237,13 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
         overrule=file.curve.get("overrule", ()),
         free=[entry.path for entry in file.free],
     )
-    file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
-    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
+    known = known_lever(file.draft, curve)
+    draft = replace(file.draft.with_values(settled.values), lever=known.lever)
+    file = replace(file, draft=draft, left_out=())
+    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes, *known.notes))
     require_elastic(file.draft, curve, file.curve.get("overrule", ()))
     curve = within_range(file, file.draft, curve)
-    free = {**free_of(file, curve), **(priors or {})}
+    free = {**known.priors, **free_of(file, curve), **(priors or {})}
     problem = Problem(_started(file, curve), curve, free, file.noise, solver=file.solver)
     require_plausible(problem)
     return problem

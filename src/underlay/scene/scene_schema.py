@@ -148,6 +148,7 @@ class CurveSection(_Section):
         Literal[
             "indenter.radius",
             "instrument.compliance",
+            "lever.spring_constant",
             "calibration.spring_constant",
             "calibration.sensitivity",
             "imprint",
@@ -169,7 +170,9 @@ class CurveSection(_Section):
         default=None, description='of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }'
     )
     calibration: dict[str, str] | None = Field(
-        default=None, description='what an AFM file lacks: { spring_constant = "0.04 N/m", ... }'
+        default=None,
+        description='what an AFM file lacks, or how well it is known: { spring_constant = "0.04 N/m ± 10 %", '
+        'sensitivity = "± 3 %" }',
     )
     min_depth: Annotated[float, _quantity("length")] = Field(
         default=-np.inf, description="shallowest reading that is used"

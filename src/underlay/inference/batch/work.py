@@ -252,7 +252,8 @@ class CurveFitter:
             found.statistics.law_method,
             found.statistics.reduced_chi_square,
             float(residuals @ residuals),
-            tuple(str(warning) for warning in found.warnings),
+            # That a reading beside a jump was left out is no doubt of the fit.
+            tuple(str(warning) for warning in found.warnings if warning.code != "jump"),
             {},
         )
         return (

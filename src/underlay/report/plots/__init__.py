@@ -1,6 +1,6 @@
 """Pictures: each function takes ``ax=`` (or makes one), draws, and returns the axes; none shows a window."""
 
-from underlay.report.plots.accuracy import accuracy_cost
+from underlay.report.plots.accuracy import accuracy_cost, answer_cost, posterior_cost, what_accuracy_costs
 from underlay.report.plots.adhesion import adhesion
 from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
@@ -23,6 +23,7 @@ from underlay.report.plots.survey import survey, verdicts
 __all__ = [
     "accuracy_cost",
     "adhesion",
+    "answer_cost",
     "corner",
     "correlations",
     "effects",
@@ -35,6 +36,7 @@ __all__ = [
     "plan",
     "pointwise_modulus",
     "population",
+    "posterior_cost",
     "predictive",
     "profile",
     "relaxation",
@@ -43,4 +45,5 @@ __all__ = [
     "segments",
     "survey",
     "verdicts",
+    "what_accuracy_costs",
 ]
