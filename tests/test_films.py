@@ -1,10 +1,15 @@
 """Continuous stiffness of films: made from the law and found again; and loadings that no elastic law holds for."""
 
+import re
+import sys
+
 import numpy as np
 import pytest
 
 import underlay as ul
+from underlay.cli.app import main
 from underlay.data.curve_csv import curve_csv
+from underlay.data.export import write_curves
 from underlay.data.plasticity import imprint_of
 from underlay.inference.films import DIAMOND
 from underlay.inference.from_files import load_problem, require_elastic
@@ -189,3 +194,45 @@ def test_a_layer_that_relaxes_may_come_back_late():
     require_elastic(relaxing, curve)
     with pytest.raises(ul.CurveError, match="elastoplastic"):
         require_elastic(relaxing.elastic, curve)
+
+
+def film_files(tmp_path):
+    """A test of a film and one of its bare base with the same tip, as files, and a scene file."""
+    film, base = tmp_path / "film.json", tmp_path / "base.json"
+    bare = ul.Scene(ul.Cone.berkovich(), ul.Layer(FILM.substrate))
+    write_curves(made_test(scatter=0.01, count=20), film)
+    write_curves(made_test(bare, count=20), base)
+    scene = tmp_path / "film.toml"
+    FILM.with_values({"layer.E": 50e9}).save(scene)
+    scene.write_text(scene.read_text() + "\n[fit]\nlayer.E = {}\n", encoding="utf-8")
+    return film, base, scene
+
+
+def test_the_command_calibrates_the_tip_and_fits_the_film(tmp_path, capsys, monkeypatch):
+    film, base, scene = film_files(tmp_path)
+    known = f"{160.0 / (1.0 - 0.22**2):.6f} GPa"
+    words = [
+        "film",
+        film,
+        "--scene",
+        scene,
+        "--calibration",
+        base,
+        "--known-modulus",
+        known,
+        "-o",
+        tmp_path / "out",
+    ]
+    monkeypatch.setattr(sys, "argv", ["underlay", *map(str, words)])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    assert not stop.value.code
+    out = capsys.readouterr().out
+    assert re.search(r"layer\.E\s+(70|69\.9\d?|70\.\d+) GPa", out)
+    assert "perfect cone" not in out
+    assert (tmp_path / "out" / "film.film.png").read_bytes().startswith(b"\x89PNG")
+    monkeypatch.setattr(sys, "argv", ["underlay", *map(str, words[:6])])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    assert stop.value.code == 2
+    assert '--calibration needs --known-modulus, such as "165 GPa"' in capsys.readouterr().err

@@ -180,6 +180,7 @@ DOORS = {
     "inference/batch/map_table": {"pd.read_csv"},  # text in memory
     "report/execution": {"open"},  # writes a log
     "report/page": {"read_text"},  # of the package itself
+    "report/review": {"read_text"},  # of the package itself
     "report/notebook": {"read_text"},  # of the package itself
 }
 
