@@ -181,6 +181,7 @@ DOORS = {
     "report/bench_users": {"read_text", "np.loadtxt"},  # the processor's name; a peer that is timed
     "report/execution": {"open"},  # writes a log
     "report/page": {"read_text"},  # of the package itself
+    "report/review": {"read_text"},  # of the package itself
     "report/notebook": {"read_text"},  # of the package itself
 }
 

@@ -94,8 +94,8 @@ def require_elastic(scene: Scene, curve: Curve, overrule: Collection[str] = ()) 
         return
     raise CurveError(
         f"{curve.metadata.get('name', 'the curve')}: the loading is elastoplastic, {reason}; the elastic number is "
-        "in how it springs back: fit the contact stiffness S(h) (fit_stiffness), or the stiffness at the start of "
-        'unloading (modulus_from_stiffness); overrule = ["imprint"] in [curve] fits the loading all the same'
+        "in how it springs back: fit the contact stiffness S(h) instead (underlay film; fit_stiffness in Python), "
+        'or write overrule = ["imprint"] in [curve] to fit the loading all the same'
     )
 
 
