@@ -1,5 +1,6 @@
 """What accuracy costs: the table, its front, its picture, the commands that make them and the README."""
 
+import json
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -22,7 +23,7 @@ from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.materials import Isotropic
 from underlay.mechanics.solvers import Asymptotic, Exact
-from underlay.report import bench, plots
+from underlay.report import bench, bench_users, plots
 from underlay.report.accuracy_table import accuracy_summary
 from underlay.report.plots.style import PAGE
 from underlay.scene.accuracy_cost import accuracy_cost, explicit_formula
@@ -248,6 +249,9 @@ def quick_bench(monkeypatch):
     monkeypatch.setattr(bench, "bench_table", partial(bench.bench_table, rounds=2))
     monkeypatch.setattr(bench, "fit_table", partial(bench.fit_table, rounds=2))
     monkeypatch.setattr(bench, "depth_table", partial(bench.depth_table, (10, 100, 1000), rounds=2))
+    # Start-up and maps take seconds each: two rows stand for them all.
+    few = tuple(case for case in bench_users.USER_CASES if "1000 points" in case.what and "CSV" in case.what)
+    monkeypatch.setattr(bench_users, "user_table", partial(bench_users.user_table, few, rounds=2))
 
 
 @pytest.mark.usefixtures("quick_bench")
@@ -269,6 +273,10 @@ def test_bench_replaces_the_table_and_nothing_else(tmp_path):
         cases = [case for case in bench.CASES if case.is_fit is fits]
         assert len((tmp_path / name).read_text().splitlines()) == len(cases) + 2
     assert (tmp_path / "bench.depths.csv").is_file()
+    assert "| reading a plain CSV of 1000 points | " in text
+    assert "| map from CSV, 1000 points | " in text
+    said = json.loads((tmp_path / "bench.machine.json").read_text())
+    assert {"machine", "processor", "python", "numpy", "lmfit"} <= said.keys()
 
 
 def test_bench_refuses_a_page_without_a_place_before_it_measures(tmp_path):

@@ -224,6 +224,22 @@ def test_readings_in_the_middle_between_two_states_stay():
     assert not [warning for warning in fit.warnings if warning.code == "jump"]
 
 
+def test_readings_that_tell_the_place_of_the_jump_best_stay():
+    """A thin layer whose modulus and thickness are known together only: the others place the jump worse.
+
+    Without the two beside the jump the standard error of the modulus was three times as large.
+    """
+    gel = ul.Layer(ul.Isotropic(5e3, 0.48), 2e-6)
+    instrument = ul.Instrument(contact_depth=3e-7, compliance=20.0)
+    scene = ul.Scene(ul.Paraboloid(1e-5), gel, ul.RIGID, instrument, adhesion=ul.JKR(work=2e-4))
+    noise = ul.Noise(force=0.02 * scene.contact_law(0.0).pull_off_force)
+    curve = ul.synthesize(scene, np.linspace(2.2e-6, -2e-6, 250), noise, rng=20)
+    free = FREE | {"layer.thickness": ul.LogUniform(3e-7, 3e-5)}
+    fit = ul.fit(ul.Problem(scene, curve, free, noise), start="given")
+    assert len(fit.curves[0]) == len(curve)
+    assert fit.stderr["layer.E"] < 0.25 * fit.values["layer.E"]
+
+
 def test_where_the_force_jumps():
     """The elastic law nowhere; others where contact begins or is lost, behind a spring and after scaling too."""
     assert replace(SCENE, adhesion=None).contact_law(1e-6).jump_travels() == ()

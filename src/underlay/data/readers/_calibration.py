@@ -70,7 +70,7 @@ class Calibration:
 
 def _apart(text: str | float) -> tuple[str | float, str | None]:
     """A number, which may be '', and what stands behind its ±; None where there is none."""
-    number, *spread = _PLUS_MINUS.split(text, maxsplit=1) if isinstance(text, str) else (text,)
+    number, *spread = _PLUS_MINUS.split(text, maxsplit=1) if isinstance(text, str) else ("",)
     return (number.strip(), spread[0].strip()) if spread else (text, None)
 
 

@@ -48,7 +48,7 @@ class Tap:
     @property
     def time(self) -> FloatArray | None:
         """Time (s), (points,)."""
-        return None if self.period is None else np.arange(self.points) * (self.period / self.points)
+        return None if self.period is None else np.linspace(0.0, self.period, self.points, endpoint=False)
 
     @property
     def labels(self) -> NDArray[np.str_]:

@@ -70,7 +70,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     stated = {"stiffness": _number(note, "SpringConstant"), "sensitivity": _number(note, "InvOLS")}
     lever = Lever.of(source, {kind: value for kind, value in stated.items() if value}, options.calibration)
     bending = columns[deflection] * _anew(lever)
-    time = np.arange(len(bending)) * step if step > 0.0 else None
+    time = step * np.arange(len(bending), dtype=np.float64) if step > 0.0 else None
     travel = columns[height]
     known = np.isfinite(travel) & np.isfinite(bending)
     more: dict[str, Any] = {}
@@ -121,7 +121,7 @@ def _wave(source: Source) -> tuple[FloatArray, list[str], dict[str, str], float]
     values = np.asarray(wave["wData"], dtype=np.float64)
     # The first label of a dimension is that of the dimension itself.
     names = [label.decode("latin-1") for label in wave["labels"][1][1:]]
-    note = {}
+    note: dict[str, str] = {}
     for line in wave["note"].decode("latin-1").replace("\n", "\r").split("\r"):
         key, colon, text = line.partition(":")
         if colon:

@@ -17,7 +17,7 @@ unequal length and scripts of several ramps were not seen whole and are refused.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -41,7 +41,7 @@ _STARTS = (b"\\*Force file list", b"\\*File list")
 # A map of 128 by 128 with room: 20,000 curves of 256 points are 400 MB as curves.
 _MOST_CURVES = 20_000
 _WIDE_SINCE = 0x09200000
-_NUMBERS = {2: np.dtype("<i2"), 4: np.dtype("<i4")}
+_NUMBERS: Mapping[int, np.dtype[Any]] = {2: np.dtype("<i2"), 4: np.dtype("<i4")}
 _SCALE = ("@4:Z scale", "@4:Z Scale")
 _RAMP = ("@4:Ramp size", "@4:Ramp Size")
 _TRIGGER = ("@4:Trig threshold Deflection", "@4:Trig Threshold Deflection")
@@ -197,8 +197,8 @@ class _Travels(NamedTuple):
 
 def _travel(header: Header, deflection: Section, layout: _Layout, tap: Tap | None) -> _Travels:
     if tap is not None:
-        driven = layout.stored(tap.travel)
-        return _Travels(lambda _: driven, "sine of the drive, of which the file holds size and turn,")
+        tapped = layout.stored(tap.travel)
+        return _Travels(lambda _: tapped, "sine of the drive, of which the file holds size and turn,")
     ramp = deflection.scale(*_RAMP)
     piezo = header.sensitivity(ramp.sensitivity) if ramp else None
     driven = ramp.volts * piezo if ramp and piezo and ramp.volts > 0.0 else 0.0
@@ -211,10 +211,10 @@ def _travel(header: Header, deflection: Section, layout: _Layout, tap: Tap | Non
         raise FileFormatError(
             f"{header.source.name}: neither a height sensor nor the size of the ramp is there"
         )
-    way_in = np.arange(layout.way) * (driven / layout.way)
+    way_in = np.linspace(0.0, driven, layout.way, endpoint=False)
     in_time = np.concatenate((way_in, way_in[::-1]))
-    ramped = layout.stored(in_time, np.full(layout.hold, way_in[-1]))
-    return _Travels(lambda _: ramped, "ramp of the piezo, of which the file holds the size,")
+    stored = layout.stored(in_time, np.full(layout.hold, way_in[-1]))
+    return _Travels(lambda _: stored, "ramp of the piezo, of which the file holds the size,")
 
 
 def _order(tap: Tap | None, layout: _Layout) -> tuple[NDArray[np.intp], NDArray[np.str_]]:
@@ -238,10 +238,10 @@ def _time(header: Header, image: Section, layout: _Layout, tap: Tap | None) -> F
     held = (force.number("Hold Time") or 0.0) if layout.hold else 0.0
     if ramp is None or not ramp.volts > 0.0 or not forward or not back or (layout.hold and not held):
         return None
-    ways = np.arange(layout.way) / layout.way
+    ways = np.linspace(0.0, 1.0, layout.way, endpoint=False)
     there, rest = ramp.volts / abs(forward), abs(held)
     in_time = np.concatenate((ways * there, there + rest + ways * (ramp.volts / abs(back))))
-    return layout.stored(in_time, there + np.arange(layout.hold) * (rest / max(layout.hold, 1)))
+    return layout.stored(in_time, np.linspace(there, there + rest, layout.hold, endpoint=False))
 
 
 def _place(header: Header, layout: _Layout, number: int) -> dict[str, tuple[float, float]]:

@@ -34,7 +34,7 @@ __all__ = ["FORMAT"]
 
 _START = b"[DataSet]"
 _END = b"#!"
-_INTEGERS = {"16": np.dtype("<i2"), "32": np.dtype("<i4")}
+_INTEGERS: Mapping[str, np.dtype[Any]] = {"16": np.dtype("<i2"), "32": np.dtype("<i4")}
 _DEFLECTION = "Deflection"
 # Groups of a force curve in the order of time: name, label, whether it is stored against time, and where the
 # duration and the number of points of the whole of it are.

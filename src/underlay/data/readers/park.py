@@ -18,6 +18,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ _COUNTS, _COUNTS_AT = struct.Struct("<4i"), 768
 _CALIBRATION, _CALIBRATION_AT = struct.Struct("<2d"), 976
 _TYPE, _TYPE_AT = struct.Struct("<i"), 1108
 _PLACES_AT, _PLACE = 1208, 12
-_NUMBERS = {0: np.dtype("<i2"), 1: np.dtype("<i4"), 2: np.dtype("<f4")}
+_NUMBERS: Mapping[int, np.dtype[Any]] = {0: np.dtype("<i2"), 1: np.dtype("<i4"), 2: np.dtype("<f4")}
 _UNITS = {"um": 1e-6, "µm": 1e-6, "nm": 1e-9, "N": 1.0, "uN": 1e-6, "nN": 1e-9, "pN": 1e-12, "V": 1.0, "mV": 1e-3,
           "sec": 1.0, "s": 1.0, "msec": 1e-3, "usec": 1e-6}  # fmt: skip
 _VOLTS = "Vertical (A-B)"
@@ -171,7 +172,7 @@ def _curve(source: Source, spectra: _Spectra, lever: Lever, header: Mapping[str,
         raise FileFormatError(
             f"{source.name} has no height or no deflection; it has {there or 'no known unit'}"
         )
-    moved = {name: float(np.ptp(channels[name])) for name in heights}
+    moved = {name: _moved(channels[name]) for name in heights}
     height = next(name for name in heights if moved[name] >= _DEAD * max(moved.values()))
     half = len(channels[height]) // 2
     recorded = _recorded(channels.get(_TIME), channels[height], half)
@@ -192,6 +193,12 @@ def _curve(source: Source, spectra: _Spectra, lever: Lever, header: Mapping[str,
         notes=notes,
         position=spectra.places[number],
     )
+
+
+def _moved(height: FloatArray) -> float:
+    """How far a height moves (m), points without a value left out."""
+    known = height[np.isfinite(height)]
+    return float(np.ptp(known)) if known.size else 0.0
 
 
 def _recorded(time: FloatArray | None, height: FloatArray, half: int) -> NDArray[np.bool_]:

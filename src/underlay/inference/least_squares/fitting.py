@@ -124,7 +124,11 @@ def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
 def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> Fit:
     """Fit again without the readings beside a jump whose side of it is not determined, until these are the same."""
     # Not loaded for a scene without adhesion.
-    from underlay.inference.least_squares.jump_readings import about_left_out, determined  # noqa: PLC0415
+    from underlay.inference.least_squares.jump_readings import (  # noqa: PLC0415
+        about_left_out,
+        determined,
+        for_all_readings,
+    )
 
     problem, used = (
         found.problem,
@@ -141,7 +145,11 @@ def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> 
         )
         values = [found.values, *(other.values for other in found.alternatives)]
         found = _settled(left, lmfit, [left.vector(each) for each in values], began)
-    return replace(found, warnings=(*found.warnings, *about_left_out(problem, used)))
+    return replace(
+        found,
+        warnings=(*found.warnings, *about_left_out(problem, used)),
+        statistics=for_all_readings(found.statistics, problem.n_points),
+    )
 
 
 def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatArray], began: float) -> Fit:

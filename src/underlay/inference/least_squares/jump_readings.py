@@ -7,18 +7,21 @@ which come from slopes, are too small.
 
 The rule: the reading next to the jump on either side is left out where it lies within four standard errors of the
 place of the jump, as all other readings tell that place. The fit is then made again, until it leaves out what it
-left out before. No more than one on a side: beyond them the readings themselves say where the jump is, which is
-worth more than four errors of a contact whose modulus and thickness are known together only.
+left out before. They stay where the two tell the place of the jump better than all others do: it lies between them,
+anywhere, which is a standard deviation of their distance over the root of 12. So it is with a contact whose modulus
+and thickness are known together only.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.fit_result import Fit, FitWarning
+from underlay.inference.least_squares.fit_result import Fit, FitStatistics, FitWarning
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.members import Member
@@ -26,9 +29,11 @@ from underlay.inference.problem import Problem
 from underlay.scene.chain import Chain
 from underlay.units import format_quantity
 
-__all__ = ["about_left_out", "determined"]
+__all__ = ["about_left_out", "determined", "for_all_readings"]
 
 _ERRORS = 4.0
+# Length over standard deviation of an even distribution.
+_EVEN = 12.0**0.5
 # Of a scaled coordinate, for the slope of a jump's place: laws are good to 1e-6.
 _STEP = 1e-3
 
@@ -45,8 +50,10 @@ def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
             others = np.delete(rows, begin[number] + _beside(member.forward.depth, place), axis=0)
             # The shortest x with J'x = slope: |x|^2 = slope' (J'J)^-1 slope, also where J'J has no inverse.
             error = float(np.linalg.norm(np.linalg.lstsq(others.T, slope)[0]))
-            near = _beside(whole.forward.depth, place)
-            keep[near] &= np.abs(whole.forward.depth[near] - place) > _ERRORS * error
+            depth = whole.forward.depth
+            near = _beside(depth, place)
+            if error < float(np.ptp(depth[near])) / _EVEN:
+                keep[near] &= np.abs(depth[near] - place) > _ERRORS * error
         kept.append(keep)
     return kept
 
@@ -68,6 +75,20 @@ def about_left_out(problem: Problem, kept: list[NDArray[np.bool_]]) -> list[FitW
                 )
             )
     return warnings
+
+
+def for_all_readings(statistics: FitStatistics, readings: int) -> FitStatistics:
+    """Return the statistics with a log-likelihood that counts those left out as the mean of the others.
+
+    So that models which leave out different ones may be compared.
+    """
+    more = statistics.log_likelihood * (readings / statistics.points - 1.0)
+    return replace(
+        statistics,
+        log_likelihood=statistics.log_likelihood + more,
+        aic=statistics.aic - 2.0 * more,
+        bic=statistics.bic - 2.0 * more,
+    )
 
 
 def _beside(depth: FloatArray, place: float) -> NDArray[np.intp]:

@@ -119,6 +119,11 @@ class Forward:
         law = self.reference_law(self.similarity.reduced(values), b * deepest)
         return ScaledLaw.of(law, b, c, self.similarity.length_ratio(values))
 
+    def prepare(self, values: Sequence[Mapping[str, float]]) -> None:
+        """Make ready the laws at several sets of `values`, as `LawSource.laws_of` does."""
+        depths = [self.similarity.factors(one)[0] * self._deepest(Chain.of(one)) for one in values]
+        self.laws.laws_of([self.similarity.reduced(one) for one in values], depths)
+
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
         """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
         b, _ = self.similarity.factors(values)

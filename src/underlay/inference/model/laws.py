@@ -148,8 +148,9 @@ class LawSource:
 
     def laws_of(self, reduced: Sequence[tuple[float, ...]], depths: Sequence[float]) -> None:
         """Make ready the laws with these ratios for depths (m), where all at once are less work."""
-        if self.tips is not None and len(reduced) > 1:
-            self._of_tips(self.tips, reduced, depths)
+        asked = [pair for pair in zip(reduced, depths, strict=True) if pair[1] > 0.0]
+        if self.tips is not None and len(asked) > 1:
+            self._of_tips(self.tips, *zip(*asked, strict=True))
 
     def for_statements(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law of the same kind that ends at `depth` (m), where its errors and flags depend on the range.

@@ -104,8 +104,8 @@ class PunchFamily:
             table = flat.reshape(*place.shape, radii, columns)
         else:
             table = self.coefficients[0]
-        angles = np.arccos(np.clip(self.stretch.z(eps), -1.0, 1.0))
-        values = np.cos(angles[..., None] * np.arange(radii)) @ table
+        # A last radius that passes the end by rounding is nothing to a polynomial.
+        values = np.polynomial.chebyshev.chebvander(self.stretch.z(eps), radii - 1) @ table
         kappa, edge = np.exp(values[..., 0]), np.exp(values[..., 1])
         count = self.rule.nodes.size
         g, rho = values[..., 2 : 2 + count], values[..., 2 + count :]

@@ -5,7 +5,7 @@ from underlay.report.plots.adhesion import adhesion
 from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
 from underlay.report.plots.effects import effects
-from underlay.report.plots.fit import fit, fit_in_time
+from underlay.report.plots.fit import fit, fit_in_time, fit_log
 from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
 from underlay.report.plots.map import map  # noqa: A004  the public name
@@ -29,6 +29,7 @@ __all__ = [
     "effects",
     "fit",
     "fit_in_time",
+    "fit_log",
     "histogram",
     "identifiability",
     "map",
