@@ -27,8 +27,8 @@ from underlay.mechanics.plane_constants import isotropic_constants
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Asymptotic, Auto, Exact, HalfSpace
 from underlay.report.bench_fits import exact_fit, hertz_fit
-from underlay.report.bench_users import user_markdown
 from underlay.report.bench_relaxing import CYCLE, RAMP_AND_HOLD, relaxing_fit, relaxing_force
+from underlay.report.bench_users import user_markdown
 from underlay.scene.accuracy_cost import explicit_formula
 from underlay.scene.scene import Scene
 
