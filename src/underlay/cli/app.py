@@ -16,6 +16,7 @@ from underlay.cli.compare import compare
 from underlay.cli.console import noted, say, say_error
 from underlay.cli.demo import demo
 from underlay.cli.effects import effects
+from underlay.cli.film import film
 from underlay.cli.fit import fit
 from underlay.cli.formats import formats
 from underlay.cli.identify import identify
@@ -61,6 +62,7 @@ def _whole(
 for command in (
     demo,
     fit,
+    film,
     compare,
     sample,
     simulate,

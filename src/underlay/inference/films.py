@@ -127,9 +127,11 @@ def fit_stiffness(
         scene, tuple(free), measured.radius, tip_modulus, punch_factor, as_solver(solver or Exact(_RTOL))
     )
     logs = np.log([scene.parameters[path] for path in free])
-    found = optimize.least_squares(
-        lambda x: (model.log_stiffness(x) - measured.log_stiffness) / measured.noise, logs, x_scale=0.3
-    )
+
+    def misfit(at: FloatArray) -> FloatArray:
+        return (model.log_stiffness(at) - measured.log_stiffness) / measured.noise
+
+    found = optimize.least_squares(misfit, logs, x_scale=0.3)
     return _result(curve, model, measured, found.x)
 
 

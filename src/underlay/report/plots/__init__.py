@@ -5,6 +5,7 @@ from underlay.report.plots.adhesion import adhesion
 from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
 from underlay.report.plots.effects import effects
+from underlay.report.plots.film import film
 from underlay.report.plots.fit import fit, fit_in_time, fit_log
 from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
@@ -27,6 +28,7 @@ __all__ = [
     "corner",
     "correlations",
     "effects",
+    "film",
     "fit",
     "fit_in_time",
     "fit_log",
