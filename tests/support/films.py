@@ -1,4 +1,4 @@
-"""Tests of films with continuous stiffness, made from the law of a flat punch on the body with the tip in series."""
+"""Tests of films with continuous stiffness, made from the law of a flat punch in series with the tip."""
 
 import numpy as np
 

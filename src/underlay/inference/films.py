@@ -116,8 +116,8 @@ def fit_stiffness(
     """
     if not isinstance(scene.indenter, Cone):
         raise InputError(
-            "continuous stiffness is read with a pyramid: give its equivalent cone, such as Cone.berkovich(), as "
-            f"the indenter; got {scene.indenter.shape!r}"
+            "continuous stiffness is read with a pyramid: the indenter is to be its equivalent cone, "
+            f"70.32 degrees of a Berkovich tip; got {scene.indenter.shape!r}"
         )
     for path in free:
         if path not in scene.parameters:
