@@ -9,7 +9,8 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "underlay"
 
-#: Floors from the ground up; a module may import from its own floor and from below.
+#: Floors from the ground up; a module may import from its own floor and from below. The browser page (`app`)
+#: stands on the floor of the command line.
 FLOORS = ("base", "mechanics", "scene", "data", "inference", "report", "cli")
 GROUND = {
     "errors",
@@ -37,6 +38,8 @@ HOMES = {
     "pydantic": ("scene/scene_schema",),
     "tomlkit": ("scene/scene_writer",),
     "typer": ("cli",),
+    "nicegui": ("app/server", "app/pages"),
+    "starlette": ("app/security",),
     "rich": ("cli", "inference/sampling/progress", "inference/batch/progress"),
 }
 
@@ -55,7 +58,7 @@ def floor_of(name):
         return len(FLOORS)
     if head in GROUND:
         return 0
-    return FLOORS.index("cli" if head.startswith("cli") else head)
+    return FLOORS.index("cli" if head.startswith("cli") or head == "app" else head)
 
 
 def imported(path):

@@ -10,6 +10,7 @@ import typer
 from underlay._version import VERSION
 from underlay.cli.accuracy import accuracy
 from underlay.cli.bench import bench
+from underlay.cli.browser_page import browser_page
 from underlay.cli.compare import compare
 from underlay.cli.console import noted, say, say_error
 from underlay.cli.demo import demo
@@ -74,6 +75,7 @@ for command in (
 ):
     app.command()(command)
 app.command("map")(map_curves)
+app.command("app")(browser_page)
 
 
 def main() -> None:

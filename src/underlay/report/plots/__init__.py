@@ -8,6 +8,7 @@ from underlay.report.plots.effects import effects
 from underlay.report.plots.fit import fit, fit_in_time
 from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
+from underlay.report.plots.laws import laws
 from underlay.report.plots.map import map  # noqa: A004  the public name
 from underlay.report.plots.plan import plan
 from underlay.report.plots.population import population
@@ -29,6 +30,7 @@ __all__ = [
     "fit_in_time",
     "histogram",
     "identifiability",
+    "laws",
     "map",
     "plan",
     "population",

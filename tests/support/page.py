@@ -1,0 +1,81 @@
+"""A person in front of the page, without a browser: NiceGUI's simulation, behind our guard."""
+
+import asyncio
+import contextlib
+import logging
+
+from nicegui import Client, ui
+from nicegui.elements.upload_files import SmallFileUpload
+from nicegui.testing import User
+from nicegui.testing.user_simulation import user_simulation
+
+from underlay.app.security import Doorkeeper
+from underlay.app.server import prepare
+from underlay.app.state import Home
+
+HOST = "test"
+
+
+@contextlib.asynccontextmanager
+async def page(folder):
+    """The page of a folder as a user sees it, let in; every error in a log is a failure."""
+    complaints = []
+    handler = logging.Handler(logging.ERROR)
+    handler.emit = lambda record: complaints.append(record.getMessage())
+    logging.getLogger("nicegui").addHandler(handler)
+    home = Home(folder, Doorkeeper([HOST]), f"http://{HOST}")
+    try:
+        async with user_simulation(lambda: None) as user:
+            prepare(home)
+            user.home = home
+            await user.open(home.new_address())
+            try:
+                yield user
+            finally:
+                home.close()
+                # What the simulation tidies away would be this package: its pages live in it.
+                Client.page_routes.clear()
+    finally:
+        logging.getLogger("nicegui").removeHandler(handler)
+    assert not complaints, complaints
+
+
+async def until(user: User, marker=None, seconds=60.0, **what):
+    """Wait until what has a mark is seen, or another `content`."""
+    said = len(user.notify.messages)
+    for _ in range(int(seconds / 0.1)):
+        with contextlib.suppress(AssertionError):
+            await user.should_see(**({"marker": marker} if marker else what), retries=1)
+            return
+        assert len(user.notify.messages) == said, user.notify.messages[said:]
+    raise AssertionError(f"{marker or what} was not seen")
+
+
+def press(user: User, marker):
+    """Press what has a mark."""
+    user.find(marker=marker).click()
+
+
+async def bring(user: User, *files):
+    """Drop files, given as paths or as (name, bytes)."""
+    pairs = [(file.name, file.read_bytes()) if hasattr(file, "read_bytes") else file for file in files]
+    (upload,) = user.find(ui.upload).elements
+    await upload.handle_uploads([SmallFileUpload(name, "text/csv", content) for name, content in pairs])
+
+
+async def begin(user: User):
+    """Start an analysis; its folder."""
+    press(user, "new")
+    await until(user, "step-1")
+    return next(iter(user.home._open.values())).folder
+
+
+def text_of(user: User, marker):
+    """What the one element of that mark says."""
+    (element,) = user.find(marker=marker).elements
+    return element.text
+
+
+def run(scenario):
+    """Run a person's actions."""
+    asyncio.run(scenario)
