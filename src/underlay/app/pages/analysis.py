@@ -39,7 +39,7 @@ class AnalysisPage:
             for number, step in enumerate(self._steps, start=1):
                 ui.tab(step.title, label=f"{number}  {step.title}").mark(f"step-{number}")
         self.window.go = tabs.set_value
-        with ui.tab_panels(tabs, animated=False, keep_alive=True).classes("panels"):
+        with ui.tab_panels(tabs, value=first.title, animated=False).classes("panels"):
             for step in self._steps:
                 with ui.tab_panel(step.title).classes("panel"):
                     step.build()
