@@ -39,9 +39,16 @@ def run(capsys, monkeypatch):
 
 
 def test_fit_prints_and_writes(run, tmp_path):
-    code, out, _ = run("fit", CURVE, "--scene", SCENE, "--output", tmp_path / "new" / "folder")
+    words = ("--output", tmp_path / "new" / "folder", "--excel", tmp_path / "fit.xlsx")
+    code, out, _ = run("fit", CURVE, "--scene", SCENE, *words)
     assert code == 0
     assert "Layer modulus 0.6" in out
+    assert list(pd.read_excel(tmp_path / "fit.xlsx", sheet_name=None)) == [
+        "results",
+        "settings",
+        "curves",
+        "depths",
+    ]
     table = pd.read_csv(tmp_path / "new" / "folder" / "cartilage_on_bone.fit.csv")
     assert list(table["parameter"]) == [
         "layer.E",
@@ -52,6 +59,12 @@ def test_fit_prints_and_writes(run, tmp_path):
     written = json.loads((tmp_path / "new" / "folder" / "cartilage_on_bone.fit.json").read_text())
     assert written["values"]["layer.E"] == pytest.approx(0.62e6, rel=0.05)
     assert (tmp_path / "new" / "folder" / "cartilage_on_bone.fit.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_excel_file_that_is_none_is_refused_before_the_fit(run, tmp_path):
+    code, out, err = run("fit", CURVE, "--scene", SCENE, "--excel", tmp_path / "fit.xls")
+    assert (code, out) == (2, "")
+    assert "--excel must end in .xlsx; got 'fit.xls'" in err
 
 
 def test_fit_says_a_second_optimum_beside_the_headline_and_once(run, tmp_path):

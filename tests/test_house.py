@@ -37,6 +37,7 @@ HOMES = {
     "pint": ("units",),
     "pydantic": ("scene/scene_schema",),
     "tomlkit": ("scene/scene_writer",),
+    "xlsxwriter": ("report/spreadsheet",),
     "typer": ("cli",),
     "nicegui": ("app/server", "app/pages"),
     "starlette": ("app/security",),

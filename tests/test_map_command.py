@@ -42,14 +42,40 @@ def site(tmp_path):
 
 def test_it_writes_a_table_and_a_picture_and_names_what_failed(run, site, tmp_path):
     words, _ = site
-    code, out, _ = run(*words, "--output", tmp_path / "new" / "out")
+    book = tmp_path / "map.xlsx"
+    code, out, _ = run(*words, "--output", tmp_path / "new" / "out", "--excel", book)
     assert code == 0
+    sheets = pd.read_excel(book, sheet_name=None)
+    assert list(sheets) == ["results", "settings", "curves"]
+    assert list(sheets["curves"]["name"]) == [f"site-{index:04d}.csv" for index in range(COUNT)]
+    assert "[indenter]" in set(sheets["settings"]["value"])
     assert "12 curves: 11 good, 0 doubtful, 1 refused" in out
     assert "failed: site-0005.csv: site-0005.csv is empty" in out
     table = pd.read_csv(tmp_path / "new" / "out" / "map.csv")
     assert list(table["name"]) == [f"site-{index:04d}.csv" for index in range(COUNT)]
     assert table["layer.thickness"].between(0.9e-3, 2.1e-3).all()
     assert (tmp_path / "new" / "out" / "map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_review_is_filled_in_and_read_back(run, site, tmp_path):
+    words, _ = site
+    out = tmp_path / "out"
+    assert run(*words, "--output", out, "--review")[0] == 0
+    assert (out / "review.html").read_text().count("<article") == COUNT
+    filled = (out / "decisions.csv").read_text().replace("site-0003.csv,,", "site-0003.csv,refuse,on glass")
+    (tmp_path / "mine.csv").write_text(filled)
+    again = ("--output", out, "--resume", "--decisions", tmp_path / "mine.csv", "--review")
+    code, printed, _ = run(*words, *again)
+    assert code == 0
+    assert "12 curves: 10 good, 0 doubtful, 2 refused" in printed
+    row = pd.read_csv(out / "map.csv").set_index("name").loc["site-0003.csv"]
+    assert (row["decision"], row["decision_reason"]) == ("refuse", "on glass")
+    assert row["layer.E"] > 0.0
+    assert "site-0003.csv,refuse,on glass" in (out / "decisions.csv").read_text()
+    (tmp_path / "mine.csv").write_text("curve,decision,reason\nsite-0003.csv,refuse,\n")
+    code, printed, err = run(*words, *again)
+    assert (code, printed) == (2, "")
+    assert "say in the column 'reason'" in err
 
 
 def test_ctrl_c_keeps_everything_and_resume_goes_on(run, site, tmp_path, monkeypatch):

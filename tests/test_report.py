@@ -319,8 +319,9 @@ def test_page_of_a_joint_fit_shows_every_scene(report_pages):
             .loc["finite thickness", "size_percent"]
         )
         assert re.search(rf"{labels.start(test.label)} effect .*finite thickness \+{size:.3g} % yes", text)
-    # Of every curve its fit, of every scene its drawing and its effects; correlations, and two profiles.
-    assert page.read_text().count("<img") == 3 + 2 + 2 + 1 + 2
+    # Of every curve its fit and its moduli by depth, of every scene its drawing and its effects; correlations,
+    # and two profiles.
+    assert page.read_text().count("<img") == 3 + 3 + 2 + 2 + 1 + 2
 
 
 def test_segments_of_a_curve_that_comes_back_are_shown(tmp_path):

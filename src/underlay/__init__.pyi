@@ -28,6 +28,11 @@ from .errors import (
     UnderlayWarning as UnderlayWarning,
     UnitError as UnitError,
 )
+from .inference.batch.decisions import (
+    Decision as Decision,
+    Decisions as Decisions,
+    read_decisions as read_decisions,
+)
 from .inference.batch.fit_many import fit_many as fit_many
 from .inference.batch.options import MapOptions as MapOptions
 from .inference.batch.options import Sampling as Sampling
@@ -40,6 +45,11 @@ from .inference.least_squares import (
     fit as fit,
 )
 from .inference.design.planning import plan as plan
+from .inference.pointwise.modulus import (
+    ModulusCurve as ModulusCurve,
+    PointwiseModulus as PointwiseModulus,
+    pointwise_modulus as pointwise_modulus,
+)
 from .inference.population.result import Population as Population
 from .inference.population.population import population as population
 from .inference.priors import (
@@ -122,7 +132,9 @@ from .mechanics.stack import Stack as Stack
 from .mechanics.stiffness_relation import modulus_from_stiffness as modulus_from_stiffness
 from .quantities import quantity as quantity
 from .report import plots as plots
+from .report.excel import write_excel as write_excel
 from .report.render import report as report
+from .report.review import write_review as write_review
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.effect import Effect as Effect
 from .scene.instrument import Instrument as Instrument

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
-from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, SolverName
+from underlay.cli.excel_file import require_excel
+from underlay.cli.options import CurveFile, ExcelFile, OutputFolder, Rtol, SceneOption, SolverName
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.cli.wording import spoken
 
@@ -25,6 +26,7 @@ def fit(
     solver: SolverName = None,
     rtol: Rtol = None,
     output: OutputFolder = None,
+    excel: ExcelFile = None,
 ) -> None:
     """Fit a curve with the substrate in the model.
 
@@ -35,6 +37,8 @@ def fit(
 
     if output is not None:
         require_writable_folder(output)
+    if excel is not None:
+        require_excel(excel)
     with gathered_warnings() as notes:
         problem = load_problem(curve, scene)
         problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
@@ -45,6 +49,18 @@ def fit(
     if output is not None:
         for path in write_fit(result, output, curve.stem):
             say(f"wrote {path}")
+    if excel is not None:
+        say(f"wrote {_write_excel(result, excel)}")
+
+
+def _write_excel(result: Fit, path: Path) -> Path:
+    """Write the fit and its modulus at each depth, where there is one, as an Excel file."""
+    from underlay.inference.pointwise.modulus import PointwiseModulus
+    from underlay.report.excel import write_excel
+    from underlay.report.pointwise_tables import pointwise_of
+
+    by_depth = [found for found in pointwise_of(result) if isinstance(found, PointwiseModulus)]
+    return write_excel(path, result, *by_depth)
 
 
 def quality_doubts(problem: Problem) -> list[str]:
@@ -124,10 +140,10 @@ def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
     from underlay.report import plots
     from underlay.report.adhesion_tables import adhesion_frame
     from underlay.report.measured import beyond_loading
-    from underlay.report.tables import fit_table
+    from underlay.report.result_rows import result_rows
 
     written = [
-        write_atomic(folder / f"{stem}.fit.csv", csv_text(fit_table(result))),
+        write_atomic(folder / f"{stem}.fit.csv", csv_text(result_rows(result))),
         result.to_json(folder / f"{stem}.fit.json"),
         plots.save(plots.fit(result), folder / f"{stem}.fit.png"),
     ]

@@ -9,12 +9,15 @@ import typer
 
 from underlay._files import require_writable_folder
 from underlay.cli.console import say, say_error, say_table
-from underlay.cli.options import Rtol, SceneOption, Seed, SolverName
+from underlay.cli.excel_file import require_excel
+from underlay.cli.options import ExcelFile, Rtol, SceneOption, Seed, SolverName
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from underlay.mechanics.solver import Solver
 
 __all__ = ["map_curves"]
 
@@ -52,6 +55,14 @@ def map_curves(
     seed: Seed = 0,
     solver: SolverName = None,
     rtol: Rtol = None,
+    excel: ExcelFile = None,
+    review: Annotated[
+        bool, typer.Option("--review", help="Write a gallery of the curves, worst first, and decisions.csv.")
+    ] = False,
+    decisions: Annotated[
+        Path | None,
+        typer.Option(help="CSV of a review, filled in: which curves are refused or accepted, and why."),
+    ] = None,
 ) -> None:
     """Fit every curve of a folder into one table; a curve that fails is a row with its reason.
 
@@ -59,15 +70,21 @@ def map_curves(
 
     Example: `underlay map curves --scene scene.toml --manifest manifest.csv --output results`
     """
+    from underlay.inference.batch.decisions import read_decisions, without_refused
     from underlay.inference.batch.fit_many import fit_many
     from underlay.inference.batch.options import MapOptions, Sampling
+    from underlay.inference.batch.results_table import write_frame
     from underlay.scene.scene_file import read_scene_file
 
+    decided = None if decisions is None else read_decisions(decisions)
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
     wanted = wanted_solver(read_scene_file(scene).solver, solver, rtol)
     folder = require_writable_folder(output)
+    if excel is not None:
+        require_excel(excel)
     path = folder / f"map.{table_format}"
+    labels = tuple(folders.split("/")) if folders else ()
     try:
         table = fit_many(
             curves,
@@ -81,16 +98,44 @@ def map_curves(
                 quality=check,
                 sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
                 resume=resume,
-                folders=tuple(folders.split("/")) if folders else (),
+                folders=labels,
             ),
         )
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")
         raise typer.Exit(_INTERRUPTED) from None
-    _show(table)
+    if decided is not None:
+        table = decided.applied(table)
+        write_frame(path, table)
+    counted = without_refused(table)
+    _show(counted)
     say(f"wrote {path}")
-    for picture in _draw(table, folder):
+    if review:
+        from underlay.report.review import write_review
+
+        # As `fit_many` listed the curves.
+        own = [entry for entry in (manifest, scene, path) if entry is not None]
+        pages = write_review(
+            table, curves, scene, folder, decisions=decided, solver=wanted, folders=labels, leave_out=own
+        )
+        say(f"wrote {pages[0]}{f' and {len(pages) - 2} more' if len(pages) > 2 else ''}")
+        say(f"wrote {pages[-1]}: fill it in, and run this again with --resume --decisions {pages[-1]}")
+    for picture in _draw(counted, folder):
         say(f"wrote {picture}")
+    if excel is not None:
+        say(f"wrote {_write_excel(table, excel, scene, wanted)}")
+
+
+def _write_excel(table: pd.DataFrame, path: Path, scene: Path, solver: Solver) -> Path:
+    """Write the table of a map as an Excel file, with the scene file line by line."""
+    from underlay._door import read_text
+    from underlay.report.excel import write_excel
+    from underlay.scene.scene_file import SCENE_FILE
+
+    lines = enumerate(read_text(scene, SCENE_FILE).splitlines(), 1)
+    settings = {"solver": solver.label, "scene file": str(scene)}
+    settings |= {f"scene file, line {number}": line for number, line in lines if line.strip()}
+    return write_excel(path, table, settings=settings)
 
 
 def _show(table: pd.DataFrame) -> None:

@@ -10,6 +10,7 @@ import typer
 __all__ = [
     "CurveFile",
     "CurveOption",
+    "ExcelFile",
     "MaxDepth",
     "OutputFolder",
     "Rtol",
@@ -31,6 +32,10 @@ ScenePath = Annotated[Path, typer.Argument(help="Scene file (TOML).")]
 OutputFolder = Annotated[
     Path | None,
     typer.Option("--output", "-o", help="Folder for tables, JSON and pictures; made if absent."),
+]
+ExcelFile = Annotated[
+    Path | None,
+    typer.Option("--excel", help="Excel file to write (.xlsx): results, settings, curves, each a sheet."),
 ]
 Seed = Annotated[int, typer.Option(help="Seed of the random numbers; the same seed makes the same file.")]
 MaxDepth = Annotated[

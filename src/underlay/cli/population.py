@@ -9,7 +9,8 @@ import typer
 
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table
-from underlay.cli.options import OutputFolder
+from underlay.cli.excel_file import require_excel
+from underlay.cli.options import ExcelFile, OutputFolder
 
 __all__ = ["population"]
 
@@ -34,6 +35,7 @@ def population(
         float, typer.Option(help="Relative error that all curves share, such as that of the tip's radius.")
     ] = 0.0,
     output: OutputFolder = None,
+    excel: ExcelFile = None,
 ) -> None:
     """Mean and spread of many curves of several animals, with intervals that know that sites are not independent.
 
@@ -49,6 +51,8 @@ def population(
 
     if output is not None:
         require_writable_folder(output)
+    if excel is not None:
+        require_excel(excel)
     levels = [] if sites_only else (by or ["animal"])
     result = population_of(
         table, levels, parameter, group=group, doubtful=doubtful, tails=tails, shared_error=shared_error
@@ -58,6 +62,13 @@ def population(
     say_table(group_table(result), "Groups" if group else "Population")
     if result.comparisons:
         say_table(comparison_table(result), "Ratios")
+    if excel is not None:
+        from underlay.inference.batch.map_table import read_map
+        from underlay.report.excel import write_excel
+
+        asked = {"table": str(table), "by": ", ".join(levels), "group": group or "", "parameter": parameter}
+        asked |= {"doubtful": doubtful, "tails": tails, "shared error": f"{shared_error:g}"}
+        say(f"wrote {write_excel(excel, read_map(table), result, settings=asked)}")
     if output is None:
         return
     stem = f"{table.stem}.population"

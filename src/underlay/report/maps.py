@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from underlay.inference.batch.decisions import ACCEPT, REFUSE, without_refused
 from underlay.inference.batch.map_table import is_map, read_map
 from underlay.inference.batch.results_table import FITTED
 from underlay.report.labels import label, start
@@ -17,6 +18,8 @@ from underlay.units import format_quantity
 
 __all__ = [
     "columns_to_draw",
+    "decision_table",
+    "decision_words",
     "failure_table",
     "has_positions",
     "is_map",
@@ -26,6 +29,7 @@ __all__ = [
     "read_map",
     "sample_parameters",
     "verdict_table",
+    "without_refused",
 ]
 
 _ERROR = ".stderr"
@@ -112,6 +116,42 @@ def verdict_table(table: pd.DataFrame) -> pd.DataFrame:
     """Return how many curves got which verdict."""
     counts = table["verdict"].value_counts()
     return labelled_table([{"verdict": str(name), "curves": str(count)} for name, count in counts.items()])
+
+
+def decision_words(table: pd.DataFrame) -> str:
+    """Say in a sentence how many curves a person accepted and refused; nothing where none was judged."""
+    decided = _decisions(table)
+    if decided.empty:
+        return ""
+    counts = decided["decision"].value_counts()
+    told = " and ".join(
+        f"{counts[word]} {done}"
+        for word, done in ((REFUSE, "refused"), (ACCEPT, "accepted"))
+        if word in counts
+    )
+    return f"By hand {told}. What was refused keeps its numbers in the table and counts nowhere on this page."
+
+
+def decision_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the curves of which a person decided, each with what and why."""
+    decided = _decisions(table)
+    rows = [
+        {"curve": str(row["name"]), "decision": str(row["decision"]), "why": _words(row["decision_reason"])}
+        for row in decided[:_LISTED].to_dict("records")
+    ]
+    if len(decided) > _LISTED:
+        rows.append({"curve": f"and {len(decided) - _LISTED} more", "decision": "", "why": "see the table"})
+    return labelled_table(rows or [{"curve": "none", "decision": "", "why": ""}])
+
+
+def _decisions(table: pd.DataFrame) -> pd.DataFrame:
+    if "decision" not in table.columns:
+        return table.iloc[:0]
+    return table[table["decision"].isin([ACCEPT, REFUSE])]
+
+
+def _words(cell: object) -> str:
+    return cell if isinstance(cell, str) else ""
 
 
 def failure_table(table: pd.DataFrame) -> pd.DataFrame:

@@ -23,6 +23,7 @@ from underlay.report.execution import execute
 from underlay.report.measured import beyond_loading, segments_of_file, segments_part
 from underlay.report.notebook import Cell, Source, Value, filled, make_notebook, report_library, with_sections
 from underlay.report.page import html_page
+from underlay.report.pointwise_tables import pointwise_part
 from underlay.report.problem_source import problem_source, write_inputs, write_measured
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import read_scene_file
@@ -241,6 +242,7 @@ def _fit_notebook(
             "load": load,
             "segments_part": segments,
             "time_part": filled("relaxation", {}) if any(s.memory is not None for s in scenes) else (),
+            "pointwise_part": pointwise_part(scenes),
             "adhesion_part": adhesion_part(scenes),
             "bond_part": filled("bonding", {}) if all(map(has_face, scenes)) else (),
             "facts": {**facts, "random numbers": "none"},

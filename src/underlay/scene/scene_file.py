@@ -59,6 +59,7 @@ from underlay.scene.scene_sections import noise_of, scene_of, solver_of, table_o
 
 __all__ = [
     "PLACE",
+    "SCENE_FILE",
     "SceneFile",
     "SimulatedDepths",
     "load_scene",
@@ -70,8 +71,8 @@ __all__ = [
 _STAND_IN = "1 m"
 #: What stands in a starter scene where a number is still to be written.
 PLACE = "TODO"
-# A scene is a page of text.
-_KIND = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
+#: A scene is a page of text.
+SCENE_FILE = FileKind("a scene file (TOML)", 1_000_000, "see data_samples for files to begin with")
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,7 @@ def scene_from_text(text: str) -> Scene:
     InputError
         If a section, key, unit or value is not allowed.
     """
-    with understood("the text of the scene", _KIND):
+    with understood("the text of the scene", SCENE_FILE):
         document = parse_toml(text)
     return _interpret(document, Path("scene.toml")).scene
 
@@ -170,8 +171,8 @@ def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:
         If a section, key, unit or value is not allowed; the message names file, section and key.
     """
     source = Path(path)
-    with understood(source, _KIND):
-        document = parse_toml(read_text(source, _KIND))
+    with understood(source, SCENE_FILE):
+        document = parse_toml(read_text(source, SCENE_FILE))
     try:
         return _interpret(document, source)
     except UnderlayError as error:

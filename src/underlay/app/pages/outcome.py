@@ -29,9 +29,7 @@ class Outcome:
         self._window, self._prepare = window, prepare
         with ui.row().classes("actions"):
             self._fit = ui.button("Fit", on_click=self._go).props("unelevated no-caps size=lg").mark("fit")
-            self._stop = ui.button("Stop", on_click=window.analysis.long.stop).props(
-                "outline no-caps"
-            )
+            self._stop = ui.button("Stop", on_click=window.analysis.long.stop).props("outline no-caps")
             self._stop.mark("stop").set_visibility(False)
             self._busy = ui.spinner(size="sm")
             self._busy.set_visibility(False)

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from underlay.data.curve import Curve
-from underlay.data.readers import JpkMapCurve, curves_of_jpk_map, read_all
+from underlay.data.readers import JpkMapCurve, curves_of_jpk_map, read, read_all, read_from_map
 from underlay.errors import FileAccessError, InputError, UnderlayError
 from underlay.inference.file_facts import settle
-from underlay.inference.from_files import read_whole
+from underlay.inference.from_files import chosen_part, read_for, read_whole, turned
 from underlay.scene.scene_file import SceneFile
 
-__all__ = ["CurvePlace", "Curves", "list_curves", "with_stand_ins"]
+__all__ = ["CurvePlace", "Curves", "list_curves", "read_place", "with_stand_ins"]
 
 #: What `list_curves` takes.
 Curves = str | os.PathLike[str] | Iterable[Curve | str | os.PathLike[str]]
@@ -106,6 +106,22 @@ def list_curves(
             "table could not be told apart; give each curve a name of its own"
         )
     return places
+
+
+def read_place(place: CurvePlace, file: SceneFile | None) -> Curve:
+    """Read the part of a curve that is fitted, as the scene file says it must be read, if there is one.
+
+    Raises
+    ------
+    FileAccessError, FileFormatError, CurveError
+        If it cannot be read, or has no such part.
+    """
+    if place.curve is not None:
+        return place.curve if file is None else chosen_part(turned(place.curve, file.curve), file.curve)
+    if file is not None:
+        return read_for(file, place.of_map or place.path)
+    whole = read(place.path) if place.of_map is None else read_from_map(place.of_map)
+    return chosen_part(turned(whole, {}), {})
 
 
 def with_stand_ins(file: SceneFile, places: Sequence[CurvePlace]) -> SceneFile:

@@ -13,7 +13,8 @@ from typing import IO, Any, BinaryIO
 
 import pandas as pd
 
-from underlay._files import replacing
+from underlay._csv_text import csv_text
+from underlay._files import replacing, write_atomic
 from underlay._text import guarded_cell, one_line, unguarded_cell
 from underlay.errors import InputError, MissingExtraError
 
@@ -28,6 +29,7 @@ __all__ = [
     "read_parquet",
     "require_format",
     "to_frame",
+    "write_frame",
     "write_table",
 ]
 
@@ -59,8 +61,9 @@ _AFTER = (
     ("sha256", _TEXT),
 )
 _SAMPLED = (("converged", _COUNT), ("seed", _COUNT))
+_DECIDED = ("decision", "decision_reason")
 #: Columns that a label cannot have the name of.
-RESERVED = frozenset(name for name, _ in (*_BEFORE, *_AFTER, *_SAMPLED))
+RESERVED = frozenset((*(name for name, _ in (*_BEFORE, *_AFTER, *_SAMPLED)), *_DECIDED))
 _SUFFIXES = (".csv", ".parquet")
 _ROWS_AT_A_TIME = 20_000
 
@@ -203,6 +206,22 @@ def write_table(path: Path, layout: Layout, lines: Iterable[str]) -> Path:
         else:
             file.writelines(f"{line}\n".encode() for line in chain((layout.header,), lines))
     return path
+
+
+def write_frame(path: Path, table: pd.DataFrame) -> Path:
+    """Write a table that was changed after its run to a CSV or Parquet file, whole or not at all.
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be written; an older one stays as it was.
+    """
+    if path.suffix.lower() == ".parquet":
+        arrow, parquet = _pyarrow()
+        with replacing(path) as file:
+            parquet.write_table(arrow.Table.from_pandas(table, preserve_index=False), file)
+        return path
+    return write_atomic(path, csv_text(table))
 
 
 def _write_parquet(file: BinaryIO, layout: Layout, lines: Iterable[str]) -> None:

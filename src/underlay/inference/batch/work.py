@@ -20,17 +20,15 @@ from underlay._arrays import FloatArray
 from underlay._door import sha256_of
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
-from underlay.data.readers import read, read_from_map
 from underlay.errors import CurveError, UnderlayError, UnderlayWarning
 from underlay.inference.adhesive_numbers import adhesive_numbers
-from underlay.inference.batch.curves import CurvePlace
+from underlay.inference.batch.curves import CurvePlace, read_place
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.options import Sampling
 from underlay.inference.batch.results_table import DIFFERENCE, FAILED, FITTED, INSTRUMENT, LIKELIHOOD, Layout
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
 from underlay.inference.file_facts import EVERYTHING, settle
-from underlay.inference.from_files import chosen_part, read_for, turned
 from underlay.inference.least_squares.instrument_modulus import instrument_modulus
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.plausibility import require_plausible
@@ -147,14 +145,7 @@ class CurveFitter:
 
     def _read(self, place: CurvePlace, row: dict[str, Any]) -> Curve:
         """Read the curve and the part of it that is fitted; note its hash and position."""
-        file = self._model.file
-        if place.curve is not None:
-            curve = place.curve if file is None else chosen_part(turned(place.curve, file.curve), file.curve)
-        elif file is not None:
-            curve = read_for(file, place.of_map or place.path)
-        else:
-            whole = read(place.path) if place.of_map is None else read_from_map(place.of_map)
-            curve = chosen_part(turned(whole, {}), {})
+        curve = read_place(place, self._model.file)
         row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
         if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:

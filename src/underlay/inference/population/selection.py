@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from underlay.errors import InputError
+from underlay.inference.batch.decisions import ACCEPT, REFUSED_BY_HAND
 from underlay.inference.batch.results_table import FITTED, LIKELIHOOD
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.population.likelihood import CurveLikelihood
@@ -67,8 +68,9 @@ def select_rows(
         head = labels[0] if group is not None else ""
         name = str(row.get("name", ""))
         if row["status"] != FITTED:
-            left.append(LeftOut(head, name, "no fit"))
-        elif doubtful == _DROP and row["verdict"] != "good":
+            by_hand = row["status"] == REFUSED_BY_HAND
+            left.append(LeftOut(head, name, REFUSED_BY_HAND if by_hand else "no fit"))
+        elif doubtful == _DROP and row["verdict"] != "good" and row.get("decision") != ACCEPT:
             left.append(LeftOut(head, name, "doubtful"))
         else:
             told = row.get(text)

@@ -28,7 +28,7 @@ from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.moves import moves
 from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.progress import SamplingProgress
+from underlay.inference.sampling.progress import SamplingProgress, Told
 from underlay.inference.sampling.stopping import Outcome, judge
 from underlay.inference.sampling.walker_start import start_walkers
 
@@ -49,7 +49,7 @@ def sample(
     start: Mapping[str, float] | None = None,
     backend: str | os.PathLike[str] | None = None,
     resume: bool = False,
-    progress: bool | None = None,
+    progress: bool | Told | None = None,
 ) -> Posterior:
     """Sample the posterior of a problem.
 
@@ -71,8 +71,10 @@ def sample(
         nothing of it.
     resume : bool, default False
         Continue the chain in `backend`, as if it had never stopped; begin it if there is no such file.
-    progress : bool, optional
-        Show a progress line; by default only on a terminal.
+    progress : bool or callable, optional
+        Show a progress line; by default only on a terminal. A function is called at every step with the steps done,
+        those that will probably be needed and the effective samples so far; a KeyboardInterrupt that it raises ends
+        the sampling as Ctrl-C does.
 
     Returns
     -------

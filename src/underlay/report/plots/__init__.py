@@ -11,6 +11,7 @@ from underlay.report.plots.identifiability import identifiability
 from underlay.report.plots.laws import laws
 from underlay.report.plots.map import map  # noqa: A004  the public name
 from underlay.report.plots.plan import plan
+from underlay.report.plots.pointwise import pointwise_modulus
 from underlay.report.plots.population import population
 from underlay.report.plots.predictive import predictive
 from underlay.report.plots.profile import profile
@@ -33,6 +34,7 @@ __all__ = [
     "laws",
     "map",
     "plan",
+    "pointwise_modulus",
     "population",
     "predictive",
     "profile",

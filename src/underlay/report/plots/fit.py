@@ -8,9 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from underlay.errors import InputError
-from underlay.mechanics.body import Layer
+from underlay.inference.pointwise.explained import halfspace_of
 from underlay.report.plots.style import DATA, FIT, REFERENCE, axes, style, unit_for, with_strip
-from underlay.scene.scene import Scene
 
 if TYPE_CHECKING:
     from underlay._arrays import FloatArray
@@ -107,9 +106,3 @@ def _measured(result: Fit, curve: int, x: FloatArray, ax: Axes | None) -> tuple[
     lower.plot(x[::step], residual[::step] / fine, ".", ms=1.8, color=DATA)
     lower.set_ylabel(f"residual ({small})")
     return upper, lower, newton
-
-
-def halfspace_of(scene: Scene) -> Scene:
-    """Return the scene with the layer made infinitely thick: what a half-space formula assumes."""
-    layer = Layer(scene.layer.material, relaxation=scene.layer.relaxation)
-    return Scene(scene.indenter, layer, None, scene.instrument, scene.history, adhesion=scene.adhesion)

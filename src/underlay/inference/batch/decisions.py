@@ -1,0 +1,196 @@
+"""What a person decided of single curves: accepted or refused, and why; a small CSV, and columns of a map's table.
+
+A curve refused by hand keeps its numbers in the table, but its ``status`` is no longer that of a fitted curve, so
+that it counts nowhere; ``reason`` says that it was refused and why. One that is accepted counts although it is
+doubtful.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from underlay._csv import numbered_rows
+from underlay._csv_text import csv_text
+from underlay._door import FileKind, printable, read_text, understood
+from underlay._text import names_there, one_line, unguarded_cell
+from underlay.errors import InputError
+from underlay.inference.batch.results_table import FITTED
+
+__all__ = [
+    "ACCEPT",
+    "REFUSE",
+    "REFUSED_BY_HAND",
+    "Decision",
+    "Decisions",
+    "read_decisions",
+    "without_refused",
+]
+
+#: What the column ``decision`` says; an empty cell decides nothing.
+ACCEPT, REFUSE = "accept", "refuse"
+#: ``status`` of a curve that a person refused.
+REFUSED_BY_HAND = "refused by hand"
+_KIND = FileKind("a table of decisions (CSV)", 64_000_000, "it needs the columns curve, decision and reason")
+_MOST_COLUMNS, _LONGEST = 100, 1000
+_CURVE, _DECISION, _REASON = "curve", "decision", "reason"
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What was decided of one curve.
+
+    Parameters
+    ----------
+    accepted : bool
+        Whether it counts.
+    reason : str
+        Why.
+    """
+
+    accepted: bool
+    reason: str = ""
+
+    @property
+    def word(self) -> str:
+        """``"accept"`` or ``"refuse"``."""
+        return ACCEPT if self.accepted else REFUSE
+
+
+@dataclass(frozen=True)
+class Decisions:
+    """Decisions by the name of the curve.
+
+    Parameters
+    ----------
+    by_curve : mapping of str to Decision
+        Curves of which nothing was decided are not among them.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"name": ["a", "b"], "status": "fitted", "verdict": "good", "reason": ""})
+    >>> judged = Decisions({"b": Decision(False, "air bubble")}).applied(table)
+    >>> list(judged["status"]), judged["reason"][1]
+    (['fitted', 'refused by hand'], 'refused by hand: air bubble')
+    """
+
+    by_curve: Mapping[str, Decision]
+
+    def applied(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Return the table of a map with columns ``decision`` and ``decision_reason``, and refusals carried out.
+
+        Raises
+        ------
+        InputError
+            If a curve is not in the table, or one without a fit was accepted.
+        """
+        known = dict(zip(table["name"], table["status"], strict=True))
+        for name, decision in self.by_curve.items():
+            if name not in known:
+                raise InputError(
+                    f"no curve {one_line(name)!r} in this map; it has {names_there(known)}: decisions name "
+                    "curves as the column 'name' does"
+                )
+            if decision.accepted and known[name] != FITTED:
+                raise InputError(
+                    f"{one_line(name)!r} was accepted, but has no fit: leave its decision empty, or refuse it"
+                )
+        found = [self.by_curve.get(name) for name in table["name"]]
+        refused = np.array([decision is not None and not decision.accepted for decision in found], dtype=bool)
+        judged = table.copy()
+        judged[_DECISION] = pd.Series(
+            ["" if d is None else d.word for d in found], index=table.index, dtype="str"
+        )
+        judged["decision_reason"] = pd.Series(
+            ["" if d is None else d.reason for d in found], index=table.index, dtype="str"
+        )
+        words = [
+            "" if d is None or not d.reason else f": {d.reason}"
+            for d, out in zip(found, refused, strict=True)
+            if out
+        ]
+        judged.loc[refused, "status"] = REFUSED_BY_HAND
+        judged.loc[refused, "verdict"] = "refused"
+        judged.loc[refused, "reason"] = [f"{REFUSED_BY_HAND}{word}" for word in words]
+        return judged
+
+    def csv(self, listed: pd.DataFrame) -> str:
+        """Return the CSV to be filled in: a row for each row of `listed`, whose column ``curve`` names it."""
+        table = listed.copy()
+        found = [self.by_curve.get(name) for name in table[_CURVE]]
+        table.insert(1, _DECISION, ["" if d is None else d.word for d in found])
+        table.insert(2, _REASON, ["" if d is None else d.reason for d in found])
+        return csv_text(table)
+
+
+def read_decisions(path: str | os.PathLike[str]) -> Decisions:
+    """Read the decisions that a person wrote into the CSV of a review.
+
+    Parameters
+    ----------
+    path : path
+        A table, with commas or semicolons, with the columns ``curve``, ``decision`` (accept, refuse or empty) and
+        ``reason``, which a refusal needs; other columns are not read.
+
+    Raises
+    ------
+    FileAccessError, FileFormatError
+        If it cannot be read, or is no such table.
+    InputError
+        If a decision is another word, a refusal has no reason, or two rows decide of one curve differently; the
+        message names the line.
+    """
+    text = read_text(path, _KIND)
+    with understood(path, _KIND):
+        rows = list(_rows(text))
+    found: dict[str, Decision] = {}
+    for line, curve, word, reason in rows:
+        where = f"{printable(path)}, line {line} ({one_line(curve, 80)})"
+        if not word:
+            continue
+        if word not in (ACCEPT, REFUSE):
+            raise InputError(
+                f"{where}: decision must be {ACCEPT}, {REFUSE} or empty; got {one_line(word, 80)!r}"
+            )
+        if word == REFUSE and not reason:
+            raise InputError(f"{where}: say in the column 'reason' why it is refused")
+        decision = Decision(word == ACCEPT, reason)
+        if found.setdefault(curve, decision) != decision:
+            raise InputError(f"{where}: decided twice, and differently")
+    return Decisions(found)
+
+
+def _rows(text: str) -> Iterator[tuple[int, str, str, str]]:
+    """Line, curve, decision and reason of every row."""
+    first = text.split("\n", 1)[0]
+    # Half of Europe's spreadsheets write semicolons.
+    separator = ";" if first.count(";") > first.count(",") else ","
+    lines = numbered_rows(text, _MOST_COLUMNS, separator)
+    _, header = next(lines)
+    names = [name.strip().lower() for name in header]
+    missing = [name for name in (_CURVE, _DECISION, _REASON) if name not in names]
+    if missing:
+        raise ValueError(f"it has no column {missing[0]!r}; it has {names_there(header)}")
+    places = [names.index(name) for name in (_CURVE, _DECISION, _REASON)]
+    for line, cells in lines:
+        curve, word, reason = (unguarded_cell(cells[place]) for place in places)
+        if curve.strip():
+            yield line, curve, word.strip().lower(), one_line(" ".join(reason.split()), _LONGEST)
+
+
+def without_refused(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the table of a map with the numbers of curves refused by hand left empty, as pictures need it."""
+    refused = (table["status"] == REFUSED_BY_HAND).to_numpy(dtype=bool)
+    if not refused.any():
+        return table
+    kept = table.copy()
+    numbers = [
+        name for name in table.columns if "." in str(name) and pd.api.types.is_float_dtype(table[name])
+    ]
+    kept.loc[refused, numbers] = np.nan
+    return kept

@@ -1,0 +1,180 @@
+"""The layer modulus at which a body shows a given force, or a given stiffness, at a depth: a law read backwards.
+
+Every modulus of the layer is multiplied by one share, its ratios kept. Where the layer's are the only moduli of the
+body, P(w) and dP/dw (9.1) are proportional to the share. On an elastic base they are not, and the share is found
+among those of a ladder of laws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import interpolate
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.model.forward import Forward
+from underlay.inference.model.laws import LawStore
+from underlay.mechanics.body import Layer
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.solver import Solver
+from underlay.scene.chain import Chain
+from underlay.scene.scene import Scene
+
+__all__ = ["Body", "Explained", "halfspace_of", "require_without_adhesion"]
+
+# Shares of the ladder reach this factor to both sides. ln P is a smooth function of ln share; a cubic through rungs
+# ln 30 / 8 apart is within 2e-5 of it, one of ln dP/dw within 5e-5 (test_pointwise.py holds both).
+_REACH, _RUNGS = 30.0, 17
+
+
+class Explained(NamedTuple):
+    """Layer moduli (Pa), (n,), that explain forces and stiffnesses, and d ln(modulus) / d ln(P or S) of each.
+
+    NaN where no modulus on the ladder does.
+    """
+
+    apparent: FloatArray
+    incremental: FloatArray
+    apparent_power: FloatArray
+    incremental_power: FloatArray
+
+
+@dataclass(frozen=True)
+class Body:
+    """A scene without memory, of which numbers may vary.
+
+    Parameters
+    ----------
+    forward : Forward
+        Compiled for the depths at which it is asked.
+    moduli : tuple of str
+        Paths of the layer's moduli.
+    proportional : bool
+        Whether they are the only moduli of the body.
+    """
+
+    forward: Forward
+    moduli: tuple[str, ...]
+    proportional: bool
+
+    @classmethod
+    def of(cls, scene: Scene, depth: FloatArray, free: tuple[str, ...], solver: Solver) -> Body:
+        """Compile `scene` for depth readings (m), (n,), where the paths `free` vary."""
+        elastic = scene.elastic
+        known = elastic.quantities
+        moduli = tuple(p for p in known if p.startswith("layer.") and known[p].scales == "force")
+        others = [
+            p
+            for p in known
+            if p not in moduli
+            and p.startswith(("layer.", "substrate."))
+            and known[p].kind in ("pressure", "stiffness per area")
+        ]
+        paths = tuple(dict.fromkeys((*moduli, *(p for p in free if p in known))))
+        forward = Forward.compile(elastic, depth, paths, solver, LawStore())
+        return cls(forward, moduli, not others)
+
+    def explain(self, values: Mapping[str, float], force: FloatArray, slope: FloatArray) -> Explained:
+        """Layer moduli that explain force readings (N) and their slopes (N/m), each (n,).
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Every number of the scene (SI).
+        force, slope : FloatArray
+            Reading of the force and its derivative along the depth readings.
+
+        Raises
+        ------
+        InputError
+            If these are no values of a possible scene, or its law does not reach as deep.
+        """
+        contact = self.contact(values, force, slope)
+        if self.proportional:
+            P, S = self._law(values, 1.0, contact.depth).force_and_stiffness(contact.depth)
+            ones = np.ones_like(P)
+            return Explained(
+                values["layer.E"] * contact.force / P,
+                values["layer.E"] * contact.stiffness / S,
+                ones,
+                ones,
+            )
+        log_shares = np.linspace(-np.log(_REACH), np.log(_REACH), _RUNGS)
+        rungs = [
+            self._law(values, float(share), contact.depth).force_and_stiffness(contact.depth)
+            for share in np.exp(log_shares)
+        ]
+        P, S = (np.array(column) for column in zip(*rungs, strict=True))
+        apparent, apparent_power = _looked_up(P, contact.force, log_shares)
+        incremental, incremental_power = _looked_up(S, contact.stiffness, log_shares)
+        E = values["layer.E"]
+        return Explained(E * np.exp(apparent), E * np.exp(incremental), apparent_power, incremental_power)
+
+    def contact(self, values: Mapping[str, float], force: FloatArray, slope: FloatArray) -> Contacts:
+        """Tip depth (m), contact force (N) and stiffness dP/dw (N/m) of readings, each (n,)."""
+        chain, depth = Chain.of(values), self.forward.depth
+        compliance = 0.0 if chain.frame is None else chain.frame.compliance
+        P = force - chain.reading(np.zeros_like(depth), depth)
+        along = slope - values.get("instrument.baseline_slope", 0.0)
+        # dw = dd - C dP
+        return Contacts(chain.travel(depth) - compliance * P, P, along / (1.0 - compliance * along))
+
+    def reading(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+        """Force (N) that the elastic model shows and its slope (N/m) along the depth readings, each (n,)."""
+        chain = Chain.of(values)
+        found = self.forward.reading(values)
+        share = np.ones_like(found.force) if chain.frame is None else chain.frame.share(found.stiffness)
+        return found.force, found.stiffness * share + values.get("instrument.baseline_slope", 0.0)
+
+    def _law(self, values: Mapping[str, float], share: float, depth: FloatArray) -> ContactLaw:
+        shared = {path: share * values[path] for path in self.moduli}
+        return self.forward.law({**values, **shared}, float(depth.max()))
+
+
+class Contacts(NamedTuple):
+    """Tip depths (m), contact forces (N) and stiffnesses (N/m), each (n,)."""
+
+    depth: FloatArray
+    force: FloatArray
+    stiffness: FloatArray
+
+
+def halfspace_of(scene: Scene) -> Scene:
+    """Return the scene with the layer made infinitely thick: what a half-space formula assumes."""
+    layer = Layer(scene.layer.material, relaxation=scene.layer.relaxation)
+    return Scene(scene.indenter, layer, None, scene.instrument, scene.history, adhesion=scene.adhesion)
+
+
+def _looked_up(
+    rungs: FloatArray, targets: FloatArray, log_shares: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """ln share (n,) at which columns of `rungs` (laws, n) reach `targets` (n,), and d ln share / d ln target."""
+    found, power = np.full(len(targets), np.nan), np.full(len(targets), np.nan)
+    for n, target in enumerate(targets):
+        column = rungs[:, n]
+        if not (target > 0.0 and column[0] > 0.0 and (np.diff(column) > 0.0).all()):
+            continue
+        if not column[0] <= target <= column[-1]:
+            continue
+        curve = interpolate.CubicSpline(np.log(column), log_shares)
+        found[n], power[n] = curve(np.log(target)), curve(np.log(target), 1)
+    return found, power
+
+
+def require_without_adhesion(scene: Scene) -> None:
+    """Refuse a tip that sticks: its force is not that of a modulus alone.
+
+    Raises
+    ------
+    InputError
+        If the scene has adhesion.
+    """
+    if scene.adhesion is not None:
+        raise InputError(
+            "the modulus depth by depth is not defined for a tip that sticks: work of adhesion and modulus would "
+            "be two unknowns of one force; read the fit's own modulus"
+        )

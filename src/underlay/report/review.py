@@ -1,0 +1,268 @@
+"""A gallery of the curves of a map, worst first, to accept or refuse by hand: pages without a script, and a CSV."""
+
+from __future__ import annotations
+
+import html
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from underlay._arrays import FloatArray
+from underlay._files import require_writable_folder, write_atomic
+from underlay._text import one_line
+from underlay.data.curve import Curve
+from underlay.errors import InputError, UnderlayError
+from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, read_place
+from underlay.inference.batch.decisions import Decisions
+from underlay.inference.batch.model import scene_file_of
+from underlay.inference.batch.results_table import FITTED
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import AnySolver, Auto, as_solver
+from underlay.report.labels import label, start
+from underlay.report.maps import sample_parameters
+from underlay.report.small_pictures import Small, small_picture
+from underlay.scene.parameters import kind_of
+from underlay.scene.scene import Scene
+from underlay.scene.scene_file import SceneFile
+from underlay.units import format_quantity
+
+__all__ = ["Card", "review_cards", "write_review"]
+
+_TEMPLATES = Path(__file__).parent / "templates"
+# A picture of 120 pixels needs no finer law.
+_RTOL = 1e-3
+# Pieces of a curve over which residuals are averaged, so that noise is small beside misfit.
+_PIECES = 20
+_ORDER = {"refused": 0, "doubtful": 1, "good": 2}
+_DECISIONS = "decisions.csv"
+_LONGEST_REASON = 600
+
+
+@dataclass(frozen=True)
+class Card:
+    """One curve of the gallery.
+
+    Parameters
+    ----------
+    name, verdict, reason : str
+        As in the table.
+    numbers : tuple of str
+        What was found, in words.
+    misfit : float
+        Root mean square of what the fit leaves over, averaged over pieces, as a share of the range of the force.
+    picture : str
+        SVG element.
+    decision : str
+        What was decided by hand, in words; empty for nothing.
+    """
+
+    name: str
+    verdict: str
+    reason: str
+    numbers: tuple[str, ...]
+    misfit: float
+    picture: str
+    decision: str
+
+    @property
+    def badness(self) -> tuple[int, float]:
+        """What sorts the gallery: the verdict, then how far the fit is from the curve."""
+        return _ORDER.get(self.verdict, 1), -(self.misfit if math.isfinite(self.misfit) else math.inf)
+
+
+def write_review(
+    table: pd.DataFrame,
+    curves: Curves,
+    scene: Scene | SceneFile | str | os.PathLike[str],
+    folder: str | os.PathLike[str],
+    *,
+    decisions: Decisions | None = None,
+    solver: AnySolver | None = None,
+    folders: Sequence[str] = (),
+    leave_out: Sequence[Path] = (),
+    per_page: int = 60,
+) -> list[Path]:
+    """Write a gallery of the curves of a map, worst first, and a CSV for what is decided of them.
+
+    Parameters
+    ----------
+    table : DataFrame
+        What `fit_many` returned.
+    curves, scene, folders
+        As `fit_many` was given them.
+    folder : path
+        Where ``review.html`` (and ``review-2.html``, ... for what one page does not hold) and ``decisions.csv`` are written. The
+        pages open offline and hold no script. `read_decisions` reads the CSV back.
+    decisions : Decisions, optional
+        What was decided already: it is shown, and kept in the CSV.
+    solver : Solver or str, optional
+        What the fits used; by default what the scene file says.
+    leave_out : sequence of Path
+        Files of the folder that are no curves, such as the manifest.
+    per_page : int, default 60
+        Curves on a page.
+
+    Returns
+    -------
+    list of Path
+        The pages in order, then the CSV.
+
+    Raises
+    ------
+    InputError
+        If the curves are not those of the table.
+    FileAccessError
+        If the folder cannot be written.
+    """
+    target = require_writable_folder(folder)
+    known = decisions or Decisions({})
+    cards = review_cards(
+        table, curves, scene, decisions=known, solver=solver, folders=folders, leave_out=leave_out
+    )
+    pages = [
+        write_atomic(target / _page_name(number), text)
+        for number, text in enumerate(_pages(cards, max(1, per_page)), start=1)
+    ]
+    listed = pd.DataFrame(
+        {
+            "curve": [card.name for card in cards],
+            "verdict": [card.verdict for card in cards],
+            "misfit (% of the force)": [round(100.0 * card.misfit, 3) for card in cards],
+            "number in the gallery": np.arange(1, len(cards) + 1),
+        }
+    )
+    return [*pages, write_atomic(target / _DECISIONS, known.csv(listed))]
+
+
+def review_cards(
+    table: pd.DataFrame,
+    curves: Curves,
+    scene: Scene | SceneFile | str | os.PathLike[str],
+    *,
+    decisions: Decisions | None = None,
+    solver: AnySolver | None = None,
+    folders: Sequence[str] = (),
+    leave_out: Sequence[Path] = (),
+) -> list[Card]:
+    """Return what a gallery shows of every curve, worst first; see `write_review`.
+
+    Raises
+    ------
+    InputError
+        If the curves are not those of the table.
+    """
+    file = scene_file_of(scene)
+    places = list_curves(curves, leave_out, folders)
+    if len(places) != len(table):
+        raise InputError(
+            f"the table has {len(table)} rows, but there are {len(places)} curves: give the same ones"
+        )
+    base = file.draft if file is not None else scene
+    if not isinstance(base, Scene):
+        raise InputError(f"scene must be a Scene or the path of a scene file; got {scene!r:.100}")
+    wanted = as_solver(solver) if solver is not None else (Auto() if file is None else file.solver)
+    cards = [
+        _card(row, place, file, base, wanted.with_tolerance(_RTOL), decisions or Decisions({}))
+        for row, place in zip(table.to_dict("records"), places, strict=True)
+    ]
+    return sorted(cards, key=lambda card: card.badness)
+
+
+def _card(
+    row: Mapping[Any, Any],
+    place: CurvePlace,
+    file: SceneFile | None,
+    base: Scene,
+    solver: Solver,
+    decisions: Decisions,
+) -> Card:
+    name, verdict = str(row["name"]), str(row["verdict"])
+    reason = one_line(row["reason"] if isinstance(row["reason"], str) else "", _LONGEST_REASON)
+    drawn, misfit = Small(np.zeros(0), np.zeros(0)), math.nan
+    try:
+        curve = read_place(place, file)
+        drawn = Small(curve.depth, curve.force)
+        if row["status"] == FITTED:
+            drawn, misfit = _fitted(row, curve, base, solver)
+    except UnderlayError as error:
+        reason = reason or one_line(error, _LONGEST_REASON)
+    decided = decisions.by_curve.get(name)
+    return Card(
+        name,
+        verdict,
+        reason,
+        tuple(_numbers(row)),
+        misfit,
+        small_picture(drawn, html.escape(f"{one_line(name, 80)}: force against depth")),
+        "" if decided is None else f"{decided.word}: {decided.reason}".rstrip(": "),
+    )
+
+
+def _fitted(row: Mapping[Any, Any], curve: Curve, base: Scene, solver: Solver) -> tuple[Small, float]:
+    """What is drawn of a fitted curve, and the root mean square of its misfit over the range of the force."""
+    values = {
+        path: float(row[path])
+        for path in base.parameters
+        if isinstance(row.get(path), float) and math.isfinite(row[path])
+    }
+    scene = base.with_values(values)
+    force = scene.force(curve.depth, curve.time if scene.memory is not None else None, solver=solver)
+    residual = curve.force - force
+    pieces: list[FloatArray] = np.array_split(residual, min(_PIECES, len(residual)))
+    misfit = math.sqrt(float(np.mean([float(piece.mean()) ** 2 for piece in pieces])))
+    contact = scene.instrument.contact_depth
+    return Small(curve.depth, curve.force, force, contact), misfit / (float(np.ptp(curve.force)) or 1.0)
+
+
+def _numbers(row: Mapping[Any, Any]) -> Iterator[str]:
+    for name in sample_parameters(pd.DataFrame(columns=list(row))):
+        value, error = row[name], row[f"{name}.stderr"]
+        if isinstance(value, float) and math.isfinite(value):
+            yield f"{start(label(name))} {format_quantity(value, kind_of(name), error)}"
+
+
+def _page_name(number: int) -> str:
+    return "review.html" if number == 1 else f"review-{number}.html"
+
+
+def _pages(cards: Sequence[Card], per_page: int) -> Iterator[str]:
+    groups = [cards[first : first + per_page] for first in range(0, len(cards), per_page)]
+    style = (_TEMPLATES / "page" / "review.css").read_text(encoding="utf-8")
+    counts = {word: sum(card.verdict == word for card in cards) for word in ("refused", "doubtful", "good")}
+    told = ", ".join(f"{count} {word}" for word, count in counts.items())
+    links = " ".join(f'<a href="{_page_name(n)}">{n}</a>' for n in range(1, len(groups) + 1))
+    for number, group in enumerate(groups, start=1):
+        first = 1 + (number - 1) * per_page
+        body = "\n".join(_article(card, first + n) for n, card in enumerate(group))
+        yield (
+            '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+            '<meta name="viewport" content="width=device-width">'
+            '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
+            "style-src 'unsafe-inline'\">"
+            f"<title>Curves to look at, page {number}</title><style>{style}</style></head><body>"
+            f"<h1>{len(cards)} curves, worst first: {told}</h1>"
+            f"<p>Write <b>accept</b> or <b>refuse</b>, and why, beside a curve's name in <b>{_DECISIONS}</b>, "
+            "whose rows are in this order; then run the same <code>underlay map</code> again with "
+            f"<code>--resume --decisions {_DECISIONS}</code>. Grey: measured; blue: fit; dashed: contact point; "
+            f"below: what is left over.</p><nav>Page {number} of {len(groups)}: {links}</nav>"
+            f'<div class="grid">\n{body}\n</div></body></html>\n'
+        )
+
+
+def _article(card: Card, number: int) -> str:
+    verdict = card.verdict if card.verdict in _ORDER else "doubtful"
+    misfit = f"misfit {100.0 * card.misfit:.2g} % of the force" if math.isfinite(card.misfit) else "no fit"
+    lines = [*card.numbers, f"{card.verdict}; {misfit}"]
+    parts = [f"<p>{html.escape(line)}</p>" for line in lines]
+    if card.reason:
+        parts.append(f'<p class="why">{html.escape(card.reason)}</p>')
+    if card.decision:
+        parts.append(f"<p><b>decided: {html.escape(card.decision)}</b></p>")
+    head = f"{number}. {html.escape(one_line(card.name, 120))}"
+    return f'<article class="{verdict}"><h2>{head}</h2>{card.picture}{"".join(parts)}</article>'
