@@ -139,6 +139,11 @@ class AnalysisFolder:
         path = self.result(name)
         return read_bytes(path, _ANY) if path.is_file() else None
 
+    def result_files(self, stem: str, suffix: str) -> list[Path]:
+        """Results of a curve with this ending, by name."""
+        found = (path for path in self.results.iterdir() if path.suffix == suffix)
+        return sorted(path for path in found if stem and path.name.startswith(f"{stem}."))
+
 
 def safe_name(name: str) -> str:
     """Return the name of a file without what could lead elsewhere.

@@ -5,72 +5,37 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from underlay._csv_text import csv_text
 from underlay._documents import parse_json
 from underlay._door import FileKind, read_text, sha256_of, understood
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder
+from underlay.app.shown import Found, Row
 from underlay.app.work import Tell
 from underlay.cli.fit import quality_doubts, reservations, write_fit
 from underlay.cli.wording import spoken
 from underlay.errors import UnderlayError
 from underlay.inference.least_squares import Fit
+from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.inference.problem import Problem
 from underlay.report import plots
 from underlay.report.model_limits import model_limits
 from underlay.report.open_ends import advice, rivals
+from underlay.report.pointwise_tables import pointwise_of, pointwise_sentence
 from underlay.report.tables import interval_table
 from underlay.report.words import headline, stands_on, verdict_sentence
 from underlay.scene.effects import effects_table
 from underlay.scene.scene_file import SceneFile
 
-__all__ = ["Found", "fingerprint", "found_before", "stem_of", "tell_found"]
+__all__ = ["fingerprint", "found_before", "rows_of", "stem_of", "tell_found"]
 
 _KIND = FileKind("a result of the page", 5_000_000, "press Fit again")
-
-
-@dataclass(frozen=True)
-class Found:
-    """What is shown of a fit.
-
-    Parameters
-    ----------
-    stem : str
-        Beginning of the names of its files.
-    of : str
-        Fingerprint of the curve and scene that were fitted.
-    headline, verdict : str
-        In words.
-    more : tuple of str
-        Other optima, what it stands on, what the law leaves out, the second test that would tell.
-    doubts : tuple of str
-        Warnings of the reader, the fit and the laws.
-    table : tuple of dict of str to str
-        A row per fitted number.
-    effects : tuple of dict of str to str
-        A row per effect.
-    values : mapping of str to str
-        Every fitted number (SI) to its last bit.
-    pictures : tuple of str
-        Names of the files.
-    """
-
-    stem: str
-    of: str
-    headline: str = ""
-    verdict: str = ""
-    more: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
-    table: tuple[dict[str, str], ...] = ()
-    effects: tuple[dict[str, str], ...] = ()
-    values: dict[str, str] = field(default_factory=dict)
-    pictures: tuple[str, ...] = ()
 
 
 def stem_of(file: SceneFile) -> str:
@@ -108,12 +73,15 @@ def _parts(
         "headline": spoken(headline(result)),
         "verdict": spoken(verdict_sentence(result)),
         "values": {name: repr(float(value)) for name, value in result.values.items()},
-        "table": _rows(interval_table(result).rename_axis("parameter").reset_index()),
+        "table": rows_of(interval_table(result)),
     }
     doubts = [*quality_doubts(problem), *reservations(result, notes)]
     yield {"doubts": tuple(dict.fromkeys(map(spoken, doubts)))}
     written = write_fit(result, folder.results, stem_of(file))
     yield {"pictures": tuple(path.name for path in written if path.suffix == ".png")}
+    yield from _by_depth(
+        folder, result, [path.name for path in written if path.suffix == ".png"], stem_of(file)
+    )
     told = [*rivals(result), stands_on(result), *model_limits(result), *advice(result)]
     yield {"more": tuple(spoken(sentence) for sentence in told if sentence)}
     try:
@@ -127,7 +95,19 @@ def _parts(
     except UnderlayError:
         # A scene that the ledger has no rows for: the fit stands without it.
         return
-    yield {"effects": _rows(effects)}
+    yield {"effects": rows_of(effects)}
+
+
+def _by_depth(
+    folder: AnalysisFolder, result: Fit, pictures: list[str], stem: str
+) -> Iterator[dict[str, Any]]:
+    """The modulus depth by depth, where it can be read."""
+    (found,) = pointwise_of(result)[:1]
+    if isinstance(found, PointwiseModulus):
+        plots.save(plots.pointwise_modulus(found), folder.result(f"{stem}.depths.png"))
+        write_atomic(folder.result(f"{stem}.depths.csv"), csv_text(found.table()))
+        yield {"pictures": (*pictures, f"{stem}.depths.png")}
+    yield {"depths": spoken(pointwise_sentence(found))}
 
 
 def found_before(folder: AnalysisFolder, stem: str) -> Found | None:
@@ -142,7 +122,10 @@ def found_before(folder: AnalysisFolder, stem: str) -> Found | None:
         return None
 
 
-def _rows(frame: Any) -> tuple[dict[str, str], ...]:
+def rows_of(frame: pd.DataFrame) -> tuple[Row, ...]:
+    """Rows of a table as texts; an index of names becomes the first column."""
+    if not pd.api.types.is_integer_dtype(frame.index):
+        frame = frame.rename_axis(frame.index.name or frame.columns.name or "parameter", axis=0).reset_index()
     return tuple({str(key): _cell(value) for key, value in row.items()} for row in frame.to_dict("records"))
 
 
@@ -152,8 +135,3 @@ def _cell(value: object) -> str:
     if isinstance(value, float):
         return "" if np.isnan(value) else f"{value:.4g}"
     return str(value)
-
-
-def pictures_of(folder: AnalysisFolder, stem: str) -> list[Path]:
-    """Every picture of a result."""
-    return sorted(folder.results.glob(f"{stem}.*.png"))

@@ -9,7 +9,6 @@ from pathlib import Path
 
 from nicegui import app, ui
 
-from underlay._files import require_writable_folder
 from underlay.app.pages.routes import add_pages
 from underlay.app.security import Doorkeeper, Guard
 from underlay.app.state import Home
@@ -46,7 +45,7 @@ def serve(folder: Path, port: int = 0, *, show: bool = True, tell: Callable[[str
     port = port or _free_port()
     names = [f"{name}:{port}" for name in (_HOST, "localhost")]
     keeper = Doorkeeper(names, f"underlay_{port}")
-    home = Home(require_writable_folder(folder), keeper, f"http://{_HOST}:{port}")
+    home = Home(folder, keeper, f"http://{_HOST}:{port}")
     prepare(home)
 
     def begin() -> None:

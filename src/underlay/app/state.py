@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from underlay._files import require_writable_folder
 from underlay.app.folder import AnalysisFolder
 from underlay.app.form import Draft, preset
 from underlay.app.security import Doorkeeper
-from underlay.app.tasks import Analyst
 from underlay.app.work import Worker
 from underlay.errors import UnderlayError
 
 __all__ = ["Home", "OpenAnalysis"]
 
+_TASKS = "underlay.app.tasks:Analyst"
 _BEGINNING = "cartilage_on_bone"
 
 
@@ -34,8 +35,8 @@ class OpenAnalysis:
 
     def __init__(self, folder: AnalysisFolder) -> None:
         self.folder = folder
-        self.quick = Worker(Analyst, str(folder.path))
-        self.long = Worker(Analyst, str(folder.path))
+        self.quick = Worker(_TASKS, str(folder.path))
+        self.long = Worker(_TASKS, str(folder.path))
         self.window = 0
         try:
             self.draft = Draft.of(folder.scene_text())
@@ -92,7 +93,7 @@ class Home:
     """
 
     def __init__(self, path: Path, keeper: Doorkeeper, address: str) -> None:
-        self.path, self.keeper, self.address = path, keeper, address
+        self.path, self.keeper, self.address = require_writable_folder(path), keeper, address
         self._open: dict[str, OpenAnalysis] = {}
 
     def open(self, name: str) -> OpenAnalysis:

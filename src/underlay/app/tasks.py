@@ -5,15 +5,18 @@ Results are plain values, so that they travel through a pipe: texts, numbers, an
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from underlay._door import sha256_of
+from underlay.app import many, takeaway
 from underlay.app.folder import AnalysisFolder
-from underlay.app.results import Found, fingerprint, found_before, stem_of, tell_found
+from underlay.app.labels import read_labels, set_label, take_manifest
+from underlay.app.posterior import sample_posterior
+from underlay.app.results import fingerprint, found_before, stem_of, tell_found
+from underlay.app.shown import Found, Gallery, Look, Overview, Reading, Sampled, Together
 from underlay.app.work import Tell
 from underlay.cli.console import gathered_warnings
 from underlay.cli.wording import spoken
@@ -28,71 +31,18 @@ from underlay.inference.from_files import chosen_part, problem_from, read_whole
 from underlay.inference.held_contact import laws_at_contact
 from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.problem import Problem
 from underlay.report import plots
-from underlay.report.plots.laws import Canvas, canvas
+from underlay.report.plots.laws import canvas
 from underlay.report.plots.style import drawn, unit_for
 from underlay.report.reading import format_name, reading_table
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import format_quantity
 
-__all__ = ["Analyst", "Look", "Reading"]
+__all__ = ["Analyst"]
 
 _READING = ("format", "columns", "calibration")
 _CONTACT = "instrument.contact_depth"
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How a file was read.
-
-    Parameters
-    ----------
-    file : str
-        Its name.
-    format, instrument, vendor : str
-        In words; empty where the file says nothing.
-    tests : tuple of dict of str to str
-        A row per test.
-    notes : tuple of str
-        What is wrong, or worth knowing.
-    refused : str
-        Why it could not be read; empty where it could.
-    """
-
-    file: str
-    format: str = ""
-    instrument: str = ""
-    vendor: str = ""
-    tests: tuple[dict[str, str], ...] = ()
-    notes: tuple[str, ...] = ()
-    refused: str = ""
-
-
-@dataclass(frozen=True)
-class Look:
-    """A curve before its fit.
-
-    Parameters
-    ----------
-    picture : Canvas
-        Of the curve and both laws.
-    contact, low, high : float
-        Depth readings (m) of the contact and of the ends of what is used.
-    moduli : mapping of str to str
-        Layer modulus by law, in words.
-    quality : str
-        Verdict on the curve.
-    notes : tuple of str
-        What speaks against it, and what a law refused.
-    """
-
-    picture: Canvas
-    contact: float
-    low: float
-    high: float
-    moduli: dict[str, str] = field(default_factory=dict)
-    quality: str = ""
-    notes: tuple[str, ...] = ()
 
 
 class Analyst:
@@ -152,7 +102,7 @@ class Analyst:
         curve = self._curve(file)
         low = float(file.curve.get("min_depth", -np.inf)) if low is None else low
         high = float(file.curve.get("max_depth", np.inf)) if high is None else high
-        quality, notes = "", []
+        quality, notes = "", list[str]()
         if contact is None:
             quality, notes = _quality(curve, file)
             contact = _first_contact(curve, file)
@@ -174,9 +124,8 @@ class Analyst:
     def fit(self, tell: Tell) -> Found:
         """Fit the curve as the scene says; what is there already is told on the way."""
         file = read_scene_file(self._folder.scene)
-        curve = chosen_part(self._curve(file), file.curve).with_metadata(scene_path=str(file.path))
         with gathered_warnings() as notes:
-            problem = problem_from(file, curve)
+            problem = self._problem(file)
             result = least_squares_fit(problem)
         self._fit = (fingerprint(file), result)
         return tell_found(self._folder, file, problem, result, notes, tell)
@@ -186,6 +135,77 @@ class Analyst:
         file = read_scene_file(self._folder.scene)
         before = found_before(self._folder, stem_of(file))
         return before, before is not None and before.of == fingerprint(file)
+
+    def sample(self, most: int, tell: Tell) -> Sampled:
+        """Sample the posterior of the curve."""
+        file = read_scene_file(self._folder.scene)
+        return sample_posterior(self._folder, file, chosen_part(self._curve(file), file.curve), most, tell)
+
+    def fit_all(self, tell: Tell) -> Overview:
+        """Fit every curve."""
+        return many.run_map(self._folder, tell)
+
+    def overview(self, _tell: Tell) -> Overview:
+        """Say what was found on all curves."""
+        return many.overview(self._folder)
+
+    def gallery(self, page: int, _tell: Tell) -> Gallery:
+        """One page of the curves, worst first."""
+        return many.gallery(self._folder, page)
+
+    def decide(self, names: list[str], word: str, reason: str, _tell: Tell) -> None:
+        """Keep a decision."""
+        many.decide(self._folder, names, word, reason)
+
+    def labels(self, _tell: Tell) -> dict[str, dict[str, str]]:
+        """Whose each curve is."""
+        return read_labels(self._folder)
+
+    def set_label(self, files: list[str], column: str, label: str, _tell: Tell) -> None:
+        """Say whose curves are."""
+        set_label(self._folder, files, column, label)
+
+    def take_manifest(self, content: bytes, _tell: Tell) -> None:
+        """Keep a manifest."""
+        take_manifest(self._folder, content)
+
+    def population(self, by: str, group: str, _tell: Tell) -> Together:
+        """Say what all curves tell of a population."""
+        return many.show_population(self._folder, by, group)
+
+    def archive(self, _tell: Tell) -> bytes:
+        """The analysis as files that repeat it."""
+        return takeaway.analysis_archive(self._folder, read_scene_file(self._folder.scene))
+
+    def script(self, _tell: Tell) -> str:
+        """The analysis as Python."""
+        file = read_scene_file(self._folder.scene)
+        found = found_before(self._folder, stem_of(file))
+        return takeaway.script(file, {} if found is None else found.values)
+
+    def excel(self, _tell: Tell) -> bytes:
+        """The fit as an Excel file."""
+        return takeaway.workbook_of(self._fitted())
+
+    def excel_of_all(self, _tell: Tell) -> bytes:
+        """The map as an Excel file."""
+        return takeaway.map_workbook(self._folder)
+
+    def report(self, _tell: Tell) -> bytes:
+        """The fit as a page."""
+        file = read_scene_file(self._folder.scene)
+        return takeaway.report_page(self._folder, self._fitted(), stem_of(file))
+
+    def _fitted(self) -> Fit:
+        """The fit of the scene as it is; made again where this process did not make it."""
+        file = read_scene_file(self._folder.scene)
+        if self._fit is None or self._fit[0] != fingerprint(file):
+            self._fit = (fingerprint(file), least_squares_fit(self._problem(file)))
+        return self._fit[1]
+
+    def _problem(self, file: SceneFile) -> Problem:
+        curve = chosen_part(self._curve(file), file.curve)
+        return problem_from(file, curve.with_metadata(scene_path=str(file.path)))
 
     def _stated(self) -> dict[str, Any]:
         """What the scene says of how files are read; nothing while it is not complete."""

@@ -9,10 +9,11 @@ from __future__ import annotations
 import asyncio
 import multiprocessing
 import os
-import pickle
 import signal
 import threading
 from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import parent_process
 from typing import Any
@@ -24,6 +25,7 @@ __all__ = ["Tell", "WorkError", "Worker"]
 
 Tell = Callable[[Any], None]
 
+_STOPPED = "stopped; what was finished is kept"
 _SAID, _DONE, _REFUSED, _FAILED = "said", "done", "refused", "failed"
 
 
@@ -36,14 +38,14 @@ class Worker:
 
     Parameters
     ----------
-    make : callable
-        Called in the process: returns the object whose methods are the tasks. A function or class of a module.
+    made_by : str
+        Module and class, ``"underlay.app.tasks:Analyst"``, whose methods are the tasks; loaded in the process only.
     arguments : tuple
-        For `make`; plain values.
+        For the class; plain values.
     """
 
-    def __init__(self, make: Callable[..., object], *arguments: Any) -> None:
-        self._made_by = (make, arguments)
+    def __init__(self, made_by: str, *arguments: Any) -> None:
+        self._made_by = (made_by, arguments)
         self._process: Any = None
         self._connection: Connection | None = None
         self._turn = asyncio.Lock()
@@ -84,6 +86,12 @@ class Worker:
             except (EOFError, OSError) as error:
                 raise WorkError(self._epitaph(task)) from error
 
+    def ask_to_stop(self) -> None:
+        """Have a task that tells how far it is end there, with what it has."""
+        if self.is_busy and self._connection is not None:
+            with suppress(OSError):
+                self._connection.send(_STOPPED)
+
     def stop(self) -> None:
         """End the process, whatever it is doing; the next call starts another."""
         self._stopped = True
@@ -99,7 +107,7 @@ class Worker:
             self._connection.close()
         self._connection, theirs = multiprocessing.Pipe()
         self._process = multiprocessing.get_context("spawn").Process(
-            target=_serve, args=(theirs, pickle.dumps(self._made_by))
+            target=_serve, args=(theirs, *self._made_by)
         )
         with start_of_a_process():
             self._process.start()
@@ -110,7 +118,7 @@ class Worker:
 
     def _epitaph(self, task: str) -> str:
         if self._stopped:
-            return "stopped; what was finished is kept"
+            return _STOPPED
         if self._process is not None:
             self._process.join(1.0)
             code, self._process = self._process.exitcode, None
@@ -123,19 +131,34 @@ class Worker:
         )
 
 
-def _serve(connection: Connection, made_by: bytes) -> None:
+def _serve(connection: Connection, made_by: str, arguments: tuple[Any, ...]) -> None:
     """Do what is asked until the parent is gone."""
     # Ctrl-C reaches the whole group of processes; the parent decides what ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    make, arguments = pickle.loads(made_by)  # noqa: S301  from the parent process only
-    tasks = make(*arguments)
+    module, _, name = made_by.partition(":")
+    tasks = getattr(import_module(module), name)(*arguments)
     while True:
         try:
-            task, given = connection.recv()
+            message = connection.recv()
         except (EOFError, OSError):
             return
-        connection.send(_answer(tasks, task, given, lambda value: connection.send((_SAID, value))))
+        if message == _STOPPED:
+            continue  # what should have stopped was done already
+        task, given = message
+        connection.send(_answer(tasks, task, given, _teller(connection)))
+
+
+def _teller(connection: Connection) -> Tell:
+    """What a task tells through; when a stop was asked for meanwhile it raises what Ctrl-C raises."""
+
+    def tell(value: Any) -> None:
+        connection.send((_SAID, value))
+        if connection.poll():
+            connection.recv()
+            raise KeyboardInterrupt
+
+    return tell
 
 
 def _answer(tasks: object, task: str, given: tuple[Any, ...], tell: Tell) -> tuple[str, Any]:
@@ -143,6 +166,8 @@ def _answer(tasks: object, task: str, given: tuple[Any, ...], tell: Tell) -> tup
         return _DONE, getattr(tasks, task)(*given, tell)
     except UnderlayError as error:
         return _REFUSED, str(error)
+    except KeyboardInterrupt:
+        return _REFUSED, _STOPPED
     except Exception as error:  # noqa: BLE001  whatever it is, the page says it and lives on
         return (
             _FAILED,

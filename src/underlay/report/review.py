@@ -97,8 +97,8 @@ def write_review(
     curves, scene, folders
         As `fit_many` was given them.
     folder : path
-        Where ``review.html`` (and ``review-2.html``, ... for what one page does not hold) and ``decisions.csv`` are written. The
-        pages open offline and hold no script. `read_decisions` reads the CSV back.
+        Where ``review.html`` (and ``review-2.html``, ... for what one page does not hold) and ``decisions.csv`` are
+        written. The pages open offline and hold no script. `read_decisions` reads the CSV back.
     decisions : Decisions, optional
         What was decided already: it is shown, and kept in the CSV.
     solver : Solver or str, optional

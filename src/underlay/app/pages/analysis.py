@@ -6,8 +6,10 @@ from nicegui import ui
 
 from underlay.app.pages.files import FilesStep
 from underlay.app.pages.fitting import FitStep
+from underlay.app.pages.many import ManyStep
 from underlay.app.pages.scene import SceneStep
 from underlay.app.pages.step import Step, Window
+from underlay.app.pages.takeaway import TakeAwayStep
 from underlay.app.state import Home, OpenAnalysis
 
 __all__ = ["AnalysisPage"]
@@ -27,15 +29,14 @@ class AnalysisPage:
     def __init__(self, home: Home, analysis: OpenAnalysis) -> None:
         self._home = home
         self.window = Window(analysis)
-        self._steps: list[Step] = [FilesStep(self.window), SceneStep(self.window), FitStep(self.window)]
+        kinds: tuple[type[Step], ...] = (FilesStep, SceneStep, FitStep, ManyStep, TakeAwayStep)
+        self._steps = [kind(self.window) for kind in kinds]
 
     async def build(self) -> None:
         """Build the whole page and show the step that is next."""
         self._head()
         first = self._steps[0 if not self.window.analysis.curve_name else 2]
-        with ui.tabs(value=first.title, on_change=lambda event: self._show(str(event.value))).classes(
-            "steps"
-        ) as tabs:
+        with ui.tabs(on_change=lambda event: self._show(str(event.value))).classes("steps") as tabs:
             for number, step in enumerate(self._steps, start=1):
                 ui.tab(step.title, label=f"{number}  {step.title}").mark(f"step-{number}")
         self.window.go = tabs.set_value

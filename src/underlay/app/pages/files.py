@@ -8,7 +8,7 @@ from nicegui import events, ui
 
 from underlay.app.folder import LARGEST_FILE
 from underlay.app.pages.step import Step, data_address, message_list
-from underlay.app.tasks import Reading
+from underlay.app.shown import Reading
 from underlay.data.readers import FORMATS
 from underlay.errors import UnderlayError
 

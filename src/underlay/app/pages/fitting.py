@@ -8,7 +8,7 @@ from nicegui import events, ui
 
 from underlay.app.pages.outcome import Outcome
 from underlay.app.pages.step import Step, Window, data_address, message_list
-from underlay.app.tasks import Look
+from underlay.app.shown import Look
 from underlay.units import format_quantity
 
 __all__ = ["FitStep"]

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from nicegui import ui
 
 from underlay.app.pages.step import Window, data_address, message_list
-from underlay.app.results import Found
+from underlay.app.pages.working import Working
+from underlay.app.shown import Found, Row
 
-__all__ = ["Outcome", "plain_table"]
+__all__ = ["Outcome", "plain_table", "plain_words"]
 
 _OLD = "The test, the contact point or the range was changed since: press Fit again."
+_TOLD = {
+    "fit": "measured, fitted, half-space of the same modulus, and residuals",
+    "depths": "modulus at each depth by itself",
+    "segments": "segments of the whole curve",
+    "time": "force against time",
+}
 
 
 class Outcome:
-    """The button that fits, and what came of it.
+    """What came of a fit.
 
     Parameters
     ----------
@@ -28,12 +35,8 @@ class Outcome:
     def __init__(self, window: Window, prepare: Callable[[], None]) -> None:
         self._window, self._prepare = window, prepare
         with ui.row().classes("actions"):
-            self._fit = ui.button("Fit", on_click=self._go).props("unelevated no-caps size=lg").mark("fit")
-            self._stop = ui.button("Stop", on_click=window.analysis.long.stop).props("outline no-caps")
-            self._stop.mark("stop").set_visibility(False)
-            self._busy = ui.spinner(size="sm")
-            self._busy.set_visibility(False)
-        self._old = ui.label(_OLD).classes("note")
+            self._working = Working(window, "Fit", self._go, mark="fit", heard=self._shown)
+        self._old = ui.label(_OLD).classes("note").mark("old")
         self._old.set_visibility(False)
         self._place = ui.column().classes("wide outcome")
 
@@ -51,21 +54,12 @@ class Outcome:
         self._old.set_visibility(bool(self._place.default_slot.children))
 
     async def _go(self) -> None:
-        if not self._window.holds or self._window.analysis.long.is_busy:
-            return
         self._prepare()
         self._old.set_visibility(False)
         self._place.clear()
-        self._working(on=True)
-        found = await self._window.ask(self._window.analysis.long, "fit", heard=self._shown)
-        self._working(on=False)
+        found = await self._working.run("fit")
         if isinstance(found, Found):
             self._shown(found)
-
-    def _working(self, *, on: bool) -> None:
-        self._fit.set_enabled(not on)
-        self._stop.set_visibility(on)
-        self._busy.set_visibility(on)
 
     def _shown(self, found: Found) -> None:
         self._place.clear()
@@ -75,28 +69,37 @@ class Outcome:
             ui.label(found.verdict).classes("verdict good" if good else "verdict doubtful").mark("verdict")
             plain_table(found.table)
             with ui.row().classes("columns"):
-                with ui.column().classes("main"):
+                with ui.element("div").classes("main pictures"):
                     for name in found.pictures:
-                        content = self._window.analysis.folder.read_result(name)
-                        if content is not None:
-                            ui.image(data_address(content)).classes("picture").props(f'alt="{_told(name)}"')
+                        self._picture(name)
                 with ui.column().classes("side"):
                     message_list(found.doubts)
                     message_list(found.more, "more")
+                    message_list([found.depths] if found.depths else [], "more")
             if found.effects:
                 ui.label("What acts in this test, and how much").classes("heading")
                 plain_table(found.effects)
 
+    def _picture(self, name: str) -> None:
+        content = self._window.analysis.folder.read_result(name)
+        what = name.split(".")[-2]
+        if content is not None:
+            with ui.element("figure"):
+                ui.image(data_address(content)).props(f'alt="{_TOLD.get(what, what)}"')
+                ui.label(_TOLD.get(what, what)).classes("quiet")
 
-def _told(name: str) -> str:
-    return {"fit": "measured, fitted, half-space, residuals"}.get(name.split(".")[-2], name.split(".")[-2])
 
-
-def plain_table(rows: tuple[dict[str, str], ...]) -> None:
+def plain_table(rows: tuple[Row, ...]) -> None:
     """Show rows of text."""
     if not rows:
         return
     columns = [{"name": key, "label": key, "field": key, "align": "left"} for key in rows[0]]
-    ui.table(columns=columns, rows=[dict(row) for row in rows], row_key=next(iter(rows[0]))).props(
-        "flat dense wrap-cells"
-    ).classes("wide")
+    table = ui.table(columns=columns, rows=[dict(row) for row in rows], row_key=next(iter(rows[0])))
+    table.props("flat dense wrap-cells hide-pagination").classes("wide")
+
+
+def plain_words(place: ui.column, texts: Iterable[str], kind: str = "bad") -> None:
+    """Show sentences in place of what was there."""
+    place.clear()
+    with place:
+        message_list(texts, kind)

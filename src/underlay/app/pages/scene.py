@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from nicegui import ui
 
-from underlay.app.form import ADVANCED, BASES, PRESETS, TOP, Draft, Field, apart, preset, problem_with
+from underlay.app.form import ADVANCED, BASES, PRESETS, Draft, Field, apart, preset, problem_with
 from underlay.app.pages.free import FreeTable
 from underlay.app.pages.step import Step, data_address
-from underlay.scene.scene_keys import SceneKey
+from underlay.scene.scene_keys import TOP, SceneKey
 
 __all__ = ["SceneStep"]
 
 _CHOOSES = ("shape", "model")
+# What a scene says of its curve that stays when another sample is begun with.
+_OF_THE_FILE = ("file", "test", "format", "columns", "flip", "calibration")
 
 
 class SceneStep(Step):
@@ -145,11 +148,8 @@ class SceneStep(Step):
 
     async def _begin(self, name: str) -> None:
         """Begin with a sample; the curve that is looked at stays."""
-        kept = {
-            key: self.analysis.draft.peek("curve")[key]
-            for key in ("file", "test", "format", "columns", "flip", "calibration")
-            if key in self.analysis.draft.peek("curve")
-        }
+        before = self.analysis.draft.peek("curve")
+        kept: dict[str, Any] = {key: before[key] for key in _OF_THE_FILE if key in before}
         self.analysis.draft = preset(name)
         self.analysis.draft.table("curve").update(kept)
         if self.window.keep():

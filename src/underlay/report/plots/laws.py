@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -11,42 +10,16 @@ from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
+from underlay.report.canvas import Canvas
 from underlay.report.plots.style import DATA, FIT, GREY, PAGE, REFERENCE, drawn, style, unit_for
 
-__all__ = ["Canvas", "canvas", "laws"]
+__all__ = ["canvas", "laws"]
 
 # More points than the picture has pixels only make it slow.
 _MOST_POINTS = 1500
 # Of a picture on a page: crisp enough, and drawn in half the time of one for print.
 _DPI = 130
 _LINES = ((FIT, "-"), (REFERENCE, "--"))
-
-
-@dataclass(frozen=True)
-class Canvas:
-    """A picture as bytes, and where its horizontal axis lies in it.
-
-    Parameters
-    ----------
-    data : bytes
-        Of a PNG file.
-    width, height : int
-        In pixels.
-    left, right, top, bottom : float
-        Of the axes, in pixels from the upper left corner.
-    low, high : float
-        Ends of the horizontal axis (SI).
-    """
-
-    data: bytes
-    width: int
-    height: int
-    left: float
-    right: float
-    top: float
-    bottom: float
-    low: float
-    high: float
 
 
 def laws(
