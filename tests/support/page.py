@@ -4,7 +4,8 @@ import asyncio
 import contextlib
 import logging
 
-from nicegui import Client, ui
+import httpx
+from nicegui import Client, core, ui
 from nicegui.elements.upload_files import SmallFileUpload
 from nicegui.testing import User
 from nicegui.testing.user_simulation import user_simulation
@@ -66,9 +67,11 @@ async def bring(user: User, *files):
 
 async def begin(user: User):
     """Start an analysis; its folder."""
+    before = set(user.home._open)
     press(user, "new")
-    await until(user, "step-1")
-    return next(iter(user.home._open.values())).folder
+    await until(user, "drop")
+    (name,) = set(user.home._open) - before
+    return user.home._open[name].folder
 
 
 def text_of(user: User, marker):
@@ -79,7 +82,7 @@ def text_of(user: User, marker):
 
 def run(scenario):
     """Run a person's actions."""
-    asyncio.run(scenario)
+    return asyncio.run(scenario)
 
 
 def write(user: User, marker, text):
@@ -101,3 +104,35 @@ async def until_said(user: User, words, seconds=60.0):
 def marks(user: User):
     """Every mark on the page."""
     return {mark for element in user.client.elements.values() for mark in element._markers}
+
+
+def seen(user: User):
+    """Marks of what is visible."""
+    return {mark for element in user.client.elements.values() if element.visible for mark in element._markers}
+
+
+async def changed(user: User, marker, before, seconds=60.0):
+    """Wait until a text is another one."""
+    for _ in range(int(seconds / 0.05)):
+        await asyncio.sleep(0.05)
+        with contextlib.suppress(AssertionError, ValueError):
+            if text_of(user, marker) != before:
+                return
+    raise AssertionError(f"{marker} is still {before}")
+
+
+def stranger(user: User):
+    """Somebody on this machine who was not given an address."""
+    client = httpx.AsyncClient(transport=httpx.ASGITransport(core.app), base_url=f"http://{HOST}")
+    other = User(client)
+    other.home = user.home
+    return other
+
+
+@contextlib.asynccontextmanager
+async def second_browser(user: User):
+    """Another browser, with an address of its own."""
+    other = stranger(user)
+    async with other.http_client:
+        await other.open(user.home.new_address())
+        yield other

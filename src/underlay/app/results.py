@@ -105,7 +105,7 @@ def _by_depth(
     (found,) = pointwise_of(result)[:1]
     if isinstance(found, PointwiseModulus):
         plots.save(plots.pointwise_modulus(found), folder.result(f"{stem}.depths.png"))
-        write_atomic(folder.result(f"{stem}.depths.csv"), csv_text(found.table()))
+        write_atomic(folder.result(f"{stem}.depths.csv"), csv_text(found.table))
         yield {"pictures": (*pictures, f"{stem}.depths.png")}
     yield {"depths": spoken(pointwise_sentence(found))}
 
@@ -125,7 +125,8 @@ def found_before(folder: AnalysisFolder, stem: str) -> Found | None:
 def rows_of(frame: pd.DataFrame) -> tuple[Row, ...]:
     """Rows of a table as texts; an index of names becomes the first column."""
     if not pd.api.types.is_integer_dtype(frame.index):
-        frame = frame.rename_axis(frame.index.name or frame.columns.name or "parameter", axis=0).reset_index()
+        name = frame.columns.name if frame.index.name is None else frame.index.name
+        frame = frame.rename_axis(index="parameter" if name is None else str(name)).reset_index()
     return tuple({str(key): _cell(value) for key, value in row.items()} for row in frame.to_dict("records"))
 
 

@@ -75,8 +75,8 @@ class OpenAnalysis:
 
     def close(self) -> None:
         """End the processes."""
-        self.quick.stop()
-        self.long.stop()
+        self.quick.close()
+        self.long.close()
 
 
 class Home:

@@ -49,7 +49,7 @@ class Worker:
         self._process: Any = None
         self._connection: Connection | None = None
         self._turn = asyncio.Lock()
-        self._stopped = False
+        self._stopped = self._closed = False
 
     @property
     def is_busy(self) -> bool:
@@ -70,6 +70,8 @@ class Worker:
             If the task refuses its input, fails, is stopped, or its process dies: the message says which.
         """
         async with self._turn:
+            if self._closed:
+                raise WorkError(_STOPPED)
             connection = self._started()
             loop = asyncio.get_running_loop()
             try:
@@ -99,6 +101,11 @@ class Worker:
             self._process.kill()
             self._process.join()
             self._process = None
+
+    def close(self) -> None:
+        """End the process for good."""
+        self._closed = True
+        self.stop()
 
     def _started(self) -> Connection:
         if self._process is not None and self._process.is_alive() and self._connection is not None:
