@@ -1,4 +1,4 @@
-"""The page in a real browser: from a dropped file to report and spreadsheet, and a decision that outlives a kill."""
+"""The page in a real browser: from a dropped file to report and spreadsheet; a decision outlives a kill."""
 
 import os
 import re

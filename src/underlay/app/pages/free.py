@@ -108,7 +108,7 @@ class FreeTable:
             said = str(entry.value or "").strip()
             text = f"{said} {picked.value}" if said and picked is not None else said
             wrong = problem_with(text, _key_of(kind))
-            entry.props(f'error error-message="{wrong}"' if wrong else "", remove="" if wrong else "error")
+            entry.error = wrong or None
             if not wrong:
                 await self._put(path, name, text)
 

@@ -136,9 +136,7 @@ class SceneStep(Step):
 
         async def changed() -> None:
             wrong = problem_with(text(), field.key)
-            entry.props(
-                f'error error-message="{_quoted(wrong)}"' if wrong else "", remove="" if wrong else "error"
-            )
+            entry.error = wrong or None
             if not wrong:
                 await self._put(field.section, field.key, text())
 
@@ -207,7 +205,3 @@ def _drop_others(draft: Draft, section: str) -> None:
 
 def _mark(field: Field) -> str:
     return f"{field.section}.{field.key.name}".replace(" ", "-")
-
-
-def _quoted(text: str) -> str:
-    return text.replace('"', "'")
