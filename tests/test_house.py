@@ -168,6 +168,8 @@ OPENS_DOTTED = {
 }
 #: The only modules that call them, and why; `_door` checks a file, the others get bytes of it or write.
 DOORS = {
+    "app/server": {"webbrowser.open"},  # opens a browser
+    "app/takeaway": {"zipfile.ZipFile"},  # writes into memory
     "_door": {"os.open", "io.FileIO"},
     "_documents": {"json.loads", "tomllib.loads"},
     "_zip": {"zipfile.ZipFile", "archive.open"},

@@ -96,7 +96,7 @@ class Home:
         self.path, self.keeper, self.address = require_writable_folder(path), keeper, address
         self._open: dict[str, OpenAnalysis] = {}
 
-    def open(self, name: str) -> OpenAnalysis:
+    def analysis(self, name: str) -> OpenAnalysis:
         """Return the analysis of that name, read from its folder when it is first asked for."""
         if name not in self._open:
             self._open[name] = OpenAnalysis(AnalysisFolder(self.path / name))

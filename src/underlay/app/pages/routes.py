@@ -38,7 +38,7 @@ def add_pages(home: Home) -> None:
             ui.label("There is no such analysis here.")
             ui.link("See those that there are", "/")
             return
-        await AnalysisPage(home, home.open(name)).build()
+        await AnalysisPage(home, home.analysis(name)).build()
 
 
 def _list(home: Home) -> None:
