@@ -1,9 +1,12 @@
-"""What is made once for all tests because it takes seconds: the pages of fits and of a posterior."""
+"""What tests share: the command line as the shell calls it, and pages that take seconds to make."""
+
+import sys
 
 import pytest
 
 import underlay as ul
 from support.reports import SAMPLES, joint_fit, small_posterior
+from underlay.cli.app import main
 
 
 @pytest.fixture(scope="session")
@@ -19,3 +22,20 @@ def report_pages(tmp_path_factory):
         "joint": (joint, ul.report(joint, folder / "joint.html")),
         "posterior": (posterior, ul.report(posterior, folder / "posterior.html")),
     }
+
+
+@pytest.fixture
+def run(capsys, monkeypatch):
+    """Call the entry point as the shell would: (exit code, stdout, stderr)."""
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["underlay", *map(str, words)])
+        code = 0
+        try:
+            main()
+        except SystemExit as stop:
+            code = stop.code or 0
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call

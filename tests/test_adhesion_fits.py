@@ -11,6 +11,7 @@ import pytest
 import underlay as ul
 from underlay.data.quality import check_quality
 from underlay.inference.least_squares import adhesive_start
+from underlay.inference.profiles import delta_chi_square_at
 from underlay.inference.sampling.derived import derived_quantities
 from underlay.mechanics.response import History
 from underlay.quantities import quantity
@@ -165,13 +166,14 @@ def test_a_fit_of_the_unloading_does_not_need_a_good_start(factor):
 def test_both_branches_in_one_fit():
     scene = replace(SCENE, adhesion=ul.JKR(2e-4, branch="cycle"))
     curve = made(scene, np.concatenate((DEPTH[::-2], DEPTH[::2])))
-    fit = ul.fit(ul.Problem(scene.with_values({"layer.E": 2e4, "adhesion.work": 1e-3}), curve, FREE))
+    problem = ul.Problem(scene.with_values({"layer.E": 2e4, "adhesion.work": 1e-3}), curve, FREE)
+    fit = ul.fit(problem)
     for path in FREE:
         assert abs(fit.values[path] - scene.parameters[path]) < 4.0 * fit.stderr[path], path
     # Force and depth alone: going in, the tip feels nothing before it touches.
     going_in = np.arange(len(curve)) < len(DEPTH) // 2
     away = going_in & (curve.depth < 1.9e-7)
-    assert (fit.problem.members[0].forward.force(scene.parameters)[away] == 0.0).all()
+    assert (problem.members[0].forward.force(scene.parameters)[away] == 0.0).all()
 
 
 def test_a_fit_behind_a_cantilever():
@@ -180,6 +182,87 @@ def test_a_fit_behind_a_cantilever():
     fit = ul.fit(ul.Problem(scene, made(scene, depth), FREE))
     for path in FREE:
         assert abs(fit.values[path] - scene.parameters[path]) < 4.0 * fit.stderr[path], path
+
+
+@pytest.mark.parametrize("compliance", [0.0, 10.0], ids=["depth", "cantilever"])
+@pytest.mark.parametrize("share", [0.01, 0.97])
+def test_a_reading_beside_the_pull_off_is_left_out(compliance, share):
+    """The last reading in contact a hundredth of a spacing before the end, and the first off as near behind it.
+
+    With them the sum of squares has a wall within a tenth of the error of the place of the jump: fits stopped on
+    the wrong side of it, thousands above the least, and errors were those of the slope beside a root.
+    """
+    scene = replace(SCENE, instrument=ul.Instrument(contact_depth=2e-7, compliance=compliance))
+    law = scene.contact_law(3e-6)
+    end = law.pull_off(compliance)
+    place = 2e-7 + end.depth + compliance * end.force
+    spacing = 2e-8
+    depth = place + spacing * (share + np.arange(110, -45, -1))
+    noise = ul.Noise(force=0.01 * PULL)
+    for seed in range(3):
+        curve = ul.synthesize(scene, depth, noise, rng=seed)
+        fit = ul.fit(ul.Problem(scene, curve, FREE, noise))
+        said = [warning.message for warning in fit.warnings if warning.code == "jump"]
+        assert len(said) == 1
+        assert "1 reading was left out" in said[0]
+        gone = set(depth.tolist()) - set(fit.curves[0].depth.tolist())
+        assert gone == {depth[110] if share < 0.5 else depth[111]}
+        for path in FREE:
+            pull = (fit.values[path] - scene.parameters[path]) / fit.stderr[path]
+            assert abs(pull) < 4.0
+            # Without the wall the likelihood is quadratic: both ways to ask for an interval agree.
+            rise = delta_chi_square_at(fit, path, scene.parameters[path])
+            assert rise == pytest.approx(pull**2, abs=0.3 + 0.1 * pull**2)
+
+
+def test_readings_in_the_middle_between_two_states_stay():
+    law = SCENE.contact_law(3e-6)
+    depth = 2e-7 + law.pull_off_depth + 2e-8 * (0.5 + np.arange(110, -45, -1))
+    noise = ul.Noise(force=0.003 * PULL)
+    fit = ul.fit(ul.Problem(SCENE, ul.synthesize(SCENE, depth, noise, rng=0), FREE, noise))
+    assert len(fit.curves[0]) == len(depth)
+    assert not [warning for warning in fit.warnings if warning.code == "jump"]
+
+
+def test_readings_that_tell_the_place_of_the_jump_best_stay():
+    """A thin layer whose modulus and thickness are known together only: the others place the jump worse.
+
+    Without the two beside the jump the standard error of the modulus was three times as large.
+    """
+    gel = ul.Layer(ul.Isotropic(5e3, 0.48), 2e-6)
+    instrument = ul.Instrument(contact_depth=3e-7, compliance=20.0)
+    scene = ul.Scene(ul.Paraboloid(1e-5), gel, ul.RIGID, instrument, adhesion=ul.JKR(work=2e-4))
+    noise = ul.Noise(force=0.02 * scene.contact_law(0.0).pull_off_force)
+    curve = ul.synthesize(scene, np.linspace(2.2e-6, -2e-6, 250), noise, rng=20)
+    free = FREE | {"layer.thickness": ul.LogUniform(3e-7, 3e-5)}
+    fit = ul.fit(ul.Problem(scene, curve, free, noise), start="given")
+    assert len(fit.curves[0]) == len(curve)
+    assert fit.stderr["layer.E"] < 0.25 * fit.values["layer.E"]
+
+
+def test_where_the_force_jumps():
+    """The elastic law nowhere; others where contact begins or is lost, behind a spring and after scaling too."""
+    assert replace(SCENE, adhesion=None).contact_law(1e-6).jump_travels() == ()
+    law = SCENE.contact_law(1e-6)
+    assert law.jump_travels() == pytest.approx((law.pull_off_depth,), rel=1e-12)
+    end = law.pull_off(10.0)
+    assert law.jump_travels(10.0) == pytest.approx((end.depth + 10.0 * end.force,), rel=1e-12)
+    assert replace(SCENE, adhesion=ul.JKR(2e-4, branch="approaching")).contact_law(1e-6).jump_travels() == (
+        0.0,
+    )
+    cycle = replace(SCENE, adhesion=ul.JKR(2e-4, branch="cycle")).contact_law(1e-6)
+    assert cycle.jump_travels() == (0.0, *law.jump_travels())
+    forward = ul.Problem(SCENE, made(), FREE).members[0].forward
+    scaled = forward.law(SCENE.parameters | {"layer.E": 8e3, "layer.thickness": 5e-6}, 1e-6)
+    moved = SCENE.with_values({"layer.E": 8e3, "layer.thickness": 5e-6}).contact_law(1e-6)
+    assert scaled.jump_travels(3.0) == pytest.approx(moved.jump_travels(3.0), rel=1e-6)
+    for other in (ul.DMT(1e-3), ul.JKR(1e-4)):
+        tip = ul.FlatPunch(2e-6) if isinstance(other, ul.JKR) else SCENE.indenter
+        sticking = replace(SCENE, indenter=tip, adhesion=other).contact_law(1e-6)
+        (place,) = sticking.jump_travels()
+        step = 1e-9 * 1e-6
+        assert abs(float(sticking.force(place + step))) > 0.99 * sticking.pull_off_force
+        assert float(sticking.force(place - step)) == 0.0
 
 
 def test_many_parameter_sets_are_one_by_one():

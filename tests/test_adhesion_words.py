@@ -9,9 +9,11 @@ import pytest
 from matplotlib import pyplot as plt
 
 import underlay as ul
+from underlay.cli.fit import quality_doubts
 from underlay.data.quality import check_quality
 from underlay.inference.adhesive_numbers import adhesive_estimates
 from underlay.mechanics.adhesion.range_limit import range_limit
+from underlay.report import maps, scene_tables
 from underlay.report.adhesion_tables import adhesion_frame, adhesion_table, halfspace_sentence
 from underlay.report.render import file_notebook
 
@@ -84,10 +86,38 @@ def test_maps_have_columns_of_the_pull_off():
         law = SCENE.with_values({path: row[path] for path in free}).contact_law(0.0)
         assert row["adhesion.pull_off_force"] == pytest.approx(law.pull_off_force, rel=1e-9)
         assert row["adhesion.pull_off_depth"] == pytest.approx(law.pull_off_depth, rel=1e-9)
+    # The page of a map shows them beside the fitted ones.
+    shown = maps.parameter_table(table).index
+    assert list(shown) == ["layer modulus", "work of adhesion", "pull-off force", "pull-off depth"]
+    assert "Pull-off force" in maps.map_summary(table)
+    placed = table.assign(x=[0.0], y=[0.0])
+    assert {"adhesion.work", "adhesion.pull_off_force"} <= set(maps.columns_to_draw(placed))
     bare = ul.fit_many(
         [made(BARE, DEPTH[::-1])], BARE, free=["layer.E"], workers=0, options=ul.MapOptions(progress=False)
     )
     assert not [column for column in bare if column.startswith("adhesion.")]
+
+
+def test_a_word_of_a_scene_stands_in_its_table_as_it_is():
+    table = scene_tables.scene_table(SCENE)
+    assert "separating" in table.to_string()
+    assert "1 values" not in table.to_string()
+
+
+def test_fits_that_leave_out_different_readings_compare():
+    """The log-likelihood counts those left out as the mean of the others: AIC does not fall with each of them."""
+    law = SCENE.contact_law(3e-6)
+    noise = ul.Noise(force=0.01 * law.pull_off_force)
+    found = []
+    for share in (0.5, 0.01):
+        depth = 2e-7 + law.pull_off_depth + 2e-8 * (share + np.arange(90, -45, -1))
+        fit = ul.fit(ul.Problem(SCENE, ul.synthesize(SCENE, depth, noise, rng=1), FREE, noise))
+        found.append((len(fit.curves[0]), fit.statistics))
+    (all_, whole), (fewer, less) = found
+    assert fewer == all_ - 1
+    assert less.aic == pytest.approx(2.0 * 3 - 2.0 * less.log_likelihood)
+    # One reading weighs 2 ln(sigma sqrt(2 pi)) + 1 = -43 here.
+    assert abs(less.aic - whole.aic) < 20.0
 
 
 def test_a_page_has_a_part_on_adhesion_only_where_something_sticks(tmp_path):
@@ -202,6 +232,25 @@ def test_a_dip_is_a_proposal():
     flat = made(BARE, way)
     quiet = ul.Curve(way, flat.force, np.arange(160.0))
     assert "[adhesion]" not in " ".join(check_quality(quiet, BARE).reasons)
+
+
+def test_a_fit_of_the_way_in_alone_still_sees_the_dip_of_the_way_out(tmp_path):
+    """A scene without adhesion fits the way in of a file; what the rest of the file shows is said all the same."""
+    cycle = replace(SCENE, adhesion=ul.JKR(2e-4, branch="cycle"))
+    way = np.concatenate((np.linspace(-1e-6, 1.2e-6, 80), DEPTH))
+    options = ul.MapOptions(progress=False, quality=True)
+    for scene, sticks in ((cycle, True), (BARE, False)):
+        file = tmp_path / f"{sticks}.csv"
+        columns = np.column_stack((way, made(scene, way).force, np.arange(way.size)))
+        np.savetxt(file, columns, delimiter=",", header="depth (m),force (N),time (s)", comments="")
+        stated = BARE.save(tmp_path / "scene.toml")
+        stated.write_text(stated.read_text() + '\n[fit]\nlayer.E = { min = "10 Pa", max = "10 MPa" }\n')
+        problem = ul.load_problem(file, stated)
+        assert set(problem.curves[0].segments()) == {"loading"}
+        said = " ".join(quality_doubts(problem))
+        assert ('segment = "unloading"' in said) == sticks
+        table = ul.fit_many([file], stated, workers=0, options=options)
+        assert ('segment = "unloading"' in table["reason"].iloc[0]) == sticks
 
 
 def test_wide_contacts_are_refused_with_the_bound():

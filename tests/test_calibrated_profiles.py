@@ -13,7 +13,7 @@ from underlay.errors import InputError
 from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
-from underlay.inference.priors import HalfNormal, LogNormal, Normal
+from underlay.inference.priors.densities import HalfNormal, LogNormal, Normal
 from underlay.inference.problem import Problem
 from underlay.inference.profiles import delta_chi_square_at, p_value_at, profile
 from underlay.inference.profiling.calibration import Draws

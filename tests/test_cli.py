@@ -14,28 +14,11 @@ import pytest
 from typer.testing import CliRunner
 
 from support.inverse import ambiguous
-from underlay.cli.app import app, main
+from underlay.cli.app import app
 from underlay.data.curve_csv import curve_csv
 
 SAMPLES = Path(__file__).resolve().parents[1] / "data_samples"
 CURVE, SCENE = SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml"
-
-
-@pytest.fixture
-def run(capsys, monkeypatch):
-    """Call the entry point as the shell would: (exit code, stdout, stderr)."""
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["underlay", *map(str, words)])
-        code = 0
-        try:
-            main()
-        except SystemExit as stop:
-            code = stop.code or 0
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
 
 
 def test_fit_prints_and_writes(run, tmp_path):

@@ -2,34 +2,21 @@
 
 import json
 import shutil
-import sys
 from dataclasses import replace
 
 import pytest
 
 from support.reports import SAMPLES, cells_of, page_text, small_posterior
-from underlay.cli.app import main
 from underlay.data.curve_csv import curve_csv
 
 
 @pytest.fixture
-def run(capsys, monkeypatch, tmp_path):
+def run(run, monkeypatch, tmp_path):
     """Call the entry point in a folder with a curve and a scene: (exit code, stdout, stderr)."""
     shutil.copy(SAMPLES / "cartilage_on_bone.csv", tmp_path / "curve.csv")
     shutil.copy(SAMPLES / "cartilage_on_bone.toml", tmp_path / "scene.toml")
     monkeypatch.chdir(tmp_path)
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["underlay", *words])
-        code = 0
-        try:
-            main()
-        except SystemExit as stop:
-            code = stop.code or 0
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
+    return run
 
 
 def test_page_of_a_kept_fit(run, tmp_path):

@@ -3,14 +3,12 @@
 import json
 import shlex
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.cli.app import main
 from underlay.scene.scene_file import read_scene_file
 
 SCENE = """
@@ -37,22 +35,12 @@ DIGITS = 5.01e-7
 
 
 @pytest.fixture
-def run(capsys, monkeypatch, tmp_path):
+def run(run, monkeypatch, tmp_path):
     """Call the entry point in a folder with two scenes: (exit code, stderr)."""
     (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
     (tmp_path / "noisy.toml").write_text(WITH_NOISE, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["underlay", *words])
-        code = 0
-        try:
-            main()
-        except SystemExit as stop:
-            code = stop.code or 0
-        return code, capsys.readouterr().err
-
-    return call
+    return lambda *words: run(*words)[::2]
 
 
 def made(run, *words, scene="scene.toml"):

@@ -10,7 +10,7 @@ from underlay.inference.least_squares.engine import Search, minimise
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
-from underlay.inference.priors import Normal
+from underlay.inference.priors.densities import Normal
 from underlay.scene.noise import Noise
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"

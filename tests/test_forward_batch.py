@@ -6,7 +6,7 @@ import pytest
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.model import forward_batch
-from underlay.inference.priors import LogUniform, Normal, Uniform
+from underlay.inference.priors.densities import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere

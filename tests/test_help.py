@@ -11,7 +11,7 @@ import pytest
 import typer
 
 from support.populations import write_study
-from support.reports import SAMPLES
+from support.reports import SAMPLES, write_result
 from underlay.cli.app import app, main
 
 COMMANDS = typer.main.get_command(app).commands
@@ -43,6 +43,7 @@ def folder(tmp_path):
         "file,x (mm),y (mm)\nsite1.csv,0,0\nsite2.csv,1,0\n", encoding="utf-8"
     )
     write_study(tmp_path / "map.csv", group="treatment")
+    write_result(tmp_path / "curve.fit.json")
     return tmp_path
 
 

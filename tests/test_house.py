@@ -25,6 +25,7 @@ GROUND = {
     "_text",
     "_version",
     "_zip",
+    "plugins",
 }
 
 #: Third parties and the only modules (relative to the package, by prefix) that may import them.
@@ -184,6 +185,7 @@ DOORS = {
     "inference/batch/map_table": {"pd.read_csv"},  # text in memory
     "report/execution": {"open"},  # writes a log
     "report/page": {"read_text"},  # of the package itself
+    "report/review": {"read_text"},  # of the package itself
     "report/notebook": {"read_text"},  # of the package itself
 }
 
@@ -211,7 +213,7 @@ def test_the_search_for_open_files_finds_them(tmp_path):
 
 
 #: What outlives its callers, and where it is argued why.
-KEPT_FOR_THE_PROCESS = {"mechanics/exact/tables": {"TABLES"}}
+KEPT_FOR_THE_PROCESS = {"mechanics/exact/tables": {"TABLES"}, "plugins": {"plugins"}}
 CACHES = {"cache", "lru_cache"}
 #: Calls that make something to be filled.
 CONTAINERS = {

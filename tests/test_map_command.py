@@ -1,32 +1,20 @@
 """`underlay map` as a user meets it."""
 
-import sys
+from functools import partial
 
 import pandas as pd
 import pytest
 
 from support.maps import SCENE_TOML, write_folder
-from underlay.cli.app import main
 from underlay.inference.batch import work as batch_work
 
 COUNT = 12
 
 
 @pytest.fixture
-def run(capsys, monkeypatch):
-    """Call the entry point as the shell would: (exit code, stdout, stderr)."""
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["underlay", "map", *map(str, words)])
-        code = 0
-        try:
-            main()
-        except SystemExit as stop:
-            code = stop.code or 0
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
+def run(run):
+    """Call `underlay map`: (exit code, stdout, stderr)."""
+    return partial(run, "map")
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from underlay.data.synthetic import synthesize
 from underlay.errors import InputError, ParameterError
 from underlay.inference.design.planning import plan
 from underlay.inference.least_squares import fit
-from underlay.inference.priors import Normal
+from underlay.inference.priors.densities import Normal
 from underlay.inference.problem import Problem
 from underlay.scene.noise import Noise
 
@@ -60,7 +60,21 @@ def test_the_recommendation_is_the_mildest_of_the_good(grid):
     assert grid.peak_force[i, j] == grid.peak_force[good].min()
     assert "layer.E to" in grid.recommendation
     assert "force up to" in grid.recommendation
+    assert grid.interval is None
     assert grid.to_frame().shape == (4, 4)
+
+
+def test_above_ten_per_cent_it_promises_an_interval_not_an_error():
+    # A small tip hardly feels the base: linear, the error is a third; the test itself would set no upper end.
+    far = plan(SCENE, free=[E, H, C], noise=NOISE, radii=[1e-4], depths=[4e-5], parameter=H)
+    assert 0.1 * far.value < far.stderr[0, 0] < np.inf
+    scene, _ = curve_of(1e-4, 4e-5)
+    made = ul.simulate(scene, np.linspace(-4e-5 / 3.0, 4e-5, 200) + 1e-5)
+    own = ul.profile(fit(Problem(scene, made, [E, H, C], NOISE)), H).interval()
+    assert far.interval.low == pytest.approx(own.low, rel=1e-3)
+    assert far.interval.high_reason == own.high_reason
+    assert f"the best of this grid leaves {far.interval}" in far.recommendation
+    assert "to no better than 10 %" in far.second(1e-4, 4e-5).recommendation
 
 
 def test_a_prior_helps_where_the_data_do_not(grid):

@@ -149,7 +149,7 @@ def test_scene_is_drawn_to_scale(indenter, substrate):
     depth = 9e-5 - 1e-5
     radius = float(test.contact_law(depth).contact_radius(np.array([depth]))[0])
     dots = next(line for line in ax.get_lines() if line.get_marker() == "o")
-    unit = {"um": 1e-6, "mm": 1e-3}[ax.get_xlabel().rpartition("(")[2].rstrip(")")]
+    unit = {"µm": 1e-6, "mm": 1e-3}[ax.get_xlabel().rpartition("(")[2].rstrip(")")]
     assert dots.get_xdata()[1] * unit == pytest.approx(radius)
     edge = float(indenter.surface(np.array([radius]))[0]) - depth
     assert dots.get_ydata()[1] * unit == pytest.approx(edge, abs=1e-12)
@@ -170,7 +170,7 @@ def test_corner_marks_the_truth_and_needs_axes_it_can_divide():
     assert len(cells) == 3
     assert [cell.get_xlabel() for cell in cells if cell.get_xlabel()] == [
         "layer modulus\n(MPa)",
-        "contact point\n(um)",
+        "contact point\n(µm)",
     ]
     # A longer name is broken, so that it stays within its cell.
     long = ul.plots.corner(posterior, names=["layer.reduced_modulus"])
@@ -303,4 +303,40 @@ def test_a_stack_is_drawn_with_its_layers_named_beside_it():
     faces = [line for line in ax.lines if line.get_linestyle() == "--"]
     assert [line.get_ydata()[0] for line in faces] == [pytest.approx(-4.9)]
     assert "contact radius" in ax.get_title()
+    plt.close("all")
+
+
+def chiaro_fit():
+    """A fit of a long approach: 73 of 85 um lie before contact."""
+    return ul.fit(ul.load_problem(SAMPLES / "chiaro_cell_indentation.csv", SAMPLES / "chiaro_cell.toml"))
+
+
+def test_a_fit_is_drawn_about_its_contact_and_whole_where_asked():
+    fit = chiaro_fit()
+    contact = fit.values["instrument.contact_depth"] * 1e6
+    deepest = fit.curves[0].depth.max() * 1e6
+    low, high = ul.plots.fit(fit).get_xlim()
+    assert contact - 0.5 * (deepest - contact) < low < contact
+    assert high > deepest
+    assert ul.plots.fit(fit, whole=True).get_xlim()[0] < 1.0
+    plt.close("all")
+
+
+def test_logarithms_show_the_slopes_of_a_ball_and_a_cone():
+    scene = ul.Scene(ul.Cone(1.2), ul.Layer(ul.Isotropic(1e6, 0.45)))
+    curve = ul.simulate(scene, np.linspace(0.0, 1e-4, 200))
+    fit = ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)}, noise=ul.Noise(force=1e-6)))
+    ax = ul.plots.fit_log(fit)
+    lines = {line.get_label(): line for line in ax.get_lines()}
+    assert ax.get_xscale() == ax.get_yscale() == "log"
+    for label, slope in (("fit", 2.0), ("slope 1.5", 1.5), ("slope 2", 2.0)):
+        x, y = lines[label].get_data()
+        assert np.polyfit(np.log(x), np.log(y), 1)[0] == pytest.approx(slope, rel=1e-6)
+    assert "µ" in ul.plots.fit_log(chiaro_fit()).get_xlabel()
+    plt.close("all")
+
+
+def test_pictures_are_as_wide_as_a_page():
+    figure = ul.plots.fit_log(chiaro_fit()).get_figure(root=True)
+    assert figure.get_size_inches()[0] == pytest.approx(7.2)
     plt.close("all")

@@ -12,7 +12,7 @@ from scipy import stats
 from support.posterior_cases import WHITE, halfspace_curve, halfspace_problem, halfspace_scene
 from underlay.data.synthetic import synthesize
 from underlay.errors import FileAccessError, FileFormatError, InputError, MissingExtraError
-from underlay.inference.priors import LogUniform, Normal, Uniform
+from underlay.inference.priors.densities import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.inference.sampling import arviz_bridge
 from underlay.inference.sampling.convergence import highest_density_interval

@@ -12,7 +12,7 @@ import underlay as ul
 from support.inverse import layer_on, measured, problem
 from underlay.errors import InputError
 from underlay.inference.least_squares import fit
-from underlay.inference.priors import Normal
+from underlay.inference.priors.densities import Normal
 from underlay.inference.profiles import Interval, delta_chi_square_at, profile
 from underlay.scene.noise import Noise
 

@@ -1,13 +1,11 @@
 """Motions of a test by program: corners, sampling, scene files and the command that simulates them."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.cli.app import main
 from underlay.scene.scene_file import read_scene_file
 
 SCENE = """
@@ -31,19 +29,9 @@ points = 101
 
 
 @pytest.fixture
-def run(capsys, monkeypatch):
+def run(run):
     """Call the entry point: (exit code, stderr)."""
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["underlay", *words])
-        code = 0
-        try:
-            main()
-        except SystemExit as stop:
-            code = stop.code or 0
-        return code, capsys.readouterr().err
-
-    return call
+    return lambda *words: run(*words)[::2]
 
 
 def test_ramps_go_at_their_rate_and_holds_rest():

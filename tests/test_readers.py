@@ -6,7 +6,7 @@ import unicodedata
 import numpy as np
 import pytest
 
-from support import afm_files
+from support import afm_files, microscope_files
 from support import instrument_files as files
 from underlay.data.readers import FORMATS, read, read_all
 from underlay.errors import CurveError, FileFormatError, InputError, UnderlayWarning, UnitError
@@ -45,9 +45,9 @@ def test_every_format_has_a_name_and_a_line_and_they_differ():
     assert all(known.description and "\n" not in known.description for known in FORMATS)
 
 
-@pytest.mark.parametrize("name", sorted({**files.ALL, **afm_files.ALL}))
+@pytest.mark.parametrize("name", sorted({**files.ALL, **afm_files.ALL, **microscope_files.ALL}))
 def test_content_alone_tells_the_format(name, put):
-    content = {**files.ALL, **afm_files.ALL}[name]()
+    content = {**files.ALL, **afm_files.ALL, **microscope_files.ALL}[name]()
     expected = {"archive": "csv"}.get(name, name.split()[0])
     path = put(content, "whatever.qqq")  # the extension says nothing
     if name in {"hysitron nanodma", "afm ntmdt"}:

@@ -22,6 +22,32 @@ def test_ci_takes_its_commands_from_the_readme():
         assert readme_command(name) not in script
 
 
+def test_the_workflow_runs_jobs_of_the_ci_script():
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    workflow = (ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8")
+    listed = re.search(r"job: \[(.*?)\]", workflow)[1].split(", ")
+    named = re.findall(r"run: \.ci/run (\w+)", workflow)
+    assert {"suite", "reference", "built"} <= {*listed, *named}
+    for name in (*listed, *named):
+        assert f"\n{name}() {{" in script, name
+    # It calls the script and nothing beside it.
+    assert set(re.findall(r"- run: (\S+)", workflow)) == {".ci/run"}
+
+
+def test_the_readme_leads_only_to_what_is_there():
+    for page in [
+        ROOT / "README.md",
+        *(ROOT / ".reference" / "pages").glob("*.md"),
+        *(ROOT / ".github").glob("*.md"),
+    ]:
+        text = page.read_text(encoding="utf-8")
+        for target in re.findall(r"\]\(([^)\s]+)\)", text):
+            # Pages that the reference makes from the code are checked where it is built.
+            made = page.stem == "index" or target in {"underlay.md", "keys.md"}
+            if "://" not in target and not made:
+                assert (page.parent / target.partition("#")[0]).exists(), f"{page.name}: {target}"
+
+
 def test_readme_commands_do_all_the_set_up():
     for name in ("main-job", "tests"):
         command = readme_command(name)

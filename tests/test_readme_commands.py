@@ -1,4 +1,4 @@
-"""Every command line that the README prints, run word for word beside the files that it speaks of."""
+"""Every command line that the README and the reference print, run word for word beside the files they speak of."""
 
 import re
 import shlex
@@ -10,23 +10,35 @@ import pytest
 
 import underlay as ul
 from support.populations import write_study
+from support.reports import write_result
 from test_help import examples
 from underlay.cli.app import main
 from underlay.data.curve_csv import curve_csv
+from underlay.inference.answer_cost import answer_cost
+from underlay.inference.posterior_cost import posterior_cost
 from underlay.scene.accuracy_cost import accuracy_cost
 
 ROOT = Path(__file__).resolve().parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", *sorted((ROOT / ".reference" / "pages").glob("*.md"))]
+README = PAGES[0].read_text(encoding="utf-8")
+#: All that is printed for a user to type.
+PRINTED = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
 SAMPLES = ROOT / "data_samples"
 #: What is not run here, and why: a cluster of machines, the user's own shell, and a command that needs words.
-EXCEPTED = ("--scheduler", "--install-completion", "CURVE")
+EXCEPTED = ("--scheduler", "--install-completion", "CURVE", "RESULT", "--program")
+#: The scene files of the doors, by the name in their first line.
+DOORS = {
+    block.split()[1]: block
+    for block in re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    if block.startswith("# ")
+}
 
 
 def commands():
     """Every `underlay ...` of a shell block, and every one in the text that names a file."""
-    blocks = re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
+    blocks = re.findall(r"```sh\n(.*?)```", PRINTED, re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines()]
-    prose = re.sub(r"```.*?```", "", README, flags=re.DOTALL)
+    prose = re.sub(r"```.*?```", "", PRINTED, flags=re.DOTALL)
     lines += [" ".join(code.split()) for code in re.findall(r"`(underlay\s[^`]+)`", prose)]
     lines = [line.removeprefix(".venv/bin/") for line in lines]
     # `underlay --help` promises some of them too: those are run by its test.
@@ -41,7 +53,7 @@ def commands():
 
 def readme_scene():
     return next(
-        block for block in re.findall(r"```toml\n(.*?)```", README, re.DOTALL) if "[indenter]" in block
+        block for block in re.findall(r"```toml\n(.*?)```", PRINTED, re.DOTALL) if "[indenter]" in block
     )
 
 
@@ -68,10 +80,14 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "curve.csv").write_text(text, encoding="utf-8")
     (tmp_path / "curves").mkdir()
     (tmp_path / "curves" / "site-0001.csv").write_text(text, encoding="utf-8")
-    manifest = re.search(r"```text\n(file,.*?)```", README, re.DOTALL).group(1)
+    manifest = re.search(r"```text\n(file,.*?)```", PRINTED, re.DOTALL).group(1)
     (tmp_path / "manifest.csv").write_text(manifest, encoding="utf-8")
     (tmp_path / "results").mkdir()
     write_study(tmp_path / "results" / "map.csv", group="group")
+    write_result(tmp_path / "results" / "curve.fit.json")
+    for name, text in DOORS.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "data_samples").symlink_to(SAMPLES)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -81,7 +97,9 @@ def test_readme_command_works_as_printed(words, folder, monkeypatch, capsys):
     if any(word.startswith(EXCEPTED) for word in words):
         pytest.skip("needs other machines, the user's shell or the reader's words")
     # How often each law is timed changes nothing but the time.
-    monkeypatch.setitem(accuracy_cost.__kwdefaults__, "rounds", 1)
+    for timed in (accuracy_cost, answer_cost):
+        monkeypatch.setitem(timed.__kwdefaults__, "rounds", 1)
+    monkeypatch.setitem(posterior_cost.__kwdefaults__, "steps", (20,))
     code, _, err = run(words, monkeypatch, capsys)
     assert code == 0, err
     for flag in ("--output", "--new-scene", "--new-notebook"):
@@ -91,7 +109,38 @@ def test_readme_command_works_as_printed(words, folder, monkeypatch, capsys):
 
 def test_the_readme_prints_the_commands_that_matter():
     printed = set(re.findall(r"underlay (\w+)", README))
-    assert printed >= {"fit", "simulate", "identify", "plan", "sample", "map", "accuracy", "effects"}
+    assert printed >= {"fit", "simulate", "identify", "plan", "sample", "map", "accuracy", "effects", "cite"}
+
+
+def doors():
+    """Scene file, commands and the number that is promised of every door."""
+    for section in README.split("## Four doors")[1].split("\n## ")[0].split("\n### ")[1:]:
+        scene, commands = (
+            re.search(rf"```{kind}\n(.*?)```", section, re.DOTALL)[1] for kind in ("toml", "sh")
+        )
+        value, unit = re.search(r"Layer modulus \*\*([\d.]+) (\w+)\*\*", section).groups()
+        yield pytest.param(scene, commands.splitlines(), float(value), unit, id=section.splitlines()[0])
+
+
+@pytest.mark.parametrize(("scene", "lines", "value", "unit"), list(doors()))
+def test_each_door_leads_from_its_file_to_its_number(
+    scene, lines, value, unit, tmp_path, monkeypatch, capsys
+):
+    assert len(scene.splitlines()) + len(lines) <= 10
+    (tmp_path / scene.split()[1]).write_text(scene, encoding="utf-8")
+    (tmp_path / "data_samples").symlink_to(SAMPLES)
+    monkeypatch.chdir(tmp_path)
+    for line in lines:
+        code, out, err = run(shlex.split(line), monkeypatch, capsys)
+        assert code == 0, err
+    told = re.search(r"Layer modulus ([\d.]+) (\w+)", out)
+    assert told[2] == unit
+    assert float(told[1]) == pytest.approx(value, rel=0.01)
+
+
+def test_there_are_four_doors_in_few_lines():
+    assert len(list(doors())) == len(DOORS) == 4
+    assert README.count("\n") < 250
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from support.real_data import real_file
 from support.reports import SAMPLES, cells_of, joint_fit, page_text, small_posterior
 from underlay.data.recorded import recorded
 from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
-from underlay.inference.priors import Truncated
+from underlay.inference.priors.prior import Truncated
 from underlay.report import labels, maps, open_ends, tables, words
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.execution import execute
@@ -319,9 +319,9 @@ def test_page_of_a_joint_fit_shows_every_scene(report_pages):
             .loc["finite thickness", "size_percent"]
         )
         assert re.search(rf"{labels.start(test.label)} effect .*finite thickness \+{size:.3g} % yes", text)
-    # Of every curve its fit and its moduli by depth, of every scene its drawing and its effects; correlations,
-    # and two profiles.
-    assert page.read_text().count("<img") == 3 + 3 + 2 + 2 + 1 + 2
+    # Of every curve its fit twice and its moduli by depth, of every scene its drawing and its effects;
+    # correlations, and two profiles.
+    assert page.read_text().count("<img") == 3 + 3 + 3 + 2 + 2 + 1 + 2
 
 
 def test_segments_of_a_curve_that_comes_back_are_shown(tmp_path):

@@ -11,6 +11,9 @@ import pytest
 import underlay as ul
 from underlay.cli.app import main
 
+sys.path.insert(0, str(Path(__file__).parent / "studies"))
+import joint
+
 SAMPLES = Path(__file__).resolve().parents[1] / "data_samples"
 MADE = ("cartilage_on_bone", "gel_on_glass", "soft_film_on_softer_base")
 
@@ -107,3 +110,11 @@ def test_the_tip_that_sticks_is_held_by_what_the_curve_shows():
     gone = curve.depth[after][level < 1e-9].max()
     assert base == pytest.approx(gone, abs=2e-8)
     assert str(fit.verdict).startswith("model wrong"), "its dip is deeper than JKR's, and the fit must say so"
+
+
+def test_the_small_map_is_made_again_to_the_bit(tmp_path):
+    joint.make(tmp_path)
+    kept = sorted(path.relative_to(joint.FOLDER) for path in joint.FOLDER.rglob("*.csv"))
+    assert kept == sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*.csv"))
+    for name in kept:
+        assert (tmp_path / name).read_bytes() == (joint.FOLDER / name).read_bytes(), name

@@ -7,7 +7,7 @@ import pytest
 
 import underlay as ul
 from underlay.errors import InputError, ParameterError
-from underlay.scene.chain import Baseline, ContactPoint, Frame
+from underlay.scene.chain import Baseline, ContactDepth, Frame
 from underlay.scene.parameters import kind_of
 
 CARTILAGE = ul.Scene(
@@ -113,7 +113,7 @@ def test_far_too_soft_a_frame_still_converges():
 
 def test_an_ideal_instrument_runs_no_instrument_code(monkeypatch):
     calls = []
-    for link, step in ((Frame, "tip_depth"), (ContactPoint, "travel"), (Baseline, "reading")):
+    for link, step in ((Frame, "tip_depth"), (ContactDepth, "travel"), (Baseline, "reading")):
         monkeypatch.setattr(link, step, lambda *_: calls.append("a link"))
     ideal = dataclasses.replace(CARTILAGE, instrument=ul.Instrument())
     law = ideal.contact_law(1e-4)

@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import sys
 import tomllib
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 
 import underlay as ul
-from underlay.cli.app import main
 from underlay.cli.new_scene import new_scene
 from underlay.errors import InputError, ParameterError, RangeError, UnderlayWarning, UnitError
 from underlay.mechanics.exact.batch import ExactBatch
@@ -47,23 +45,6 @@ def write(tmp_path, text):
     path = tmp_path / "scene.toml"
     path.write_text(text, encoding="utf-8")
     return path
-
-
-@pytest.fixture
-def run(capsys, monkeypatch):
-    """Call the entry point as the shell would: (exit code, stdout, stderr)."""
-
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["underlay", *map(str, words)])
-        code = 0
-        try:
-            main()
-        except SystemExit as stop:
-            code = stop.code or 0
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
 
 
 @pytest.mark.parametrize(

@@ -290,9 +290,9 @@ def test_scene_files_hold_stacks(tmp_path, scene):
     assert ul.load_scene(scene.save(tmp_path / "scene.toml")) == scene
 
 
-def test_the_layers_that_the_readme_prints_are_read(tmp_path):
-    readme = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```toml\n(.*?)```", readme, re.DOTALL)
+def test_the_layers_that_the_reference_prints_are_read(tmp_path):
+    page = Path(__file__).resolve().parents[1] / ".reference" / "pages" / "scene_files.md"
+    blocks = re.findall(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     scene, layers = (next(b for b in blocks if word in b) for word in ("[indenter]", "[[substrate.layers]]"))
     path = tmp_path / "scene.toml"
     path.write_text(scene + layers, encoding="utf-8")

@@ -27,7 +27,12 @@ def test_the_modulus_is_recovered_over_six_decades_of_ratio(log_ratio, nu, eps):
     E = 2e6 * 10.0**log_ratio
     stiffness = stiffness_of(E, nu, eps * 1e-3, 1e-3, substrate)
     found = modulus_from_stiffness(
-        stiffness, nu=nu, contact_radius=eps * 1e-3, thickness=1e-3, substrate=substrate
+        stiffness,
+        nu=nu,
+        contact_radius=eps * 1e-3,
+        thickness=1e-3,
+        substrate=substrate,
+        solver="asymptotic",
     )
     # The root is found to 1e-14 in ln E; a layer 1000 times stiffer answers that much to rounding in kappa.
     assert found == pytest.approx(E, rel=1e-9)
@@ -38,7 +43,12 @@ def test_arrays_of_stiffness_and_area():
     for substrate in (RIGID, Isotropic(5e5, 0.4)):
         stiffness = np.array([stiffness_of(1e6, 0.45, a, 1e-3, substrate) for a in radius])
         found = modulus_from_stiffness(
-            stiffness, nu=0.45, contact_area=np.pi * radius**2, thickness=1e-3, substrate=substrate
+            stiffness,
+            nu=0.45,
+            contact_area=np.pi * radius**2,
+            thickness=1e-3,
+            substrate=substrate,
+            solver="asymptotic",
         )
         assert found.shape == (3,)
         assert np.allclose(found, 1e6, rtol=1e-9)
@@ -67,7 +77,10 @@ def test_without_a_layer_effect_it_is_the_classical_relation():
         ({"contact_radius": -1.0}, "contact_radius must be positive"),
         ({"contact_area": 0.0}, "contact_area must be positive"),
         ({"contact_radius": 1.0, "thickness": -1.0, "substrate": RIGID}, "thickness must be positive"),
-        ({"contact_radius": 1.0, "thickness": 2.0, "substrate": RIGID, "order": 7}, "order must be 0"),
+        (
+            {"contact_radius": 1.0, "thickness": 2.0, "substrate": RIGID, "solver": "hertz"},
+            "no solver is called 'hertz'",
+        ),
     ],
 )
 def test_refusals(arguments, message):

@@ -2,6 +2,7 @@
 from .data.contact_point import find_contact as find_contact
 from .data.curve import Curve as Curve
 from .data.disturbances import Disturbances as Disturbances
+from .data.fit_range import in_range as in_range
 from .data.quality import check_quality as check_quality
 from .data.readers import (
     Format as Format,
@@ -28,6 +29,8 @@ from .errors import (
     UnderlayWarning as UnderlayWarning,
     UnitError as UnitError,
 )
+from .inference.answer_cost import answer_cost as answer_cost
+from .inference.answer_cost import effects_on_answers as effects_on_answers
 from .inference.batch.decisions import (
     Decision as Decision,
     Decisions as Decisions,
@@ -36,8 +39,13 @@ from .inference.batch.decisions import (
 from .inference.batch.fit_many import fit_many as fit_many
 from .inference.batch.options import MapOptions as MapOptions
 from .inference.batch.options import Sampling as Sampling
+from .inference.benchmark.scores import benchmark as benchmark
 from .inference.bonding import compare_bonds as compare_bonds
 from .inference.compare import compare as compare
+from .inference.films import (
+    StiffnessFit as StiffnessFit,
+    fit_stiffness as fit_stiffness,
+)
 from .inference.from_files import load_problem as load_problem
 from .inference.design.identifiability import identifiability as identifiability
 from .inference.least_squares import (
@@ -45,6 +53,7 @@ from .inference.least_squares import (
     fit as fit,
 )
 from .inference.design.planning import plan as plan
+from .inference.posterior_cost import posterior_cost as posterior_cost
 from .inference.pointwise.modulus import (
     ModulusCurve as ModulusCurve,
     PointwiseModulus as PointwiseModulus,
@@ -52,17 +61,18 @@ from .inference.pointwise.modulus import (
 )
 from .inference.population.result import Population as Population
 from .inference.population.population import population as population
-from .inference.priors import (
+from .inference.priors.densities import (
     HalfNormal as HalfNormal,
     LogNormal as LogNormal,
     LogUniform as LogUniform,
     Normal as Normal,
-    Prior as Prior,
     Uniform as Uniform,
 )
+from .inference.priors.prior import Prior as Prior
 from .inference.problem import Problem as Problem
 from .inference.profiles import profile as profile
 from .inference.design.second_test import remedy as remedy
+from .inference.recipe import steps_to_ours as steps_to_ours
 from .inference.sampling.from_chain import posterior_from_chain as posterior_from_chain
 from .inference.sampling.model_comparison import (
     compare_models as compare_models,
@@ -73,6 +83,7 @@ from .inference.sampling.run import sample as sample
 from .mechanics.adhesion.dmt import DMT as DMT
 from .mechanics.adhesion.jkr import JKR as JKR
 from .mechanics.adhesion.maugis import Maugis as Maugis
+from .mechanics.area_function import AreaFunction as AreaFunction
 from .mechanics.body import (
     RIGID as RIGID,
     Layer as Layer,
@@ -134,10 +145,13 @@ from .quantities import quantity as quantity
 from .report import plots as plots
 from .report.excel import write_excel as write_excel
 from .report.render import report as report
+from .report.with_units import with_units as with_units
 from .report.review import write_review as write_review
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.effect import Effect as Effect
+from .scene.fit_range import FitRange as FitRange
 from .scene.instrument import Instrument as Instrument
+from .scene.lever import Lever as Lever
 from .scene.noise import Noise as Noise
 from .scene.noise_model import NoiseModel as NoiseModel
 from .scene.program import Program as Program

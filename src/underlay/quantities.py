@@ -134,11 +134,14 @@ class Part:
 
     @classmethod
     def kinds(cls) -> dict[str, type[Self]]:
-        """Every concrete kind there is, wherever it was defined, by its name in scene files."""
+        """Every concrete kind there is, wherever it was defined, by its name in scene files.
+
+        Of two kinds of one name the first that was defined has it.
+        """
         found: dict[str, type[Self]] = {}
         for child in cls.__subclasses__():
             name = getattr(child, cls.chosen_by)
-            found |= ({name: child} if name else {}) | child.kinds()
+            found = child.kinds() | ({name: child} if name else {}) | found
         return found
 
     @property

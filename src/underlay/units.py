@@ -16,7 +16,16 @@ from typing import Any
 
 from underlay.errors import UnitError
 
-__all__ = ["KINDS", "format_quantity", "human_unit", "kind_of", "parse_quantity", "unit_factor"]
+__all__ = [
+    "KINDS",
+    "format_quantity",
+    "human_unit",
+    "kind_of",
+    "parse_quantity",
+    "printed",
+    "printed_unit",
+    "unit_factor",
+]
 
 
 @dataclass(frozen=True)
@@ -106,6 +115,8 @@ _DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+(?:[eE][+-]?\d{1,3})?(?:\s*[^\d\
 # Exponents of a unit: one digit is more than any quantity here needs, and bounds pint's work.
 _POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d+(?:\.\d+)?\)?")
 _SHORT_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d(?:\.\d{1,6})?\)?")
+# A typed micro before a unit, behind a number.
+_TYPED = re.compile(r"(?<=[\d.)] )u(?=[mNsVJ](?![A-Za-z]))")
 _ANGLE_UNITS = frozenset({"degree", "radian", "turn", "arcminute", "arcsecond", "grade"})
 
 
@@ -318,6 +329,28 @@ def human_unit(value: float, kind: str) -> tuple[str, float]:
         if unit and magnitude >= 0.1 * unit_factor(unit, kind) * (1.0 - 1e-12):
             chosen = unit
     return chosen, unit_factor(chosen, kind) if chosen else 1.0
+
+
+def printed_unit(unit: str) -> str:
+    """Return a unit as it is printed: the micro sign in place of the u that is typed.
+
+    Examples
+    --------
+    >>> printed_unit("um"), printed_unit("uN/m"), printed_unit("MPa")
+    ('\u00b5m', '\u00b5N/m', 'MPa')
+    """
+    return re.sub(r"\bu(?=[mNsVJ])", "\u00b5", unit)
+
+
+def printed(text: str) -> str:
+    """Return a text for people in which units behind numbers are printed, as in a picture or on a page.
+
+    Examples
+    --------
+    >>> printed("a tip of 25 um, 0.4 to 0.5 uN deep")
+    'a tip of 25 \u00b5m, 0.4 to 0.5 \u00b5N deep'
+    """
+    return _TYPED.sub("\u00b5", text)
 
 
 def format_quantity(value: float, kind: str, uncertainty: float | None = None) -> str:

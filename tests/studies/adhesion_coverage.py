@@ -10,9 +10,11 @@ visited:
 - "force": 200 even loads from the largest to the pull-off, where the record ends;
 - "cantilever": 200 even travels of a cantilever's other end, which takes its share and lets the tip jump off.
 
-White noise of 1 % of the pull-off force, its size known. E, thickness, work and contact point are free, and every
-fit begins at the wrong numbers given below with its own scan, as a user's does. "profile" counts truths that the
-profile likelihood does not reject, "standard error" those within 1.96 of it.
+The readings of "depth" and "cantilever" begin anywhere within one spacing, drawn for each curve: the jump off
+falls anywhere between two readings, beside one too. White noise of 1 % of the pull-off force, its size known. E,
+thickness, work and contact point are free, and every fit begins at the wrong numbers given below with its own scan,
+as a user's does. "profile" counts truths that the profile likelihood does not reject, "standard error" those within
+1.96 of it.
 """
 
 from __future__ import annotations
@@ -57,14 +59,15 @@ def scene_of(mode):
     return replace(SCENE, instrument=ul.Instrument(contact_depth=CONTACT, compliance=compliance))
 
 
-def readings_of(mode, law):
-    """Depth readings (m) of one withdrawal."""
+def readings_of(mode, law, shift=0.0):
+    """Depth readings (m) of one withdrawal, `shift` of a spacing deeper."""
     top = float(law.force(DEEPEST))
     if mode == "force":
         # The last load is the pull-off itself: its state is the end of the branch.
         return CONTACT + law.depth(np.linspace(top, -law.pull_off_force, POINTS + 1)[:-1])
     share = COMPLIANCE * top if mode == "cantilever" else 0.0
-    return np.linspace(CONTACT + DEEPEST + share, -1.5e-6, POINTS)
+    depth = np.linspace(CONTACT + DEEPEST + share, -1.5e-6, POINTS)
+    return depth + shift * (depth[0] - depth[1])
 
 
 def run(mode, seeds, progress=lambda _: None):
@@ -72,10 +75,11 @@ def run(mode, seeds, progress=lambda _: None):
     scene = scene_of(mode)
     law = scene.contact_law(1.1 * DEEPEST)
     noise = ul.Noise(force=NOISE * law.pull_off_force)
-    depth, truth = readings_of(mode, law), scene.parameters
+    truth = scene.parameters
     held = {path: np.zeros(len(seeds), dtype=bool) for path in ASKED}
     pulls = {path: np.zeros(len(seeds)) for path in ASKED}
     for place, seed in enumerate(seeds):
+        depth = readings_of(mode, law, np.random.default_rng([1, seed]).random())
         curve = ul.synthesize(scene, depth, noise, rng=seed)
         fit = ul.fit(ul.Problem(scene.with_values(WRONG), curve, FREE, noise))
         threshold = interval_threshold(fit, LEVEL)

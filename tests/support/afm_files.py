@@ -276,5 +276,5 @@ ALL = {
     "afm jpk floats": lambda: jpk(("pause", "extend", "pause", "retract"), floats=True),
     "afm hdf5": hdf5,
     "afm tab": tab,
-    "afm igor": igor,
+    "asylum ibw": igor,
 }

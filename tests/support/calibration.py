@@ -15,7 +15,7 @@ from scipy import stats
 from underlay.data.synthetic import synthesize
 from underlay.errors import UnderlayWarning
 from underlay.inference.design.information import information, prior_information
-from underlay.inference.priors import LogNormal, Normal
+from underlay.inference.priors.densities import LogNormal, LogUniform, Normal
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.run import sample
 from underlay.mechanics.body import RIGID, Layer
@@ -92,6 +92,20 @@ def cases():
                 "substrate.E": LogNormal(3e6, 0.8),
                 **contact,
             },
+            Noise(force=2e-3),
+        ),
+        "long-tailed thickness": Case(
+            "a layer of which hardly more is known than its order of magnitude",
+            Scene(tip, layer, RIGID),
+            depth,
+            {"layer.E": LogNormal(1e6, 0.5), "layer.thickness": LogNormal(5e-4, 0.6), **contact},
+            Noise(force=2e-3, relative=0.01),
+        ),
+        "open base": Case(
+            "a base that may be as good as rigid",
+            Scene(tip, layer, Isotropic(1e8, 0.3)),
+            depth,
+            {"layer.E": LogNormal(1e6, 0.5), "substrate.E": LogUniform(3e5, 3e10), **contact},
             Noise(force=2e-3),
         ),
         "correlated": Case(

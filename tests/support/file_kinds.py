@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from support import afm_files, instrument_files
+from support import afm_files, instrument_files, microscope_files
 from support.posterior_cases import halfspace_curve, halfspace_problem, halfspace_scene
 from underlay.cli.report import _read_record
 from underlay.data.export import write_curves
@@ -35,7 +35,9 @@ CALIBRATION = {"spring_constant": "0.04 N/m", "sensitivity": "60 nm/nA"}
 FORMAT_OF = {
     "optics11": "optics11", "mach1": "mach1", "bioindenter": "bioindenter", "hysitron": "hysitron",
     "fischer": "fischer", "nanosuite": "nanosuite", "testxpert": "testxpert", "excel": "excel",
-    "afm": "afm", "csv": "csv", "json": "json", "hdf5": "hdf5", "archive": None,
+    "afm": "afm", "asylum": "asylum",
+    "nanoscope": "nanoscope", "nanosurf": "nanosurf", "park": "park",
+    "csv": "csv", "json": "json", "hdf5": "hdf5", "archive": None,
 }  # fmt: skip
 
 
@@ -57,7 +59,10 @@ def seeds(folder):
 
 
 def _curves(folder):
-    files = {name: make() for name, make in {**instrument_files.ALL, **afm_files.ALL}.items()}
+    files = {
+        name: make()
+        for name, make in {**instrument_files.ALL, **afm_files.ALL, **microscope_files.ALL}.items()
+    }
     source = folder / "seed.csv"
     source.write_bytes(files["csv"])
     curves = read_all(source)

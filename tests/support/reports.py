@@ -37,6 +37,13 @@ def cells_of(path):
     return json.loads(path.read_text(encoding="utf-8"))["cells"]
 
 
+def write_result(path):
+    """What `underlay fit` writes of a small curve."""
+    scene = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1.3e-3), ul.RIGID)
+    curve = ul.synthesize(scene, np.linspace(-1e-5, 8e-5, 80), ul.Noise(force=1e-4), rng=0)
+    ul.fit(ul.Problem(scene, curve, {"layer.E": (1e4, 1e8)})).to_json(path)
+
+
 @functools.cache
 def joint_fit():
     """A fit of three curves, the first and the last of one scene, the second with a larger ball."""

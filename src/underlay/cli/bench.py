@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -29,27 +30,33 @@ def bench(
     ] = None,
     output: OutputFolder = None,
 ) -> None:
-    """Time models against the explicit formula, and fits against a plain Hertz fit, in one process.
+    """Measure SPEED: models, fits, start-up, reading, maps and stacks, each against its unit.
+
+    How right they are is measured by `underlay benchmark`.
 
     Example: `underlay bench --readme README.md`
     """
     from underlay._csv_text import csv_text
     from underlay.report.bench import bench_markdown, bench_table, depth_table, fit_table
+    from underlay.report.bench_users import machine, user_table
 
     page = None if readme is None else _read(readme)
     if output is not None:
         require_writable_folder(output)
-    table, curve, fits = bench_table(), depth_table(), fit_table()
+    table, curve, fits, users = bench_table(), depth_table(), fit_table(), user_table()
     say_table(table, "Times in units of the explicit formula, 1000 depths")
     say_table(curve, "Against the number of depths")
     say_table(fits, "Times in units of lmfit's fit of Hertz's formula, 1000 points")
+    say_table(users, "What a user waits for")
     if output is not None:
         say(f"wrote {write_atomic(output / 'bench.csv', csv_text(table))}")
         say(f"wrote {write_atomic(output / 'bench.depths.csv', csv_text(curve))}")
         say(f"wrote {write_atomic(output / 'bench.fits.csv', csv_text(fits))}")
+        say(f"wrote {write_atomic(output / 'bench.users.csv', csv_text(users))}")
+        say(f"wrote {write_atomic(output / 'bench.machine.json', json.dumps(machine(), indent=2))}")
     if readme is not None and page is not None:
         before, after = page
-        text = f"{before}{_START}\n{bench_markdown(table, curve, fits)}\n{_END}{after}"
+        text = f"{before}{_START}\n{bench_markdown(table, curve, fits, users)}\n{_END}{after}"
         say(f"wrote {write_atomic(readme, text)}")
 
 

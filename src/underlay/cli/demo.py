@@ -10,7 +10,7 @@ import typer
 from underlay._files import require_writable_folder
 from underlay.cli.console import gathered_warnings, say, say_warnings
 from underlay.cli.fit import reservations, show_fit, write_fit
-from underlay.cli.samples import sample
+from underlay.data.samples import sample
 
 __all__ = ["demo"]
 

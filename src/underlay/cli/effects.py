@@ -1,4 +1,4 @@
-"""`underlay effects`: which effects a scene calls for, how large each one is, and what it costs."""
+"""`underlay effects`: which effects a scene calls for, how large each is in force and answer, and its cost."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ def effects(
     rtol: Rtol = None,
     output: OutputFolder = None,
 ) -> None:
-    """Say which effects a scene calls for, how large each one is at the deepest point, and what it costs.
+    """Say which effects a scene calls for, how large each one is, what leaving it out does to a fit, and its cost.
 
     Example: `underlay effects scene.toml --max-depth "100 um" --output results`
     """
     from underlay._csv_text import csv_text
+    from underlay.inference.answer_cost import effects_on_answers
     from underlay.report import plots
     from underlay.scene.effects import effects_table
     from underlay.scene.scene_file import read_scene_file
@@ -35,8 +36,12 @@ def effects(
     if output is not None:
         require_writable_folder(output)
     table = effects_table(file.scene, deepest, wanted)
+    on_fits = effects_on_answers(file.scene, deepest, wanted).drop(columns="effect")
+    law, notes = table.attrs["law"], table.pop("note")
+    table = table.join(on_fits).assign(note=notes)
     say_table(table, f"Effects of {scene.name} at {format_quantity(deepest, 'length')}")
-    say(f"law: {table.attrs['law']}")
+    say("E and h: what leaving an effect out of a fit does to modulus and thickness (%)")
+    say(f"law: {law}")
     if output is not None:
         stem = output / f"{scene.stem}.effects"
         picture = plots.effects(file.scene, deepest, wanted)

@@ -96,10 +96,11 @@ def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
 
 def show_fit(result: Fit, name: str) -> None:
     """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
+    from underlay.inference.recipe import steps_to_ours
     from underlay.report.adhesion_tables import adhesion_frame, halfspace_sentence
     from underlay.report.model_limits import model_limits
     from underlay.report.open_ends import advice, rivals
-    from underlay.report.tables import correlated_pairs, fit_table
+    from underlay.report.tables import correlated_pairs, fit_table, steps_table
     from underlay.report.words import headline, stands_on, verdict_sentence
     from underlay.units import format_quantity
 
@@ -125,6 +126,9 @@ def show_fit(result: Fit, name: str) -> None:
             f"{format_quantity(told.youngs, 'pressure')} at nu = {told.nu:g}; plain least squares differs by "
             f"{100.0 * told.difference:+.3g} %"
         )
+    if steps := steps_to_ours(result):
+        table = steps_table(steps).reset_index(names="step")
+        say_table(table, "From the instrument's number to the least-squares value of this fit")
     pairs = correlated_pairs(result)
     if len(pairs):
         say_table(pairs, "Correlations above 0.9")

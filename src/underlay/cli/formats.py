@@ -40,7 +40,8 @@ def formats(
 ) -> None:
     """List the instrument formats that can be read, or say how FILE is read and where its segments are.
 
-    Files are recognised by their content. With --output the segments are drawn.
+    Files are recognised by their content. With --output the segments are drawn. The list ends with the plug-ins of
+    other packages: readers, indenters and solvers.
 
     Example: `underlay formats`
 
@@ -89,7 +90,7 @@ def _write_new(target: Path, file: Path, chosen: list[tuple[int, Curve]]) -> Pat
 def _list_formats() -> None:
     import pandas as pd
 
-    from underlay.data.readers import FORMATS
+    from underlay.data.readers import all_formats
 
     rows = [
         {
@@ -97,9 +98,29 @@ def _list_formats() -> None:
             "needs": f"underlay[{entry.extra}]" if entry.extra else "",
             "what": entry.description,
         }
-        for entry in FORMATS
+        for entry in all_formats()
     ]
     say_table(pd.DataFrame(rows), "Formats")
+    added = _plug_ins()
+    if added:
+        say_table(pd.DataFrame(added), "Plug-ins of other packages")
+
+
+def _plug_ins() -> list[dict[str, str]]:
+    """Every reader, indenter and solver that another package adds, and why one cannot be used."""
+    from underlay.data.readers import FORMATS, plugged_readers
+    from underlay.mechanics.indenters import plugged_indenters
+    from underlay.mechanics.solvers import plugged_solvers
+
+    return [
+        {
+            "adds": entry.group.removeprefix("underlay.").removesuffix("s"),
+            "name": entry.name,
+            "package": entry.package,
+            "state": f"not usable: {entry.fault}" if entry.fault else "usable",
+        }
+        for entry in (*plugged_readers(FORMATS), *plugged_indenters(), *plugged_solvers())
+    ]
 
 
 def _chosen(curves: list[Curve], test: int | None, file: Path) -> list[tuple[int, Curve]]:

@@ -14,6 +14,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.contact_point import ContactPoint, find_contact
 from underlay.data.curve import Curve
+from underlay.data.withdrawal import lowest_of
 from underlay.errors import CurveError, RangeError
 from underlay.mechanics.body import Layer
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
@@ -43,8 +44,6 @@ _CONTACT_SHARE = 0.15
 _FEW_POINTS = 20
 # Further below the baseline than noise goes in a million points.
 _CLEAR = 6.0
-# Standard deviation over the median size of the differences of neighbours, for normal noise.
-_MAD = 1.4826 / 2.0**0.5
 # What to do about a dip.
 _FIT_IT = (
     'fit it with adhesion: add [adhesion] with model = "jkr", a work such as "1 mJ/m^2" to begin with, and free '
@@ -232,15 +231,13 @@ def _stickiness(curve: Curve, contact: ContactPoint, beyond: _Beyond, peak: floa
             f"adhesion: the force dips by {100.0 * dip / peak:.0f} % of its peak while the indenter goes in; "
             f"{_FIT_IT}"
         )
-    out = curve.unloading()
-    if not len(out) or len(out) == len(curve):
+    lowest = lowest_of(curve)
+    if lowest is None:
         return
-    below = contact.baseline + contact.baseline_slope * out.depth - out.force
-    # Its own scatter: the noise in front of contact is no measure where the tip jumped in.
-    scatter = _MAD * float(np.median(np.abs(np.diff(out.force)))) if len(out) > 1 else 0.0
-    if below.max() > max(_ADHESION * peak, _CLEAR * scatter):
+    below = contact.baseline + contact.baseline_slope * lowest.depth - lowest.force
+    if below > max(_ADHESION * peak, _CLEAR * lowest.scatter):
         yield (
-            f"adhesion: on the way out the force dips to {format_quantity(-float(below.max()), 'force')}; "
+            f"adhesion: on the way out the force dips to {format_quantity(-below, 'force')}; "
             f'{_FIT_IT}, and of this curve the withdrawal: segment = "unloading"'
         )
 

@@ -18,8 +18,11 @@ from underlay.units import format_quantity
 
 __all__ = ["EVERYTHING", "Settled", "settle"]
 
-# Numbers of a scene that files say too: path and entry of the metadata.
-_OF_SCENE = {"indenter.radius": "indenter_radius"}
+# Numbers of a scene that files say too: path, entry of the metadata and kind.
+_OF_SCENE = {
+    "indenter.radius": ("indenter_radius", "length"),
+    "lever.spring_constant": ("spring_constant", "stiffness"),
+}
 # Calibrations that [curve] may give, each with its kind; the file's own stands under "file_" and its name.
 _CALIBRATIONS = {"spring_constant": "stiffness", "sensitivity": "sensitivity"}
 _COMPLIANCE = "instrument.compliance"
@@ -78,7 +81,7 @@ def settle(
     values: dict[str, float] = {}
     notes: list[str] = []
     fitted = set(free)
-    for path, key in _OF_SCENE.items():
+    for path, (key, kind) in _OF_SCENE.items():
         told = _number(curve, key)
         if path in left_out:
             if told is None:
@@ -86,10 +89,10 @@ def settle(
                     f"{_name(curve)} does not say {path}, which the scene leaves out: give it there"
                 )
             values[path] = physical_length(told, f"{_name(curve)}: {path}")
-            notes.append(f"{path} = {format_quantity(told, 'length')} is taken from the file of the curve")
+            notes.append(f"{path} = {format_quantity(told, kind)} is taken from the file of the curve")
         elif told is not None and path in scene.parameters and path not in fitted:
             stated = scene.parameters[path]
-            notes += _compared(curve, path, stated, told, "length", overrule)
+            notes += _compared(curve, path, stated, told, kind, overrule)
     for name, kind in _CALIBRATIONS.items():
         told, used = _number(curve, f"file_{name}"), _number(curve, name)
         if told is not None and used is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -11,14 +11,21 @@ import numpy as np
 
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
+from underlay.data.fit_range import in_range
+from underlay.data.plasticity import imprint_of
 from underlay.data.readers import JpkMapCurve, read, read_from_map
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.data.signs import flipped, require_signs
+from underlay.data.withdrawal import remembering_withdrawal
 from underlay.errors import CurveError, InputError, UnderlayError
 from underlay.inference.file_facts import settle
+from underlay.inference.known_lever import known_lever
 from underlay.inference.plausibility import require_plausible
-from underlay.inference.priors import Normal, Uniform, prior_from_numbers
+from underlay.inference.priors.densities import Normal, Uniform
+from underlay.inference.priors.from_numbers import prior_from_numbers
 from underlay.inference.problem import Given, Problem
+from underlay.mechanics.indenters import Cone
+from underlay.scene.fit_range import PRESETS, FitRange
 from underlay.scene.fit_section import FreeParameter
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile, read_scene_file
@@ -30,9 +37,11 @@ __all__ = [
     "problem_from",
     "read_for",
     "read_whole",
+    "require_elastic",
     "turned",
     "weak_bounds",
     "whole_curve",
+    "within_range",
 ]
 
 # An elastic sample gives back the work of the way in; over a tenth less is no rounding of the segments' ends.
@@ -63,7 +72,31 @@ def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -
 
 def read_for(file: SceneFile, path: str | os.PathLike[str] | JpkMapCurve) -> Curve:
     """Read the part of a curve file that the scene file asks for."""
-    return chosen_part(read_whole(file, path), file.curve)
+    whole = read_whole(file, path)
+    part = chosen_part(whole, file.curve)
+    if not isinstance(file.draft.indenter, Cone) or file.curve.get("segment", LOADING) == UNLOADING:
+        return part
+    # A sharp tip strains what it touches as much at every depth, and most samples yield to that.
+    reason = imprint_of(whole, file.draft.instrument.contact_depth).reason
+    return part.with_metadata(imprint=reason) if reason else part
+
+
+def require_elastic(scene: Scene, curve: Curve, overrule: Collection[str] = ()) -> None:
+    """Refuse the loading of a test that left an imprint: no elastic law of it holds.
+
+    Raises
+    ------
+    CurveError
+        If it did, and the scene file does not overrule it.
+    """
+    reason = curve.metadata.get("imprint")
+    if not reason or scene.memory is not None or "imprint" in overrule:
+        return
+    raise CurveError(
+        f"{curve.metadata.get('name', 'the curve')}: the loading is elastoplastic, {reason}; the elastic number is "
+        "in how it springs back: fit the contact stiffness S(h) instead (underlay film; fit_stiffness in Python), "
+        'or write overrule = ["imprint"] in [curve] to fit the loading all the same'
+    )
 
 
 def read_whole(file: SceneFile, path: str | os.PathLike[str] | JpkMapCurve) -> Curve:
@@ -132,6 +165,8 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
             f"{curve.metadata.get('name', 'the curve')} has no {segment} part, only {there}: choose another "
             'segment in [curve], or check the sign of the depth (flip = ["depth"] turns it)'
         )
+    if segment == LOADING:
+        part = remembering_withdrawal(part, curve)
     if segment == UNLOADING:
         part = part.with_metadata(notes=(*part.metadata.get("notes", ()), *_inelastic(curve)))
     low, high = choice.get("min_depth", -np.inf), choice.get("max_depth", np.inf)
@@ -143,6 +178,23 @@ def chosen_part(curve: Curve, choice: Mapping[str, Any]) -> Curve:
             f"{curve.depth.max():.6g} m"
         )
     return part if inside.all() else part.select(inside)
+
+
+def within_range(file: SceneFile, scene: Scene, curve: Curve) -> Curve:
+    """Return the points of a part of a curve within the fit range of the ``[curve]`` section; all without one.
+
+    Depths count from the contact that the scene file states, or from where the curve shows it.
+
+    Raises
+    ------
+    CurveError, InputError
+        If no point is left, or the scene lacks what the range is a multiple of.
+    """
+    choice = file.curve
+    preset = PRESETS.get(choice.get("preset") or "", FitRange())
+    wanted = FitRange.of(choice.get("fit_from", preset.low), choice.get("fit_to", preset.high))
+    known = _CONTACT in file.stated and all(entry.path != _CONTACT for entry in file.free)
+    return in_range(curve, wanted, scene, scene.instrument.contact_depth if known else None)
 
 
 def _inelastic(curve: Curve) -> list[str]:
@@ -185,9 +237,13 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
         overrule=file.curve.get("overrule", ()),
         free=[entry.path for entry in file.free],
     )
-    file = replace(file, draft=file.draft.with_values(settled.values), left_out=())
-    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes))
-    free = {**free_of(file, curve), **(priors or {})}
+    known = known_lever(file.draft, curve)
+    draft = replace(file.draft.with_values(settled.values), lever=known.lever)
+    file = replace(file, draft=draft, left_out=())
+    curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes, *known.notes))
+    require_elastic(file.draft, curve, file.curve.get("overrule", ()))
+    curve = within_range(file, file.draft, curve)
+    free = {**known.priors, **free_of(file, curve), **(priors or {})}
     problem = Problem(_started(file, curve), curve, free, file.noise, solver=file.solver)
     require_plausible(problem)
     return problem

@@ -18,7 +18,7 @@ from underlay.errors import InputError
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
 from underlay.inference.model.laws import LawStore
-from underlay.inference.priors import Given, Prior
+from underlay.inference.priors.prior import Given, Prior
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise_model import NoiseModel
@@ -136,11 +136,12 @@ class Problem:
         noise: NoiseModel | Sequence[NoiseModel | None] | None = None,
         solver: AnySolver | None = None,
         scenes: Sequence[Scene] | None = None,
+        curves: Sequence[Curve] | None = None,
     ) -> Problem:
         """Return the same problem with some things changed; what is None stays."""
         wanted = self.free if free is None else free
         return Problem.joint(
-            list(zip(scenes or self.base_scenes, self.curves, strict=True)),
+            list(zip(scenes or self.base_scenes, curves or self.curves, strict=True)),
             wanted,
             [path for path in self.shared if path in wanted],
             self.noise if noise is None else noise,

@@ -17,16 +17,8 @@ from underlay.data.curve import Curve
 from underlay.data.metadata import Metadata
 from underlay.errors import FileFormatError, InputError
 from underlay.inference.least_squares.provenance import curve_hash
-from underlay.inference.priors import (
-    Flat,
-    HalfNormal,
-    LogNormal,
-    LogUniform,
-    Normal,
-    Prior,
-    Truncated,
-    Uniform,
-)
+from underlay.inference.priors.densities import Flat, HalfNormal, LogNormal, LogUniform, Normal, Uniform
+from underlay.inference.priors.prior import Prior, Truncated
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solvers import solver_named, solver_record
 from underlay.quantities import field_quantities

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import InputError, LawError, RangeError, UnderlayError
+from underlay.mechanics.law_inverse import depth_at_loads
 from underlay.mechanics.response import Response
 
 __all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState"]
@@ -27,11 +28,7 @@ __all__ = ["CHOSEN_FOR_DEPTH", "ContactLaw", "ContactState"]
 #: Why a law ends at the depth it was built for; completes the sentence of a RangeError.
 CHOSEN_FOR_DEPTH = "the law was chosen for depths up to there; build it with a larger max_depth"
 
-# Newton in log-log coordinates on a smooth increasing law: quadratic after the first steps.
-_MAX_NEWTON_STEPS = 60
 _LARGEST = float(np.finfo(float).max)
-
-
 # Points of the equilibria of a law.
 _DRAWN = 400
 
@@ -123,7 +120,9 @@ class ContactLaw(Response, ABC):
         depth = np.full_like(flat, start)
         loaded = flat > least
         if loaded.any():
-            depth[loaded] = start + self._solve_depth(flat[loaded] - least)
+            depth[loaded] = depth_at_loads(
+                self._force, self._stiffness, flat[loaded], least, self.domain, self._beyond
+            )
         return depth.reshape(load.shape)[()]
 
     @property
@@ -160,6 +159,11 @@ class ContactLaw(Response, ABC):
         del compliance
         return ContactState(0.0, 0.0, 0.0)
 
+    def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
+        """Travels (m) of the other end of a spring (m/N) at which the force jumps; none without adhesion."""
+        least = self._least_force
+        return (self.domain[0] + compliance * least,) if least else ()
+
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
         """Depths (m) and forces (N), each (n,), of every contact up to `max_depth` (m), unstable ones included."""
         depth = np.linspace(self.domain[0], max_depth, _DRAWN)
@@ -183,6 +187,11 @@ class ContactLaw(Response, ABC):
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
         """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,); None where the law does not know it."""
         del depth
+        return None
+
+    def size_slope(self, depth: FloatArray, force: FloatArray, stiffness: FloatArray) -> FloatArray | None:
+        """dP/d ln(size of the tip) (N) at fixed depths (m) and thickness; None where the law does not know it."""
+        del depth, force, stiffness
         return None
 
     @abstractmethod
@@ -294,51 +303,3 @@ class ContactLaw(Response, ABC):
         """Force (N) at the beginning of the domain."""
         start = self.domain[0]
         return float(self._force(np.array([start]))[0]) if start else 0.0
-
-    def _solve_depth(self, load: FloatArray) -> FloatArray:
-        """Invert an increasing law by Newton's method in logarithms, kept inside a shrinking bracket.
-
-        Depths (m) and `load` (N) count from the beginning of the domain, where most laws have zero force.
-        """
-        start, least = self.domain[0], self._least_force
-        target = np.log(load)
-        high = np.full_like(load, np.log(self._depth_ceiling(load)))
-        # Power laws have 1 <= dlnP/dlnw <= 2 or so; the bracket only has to exist, not to be tight.
-        low = np.full_like(load, np.log(np.finfo(float).tiny))
-        x = high.copy()
-        for _ in range(_MAX_NEWTON_STEPS):
-            w = np.exp(x)
-            force = self._force(start + w) - least
-            error = np.log(force) - target
-            high = np.where(error > 0.0, np.minimum(high, x), high)
-            low = np.where(error < 0.0, np.maximum(low, x), low)
-            miss, slope = error * force, self._stiffness(start + w) * w
-            # An asymptotic law ends where its stiffness is zero (no step: halve the bracket) ...
-            step = np.divide(miss, slope, out=np.where(miss == 0.0, 0.0, np.inf), where=slope > 0.0)
-            proposal = x - step
-            # ... or infinite, where Newton's step is zero: halve then too.
-            stuck = (np.abs(step) < 1e-12) & (np.abs(error) > 1e-9)
-            outside = (proposal > high) | (proposal < low) | stuck
-            proposal = np.where(outside, 0.5 * (low + high), proposal)
-            if (np.abs(proposal - x) <= 4.0 * np.finfo(float).eps * (1.0 + np.abs(x))).all():
-                return np.exp(proposal)
-            x = proposal
-        return np.exp(x)
-
-    def _depth_ceiling(self, load: FloatArray) -> float:
-        """A depth (m) whose force is at least the largest `load`; both count as in `_solve_depth`."""
-        (start, end), least = self.domain, self._least_force
-        top = float(load.max())
-        if np.isfinite(end):
-            largest = float(self._force(np.array([end]))[0])
-            if top > (largest - least) * (1.0 + 1e-12):
-                raise RangeError(
-                    f"force {top + least:.6g} N is beyond {largest:.6g} N, the force at the largest depth that "
-                    f"works here, {end:.6g} m: {self._beyond}",
-                    max_depth=end,
-                )
-            return end - start
-        ceiling = 1.0
-        while float(self._force(np.array([start + ceiling]))[0]) - least < top:
-            ceiling *= 16.0
-        return ceiling

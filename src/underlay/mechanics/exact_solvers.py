@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -14,6 +15,7 @@ from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.curve_family import range_numbers
 from underlay.mechanics.exact.family_law import table_number, tabulated_law
 from underlay.mechanics.exact.law import exact_law
+from underlay.mechanics.exact.tip_law import tip_laws, tip_range
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth, layer_effect
 from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape, Sphere
 from underlay.mechanics.kernel import Family
@@ -73,6 +75,25 @@ class _ToTolerance(Solver):
     ) -> ContactLaw | None:
         """See `tabulated_law`."""
         return tabulated_law(contact, family, ratio, depth, self.rtol)
+
+    def has_tip_tables(self, contact: Contact) -> bool:
+        """Such tables are for tips that end, or spheres, on an isotropic layer."""
+        tip = contact.indenter
+        return np.isfinite(tip.max_radius) and not isinstance(tip, FlatPunch) and _is_plain_layer(contact)
+
+    def tip_number(self, contact: Contact, depth: float) -> int:
+        """See `tip_laws`."""
+        return tip_range(contact, depth)
+
+    def tabulated_tips(
+        self,
+        contacts: Sequence[Contact],
+        family: Family,
+        ratios: Sequence[float] | None,
+        depths: Sequence[float],
+    ) -> Sequence[ContactLaw | None]:
+        """See `tip_laws`."""
+        return tip_laws(contacts, family, ratios, depths, self.rtol)
 
     def has_batches(self, contact: Contact) -> bool:
         """Batches are for power-law tips and spheres on an isotropic layer."""
@@ -153,6 +174,11 @@ class Stuck(_ToTolerance):
 
     def has_table(self, contact: Contact) -> bool:
         """There are no tables."""
+        del contact
+        return False
+
+    def has_tip_tables(self, contact: Contact) -> bool:
+        """There are none."""
         del contact
         return False
 

@@ -19,16 +19,17 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from scipy import special
 
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError
+from underlay.plugins import INDENTERS, Plugin, plugins
 from underlay.quantities import Part, quantity
 
-__all__ = ["Cone", "FlatPunch", "Indenter", "Paraboloid", "PowerLaw", "Sphere"]
+__all__ = ["Cone", "FlatPunch", "Indenter", "Paraboloid", "PowerLaw", "Sphere", "plugged_indenters"]
 
 
 class Indenter(Part, ABC):
@@ -40,6 +41,12 @@ class Indenter(Part, ABC):
     parts: ClassVar[tuple[str, ...]] = ("indenter",)
     chosen_by: ClassVar[str] = "shape"
     shape: ClassVar[str] = ""
+
+    @classmethod
+    def kinds(cls) -> dict[str, type[Self]]:
+        """Every shape there is by its name, those of other packages among them."""
+        plugged_indenters()
+        return super().kinds()
 
     @property
     def max_radius(self) -> float:
@@ -104,6 +111,25 @@ class FlatPunch(Indenter):
     def halfspace_radius(self, depth: FloatArray) -> FloatArray:
         """The punch's radius at every positive depth."""
         return np.full_like(depth, self.radius)
+
+
+def plugged_indenters() -> tuple[Plugin, ...]:
+    """Load the indenters that other packages add; see `underlay.plugins`."""
+    return plugins(INDENTERS, _fault)
+
+
+def _fault(name: str, thing: object) -> str:
+    del name  # scene files know an indenter by its shape
+    if not (isinstance(thing, type) and issubclass(thing, Indenter)):
+        return "it is no class that derives from Indenter"
+    if not thing.shape:
+        return "it has no name: give its class a `shape`"
+    others = [kind for kind in _heirs(Indenter) if kind.shape == thing.shape and kind is not thing]
+    return f"another indenter is called {thing.shape!r}" if others else ""
+
+
+def _heirs(kind: type[Part]) -> list[type[Any]]:
+    return [heir for child in kind.__subclasses__() for heir in (child, *_heirs(child))]
 
 
 def abel_factor(exponent: float | FloatArray) -> FloatArray:

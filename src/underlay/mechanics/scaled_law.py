@@ -60,6 +60,11 @@ class ScaledLaw(ContactLaw):
         """As the reference: the slope goes with the force."""
         return self.law.ratio_slope(self.b * depth, force)
 
+    def size_slope(self, depth: FloatArray, force: FloatArray, stiffness: FloatArray) -> FloatArray | None:
+        """As the reference: the slope goes with the force."""
+        slope = self.law.size_slope(self.b * depth, force / self.c, stiffness / (self.b * self.c))
+        return None if slope is None else self.c * slope
+
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
         """As the reference: the slope goes with the force."""
         slope = self.law.work_slope(self.b * depth)
@@ -82,6 +87,10 @@ class ScaledLaw(ContactLaw):
     def jump_in(self, compliance: float = 0.0) -> ContactState:
         """As the reference."""
         return self._here(self.law.jump_in(self.b * self.c * compliance))
+
+    def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
+        """Those of the reference."""
+        return tuple(travel / self.b for travel in self.law.jump_travels(self.b * self.c * compliance))
 
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
         """Those of the reference."""

@@ -8,6 +8,7 @@ methods say what callers may rely on; the defaults promise nothing.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from typing import Any, ClassVar
@@ -141,6 +142,30 @@ class Solver(ABC):
         """
         del contact, family, ratio, depth
         return None
+
+    def has_tip_tables(self, contact: Contact) -> bool:
+        """Whether laws of tips that are no power law are read off tables, on bodies that differ in one ratio."""
+        del contact
+        return False
+
+    def tip_number(self, contact: Contact, depth: float) -> int:
+        """Number of the range of such laws that reaches `depth` (m)."""
+        del contact, depth
+        return 0
+
+    def tabulated_tips(
+        self,
+        contacts: Sequence[Contact],
+        family: Family,
+        ratios: Sequence[float] | None,
+        depths: Sequence[float],
+    ) -> Sequence[ContactLaw | None]:
+        """Laws of such contacts, each for its depth (m) and to the end of its range; None: there is none.
+
+        `ratios` tells which body stands in place of each contact's own; None where there is one alone.
+        """
+        del family, ratios, depths
+        return [None] * len(contacts)
 
     def has_batches(self, contact: Contact) -> bool:
         """Whether many contacts like this one, with other moduli, may be solved by `ExactBatch` at once."""

@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from difflib import get_close_matches
 from typing import Any, ClassVar, TypeAlias
 
@@ -28,6 +28,7 @@ from underlay.mechanics.halfspace import halfspace_law
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.published import PublishedCorrection, published_law, published_names
 from underlay.mechanics.solver import Scaling, Solver
+from underlay.plugins import SOLVERS, Plugin, faults, plugins
 
 __all__ = [
     "AnySolver",
@@ -39,6 +40,7 @@ __all__ = [
     "Stuck",
     "as_solver",
     "contact_law",
+    "plugged_solvers",
     "solver_named",
     "solver_names",
     "solver_record",
@@ -164,8 +166,26 @@ _NAMED: Mapping[str, type[Any]] = {
 
 
 def solver_names() -> tuple[str, ...]:
-    """List the names that `as_solver` knows."""
-    return (*_NAMED, *published_names())
+    """List the names that `as_solver` knows, those of other packages among them."""
+    return (*_NAMED, *published_names(), *_plugged())
+
+
+def plugged_solvers() -> tuple[Plugin, ...]:
+    """Load the solvers that other packages add; see `underlay.plugins`."""
+    return plugins(SOLVERS, _fault)
+
+
+def _fault(name: str, thing: object) -> str:
+    if name in (*_NAMED, *published_names()):
+        return "a solver of underlay has that name"
+    if isinstance(thing, PublishedCorrection) or (isinstance(thing, type) and issubclass(thing, Solver)):
+        return ""
+    return "it is neither a class that derives from Solver nor a PublishedCorrection"
+
+
+def _plugged() -> dict[str, Any]:
+    """Solver classes and corrections of other packages that can be used, by name."""
+    return {entry.name: entry.thing for entry in plugged_solvers() if not entry.fault}
 
 
 def as_solver(given: AnySolver) -> Solver:
@@ -220,13 +240,16 @@ def solver_named(name: str, **numbers: Any) -> Solver:
     >>> solver_named("exact", rtol=1e-8)
     Exact(rtol=1e-08)
     """
-    if name not in solver_names():
-        raise _unknown("solver", name, solver_names())
-    known = [field.name for field in fields(_NAMED[name])] if name in _NAMED else []
+    own = name in (*_NAMED, *published_names())  # then no other package is looked into
+    if not own and name not in _plugged():
+        raise _unknown("solver", name, solver_names(), faults(plugged_solvers()))
+    kind: Any = _NAMED.get(name) if own else _plugged()[name]
+    is_class = isinstance(kind, type)
+    known = [field.name for field in fields(kind)] if is_class and is_dataclass(kind) else []
     for key in numbers:
         if key not in known:
             raise InputError(f"the solver {name!r} has no {key}; it has {', '.join(known) or 'no numbers'}")
-    solver: Solver = _NAMED[name](**numbers) if name in _NAMED else Published(name)
+    solver: Solver = kind(**numbers) if is_class else Published(name if own else kind)
     return solver
 
 
@@ -240,15 +263,20 @@ def solver_record(solver: Solver) -> dict[str, Any]:
     """
     if isinstance(solver, Published) and isinstance(solver.correction, str):
         return {"name": solver.name}
-    if _NAMED.get(solver.name) is not type(solver):
-        raise InputError(f"the solver {solver.name} is not part of underlay")
-    return {"name": solver.name, **solver.numbers}
+    if _NAMED.get(solver.name) is type(solver):
+        return {"name": solver.name, **solver.numbers}
+    for name, kind in _plugged().items():
+        if kind is type(solver):
+            return {"name": name, **solver.numbers}
+        if isinstance(solver, Published) and kind is solver.correction:
+            return {"name": name}
+    raise InputError(f"the solver {solver.name} is not part of underlay, nor a plug-in of its own name")
 
 
-def _unknown(what: str, name: object, known: tuple[str, ...]) -> InputError:
+def _unknown(what: str, name: object, known: tuple[str, ...], more: str = "") -> InputError:
     near = get_close_matches(str(name), known, n=1)
     hint = f" Did you mean {near[0]!r}?" if near else ""
-    return InputError(f"no {what} is called {name!r}.{hint} Known: {', '.join(known)}")
+    return InputError(f"no {what} is called {name!r}.{hint} Known: {', '.join(known)}{more}")
 
 
 def contact_law(

@@ -11,21 +11,23 @@ On an elastic substrate kappa_inf depends on E itself, and E is the root of an i
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 from scipy import optimize
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, positive
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.asymptotic.law import punch_factor
-from underlay.mechanics.body import RIGID, Base
-from underlay.mechanics.kernel import SubstrateKernel
+from underlay.mechanics.body import RIGID, Base, Layer
+from underlay.mechanics.indenters import FlatPunch
 from underlay.mechanics.materials import Isotropic
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import as_solver, contact_law
 
-__all__ = ["PunchFactor", "modulus_from_stiffness"]
+__all__ = ["modulus_from_stiffness"]
 
-#: kappa_inf from (a/h, layer material, substrate): the flat punch's factor of (9.5).
-PunchFactor = Callable[[float, Isotropic, Base], float]
+# kappa_inf from (a/h, layer material, substrate): the flat punch's factor of (9.5).
+_PunchFactor: TypeAlias = Callable[[float, Isotropic, Base], float]
 
 # The modulus is looked for within this factor of the half-space value either way.
 _WIDEST_RATIO = 1e8
@@ -39,9 +41,7 @@ def modulus_from_stiffness(
     contact_area: ArrayLike | None = None,
     thickness: float = np.inf,
     substrate: Base | None = None,
-    order: int = 4,
-    form: str = "auto",
-    kappa_inf: PunchFactor | None = None,
+    solver: str | Solver = "exact",
 ) -> FloatArray:
     """Young's modulus (Pa) of a layer from the unloading stiffness and the contact area (9.6).
 
@@ -57,10 +57,8 @@ def modulus_from_stiffness(
         Thickness h (m).
     substrate : material, RIGID or None
         What is under the layer; None is a half-space of the layer.
-    order, form
-        Of the asymptotic kappa_inf, as in `asymptotic_law`.
-    kappa_inf : callable, optional
-        (a/h, layer material, substrate) to kappa_inf, e.g. the exact one; used instead of the asymptotic.
+    solver : str or Solver, default "exact"
+        What gives kappa_inf: the stiffness of its flat punch over that on a half-space.
 
     Returns
     -------
@@ -72,7 +70,8 @@ def modulus_from_stiffness(
     InputError
         If not exactly one of `contact_radius` and `contact_area` is given, or a value is not positive.
     RangeError
-        If no modulus gives the stiffness: the substrate alone is more compliant than the test.
+        If no modulus gives the stiffness: the substrate alone is more compliant than the test; or if the
+        contact is larger than the solver reaches.
 
     Examples
     --------
@@ -96,7 +95,7 @@ def modulus_from_stiffness(
     if substrate is None or not np.isfinite(thickness):
         return np.asarray(halfspace)[()]
     h = positive(thickness, "thickness", "m")
-    factor = kappa_inf or _asymptotic_factor(order, form)
+    factor = _punch_factor(as_solver(solver))
     if substrate == RIGID:
         # On a rigid base kappa_inf depends on nu alone.
         kappa = [factor(float(a) / h, unit, substrate) for a in radius.ravel()]
@@ -108,15 +107,17 @@ def modulus_from_stiffness(
     return np.reshape(moduli, radius.shape)[()]
 
 
-def _asymptotic_factor(order: int, form: str) -> PunchFactor:
+def _punch_factor(solver: Solver) -> _PunchFactor:
     def factor(eps: float, layer: Isotropic, substrate: Base) -> float:
-        a_0, a_1 = SubstrateKernel(layer, substrate).coefficients(2)
-        return punch_factor(eps, float(a_0), float(a_1), order=order, form=form)
+        # A flat punch's law is a line: any depth tells its slope.
+        shallow = 1e-3 * eps
+        punch = contact_law(FlatPunch(eps), Layer(layer, 1.0), substrate, max_depth=shallow, solver=solver)
+        return float(punch.stiffness(np.array([shallow]))[0]) / (4.0 * layer.theta * eps)
 
     return factor
 
 
-def _solve(halfspace: float, eps: float, nu: float, substrate: Base, factor: PunchFactor) -> float:
+def _solve(halfspace: float, eps: float, nu: float, substrate: Base, factor: _PunchFactor) -> float:
     """Solve E kappa_inf(E) = `halfspace` in ln E between brackets that double."""
 
     def excess(log_modulus: float) -> float:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-__all__ = ["accuracy_summary", "method_label"]
+__all__ = ["accuracy_summary", "answer_summary", "method_label"]
 
 
 def accuracy_summary(table: pd.DataFrame) -> pd.DataFrame:
@@ -27,6 +27,28 @@ def accuracy_summary(table: pd.DataFrame) -> pd.DataFrame:
             "cold (x)": answered["cold_ratio"].to_numpy(),
             "held (x)": answered["held_ratio"].to_numpy(),
             "best": answered["pareto"].to_numpy(),
+        }
+    )
+
+
+def answer_summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the result of `answer_cost` in the columns people read, closest modulus first.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``law``; ``E (%)``, the error of the modulus with the thickness known, and ``fit (x)``, its time over that
+        of lmfit's Hertz fit; ``E, free h (%)``, ``h (%)`` and ``fit, free h (x)``, the thickness fitted too.
+    """
+    ordered = table.sort_values("E_error", key=abs, ignore_index=True)
+    return pd.DataFrame(
+        {
+            "law": [method_label(row) for _, row in ordered.iterrows()],
+            "E (%)": 100.0 * ordered["E_error"],
+            "fit (x)": ordered["ratio"],
+            "E, free h (%)": 100.0 * ordered["E_error_joint"],
+            "h (%)": 100.0 * ordered["thickness_error"],
+            "fit, free h (x)": ordered["joint_ratio"],
         }
     )
 

@@ -27,6 +27,8 @@ from underlay.mechanics.plane_constants import isotropic_constants
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Asymptotic, Auto, Exact, HalfSpace
 from underlay.report.bench_fits import exact_fit, hertz_fit
+from underlay.report.bench_relaxing import CYCLE, RAMP_AND_HOLD, relaxing_fit, relaxing_force
+from underlay.report.bench_users import user_markdown
 from underlay.scene.accuracy_cost import explicit_formula
 from underlay.scene.scene import Scene
 
@@ -42,6 +44,7 @@ _STIFF_BASE_MATERIAL = Isotropic(3e7, 0.3)
 _STIFF_BASE = Scene(_TIP, _GEL, _STIFF_BASE_MATERIAL)
 _SOFT_BASE = Scene(_TIP, _GEL, Isotropic(3e5, 0.3))
 _BALL = Scene(Sphere(4e-3), _GEL, RIGID)
+_SMALL_BALL = Sphere(1e-3)  # the fits' paraboloid with its true shape: a/R up to 0.7
 # a/h = 2 on the rigid base; a fiftieth of it is a/h = 0.2, where every asymptotic form answers.
 _DEEPEST, _SHALLOW = 1.8e-3, 0.02
 # The ball is larger: a fifth of the depth gives it a/h = 1.6.
@@ -165,6 +168,8 @@ CASES = (
         "exact to 1e-6, true sphere, a/R up to 0.4, law held",
         _held(_BALL, Exact(1e-6), _BALL_SHARE),
     ),
+    BenchCase("three Prony terms, ramp and hold, law held", relaxing_force(_RIGID_BASE, RAMP_AND_HOLD)),
+    BenchCase("three Prony terms, in and out, law held", relaxing_force(_RIGID_BASE, CYCLE)),
     BenchCase(f"exact to 1e-6, {_SETS} sets of materials at once, per set", _batched, _SETS),
     BenchCase(
         "fit: E, thickness, contact, rigid base",
@@ -180,6 +185,31 @@ CASES = (
         "fit: E, thickness, contact, base modulus",
         exact_fit(_STIFF_BASE_MATERIAL, (*_E_H_CONTACT, "substrate.E")),
         unit=hertz_fit(_STIFF_BASE_MATERIAL),
+    ),
+    BenchCase(
+        "fit, true sphere: E, thickness, contact, rigid base",
+        exact_fit(RIGID, _E_H_CONTACT, _SMALL_BALL),
+        unit=hertz_fit(RIGID),
+    ),
+    BenchCase(
+        "fit, true sphere: E, thickness, contact, base ten times stiffer",
+        exact_fit(_STIFF_BASE_MATERIAL, _E_H_CONTACT, _SMALL_BALL),
+        unit=hertz_fit(_STIFF_BASE_MATERIAL),
+    ),
+    BenchCase(
+        "fit, true sphere: E, thickness, contact, base modulus",
+        exact_fit(_STIFF_BASE_MATERIAL, (*_E_H_CONTACT, "substrate.E"), _SMALL_BALL),
+        unit=hertz_fit(_STIFF_BASE_MATERIAL),
+    ),
+    BenchCase(
+        "fit: E, nu, contact, base ten times stiffer",
+        exact_fit(_STIFF_BASE_MATERIAL, ("layer.E", "layer.nu", "instrument.contact_depth")),
+        unit=hertz_fit(_STIFF_BASE_MATERIAL),
+    ),
+    BenchCase(
+        "fit: E, thickness, contact, two Prony terms",
+        relaxing_fit(_RIGID_BASE, RAMP_AND_HOLD),
+        unit=hertz_fit(RIGID),
     ),
 )
 
@@ -248,7 +278,7 @@ def depth_table(counts: tuple[int, ...] = _COUNTS, rounds: int = _ROUNDS) -> pd.
     return pd.DataFrame(rows)[columns]
 
 
-def bench_markdown(table: pd.DataFrame, curve: pd.DataFrame, fits: pd.DataFrame) -> str:
+def bench_markdown(table: pd.DataFrame, curve: pd.DataFrame, fits: pd.DataFrame, users: pd.DataFrame) -> str:
     """Return the tables as Markdown, with what they were measured with."""
     made_with = f"Python {platform.python_version()}, numpy {np.__version__}, {platform.machine()}"
     cells = curve[["depths", "formula us", "cold us", "held us", "held ratio"]].to_numpy()
@@ -268,6 +298,8 @@ def bench_markdown(table: pd.DataFrame, curve: pd.DataFrame, fits: pd.DataFrame)
         f"| Fit of 1000 points, exact law to 1e-6, a/h up to 0.8 | time, in Hertz fits ({_ms(fits)} ms) |",
         "|---|---:|",
         *(f"| {case} | {_short(ratio)} |" for case, ratio in zip(fits["case"], fits["ratio"], strict=True)),
+        "",
+        user_markdown(users),
     ]
     return "\n".join(lines)
 

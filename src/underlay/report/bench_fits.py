@@ -13,7 +13,7 @@ from underlay.inference.least_squares import fit
 from underlay.inference.plain_hertz import plain_hertz_fit
 from underlay.inference.problem import Problem
 from underlay.mechanics.body import Base, Layer
-from underlay.mechanics.indenters import Paraboloid
+from underlay.mechanics.indenters import Indenter, Paraboloid
 from underlay.mechanics.materials import Isotropic
 from underlay.scene.instrument import Instrument
 from underlay.scene.noise import Noise
@@ -27,16 +27,27 @@ _SHARE = 0.2
 _BEFORE, _CONTACT = 0.15, 0.05  # of the largest depth: where the readings begin, and where contact is
 _NOISE = 0.005  # of the largest force
 # The start, over the truth; the contact starts at zero.
-_WRONG = {"layer.E": 3.0, "layer.thickness": 0.5, "substrate.E": 0.3, "instrument.contact_depth": 0.0}
+_WRONG = {
+    "layer.E": 3.0,
+    "layer.nu": 0.8,
+    "layer.thickness": 0.5,
+    "substrate.E": 0.3,
+    "instrument.contact_depth": 0.0,
+}
 
 
-def exact_fit(base: Base, free: Sequence[str]) -> Callable[[FloatArray], Callable[[], object]]:
-    """Fit the parameters at `free` with the exact law: a new problem each time, from a wrong start."""
+def exact_fit(
+    base: Base, free: Sequence[str], tip: Indenter = _TIP
+) -> Callable[[FloatArray], Callable[[], object]]:
+    """Fit the parameters at `free` with the exact law: a new problem each time, from a wrong start.
+
+    Its noise is stated.
+    """
 
     def prepare(depth: FloatArray) -> Callable[[], object]:
-        scene, curve = _measured(base, depth)
+        scene, curve, noise = _measured(base, depth, tip)
         start = scene.with_values({path: scene.parameters[path] * _WRONG[path] for path in free})
-        return lambda: fit(Problem(start, curve, free, solver="exact"))
+        return lambda: fit(Problem(start, curve, free, noise=noise, solver="exact"))
 
     return prepare
 
@@ -45,18 +56,18 @@ def hertz_fit(base: Base) -> Callable[[FloatArray], Callable[[], object]]:
     """Fit Hertz's formula to the same points, from the same modulus and contact."""
 
     def prepare(depth: FloatArray) -> Callable[[], object]:
-        curve = _measured(base, depth)[1]
+        curve = _measured(base, depth, _TIP)[1]
         start = _WRONG["layer.E"] * _E
         return lambda: plain_hertz_fit(curve.depth, curve.force, _TIP.radius, _NU, E=start)
 
     return prepare
 
 
-def _measured(base: Base, depth: FloatArray) -> tuple[Scene, Curve]:
-    """A scene and a curve of it with as many points as `depth` (m)."""
+def _measured(base: Base, depth: FloatArray, tip: Indenter) -> tuple[Scene, Curve, Noise]:
+    """A scene, a curve of it with as many points as `depth` (m), and its noise."""
     deepest = _SHARE * float(depth[-1])
     layer = Layer(Isotropic(_E, _NU), _THICKNESS)
-    scene = Scene(_TIP, layer, base, Instrument(contact_depth=_CONTACT * deepest))
+    scene = Scene(tip, layer, base, Instrument(contact_depth=_CONTACT * deepest))
     readings = np.linspace(-_BEFORE, 1.0, len(depth)) * deepest
     noise = Noise(force=_NOISE * float(scene.force(readings[-1])))
-    return scene, synthesize(scene, readings, noise=noise, rng=0)
+    return scene, synthesize(scene, readings, noise=noise, rng=0), noise

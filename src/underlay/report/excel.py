@@ -117,10 +117,6 @@ def _of_fits(fits: Sequence[Fit]) -> dict[str, pd.DataFrame]:
 def _of_map(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     if not {"name", "status", "verdict"} <= set(table.columns):
         raise InputError("this is no table of a map: it lacks name, status or verdict")
-    settings = [("units", "SI: m, N, Pa, s"), ("curves", str(len(table)))]
-    settings += [
-        (key, str(value)) for key, value in table.attrs.items() if isinstance(value, str | int | float)
-    ]
     which = [name for name in _WHICH if name in table.columns]
     return {
         "results": table,

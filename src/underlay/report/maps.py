@@ -38,10 +38,15 @@ _LISTED = 50
 _MIDDLE = (0.5, 0.16, 0.84)
 
 
+# What follows from a fit with adhesion at every site; the table has no error of them.
+_FOLLOW = ("adhesion.pull_off_force", "adhesion.pull_off_depth")
+
+
 def sample_parameters(table: pd.DataFrame) -> list[str]:
-    """Fitted parameters of layer and substrate."""
+    """Fitted parameters of layer, substrate and adhesion, and where the tip comes off."""
     names = [str(name).removesuffix(_ERROR) for name in table.columns if str(name).endswith(_ERROR)]
-    return [name for name in names if name.startswith(("layer.", "substrate."))]
+    fitted = [name for name in names if name.startswith(("layer.", "substrate.", "adhesion."))]
+    return [*fitted, *(name for name in _FOLLOW if name in table.columns)]
 
 
 def has_positions(table: pd.DataFrame) -> bool:
@@ -54,6 +59,7 @@ def columns_to_draw(table: pd.DataFrame) -> list[str]:
     if not has_positions(table):
         return []
     columns = [name for fitted in sample_parameters(table) for name in (fitted, f"{fitted}{_ERROR}")]
+    columns = [name for name in columns if name in table.columns]
     return [name for name in columns if np.isfinite(table[name].to_numpy(dtype=float)).any()]
 
 
@@ -88,12 +94,15 @@ def parameter_table(table: pd.DataFrame) -> pd.DataFrame:
         if not known.size:
             continue
         middle, low, high = (float(value) for value in np.quantile(known, _MIDDLE))
-        share = np.nanmedian(table[f"{name}{_ERROR}"].to_numpy(dtype=float) / np.abs(values))
+        error = f"{name}{_ERROR}"
+        share = (
+            np.nanmedian(table[error].to_numpy(dtype=float) / np.abs(values)) if error in table else np.nan
+        )
         rows.append(
             {
                 "parameter": label(name),
                 "median (two thirds of the sites)": quantity_with_interval(middle, low, high, kind_of(name)),
-                "median standard error": f"{100.0 * share:.2g} %",
+                "median standard error": f"{100.0 * share:.2g} %" if np.isfinite(share) else "",
                 **_instrument_cells(table, name),
             }
         )

@@ -42,24 +42,19 @@ def advice(result: Fit) -> list[str]:
     Examples
     --------
     ``"Layer thickness: a second test with a 0.5 mm sphere, pressed as deep (force up to 3.7 mN) and fitted
-    jointly, would fix it to 4.3 %."``
+    jointly, would fix it to 4.3 % if it is 1.2 mm or less, but not if it is 2 mm."``
     """
     sentences = []
     for entry in estimates(result):
         is_open = entry.not_fixed or math.isinf(entry.low) or math.isinf(entry.high)
         if not is_open or not is_of_the_sample(entry.name):
             continue
-        # Of an interval with one end the forecast supposes a value well inside.
-        supposed, words = None, ""
-        if not entry.not_fixed:
-            supposed = 2.0 * entry.low if math.isinf(entry.high) else 0.5 * entry.high
-            words = f", were it {format_quantity(supposed, kind_of(entry.path))}"
         try:
-            found = remedy(result, entry.name, value=supposed)
+            found = remedy(result, entry.name)
         except UnderlayError:
             # A fit of several curves, a tip without a radius: nothing to advise.
             continue
-        sentences.append(f"{start(label(entry.name))}{words}: {found.sentence}.")
+        sentences.append(f"{start(label(entry.name))}: {found.sentence}.")
     return sentences
 
 

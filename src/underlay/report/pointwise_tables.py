@@ -12,7 +12,7 @@ from underlay.inference.pointwise.modulus import ModulusCurve, PointwiseModulus,
 from underlay.report.notebook import Cell, filled
 from underlay.report.tables import labelled_table
 from underlay.report.words import quantity_with_interval
-from underlay.units import format_quantity, human_unit
+from underlay.units import format_quantity, human_unit, printed, printed_unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,12 +59,13 @@ def pointwise_sentence(found: PointwiseModulus | str) -> str:
         f"{format_quantity(float(found.depth[end]), 'length')}"
         for end in (0, -1)
     )
-    return f"{text} The formula of a half-space reads {first} and {last}."
+    return printed(f"{text} The formula of a half-space reads {first} and {last}.")
 
 
 def pointwise_table(found: PointwiseModulus) -> pd.DataFrame:
     """Return ten of the depths, as text: the modulus with the layer and by the half-space, with intervals."""
-    length, metre = human_unit(float(found.depth[-1]), "length")
+    unit, metre = human_unit(float(found.depth[-1]), "length")
+    length = printed_unit(unit)
     name, pascal = human_unit(float(found.apparent.expected[-1]), "pressure")
     what = ", layer in the model" if found.layered else ""
     rows = []

@@ -14,6 +14,8 @@ from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = ["posterior_diagnostics_table", "posterior_table", "prior_table"]
@@ -62,13 +64,19 @@ def prior_table(posterior: Posterior) -> pd.DataFrame:
 def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
     """Return how the sampling went, as text."""
     d = posterior.diagnostics
-    rows = {
-        "converged": "yes" if d.converged else "NO",
-        "why it stopped": d.reason,
+    chain = {
         "steps, walkers": f"{d.steps}, {d.walkers} ({d.burn_in} dropped, every {d.thin}th kept)",
         "autocorrelation time": ", ".join(f"{t:.0f}" for t in d.autocorrelation_time) + " steps",
         "R-hat": ", ".join(f"{r:.4f}" for r in d.rhat),
-        "acceptance": f"{100.0 * d.acceptance:.0f} %",
+        "acceptance": f"{100.0 * d.acceptance:.0f} %{_by_move(d.moves)}",
+    }
+    rows = {
+        "converged": "yes" if d.converged else "NO",
+        "why it stopped": d.reason,
+        **(chain if d.method == "emcee" else {"draws": "weighted, then resampled: no chain"}),
+        "effective draws": ", ".join(f"{size:.0f}" for size in d.effective) or "not kept",
+        "errors of the 2.5, 50, 97.5 % quantiles": _errors(posterior),
+        **_weighted(posterior),
         "evaluations": f"{d.evaluations}, of which {d.failures} failed",
         "model error": f"{d.model_error:.1e} of the force",
         "data in the 95 % band": ", ".join(
@@ -78,3 +86,36 @@ def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
         "time": f"{d.seconds:.1f} s",
     }
     return facts_table(rows)
+
+
+def _by_move(moves: Mapping[str, float]) -> str:
+    """Acceptance of each move, in brackets."""
+    told = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in moves.items())
+    return f" ({told})" if told else ""
+
+
+def _errors(posterior: Posterior) -> str:
+    """Monte Carlo errors of the quantiles of each parameter, in standard deviations."""
+    told = "; ".join(
+        f"{label(name)} {', '.join(f'{error:.2f}' for error in errors)}"
+        for name, errors in posterior.diagnostics.quantile_errors.items()
+    )
+    return f"{told} standard deviations" if told else "not kept"
+
+
+def _weighted(posterior: Posterior) -> dict[str, str]:
+    """What weighted draws of a mixture along the posterior's ridges say, and the evidence that they give."""
+    found, evidence = posterior.diagnostics.importance, posterior.log_evidence
+    if found is None:
+        return {"weighted draws": "none: no mixture was found"}
+    verdict = (
+        f"not believed: {found.refused}"
+        if found.refused
+        else f"they disagree: {found.disagreement}"
+        if found.disagreement
+        else "believed"
+    )
+    return {
+        "weighted draws": f"{found.effective:.0f} effective of {found.draws}, k-hat {found.k_hat:.2f}; {verdict}",
+        "ln(evidence)": "not known" if evidence is None else f"{evidence.value:.2f} +- {evidence.error:.2f}",
+    }

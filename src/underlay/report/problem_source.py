@@ -12,7 +12,7 @@ from underlay._text import comment_line
 from underlay.data.curve import Curve
 from underlay.data.readers.delimited import COMMENTED_NUMBERS
 from underlay.data.recorded import RECORDED, recorded
-from underlay.inference.priors import Prior
+from underlay.inference.priors.prior import Prior
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Auto, solver_record
@@ -66,8 +66,8 @@ def problem_source(problem: Problem, files: list[str]) -> str:
     """
     solver_record(problem.solver)
     stated = [prior for prior in problem.free.values() if isinstance(prior, Prior)]
-    classes = sorted({name for prior in stated for name in _class_names(prior)})
-    lines = [f"from underlay.inference.priors import {', '.join(classes)}"] if classes else []
+    classes = sorted({(kind.__module__, kind.__name__) for prior in stated for kind in _classes(prior)})
+    lines = [f"from {module} import {name}" for module, name in classes]
     pairs = list(zip(files[::2], files[1::2], strict=True))
     free = "\n".join(f"        {path!r}: {source_of(prior)}," for path, prior in problem.free.items())
     keywords = {
@@ -112,12 +112,10 @@ def source_of(value: Any) -> str:
     return repr(value)
 
 
-def _class_names(prior: Any) -> list[str]:
+def _classes(prior: Any) -> list[type]:
+    """Its own class and those of the priors inside."""
     inner = [getattr(prior, field.name) for field in fields(prior)]
-    return [
-        type(prior).__name__,
-        *(name for part in inner if is_dataclass(part) for name in _class_names(part)),
-    ]
+    return [type(prior), *(kind for part in inner if is_dataclass(part) for kind in _classes(part))]
 
 
 def _exact_csv(curve: Curve) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from underlay.data.readers import FORMATS
+from underlay.data.readers import all_formats
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.units import format_quantity
 
@@ -22,7 +22,7 @@ __all__ = ["format_name", "reading_table"]
 def format_name(curve: Curve) -> str:
     """Return the name of the format a curve was read in, with what it is of: ``"mach1 (Biomomentum ...)"``."""
     name = str(curve.metadata["format"])
-    described = next((entry.description for entry in FORMATS if entry.name == name), "")
+    described = next((entry.description for entry in all_formats() if entry.name == name), "")
     return name + (f" ({described})" if described else "")
 
 

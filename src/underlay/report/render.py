@@ -242,6 +242,7 @@ def _fit_notebook(
             "load": load,
             "segments_part": segments,
             "time_part": filled("relaxation", {}) if any(s.memory is not None for s in scenes) else (),
+            "log_part": () if any(s.adhesion is not None for s in scenes) else filled("fit_log", {}),
             "pointwise_part": pointwise_part(scenes),
             "adhesion_part": adhesion_part(scenes),
             "bond_part": filled("bonding", {}) if all(map(has_face, scenes)) else (),

@@ -22,6 +22,7 @@ from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, rea
 from underlay.inference.batch.decisions import Decisions
 from underlay.inference.batch.model import scene_file_of
 from underlay.inference.batch.results_table import FITTED
+from underlay.inference.from_files import within_range
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Auto, as_solver
 from underlay.report.labels import label, start
@@ -97,8 +98,8 @@ def write_review(
     curves, scene, folders
         As `fit_many` was given them.
     folder : path
-        Where ``review.html`` (and ``review-2.html``, ... for what one page does not hold) and ``decisions.csv`` are
-        written. The pages open offline and hold no script. `read_decisions` reads the CSV back.
+        Where ``review.html`` (and ``review-2.html``, ... as needed) and ``decisions.csv`` are written. The
+        pages open offline and hold no script. `read_decisions` reads the CSV back.
     decisions : Decisions, optional
         What was decided already: it is shown, and kept in the CSV.
     solver : Solver or str, optional
@@ -189,7 +190,7 @@ def _card(
         curve = read_place(place, file)
         drawn = Small(curve.depth, curve.force)
         if row["status"] == FITTED:
-            drawn, misfit = _fitted(row, curve, base, solver)
+            drawn, misfit = _fitted(row, curve, base, solver, file)
     except UnderlayError as error:
         reason = reason or one_line(error, _LONGEST_REASON)
     decided = decisions.by_curve.get(name)
@@ -204,7 +205,9 @@ def _card(
     )
 
 
-def _fitted(row: Mapping[Any, Any], curve: Curve, base: Scene, solver: Solver) -> tuple[Small, float]:
+def _fitted(
+    row: Mapping[Any, Any], curve: Curve, base: Scene, solver: Solver, file: SceneFile | None
+) -> tuple[Small, float]:
     """What is drawn of a fitted curve, and the root mean square of its misfit over the range of the force."""
     values = {
         path: float(row[path])
@@ -212,6 +215,7 @@ def _fitted(row: Mapping[Any, Any], curve: Curve, base: Scene, solver: Solver) -
         if isinstance(row.get(path), float) and math.isfinite(row[path])
     }
     scene = base.with_values(values)
+    curve = curve if file is None else within_range(file, scene, curve)
     force = scene.force(curve.depth, curve.time if scene.memory is not None else None, solver=solver)
     residual = curve.force - force
     pieces: list[FloatArray] = np.array_split(residual, min(_PIECES, len(residual)))

@@ -78,7 +78,7 @@ def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
         if isinstance(value, float):
             text = f"{math.degrees(value):.4g} deg" if kind == "angle" else format_quantity(value, kind)
         else:
-            text = f"{np.size(value)} values"
+            text = value.replace("_", " ") if isinstance(value, str) else f"{np.size(value)} values"
         rows.append({"part": part, "quantity": name, "value": text})
     return rows
 

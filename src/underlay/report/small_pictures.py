@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.units import human_unit
+from underlay.report.plots.style import unit_of
 
 __all__ = ["Small", "small_picture"]
 
@@ -54,7 +54,7 @@ def small_picture(curve: Small, alt: str) -> str:
         middle = _TOP + _CURVE + _GAP + _STRIP / 2.0
         parts.append(f'<path class="fit" d="M{_LEFT} {middle:.0f}H{_WIDTH - _LEFT}"/>')
         parts.append(_dots(x, middle - 0.5 * _STRIP * residual / largest))
-        unit, newton = human_unit(largest, "force")
+        unit, newton = unit_of(largest, "force")
         parts.append(
             _word(_LEFT, middle - _STRIP / 2.0 - 2, f"residual, up to {largest / newton:.2g} {unit}")
         )
@@ -69,8 +69,8 @@ def small_picture(curve: Small, alt: str) -> str:
 
 
 def _axes(depth: FloatArray, force: FloatArray) -> str:
-    length, metre = human_unit(float(np.ptp(depth)), "length")
-    load, newton = human_unit(float(np.abs(force).max()), "force")
+    length, metre = unit_of(float(np.ptp(depth)), "length")
+    load, newton = unit_of(float(np.abs(force).max()), "force")
     bottom = _TOP + _CURVE
     return (
         f'<path class="axis" d="M{_LEFT} {_TOP}V{bottom}H{_WIDTH - _LEFT}"/>'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ import pandas as pd
 from underlay._door import sha256_of
 from underlay._text import one_line
 from underlay.inference.least_squares.provenance import version_record
+from underlay.inference.recipe import Step
 from underlay.quantities import numbers_of
 from underlay.report.intervals import estimates, standing
 from underlay.report.labels import label
@@ -20,7 +21,7 @@ from underlay.report.open_ends import rival_name
 from underlay.report.words import quantity_with_interval, strong_pairs
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of
-from underlay.units import format_quantity, human_unit
+from underlay.units import format_quantity, human_unit, printed
 
 if TYPE_CHECKING:
     from underlay.inference.design.identifiability import Identifiability
@@ -38,6 +39,7 @@ __all__ = [
     "provenance_table",
     "reservations_table",
     "source_rows",
+    "steps_table",
 ]
 
 
@@ -120,6 +122,16 @@ def interval_table(result: Fit) -> pd.DataFrame:
                 "before the test": _prior_text(result, entry.name, kind),
             }
         )
+    return labelled_table(rows)
+
+
+def steps_table(steps: Sequence[Step]) -> pd.DataFrame:
+    """Return one row per step from an instrument's number to ours, as text: what was changed, and by how much."""
+    rows = []
+    for before, step in zip([None, *steps], steps, strict=False):
+        change = "" if before is None else f"{100.0 * (step.modulus / before.modulus - 1.0):+.2f} %"
+        value = format_quantity(step.modulus, "pressure")
+        rows.append({"step": step.what, "Young's modulus": value, "change": change})
     return labelled_table(rows)
 
 
@@ -255,7 +267,7 @@ def source_rows(files: Iterable[str]) -> dict[str, str]:
 
 def labelled_table(rows: list[dict[str, str]]) -> pd.DataFrame:
     """Make a table whose first column labels the rows; what came from a file is one printable line in it."""
-    frame = pd.DataFrame([{name: one_line(text) for name, text in row.items()} for row in rows])
+    frame = pd.DataFrame([{name: printed(one_line(text)) for name, text in row.items()} for row in rows])
     # The first column's name goes beside the others': pandas would give the index a header row of its own.
     return frame.set_index(frame.columns[0]).rename_axis(index=None, columns=frame.columns[0])
 

@@ -18,7 +18,7 @@ from underlay.report.markdown import markdown_text
 from underlay.report.model_limits import model_limits
 from underlay.report.open_ends import advice, rivals
 from underlay.scene.parameters import kind_of
-from underlay.units import format_quantity, human_unit
+from underlay.units import format_quantity, human_unit, printed
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
@@ -89,7 +89,7 @@ def summary(result: Fit) -> str:
     ]
     paragraphs += [_substrate_sentence(result), _width_sentence(result), _narrowness_sentence(result)]
     paragraphs.append(_reservation_sentence(result))
-    return "\n\n".join(text for text in paragraphs if text)
+    return printed("\n\n".join(text for text in paragraphs if text))
 
 
 def verdict_sentence(result: Fit) -> str:

@@ -30,7 +30,7 @@ from underlay.mechanics.solvers import AnySolver, Asymptotic, Auto, Exact, HalfS
 if TYPE_CHECKING:
     from underlay.scene.scene import Scene
 
-__all__ = ["accuracy_cost", "explicit_formula"]
+__all__ = ["accuracy_cost", "compared_solvers", "explicit_formula"]
 
 _REFERENCE = Exact(1e-12)
 _EXACT_RTOLS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
@@ -93,7 +93,7 @@ def accuracy_cost(
         raise InputError("this scene is a half-space: every solver is the same formula and costs the same")
     deepest = float(depths.max())
     reference = scene.contact_law(deepest, solver=_REFERENCE)
-    trials = [_Trial(as_solver(given)) for given in (_candidates() if solvers is None else solvers)]
+    trials = [_Trial(as_solver(given)) for given in (compared_solvers() if solvers is None else solvers)]
     for trial in trials:
         _build(trial, scene, deepest)
     # A correction that is for another tip or base says nothing about this scene.
@@ -145,7 +145,8 @@ def _depths(depth: ArrayLike) -> FloatArray:
     return np.linspace(0.0, float(given), _POINTS + 1)[1:] if given.ndim == 0 else given.ravel()
 
 
-def _candidates() -> list[Solver]:
+def compared_solvers() -> list[Solver]:
+    """Every solver that a scene is computed by where none are named."""
     return [
         HalfSpace(),
         *(

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Self, TypeAlias
 
 import numpy as np
@@ -23,7 +23,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.mechanics.response import Response
 
-__all__ = ["Baseline", "BaselineSlope", "Chain", "ContactPoint", "ForceLink", "Frame"]
+__all__ = ["Baseline", "BaselineSlope", "Chain", "ContactDepth", "ForceLink", "Frame"]
 
 #: One number, or one for each set, (sets, 1).
 PerSet: TypeAlias = float | FloatArray
@@ -33,7 +33,7 @@ _MAX_STEPS = 50
 
 
 @dataclass(frozen=True)
-class ContactPoint:
+class ContactDepth:
     """The reading `depth` (m) at first contact."""
 
     path: ClassVar[str] = "instrument.contact_depth"
@@ -143,7 +143,7 @@ class Chain:
 
     Parameters
     ----------
-    contact : ContactPoint or None
+    contact : ContactDepth or None
         First link of the depth.
     frame : Frame or None
         Second link of the depth; of one set of numbers only.
@@ -151,7 +151,7 @@ class Chain:
         Links of the force, in order.
     """
 
-    contact: ContactPoint | None
+    contact: ContactDepth | None
     frame: Frame | None
     offsets: tuple[ForceLink, ...]
 
@@ -167,10 +167,14 @@ class Chain:
         if called(Frame.path) and not isinstance(frame, float):
             raise InputError("a frame's compliance is solved for one set of numbers at a time")
         return cls(
-            ContactPoint(values[ContactPoint.path]) if called(ContactPoint.path) else None,
+            ContactDepth(values[ContactDepth.path]) if called(ContactDepth.path) else None,
             Frame(float(frame)) if called(Frame.path) else None,
             tuple(link(values[link.path]) for link in (Baseline, BaselineSlope) if called(link.path)),
         )
+
+    def with_compliance(self, compliance: float) -> Chain:
+        """Return the chain with another frame's compliance (m/N), of either sign; none where it is zero."""
+        return replace(self, frame=Frame(compliance) if compliance else None)
 
     def travel(self, depth: FloatArray) -> FloatArray:
         """Travel since contact (m) at depth readings (m)."""

@@ -13,12 +13,13 @@ import pandas as pd
 
 from underlay._arrays import FloatArray, positive
 from underlay.errors import InputError
+from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.effect import Effect, EffectRule, Simulated
 from underlay.scene.effect_rules import effects_of, range_asked
 
-__all__ = ["effect_sizes", "effects_table"]
+__all__ = ["effect_sizes", "effects_in", "effects_table"]
 
 _COLUMNS = ("effect", "size_percent", "simulated", "cost_percent", "note")
 # The cost of an effect is timed on curves of this many depths, from cold, with and without it in turns.
@@ -66,10 +67,15 @@ def effects_table(
     wanted = as_solver(solver)
     deepest = positive(max_depth, "max_depth", "m")
     law = scene.contact_law(deepest, solver=wanted)
-    found = (*effects_of(scene, law), *range_asked(scene, wanted), *(rule(scene, law) for rule in further))
+    found = (*effects_in(scene, law, wanted), *(rule(scene, law) for rule in further))
     table = pd.DataFrame([_row(effect, deepest, wanted) for effect in found])
     table.attrs["law"] = f"{law.method}: {law.reason}"
     return table
+
+
+def effects_in(scene: Simulated, law: ContactLaw, solver: Solver) -> list[Effect]:
+    """Every effect there is, for a scene whose contact is simulated by `law` of `solver`."""
+    return [*effects_of(scene, law), *range_asked(scene, solver)]
 
 
 def effect_sizes(scene: Simulated, depth: FloatArray, solver: AnySolver = "auto") -> pd.DataFrame:

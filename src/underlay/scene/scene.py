@@ -20,11 +20,13 @@ from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.friction import as_friction
 from underlay.mechanics.indenters import Indenter
 from underlay.mechanics.response import History, Remembered, Response, checked_times
+from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
+from underlay.scene.lever import Lever
 from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene_writer import scene_text
 
@@ -32,6 +34,8 @@ __all__ = ["Scene"]
 
 # Depths (m) of the law that is tried first for a given force, and of the last; and how far one try may leap.
 _FIRST_DEPTH, _LAST_DEPTH, _LEAP = 1e-7, 1.0, 30.0
+# A lever that bends less than was taken off lets the tip deeper: laws reach so much further than the readings.
+_FURTHER = 2.0
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,8 @@ class Scene:
         What the sample remembers of earlier depths; without one it is elastic and no time is asked for.
     adhesion : Adhesion, optional
         What holds tip and surface together: ``JKR(work)``, ``DMT(work)``; without one nothing does.
+    lever : Lever, optional
+        A cantilever whose calibration may be off; without one it is what made the curve.
     friction : {"unknown", "none", "stuck"}
         What is known of friction under the tip: points slide freely, or stick where they touch. Unknown friction
         is computed as none, and a fit says what it could do.
@@ -80,6 +86,7 @@ class Scene:
     instrument: Instrument = Instrument()
     history: History | None = None
     adhesion: Adhesion | None = None
+    lever: Lever | None = None
     friction: str = "unknown"
     finite_strain: bool | None = None
 
@@ -92,10 +99,7 @@ class Scene:
             raise InputError(f"substrate must be a material, RIGID, a Stack or None; got {self.substrate!r}")
         if not isinstance(self.instrument, Instrument):
             raise InputError(f"instrument must be an Instrument; got {self.instrument!r}")
-        if not isinstance(self.adhesion, Adhesion | None):
-            raise InputError(f"adhesion must be JKR(work), DMT(work) or None; got {self.adhesion!r}")
-        if not isinstance(self.history, History | None):
-            raise InputError(f"history must be a History or None; got {self.history!r}")
+        _check_optional(self)
         as_friction(self.friction)
         if self.finite_strain not in (None, True, False):
             raise InputError(f"finite_strain must be True, False or None; got {self.finite_strain!r:.60}")
@@ -166,6 +170,8 @@ class Scene:
         RangeError
             If the law cannot reach the deepest point.
         """
+        if self.lever is not None:
+            return self._through_lever(self.lever, as_finite(depth, "depth"), as_solver(solver))
         readings, chain = as_finite(depth, "depth"), self.instrument.chain
         deepest = float(chain.travel(readings).max(initial=0.0))
         law = self.contact_law(deepest, solver=solver)
@@ -173,6 +179,27 @@ class Scene:
         if self.ages:
             response = self._aged(law, as_solver(solver), chain.travel(readings), time)
         return chain.reading(response.force(chain.tip_depth(response, readings), time), readings)
+
+    def _through_lever(self, lever: Lever, readings: FloatArray, solver: Solver) -> FloatArray:
+        """Force reading (N) of a lever whose calibration is off, at depth readings (m).
+
+        What the lever bends beyond what was taken off goes with the force reading, as a frame's compliance does;
+        it may be negative, and then the tip goes deeper than it reads.
+        """
+        instrument = self.instrument
+        offset = instrument.baseline + instrument.baseline_slope * readings
+        chain = instrument.chain.with_compliance(instrument.compliance + lever.compliance)
+        travel = readings - lever.compliance * offset
+        deepest = float(chain.travel(travel).max(initial=0.0))
+        reach = deepest if lever.compliance >= 0.0 else _FURTHER * deepest
+        law = ScaledLaw.of(self.contact_law(reach, solver=solver), 1.0, lever.gain, 1.0)
+        w = chain.tip_depth(law, travel)
+        if chain.frame is not None and not (chain.frame.share(law.stiffness(w)) > 0.0).all():
+            raise RangeError(
+                f"a sensitivity {lever.sensitivity_ratio:.3g} times the stated one explains no reading here: the "
+                "lever would give way faster than the sample resists"
+            )
+        return chain.reading(law.force(w), readings)
 
     def depth(
         self, force: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
@@ -189,6 +216,8 @@ class Scene:
             If no law reaches the largest force.
         """
         instrument = self.instrument
+        if self.lever is not None:
+            raise InputError("under given forces a lever's calibration is not simulated: leave the lever out")
         if instrument.baseline_slope:
             raise InputError(
                 "under given forces a tilted baseline is not simulated: set instrument.baseline_slope to 0"
@@ -296,6 +325,17 @@ def _pressed(scene: Scene, load: FloatArray, time: ArrayLike | None, solver: Sol
         reach *= max(2.0, min(top / float(law.force(law.max_depth)), _LEAP))
 
 
+def _check_optional(scene: Scene) -> None:
+    """Refuse a part of the wrong kind where there need be none."""
+    for part, kind, example in (
+        (scene.adhesion, Adhesion, "adhesion must be JKR(work), DMT(work)"),
+        (scene.history, History, "history must be a History"),
+        (scene.lever, Lever, "lever must be a Lever"),
+    ):
+        if part is not None and not isinstance(part, kind):
+            raise InputError(f"{example} or None; got {part!r}")
+
+
 def _check_sticking(scene: Scene) -> None:
     """Refuse what is not simulated with a tip that sticks."""
     if scene.friction != "stuck":
@@ -319,6 +359,11 @@ def _check_memory(scene: Scene) -> None:
         raise InputError(
             "adhesion beside a history or a relaxation is not simulated: how fast a sticking edge moves through a "
             "sample that remembers is another problem; leave one of them out"
+        )
+    if scene.lever is not None:
+        raise InputError(
+            "a lever's calibration beside a history or a relaxation is not simulated: leave the lever out; a "
+            "spring constant that is off scales every modulus with it"
         )
     if scene.instrument.compliance:
         raise InputError(

@@ -191,6 +191,7 @@ _SECTIONS = (
     "instrument",
     "history",
     "adhesion",
+    "lever",
     "fit",
     "solver",
     "noise",

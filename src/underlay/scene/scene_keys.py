@@ -16,11 +16,12 @@ import numpy as np
 from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.bonds import BONDS, Spring
 from underlay.mechanics.friction import FRICTIONS
-from underlay.mechanics.indenters import Indenter
+from underlay.mechanics.indenters import Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import RELAXES, Relaxation
 from underlay.quantities import Part
 from underlay.scene.instrument import Instrument
+from underlay.scene.lever import Lever
 from underlay.scene.noise import Noise
 from underlay.scene.scene_schema import (
     CurveSection,
@@ -131,6 +132,7 @@ def _all() -> Iterator[SceneKey]:
     yield from _of_class(Isotropic, "substrate", "")
     yield from _of_class(TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu"))
     yield from _of_class(Instrument, "instrument", "")
+    yield from _of_class(Lever, "lever", "")
     sticky = _own(Adhesion)
     yield _choice("adhesion", "model", sorted(sticky))
     for name, adhesion in sorted(sticky.items()):
@@ -162,8 +164,13 @@ def _choice(section: str, key: str, words: Sequence[str], default: str = "") -> 
 
 
 def _own(family: type[Part]) -> dict[str, type[Part]]:
-    """Every kind of a part that is of this package, by name."""
-    return {name: kind for name, kind in family.kinds().items() if kind.__module__.startswith("underlay.")}
+    """Every kind of a part that is of this package or a plug-in, by name."""
+    added = [entry.thing for entry in plugged_indenters()]
+    return {
+        name: kind
+        for name, kind in family.kinds().items()
+        if kind.__module__.startswith("underlay.") or kind in added
+    }
 
 
 def _of_class(kind: type[Any], section: str, remark: str, seen: tuple[str, ...] = ()) -> Iterator[SceneKey]:

@@ -15,6 +15,7 @@ from underlay._arrays import physical_length
 from underlay.errors import InputError
 from underlay.quantities import quantity_of
 from underlay.scene.field_names import hint
+from underlay.scene.fit_range import Mark
 from underlay.units import parse_quantity
 
 __all__ = [
@@ -118,6 +119,11 @@ def _fittable_segment(value: Any) -> Any:
     return value
 
 
+def _end_of_range(value: Any) -> str:
+    """Refuse what is no end of a fit range; return it as it is written back."""
+    return str(Mark.parse(value))
+
+
 class CurveSection(_Section):
     """``[curve]``: which part of which file.
 
@@ -142,15 +148,31 @@ class CurveSection(_Section):
         Literal[
             "indenter.radius",
             "instrument.compliance",
+            "lever.spring_constant",
             "calibration.spring_constant",
             "calibration.sensitivity",
+            "imprint",
         ]
     ] = Field(default=[], description="what is right here where the file of the curve says another number")
+    preset: Literal["bioindenter"] | None = Field(
+        default=None,
+        description="fit range of an instrument's own software: bioindenter, 10 to 98 % of the force",
+    )
+    fit_from: Annotated[str | None, BeforeValidator(_end_of_range)] = Field(
+        default=None,
+        description='where the fit begins: "10 % of force", "5 % of depth", "0.1 radius", "2 um"',
+    )
+    fit_to: Annotated[str | None, BeforeValidator(_end_of_range)] = Field(
+        default=None,
+        description='where it ends: "98 % of force", "10 % of thickness"; depths count from contact',
+    )
     columns: dict[str, str] | None = Field(
         default=None, description='of a plain table: { depth = "h (nm)", force = "-Fz (mN)" }'
     )
     calibration: dict[str, str] | None = Field(
-        default=None, description='what an AFM file lacks: { spring_constant = "0.04 N/m", ... }'
+        default=None,
+        description='what an AFM file lacks, or how well it is known: { spring_constant = "0.04 N/m ± 10 %", '
+        'sensitivity = "± 3 %" }',
     )
     min_depth: Annotated[float, _quantity("length")] = Field(
         default=-np.inf, description="shallowest reading that is used"

@@ -14,16 +14,18 @@ from underlay.mechanics.adhesion import Adhesion
 from underlay.mechanics.body import RIGID, Base, Body, Layer, Material
 from underlay.mechanics.bonds import Bond, Spring, as_bond
 from underlay.mechanics.friction import FRICTIONS
-from underlay.mechanics.indenters import Cone, Indenter
+from underlay.mechanics.indenters import Cone, Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import History
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import solver_named
 from underlay.mechanics.stack import Stack
+from underlay.plugins import faults
 from underlay.quantities import Part
 from underlay.scene.field_names import hint
 from underlay.scene.instrument import Instrument
+from underlay.scene.lever import Lever
 from underlay.scene.noise import Noise
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
@@ -52,6 +54,7 @@ def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
         instrument=_build(Instrument, "instrument", table_of(document, "instrument")),
         history=_chosen(History, "history", document),
         adhesion=_chosen(Adhesion, "adhesion", document),
+        lever=_build(Lever, "lever", table_of(document, "lever")) if "lever" in document else None,
         **_words(document),
     )
 
@@ -76,7 +79,10 @@ def _indenter(table: dict[str, Any]) -> Indenter:
         if name is None:
             raise InputError(f"[indenter] needs 'shape'; allowed: {', '.join(allowed)}")
         meant = hint(str(name), allowed) or ";"
-        raise InputError(f"[indenter] shape: {name!r:.80} is not known{meant} allowed: {', '.join(allowed)}")
+        raise InputError(
+            f"[indenter] shape: {name!r:.80} is not known{meant} allowed: {', '.join(allowed)}"
+            f"{faults(plugged_indenters())}"
+        )
     indenter: Indenter = _build(shapes[name], "indenter", table, besides=("shape",))
     return indenter
 

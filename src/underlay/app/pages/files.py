@@ -9,7 +9,7 @@ from nicegui import events, ui
 from underlay.app.folder import LARGEST_FILE
 from underlay.app.pages.step import Step, data_address, message_list
 from underlay.app.shown import Reading
-from underlay.data.readers import FORMATS
+from underlay.data.readers import all_formats
 from underlay.errors import UnderlayError
 
 __all__ = ["FilesStep"]
@@ -75,7 +75,7 @@ class FilesStep(Step):
         self._list.clear()
         with self._list:
             if not names:
-                ui.label(f"Read are {', '.join(entry.name for entry in FORMATS)}.").classes("quiet")
+                ui.label(f"Read are {', '.join(entry.name for entry in all_formats())}.").classes("quiet")
             with ui.list().props("dense separator").classes("files"):
                 for name in shown[:_LISTED]:
                     self._entry(name)
@@ -166,7 +166,7 @@ class FilesStep(Step):
         with ui.expansion("Read it otherwise").props("dense").classes("wide"):
             with ui.row().classes("fields"):
                 ui.select(
-                    [_AUTO, *(entry.name for entry in FORMATS)],
+                    [_AUTO, *(entry.name for entry in all_formats())],
                     label="Format",
                     value=draft.get("curve", "format") or _AUTO,
                     on_change=lambda event: self._read_as(

@@ -11,6 +11,7 @@ from underlay._version import VERSION
 from underlay.data.curve import Curve
 from underlay.data.readers import (
     afm,
+    asylum,
     bioindenter,
     delimited,
     excel,
@@ -18,19 +19,35 @@ from underlay.data.readers import (
     fischer,
     hysitron,
     mach1,
+    nanoscope,
     nanosuite,
+    nanosurf,
     optics11,
+    park,
     testxpert,
 )
+from underlay.data.readers._added import added_formats, plugged_readers
+from underlay.data.readers._calibration import Calibration
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._jpk_map import JpkMapCurve, curves_of_jpk_map
 from underlay.data.readers._source import Source, load, unpack
-from underlay.errors import CurveError, FileFormatError, InputError, UnitError
-from underlay.units import parse_quantity
+from underlay.data.readers._unread import way_out
+from underlay.errors import CurveError, FileFormatError, InputError
+from underlay.plugins import faults
 
-__all__ = ["FORMATS", "Format", "JpkMapCurve", "curves_of_jpk_map", "read", "read_all", "read_from_map"]
+__all__ = [
+    "FORMATS",
+    "Format",
+    "JpkMapCurve",
+    "all_formats",
+    "curves_of_jpk_map",
+    "plugged_readers",
+    "read",
+    "read_all",
+    "read_from_map",
+]
 
-#: Every format, in the order in which they are tried on a file. Plain tables come last: many
+#: Every format of this package, in the order in which they are tried on a file. Plain tables come last: many
 #: instrument files look like one.
 FORMATS: tuple[Format, ...] = (
     mach1.FORMAT,
@@ -39,6 +56,10 @@ FORMATS: tuple[Format, ...] = (
     hysitron.FORMAT,
     fischer.FORMAT,
     nanosuite.FORMAT,
+    nanoscope.FORMAT,
+    nanosurf.FORMAT,
+    park.FORMAT,
+    asylum.FORMAT,
     testxpert.FORMAT,
     exported.JSON_FORMAT,
     exported.HDF5_FORMAT,
@@ -47,9 +68,13 @@ FORMATS: tuple[Format, ...] = (
     delimited.FORMAT,
 )
 
-# What may be given, and the kinds of quantity it may be: detectors give a voltage or a current.
-_CALIBRATION = {"spring_constant": ("stiffness",), "sensitivity": ("sensitivity", "current sensitivity")}
 _LISTED = 12
+
+
+def all_formats() -> tuple[Format, ...]:
+    """Every format that is tried on a file, in order: those of plug-ins before plain tables."""
+    *instruments, tables = FORMATS
+    return (*instruments, *added_formats(FORMATS), tables)
 
 
 def read(
@@ -67,14 +92,15 @@ def read(
     path : str or path
         The file.
     format : str or Format, optional
-        Name of a format in `FORMATS`, or one of your own; recognised from the content by default.
+        Name of a format that `underlay formats` lists, or one of your own; recognised from the content by default.
     columns : mapping, optional
         For plain tables, which column is what: ``{"depth": "h (nm)", "force": "-Fz (mN)"}``. A unit in the
         name overrides the file's; a minus sign turns the direction.
     test : int, optional
         Which test of a file that holds several, counted from 1.
     calibration : mapping, optional
-        What an AFM file may lack: ``{"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"}``.
+        What an AFM file may lack: ``{"spring_constant": "0.04 N/m", "sensitivity": "60 nm/V"}``; how well it
+        is known, ``"0.04 N/m ± 10 %"``; or how well the file's own is known, ``"± 10 %"``.
 
     Returns
     -------
@@ -94,7 +120,10 @@ def read(
         if not 1 <= test <= len(parts):
             raise InputError(f"there is no test {test}: {Path(path).name} holds {len(parts)} tests")
         return read_from_map(parts[test - 1], format, columns, calibration=calibration)
-    curves = read_all(path, format, columns, calibration=calibration)
+    source = load(path)
+    if test is not None and (one := _read_one(source, format, columns, calibration, test)) is not None:
+        return one
+    curves = _numbered(_read_source(source, format, columns, calibration))
     if test is None:
         if len(curves) == 1:
             return curves[0]
@@ -118,9 +147,7 @@ def read_all(
 
     An archive (.zip) of instrument files is read member by member, in memory.
     """
-    source = load(path)
-    curves = _read_source(source, format, columns, calibration)
-    return [curve.with_metadata(test=number) for number, curve in enumerate(curves, start=1)]
+    return _numbered(_read_source(load(path), format, columns, calibration))
 
 
 def read_from_map(
@@ -141,23 +168,59 @@ def _read_source(
     columns: Mapping[str, str] | None,
     calibration: Mapping[str, str | float] | None,
 ) -> list[Curve]:
-    chosen = _format_named(format) if format is not None else None
-    options = Options(columns, _calibration(calibration))
+    known = Calibration.of(calibration)
     curves: list[Curve] = []
     for part in unpack(source):
-        reader = chosen or recognise(part)
-        if columns is not None and not reader.takes_columns:
-            raise InputError(
-                f"a column mapping does not apply to {part.name}, a file of format {reader.name!r}"
-            )
-        if options.calibration and not reader.takes_calibration:
-            raise InputError(
-                f"{part.name}, of format {reader.name!r}, holds its calibration; none can be given"
-            )
-        curves.extend(_stamp(curve, part, reader) for curve in reader.read_all(part, options))
+        reader = _reader_of(part, format)
+        found = reader.read_all(part, _options(part, reader, columns, known))
+        curves.extend(_stamp(curve, part, reader, known) for curve in found)
     if not curves:
         raise CurveError(f"{source.name} holds no curve")
     return curves
+
+
+def _read_one(
+    source: Source,
+    format: str | Format | None,  # noqa: A002  as in read
+    columns: Mapping[str, str] | None,
+    calibration: Mapping[str, str | float] | None,
+    test: int,
+) -> Curve | None:
+    """One test of a file whose format can read one alone; else None."""
+    if source.is_zip:
+        return None
+    reader, known = _reader_of(source, format), Calibration.of(calibration)
+    if reader.read_one is None:
+        return None
+    curve = reader.read_one(source, _options(source, reader, columns, known), test)
+    return _stamp(curve, source, reader, known).with_metadata(test=test)
+
+
+def _reader_of(source: Source, format: str | Format | None) -> Format:  # noqa: A002  as in read
+    return recognise(source) if format is None else _format_named(format)
+
+
+def _options(
+    source: Source, reader: Format, columns: Mapping[str, str] | None, known: Calibration
+) -> Options:
+    """What a reader is told; refuses what it has no use for."""
+    if columns is not None and not reader.takes_columns:
+        raise InputError(
+            f"a column mapping does not apply to {source.name}, a file of format {reader.name!r}"
+        )
+    if (known.values or known.uncertainties) and not reader.takes_calibration:
+        raise InputError(
+            f"{source.name}, of format {reader.name!r}, holds its calibration; none can be given"
+        )
+    return Options(columns, known.values)
+
+
+def _numbered(curves: list[Curve]) -> list[Curve]:
+    """Curves with their numbers, from 1, but for those whose reader knows better."""
+    return [
+        curve if "test" in curve.metadata else curve.with_metadata(test=number)
+        for number, curve in enumerate(curves, start=1)
+    ]
 
 
 def recognise(source: Source) -> Format:
@@ -166,49 +229,32 @@ def recognise(source: Source) -> Format:
     Raises
     ------
     FileFormatError
-        If it is none of `FORMATS`.
+        If it is none of `all_formats`.
     """
-    for candidate in FORMATS:
+    for candidate in all_formats():
         if candidate.sniff(source):
             return candidate
-    names = ", ".join(known.name for known in FORMATS)
-    raise FileFormatError(f"{source.name} is not recognised as any known format ({names})")
+    if what := way_out(source):
+        raise FileFormatError(f"{source.name} is {what}")
+    names = ", ".join(known.name for known in all_formats())
+    broken = faults(plugged_readers(FORMATS))
+    raise FileFormatError(f"{source.name} is not recognised as any known format ({names}){broken}")
 
 
 def _format_named(name: str | Format) -> Format:
     if isinstance(name, Format):
         return name
-    for candidate in FORMATS:
-        if candidate.name == name:
-            return candidate
-    raise InputError(f"no format {name!r}; there are {', '.join(known.name for known in FORMATS)}")
+    known = {candidate.name: candidate for candidate in all_formats()}
+    if name not in known:
+        broken = faults(plugged_readers(FORMATS))
+        raise InputError(f"no format {name!r}; there are {', '.join(known)}{broken}")
+    return known[name]
 
 
-def _calibration(given: Mapping[str, str | float] | None) -> dict[str, float]:
-    """SI numbers by kind of quantity: "stiffness", "sensitivity", "current sensitivity"."""
-    numbers = {}
-    for name, value in (given or {}).items():
-        if name not in _CALIBRATION:
-            raise InputError(f"no calibration {name!r}; there are {', '.join(_CALIBRATION)}")
-        kinds = _CALIBRATION[name]
-        kind = next((kind for kind in kinds if _is_of_kind(value, kind)), kinds[0])
-        numbers[kind] = parse_quantity(value, kind)
-        if numbers[kind] <= 0.0:
-            raise InputError(f"calibration {name!r} must be positive; got {value!r}")
-    return numbers
-
-
-def _is_of_kind(value: str | float, kind: str) -> bool:
-    try:
-        parse_quantity(value, kind)
-    except UnitError:
-        return False
-    return True
-
-
-def _stamp(curve: Curve, source: Source, reader: Format) -> Curve:
-    """Add to a curve where it came from."""
+def _stamp(curve: Curve, source: Source, reader: Format, known: Calibration) -> Curve:
+    """Add to a curve where it came from, and how well its calibration is known."""
     return curve.with_metadata(
+        **known.metadata,
         name=curve.metadata.get("name") or printable(source.path.stem),
         path=str(source.path),
         member=source.member or None,

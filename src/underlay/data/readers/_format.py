@@ -52,6 +52,8 @@ class Format:
         Whether the content of a file is of this format; looks at content only.
     read_all : callable
         All curves in a file of this format.
+    read_one : callable, optional
+        One curve by its number, counted from 1, where that takes less than reading all.
     extra : str
         The optional extra that the format needs; empty if none.
     takes_columns : bool
@@ -64,6 +66,7 @@ class Format:
     description: str
     sniff: Callable[[Source], bool]
     read_all: Callable[[Source, Options], list[Curve]]
+    read_one: Callable[[Source, Options, int], Curve] | None = None
     extra: str = ""
     takes_columns: bool = False
     takes_calibration: bool = False

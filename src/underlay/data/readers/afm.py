@@ -1,4 +1,4 @@
-"""Atomic force microscopes: JPK and .tab by our own readers; NT-MDT, AFM Workshop, Igor, HDF5 by afmformats.
+"""Atomic force microscopes: JPK and .tab by our own readers; NT-MDT, AFM Workshop, HDF5 by afmformats.
 
 The content is recognised here and handed to afmformats in memory, because that package goes by the
 extension of the file. Both give the height of the scanner, falling towards the sample, and the force. The
@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import io
 import itertools
-import math
 import re
-import struct
 from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
@@ -25,6 +23,7 @@ from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
 from underlay.data.readers._hdf5 import HDF5_MAGIC, is_own, open_checked
+from underlay.data.readers._lever import Lever, lever_curve
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import decode
 from underlay.data.readers.afm_tab import TAB_MARK, read_tab
@@ -37,11 +36,6 @@ __all__ = ["FORMAT"]
 
 _WORKSHOP = "Force-Distance Curve"
 _JPK = b"header.properties"
-# Igor binary waves begin with their version, in either byte order; the note names the spring constant.
-_IGOR_ORDERS = {b"\x05\x00": "<", b"\x00\x05": ">"}
-_IGOR_NOTE = b"SpringConstant"
-# Both headers of version 5: sizes of the parts from byte 4 on, points at 76, dimensions at 132.
-_IGOR_HEADERS = 384
 # NT-MDT: no header, three columns with decimal commas.
 _NTMDT_ROW = re.compile(r"-?\d+,\d+\t-?\d+,\d+\t-?\d+,\d+")
 # By kind of file: what afmformats calls a calibration, and the kind of quantity we ask for. NT-MDT records
@@ -55,17 +49,6 @@ _NOTHING: Mapping[str, Any] = {}
 _KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
 
 
-class _NamedStream(io.BytesIO):
-    """Bytes in memory that also answer to a path, which one loader wants for its records only."""
-
-    def __init__(self, data: bytes, name: str) -> None:
-        super().__init__(data)
-        self._name = name
-
-    def __fspath__(self) -> str:
-        return self._name
-
-
 def _sniff(source: Source) -> bool:
     return bool(_kind(source))
 
@@ -76,8 +59,6 @@ def _kind(source: Source) -> str:
         return "jpk" if _JPK in data else ""
     if data.startswith(HDF5_MAGIC):
         return "" if is_own(source) else "hdf5"
-    if data[:2] in _IGOR_ORDERS and _IGOR_NOTE in data:
-        return "igor"
     head = source.head(2000)
     if TAB_MARK in head:
         return "tab"
@@ -90,7 +71,7 @@ def _kind(source: Source) -> str:
 def _read_all(source: Source, options: Options) -> list[Curve]:
     kind = _kind(source)
     if not kind:
-        raise FileFormatError(f"{source.name} is none of JPK, NT-MDT, AFM Workshop, Igor, HDF5 or .tab")
+        raise FileFormatError(f"{source.name} is none of JPK, NT-MDT, AFM Workshop, HDF5 or .tab")
     override = _override(source, kind, options.calibration)
     if kind == "jpk":
         curves = enumerate(read_jpk(source, options.calibration), start=1)
@@ -153,35 +134,16 @@ def _require_afmformats(source: Source, file: Any) -> None:
     if "software" in file.attrs and group is not None and {"force"} <= set(group):
         return
     there = names_there(file)
+    if "nsf_file_version_major" in file.attrs:
+        raise FileFormatError(
+            f"{source.name} is a Nanosurf Studio file (.nhf), which is not read here: export its curves from "
+            "Studio as .nid, or as text with names and units in the first row"
+        )
     raise FileFormatError(
         f"{source.name} is an HDF5 file of a layout not known here (it holds {there}): known are those written "
         "by underlay and by afmformats. Export its curves as text with names and units in the first row, such "
         "as 'depth (um),force (mN),time (s)', or read it in Python and make an underlay.Curve of its columns"
     )
-
-
-def _load_igor(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
-    if override:
-        raise InputError(f"{source.name} holds its own calibration; it cannot be given")
-    _check_igor(source)
-    return _curves(source, formats.fmt_igor.load_igor(_NamedStream(source.data, str(source.path))))
-
-
-def _check_igor(source: Source) -> None:
-    """Refuse a wave whose header claims more than the file holds."""
-    data = source.data
-    order = _IGOR_ORDERS[data[:2]]
-    if len(data) < _IGOR_HEADERS:
-        raise FileFormatError(f"{source.name} ends within its header")
-    sizes = struct.unpack_from(f"{order}13i", data, 4)
-    points, dimensions = (
-        struct.unpack_from(f"{order}i", data, 76)[0],
-        struct.unpack_from(f"{order}4i", data, 132),
-    )
-    product = math.prod(size for size in dimensions if size)
-    claims = (*sizes, points, *dimensions, product)
-    if min(claims) < 0 or max(claims) > len(data):
-        raise FileFormatError(f"{source.name} claims {max(claims)} points or bytes; it has {len(data)} bytes")
 
 
 def _renamed(calibration: Mapping[str, float]) -> dict[str, Any]:
@@ -204,7 +166,6 @@ def _load_ntmdt(formats: Any, source: Source, override: Mapping[str, float]) -> 
 
 _LOADERS = {
     "hdf5": _load_hdf5,
-    "igor": _load_igor,
     "workshop": _load_workshop,
     "ntmdt": _load_ntmdt,
 }
@@ -263,26 +224,22 @@ def _curve(
 
 
 def _jpk_curve(source: Source, number: int, curve: JpkCurve, given: Mapping[str, float]) -> Curve:
-    known: dict[str, Any] = {_QUANTITIES[name]: value for name, value in {**curve.known, **given}.items()}
+    used = {**curve.known, **given, "stiffness": curve.stiffness}
+    about = {_QUANTITIES[name]: value for name, value in used.items()}
     # What the file says stands beside what was given in its place.
-    known |= {f"file_{_QUANTITIES[name]}": value for name, value in curve.known.items() if name in given}
-    return make_curve(
+    about |= {f"file_{_QUANTITIES[name]}": value for name, value in curve.known.items() if name in given}
+    return lever_curve(
         source,
-        -(curve.height + curve.force / curve.stiffness),
+        -curve.height,
         curve.force,
-        curve.time,
-        np.array(curve.segment, dtype="<U9"),
+        Lever(curve.stiffness, used.get("sensitivity"), about),
+        channel="minus height",
+        time=curve.time,
+        segment=np.array(curve.segment, dtype="<U9"),
         name=_name(source, number),
         header=curve.about,
-        units={"height": "m", "force": "N", "time": "s"},
-        sign_rules={
-            "depth": "minus (height + force / spring constant)",
-            "force": "positive in compression, as the file's calibration gives it",
-            "segment": "from the header of each segment",
-        },
+        sign_rules={"segment": "from the header of each segment"},
         position=curve.position,
-        bending_taken_off=True,
-        **known,
     )
 
 
@@ -310,7 +267,7 @@ def _segments(data: Any, height: FloatArray, time: FloatArray | None) -> Any:
 
 FORMAT = Format(
     name="afm",
-    description="AFM files: JPK, NT-MDT, AFM Workshop, Asylum Igor, HDF5 and .tab of afmformats",
+    description="AFM files: JPK, NT-MDT and AFM Workshop text, HDF5 and .tab of afmformats",
     sniff=_sniff,
     read_all=_read_all,
     extra="afm",

@@ -36,6 +36,8 @@ _KINDS = {"time": "time", "pd": "length", "fn": "force"}
 _PAIR = re.compile(r"\s*(.+?)\s*(?::\s|=)\s*(.*?)\s*")
 # "Linear load 20.00 uN ; 100.00 uN/min", "Pause in depth 120 s": a step has its numbers on its line.
 _STEP = re.compile(r"\s*(linear|pause in)\s+(?:load|depth)\b.*\d", re.IGNORECASE)
+# "Load Fit [10%,98%]": over which share of the force the first analysis was fitted.
+_FIT_RANGE = re.compile(r"\s*Load Fit \[\s*(\d+(?:\.\d+)?)\s*%\s*[,;]\s*(\d+(?:\.\d+)?)\s*%\s*\]\s*")
 _PROFILE = re.compile(r"\s*\+?\s*user defined profile", re.IGNORECASE)
 # The number of the pause in the automatic protocol: load, pause, unload, retract.
 _PAUSE_OF_ADVANCED = 2
@@ -81,6 +83,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
                 "segment": "from SegmentID and the protocol",
             },
             **_known_numbers(header),
+            **_fit_range(header_lines),
         )
     ]
 
@@ -103,6 +106,14 @@ def _known_numbers(header: dict[str, str]) -> dict[str, Any]:
         }
     except (KeyError, UnitError):  # not every export holds an analysis; nothing depends on it
         return {}
+
+
+def _fit_range(lines: Sequence[str]) -> dict[str, Any]:
+    """Shares of the largest force between which the vendor's Hertz fit lies."""
+    found = next((matched for matched in map(_FIT_RANGE.fullmatch, lines) if matched), None)
+    return (
+        {} if found is None else {"instrument_fit_range": tuple(float(end) / 100.0 for end in found.groups())}
+    )
 
 
 def _segments(lines: Sequence[str], ids: FloatArray, depth: FloatArray) -> NDArray[np.str_] | None:

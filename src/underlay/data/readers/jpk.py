@@ -20,9 +20,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.data.readers._lever import uncalibrated
 from underlay.data.readers._source import Source, open_zip, read_member
 from underlay.data.segments import HOLD, LOADING, UNLOADING
-from underlay.errors import FileFormatError, InputError
+from underlay.errors import FileFormatError
 
 __all__ = ["JpkCurve", "read_jpk"]
 
@@ -169,7 +170,7 @@ def _curve(
         labels += [_style(source, header, place)] * len(deflection)
     stiffness = calibration.get("stiffness") or known.get("stiffness")
     if stiffness is None:
-        raise _uncalibrated(source)
+        raise uncalibrated(source)
     return JpkCurve(
         np.concatenate(heights),
         np.concatenate(forces),
@@ -212,16 +213,9 @@ def _force(
     steps = list(_STEPS)
     for step in steps[steps.index(base) + 1 if base in steps else 0 :]:
         if _STEPS[step] not in calibration:
-            raise _uncalibrated(source)
+            raise uncalibrated(source)
         values = values * calibration[_STEPS[step]]
     return values
-
-
-def _uncalibrated(source: Source) -> InputError:
-    return InputError(
-        f"{source.name} does not hold its calibration; give calibration={{'spring_constant': '0.04 N/m', "
-        "'sensitivity': '60 nm/V'} with your numbers"
-    )
 
 
 def _position(source: Source, header: Mapping[str, str]) -> tuple[float, ...]:

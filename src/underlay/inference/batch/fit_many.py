@@ -118,8 +118,8 @@ def fit_many(
     >>> depth = np.linspace(-1e-5, 5e-5, 100)
     >>> curves = [ul.synthesize(scene, depth, ul.Noise(force=1e-4), rng=seed) for seed in range(3)]
     >>> table = ul.fit_many(curves, scene, {"layer.E": (1e4, 1e8)}, workers=0)
-    >>> (abs(table["layer.E"] / 1e6 - 1.0) < 0.01).all()
-    np.True_
+    >>> bool((abs(table["layer.E"] / 1e6 - 1.0) < 0.01).all())
+    True
     """
     options = options or MapOptions()
     own_files = [Path(entry) for entry in (manifest, scene) if isinstance(entry, str | os.PathLike)]

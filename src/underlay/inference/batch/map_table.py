@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 from collections import deque
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -21,6 +23,10 @@ _NUMBERS = ("x", "y", "reduced_chi_square", "rms", "seconds")
 # A million curves with thirty numbers each.
 _KIND = FileKind("the table of a map", 1_000_000_000, "make it again with underlay map --resume")
 _MOST_COLUMNS, _MOST_CELLS = 1000, 50_000_000
+# Numbers come back to the bit: from pandas 3.1 on by themselves, and to ask for it is deprecated there.
+_TO_THE_BIT: Mapping[str, Any] = (
+    {"float_precision": "round_trip"} if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1) else {}
+)
 _HEADER = "name,path,x,y,status,verdict,reason"
 
 
@@ -51,7 +57,12 @@ def read_map(path: PathLike) -> pd.DataFrame:
             text = content.getvalue().decode("utf-8-sig")
             deque(numbered_rows(text, _MOST_COLUMNS), maxlen=0)
             table = unguarded(
-                pd.read_csv(io.StringIO(text), index_col=False, dtype=dict.fromkeys(_TEXTS, "str"))
+                pd.read_csv(
+                    io.StringIO(text),
+                    index_col=False,
+                    dtype=dict.fromkeys(_TEXTS, "str"),
+                    **_TO_THE_BIT,
+                )
             )
         missing = [name for name in _TEXTS if name not in table.columns]
         if missing:

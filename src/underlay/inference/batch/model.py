@@ -13,7 +13,7 @@ from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.batch.options import MapOptions, Sampling
 from underlay.inference.from_files import free_of
-from underlay.inference.priors import Prior
+from underlay.inference.priors.prior import Prior
 from underlay.inference.problem import Given, Problem
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import Auto, as_solver

@@ -61,7 +61,9 @@ class MapProgress:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._bar.stop()
+        # Stopping prints a line even where nothing was shown, in versions of rich up to 14.
+        if not self._bar.disable:
+            self._bar.stop()
 
     def advance(self, count: int) -> None:
         """Tell that `count` more curves are done."""

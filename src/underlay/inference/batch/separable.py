@@ -198,6 +198,7 @@ class SeparableModel:
         separable = (
             _MODULUS in member.entries
             and member.forward.history is None
+            and member.scene.lever is None
             and set(problem.names) <= _SEPARABLE
             and member.forward.similarity.force_scales == (_MODULUS,)
             and not any(coordinate.prior.informative for coordinate in problem.coordinates)

@@ -29,6 +29,7 @@ from underlay.inference.batch.results_table import DIFFERENCE, FAILED, FITTED, I
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
 from underlay.inference.file_facts import EVERYTHING, settle
+from underlay.inference.from_files import require_elastic, within_range
 from underlay.inference.least_squares.instrument_modulus import instrument_modulus
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.plausibility import require_plausible
@@ -112,6 +113,9 @@ class CurveFitter:
                 curve = self._read(place, row)
                 place, curve, notes = self._settled(place, curve)
                 row.update(place.values)
+                if self._model.file is not None:
+                    require_elastic(self._model.scene, curve, self._model.file.curve.get("overrule", ()))
+                    curve = within_range(self._model.file, self._model.scene.with_values(place.values), curve)
                 self._fit(place, curve, row)
                 _add_notes(row, notes)
         except UnderlayError as error:
@@ -248,7 +252,8 @@ class CurveFitter:
             found.statistics.law_method,
             found.statistics.reduced_chi_square,
             float(residuals @ residuals),
-            tuple(str(warning) for warning in found.warnings),
+            # That a reading beside a jump was left out is no doubt of the fit.
+            tuple(str(warning) for warning in found.warnings if warning.code != "jump"),
             {},
         )
         return (

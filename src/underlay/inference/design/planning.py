@@ -16,8 +16,12 @@ from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
 from underlay.errors import InputError, ParameterError
-from underlay.inference.design.information import SPECIMEN, about_specimen, deviation_of, expected_problem
+from underlay.inference.design.grid import Grid, readings
+from underlay.inference.design.information import SPECIMEN, deviation_of, expected_problem
+from underlay.inference.least_squares import fit
 from underlay.inference.problem import Given
+from underlay.inference.profiles import profile
+from underlay.inference.profiling.interval import Interval
 from underlay.mechanics.solvers import AnySolver
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of, unknown_parameter
@@ -27,10 +31,10 @@ from underlay.units import format_quantity
 __all__ = ["Plan", "plan"]
 
 _POINTS = 200
-# Share of the readings before contact: a test that starts in contact cannot tell its contact point.
-_APPROACH = 0.25
 # An error within this factor of the best is as good: the mildest such test is recommended.
 _AS_GOOD = 1.1
+# Above this relative standard error the forecast, which is linear, is none.
+_NO_FORECAST = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +64,9 @@ class Plan:
         Information of the priors about the specimen, (s, s).
     slope : float
         d parameter / d scaled coordinate (SI).
+    interval : Interval, optional
+        Where the recommended test's standard error is above a tenth of the value, and so no forecast: the 95 %
+        interval of the profile of that test's own curve without noise, which may have one end only.
     """
 
     parameter: str
@@ -73,6 +80,7 @@ class Plan:
     scaled_information: FloatArray
     prior: FloatArray
     slope: float
+    interval: Interval | None = None
 
     @property
     def best(self) -> tuple[float, float]:
@@ -87,6 +95,13 @@ class Plan:
         return float(self.radii[i]), float(self.depths[j])
 
     @property
+    def is_doubtful(self) -> bool:
+        """Whether even the recommended test's standard error is too large to be a forecast."""
+        if not np.isfinite(self.stderr).any() or not self.value:
+            return False
+        return bool(self.stderr[self._best_cell()] > _NO_FORECAST * abs(self.value))
+
+    @property
     def recommendation(self) -> str:
         """The recommended test in words."""
         if not np.isfinite(self.stderr).any():
@@ -98,12 +113,16 @@ class Plan:
         kind = kind_of(self.parameter)
         error = format_quantity(float(self.stderr[i, j]), kind)
         share = 100.0 * self.stderr[i, j] / abs(self.value) if self.value else np.nan
-        return (
-            f"{self.parameter} to {error} ({share:.2g} %) with radius "
-            f"{format_quantity(float(self.radii[i]), 'length')} and depth "
+        test = (
+            f"with radius {format_quantity(float(self.radii[i]), 'length')} and depth "
             f"{format_quantity(float(self.depths[j]), 'length')} "
             f"(force up to {format_quantity(float(self.peak_force[i, j]), 'force')})"
         )
+        if not share > 100.0 * _NO_FORECAST:
+            return f"{self.parameter} to {error} ({share:.2g} %) {test}"
+        if self.interval is None:
+            return f"{self.parameter} to no better than {100.0 * _NO_FORECAST:.2g} % {test}"
+        return f"the best of this grid leaves {self.interval}, {test}"
 
     def to_frame(self) -> pd.DataFrame:
         """Standard error (SI) by radius (rows, m) and depth (columns, m)."""
@@ -139,7 +158,7 @@ class Plan:
         index = self.names.index(self.parameter)
         joint = self.scaled_information + first
         stderr = _errors(joint + self.prior, index, ~np.isnan(self.stderr)) * self.slope
-        return replace(self, stderr=read_only(stderr), scaled_information=read_only(joint))
+        return replace(self, stderr=read_only(stderr), scaled_information=read_only(joint), interval=None)
 
     def _best_cell(self) -> tuple[int, int]:
         usable = np.isfinite(self.stderr)
@@ -199,45 +218,34 @@ def plan(
         raise unknown_parameter(parameter, scene.parameters)
     if "indenter.radius" not in scene.parameters:
         raise ParameterError(f"the grid varies indenter.radius, which {scene.indenter!r} does not have")
-    grid = tuple(_positive(values, name) for values, name in ((radii, "radii"), (depths, "depths")))
-    shape = (len(grid[0]), len(grid[1]))
-    gathered = np.zeros((*shape, len(specimen), len(specimen)))
-    peak_force = np.full(shape, np.nan)
-    refusals: dict[tuple[int, int], str] = {}
-    prior, slope, value = np.zeros((len(specimen), len(specimen))), 0.0, scene.parameters[parameter]
-    for i, radius in enumerate(grid[0]):
-        tipped = scene.with_values({"indenter.radius": float(radius)})
-        for j, depth in enumerate(grid[1]):
-            readings = np.linspace(-_APPROACH / (1.0 - _APPROACH) * depth, depth, points) + (
-                scene.instrument.contact_depth
-            )
-            try:
-                problem = expected_problem(tipped, readings, wanted, noise, solver=solver)
-                gathered[i, j], prior = about_specimen(
-                    problem, problem.start, problem.noises(problem.start), specimen
-                )
-                peak_force[i, j] = float(problem.curves[0].force.max())
-                slope = float(problem.slopes(problem.start)[problem.names.index(parameter)])
-            except ParameterError:
-                raise
-            except InputError as error:
-                refusals[i, j] = str(error)
-    if len(refusals) == gathered[..., 0, 0].size:
-        raise InputError(f"no test of this grid can be done: {next(iter(refusals.values()))}")
-    errors = _errors(gathered + prior, specimen.index(parameter), ~np.isnan(peak_force))
-    return Plan(
+    tips, ends = _positive(radii, "radii"), _positive(depths, "depths")
+    told = Grid.of(scene, wanted, noise, tips, ends, specimen, points, solver)
+    slope = told.slopes[specimen.index(parameter)]
+    errors = _errors(told.information + told.prior, specimen.index(parameter), ~np.isnan(told.peak_force))
+    planned = Plan(
         parameter=parameter,
-        value=value,
+        value=scene.parameters[parameter],
         names=specimen,
-        radii=read_only(grid[0]),
-        depths=read_only(grid[1]),
+        radii=read_only(tips),
+        depths=read_only(ends),
         stderr=read_only(errors * slope),
-        peak_force=read_only(peak_force),
-        refusals=refusals,
-        scaled_information=read_only(gathered),
-        prior=read_only(prior),
+        peak_force=read_only(told.peak_force),
+        refusals=told.refusals,
+        scaled_information=read_only(told.information),
+        prior=read_only(told.prior),
         slope=slope,
     )
+    if not planned.is_doubtful:
+        return planned
+    radius, depth = planned.best
+    problem = expected_problem(
+        scene.with_values({"indenter.radius": radius}),
+        readings(scene, depth, points),
+        wanted,
+        noise,
+        solver=solver,
+    )
+    return replace(planned, interval=profile(fit(problem, start="given"), parameter).interval())
 
 
 def _errors(matrices: FloatArray, index: int, possible: NDArray[np.bool_]) -> FloatArray:

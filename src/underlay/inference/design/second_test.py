@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,8 +11,11 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError, ParameterError
+from underlay.inference.design.grid import Grid
 from underlay.inference.design.information import SPECIMEN, about_specimen, deviation_of
-from underlay.inference.design.planning import plan
+from underlay.inference.profiling.constrained import constrained_fit
+from underlay.quantities import path_of
+from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
@@ -22,31 +27,41 @@ __all__ = ["Remedy", "remedy"]
 _STEPS = (1.0, 2.0, 5.0)
 # Radii tried: up to so many times larger and smaller than the one at hand.
 _SPAN = 10.0
+# Values that are supposed over an interval, and how far one is followed whose end the data leave open.
+_PLACES, _OPEN = 5, 8.0
+_LEVEL = 0.95
+# Errors that differ by less are told as one number.
+_ALIKE = 1.3
 
 
 @dataclass(frozen=True)
 class Remedy:
     """What a second tip, pressed as deep as the first and fitted jointly, would bring.
 
+    A forecast rests on what the open parameter is supposed to be, and that is what nobody knows: it is made for
+    several values over the interval of the first fit.
+
     Parameters
     ----------
     parameter : str
         What the fit leaves open.
-    value : float
-        What it is supposed to be (SI): the forecast rests on it.
+    values : ndarray (m,)
+        What it is supposed to be (SI), increasing.
     target : float
         Relative standard error that counts as fixed.
     shape : str
         Of the tip.
-    radii, stderr, peak_force : ndarray (r,)
-        Tips tried (m), the standard error of both tests together (SI; infinite where they do not fix it, NaN
-        where the test cannot be done), and the force at the deepest point (N).
+    radii : ndarray (r,)
+        Tips tried (m), the one nearest to that at hand first.
+    stderr, peak_force : ndarray (m, r)
+        Standard error of both tests together (SI; infinite where they do not fix the parameter, NaN where the
+        test cannot be done), and the force at the deepest point (N).
     depth : float
         Of the second test (m).
     """
 
     parameter: str
-    value: float
+    values: FloatArray
     target: float
     shape: str
     radii: FloatArray
@@ -55,14 +70,19 @@ class Remedy:
     depth: float
 
     @property
+    def shares(self) -> FloatArray:
+        """Relative standard error of both tests together, (m, r)."""
+        return np.asarray(self.stderr / np.abs(self.values)[:, None])
+
+    @property
     def radius(self) -> float | None:
-        """Radius (m) of the tip nearest to the one at hand that fixes the parameter; None if none does."""
-        fixes = self.stderr <= self.target * abs(self.value)
-        return float(self.radii[int(np.argmax(fixes))]) if fixes.any() else None
+        """Radius (m) of the tip that fixes the most of the supposed values, the nearest of these; None if none."""
+        fixed = (self.shares <= self.target).sum(axis=0)
+        return float(self.radii[int(np.argmax(fixed))]) if fixed.any() else None
 
     @property
     def sentence(self) -> str:
-        """The advice in words."""
+        """The advice in words, the worst case among them."""
         shape = self.shape.replace("_", " ")
         if self.radius is None:
             low, high = (
@@ -73,18 +93,42 @@ class Remedy:
                 "otherwise and give it a prior"
             )
         at = int(np.flatnonzero(self.radii == self.radius)[0])
+        force = format_quantity(float(np.nanmax(self.peak_force[:, at])), "force")
         return (
             f"a second test with a {format_quantity(self.radius, 'length')} {shape}, pressed as deep (force "
-            f"up to {format_quantity(float(self.peak_force[at]), 'force')}) and fitted jointly, would fix it to "
-            f"{100.0 * self.stderr[at] / abs(self.value):.2g} %"
+            f"up to {force}) and fitted jointly, would fix it to {self._promise(self.shares[:, at])}"
         )
+
+    def _promise(self, shares: FloatArray) -> str:
+        """Say how well one tip fixes the parameter, and for which of its values."""
+        fixed = shares <= self.target
+        best, worst = float(shares[fixed].min()), float(shares[fixed].max())
+        told = f"{100.0 * worst:.2g} %"
+        if worst > _ALIKE * best:
+            told = f"{100.0 * best:.2g} to {told}"
+        if fixed.all():
+            return told
+        kind = kind_of(path_of(self.parameter))
+        where = np.flatnonzero(fixed)
+        words = []
+        if where[0] > 0:
+            words.append(f"{format_quantity(float(self.values[where[0]]), kind)} or more")
+        if where[-1] < len(fixed) - 1:
+            words.append(f"{format_quantity(float(self.values[where[-1]]), kind)} or less")
+        lost = [
+            format_quantity(float(self.values[i]), kind)
+            for i in (where[0] - 1, where[-1] + 1)
+            if 0 <= i < len(fixed)
+        ]
+        return f"{told} if it is {' and '.join(words)}, but not if it is {' or '.join(lost)}"
 
 
 def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: float = 0.1) -> Remedy:
     """Find a second tip that would fix a parameter this fit leaves open.
 
-    The specimen is taken as the fit found it, the second test as deep and as noisy as the first, its contact
-    point, baseline and compliance as free as there; information of the two adds (`Plan`).
+    The parameter is supposed to have values over its 95 % interval, the others those that fit with each; the
+    second test is as deep and as noisy as the first, its contact point, baseline and compliance as free as
+    there; information of the two adds (`Plan`).
 
     Parameters
     ----------
@@ -93,8 +137,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     parameter : str
         A fitted parameter of layer or substrate.
     value : float, optional
-        What the parameter is supposed to be (SI), where the fit's value means nothing: the layer of a test
-        that did not feel its base may have any thickness.
+        The one value that it is supposed to have (SI), where that is known from elsewhere.
     target : float, default 0.1
         Relative standard error that counts as fixed.
 
@@ -123,53 +166,90 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     """
     if len(fit.curves) != 1:
         raise InputError(f"a remedy is for a fit of one curve; this one is of {len(fit.curves)}: see plan()")
-    problem, scene = fit.problem, fit.scenes[0]
-    specimen = [name for name in problem.names if name.startswith(SPECIMEN)]
+    specimen = [name for name in fit.names if name.startswith(SPECIMEN)]
     if parameter not in specimen:
         raise ParameterError(
             f"{parameter!r} must be a fitted parameter of layer or substrate; those are "
             f"{', '.join(specimen) or 'none'}"
         )
-    own = scene.parameters.get("indenter.radius")
+    own = fit.scenes[0].parameters.get("indenter.radius")
     if own is None:
-        raise ParameterError(f"a remedy is another radius, which {scene.indenter!r} does not have")
-    supposed = fit.values[parameter] if value is None else value
-    scene = scene.with_values({parameter: supposed})
+        raise ParameterError(f"a remedy is another radius, which {fit.scenes[0].indenter!r} does not have")
     radii = _radii_near(own)
-    depth = float(fit.curves[0].depth.max()) - scene.instrument.contact_depth
-    planned = plan(
-        scene,
-        free={path: given for path, given in problem.free.items() if not path.startswith("noise.")},
-        noise=fit.noises[0],
-        radii=np.sort(radii),
-        depths=[depth],
-        parameter=parameter,
-        points=len(fit.curves[0].depth),
-        solver=problem.solver,
-    )
-    # Both problems have the same free parameters and priors, hence the same coordinates but for their origin.
-    there = problem.vector({**fit.values, parameter: supposed})
-    first = sum(about_specimen(problem, there, fit.noises, specimen))
-    slope = float(problem.slopes(there)[problem.names.index(parameter)])
-    index = specimen.index(parameter)
-    errors, forces = np.full(len(radii), np.nan), np.full(len(radii), np.nan)
-    for at, radius in enumerate(radii):
-        cell = int(np.argmin(np.abs(planned.radii - radius)))
-        if (cell, 0) in planned.refusals:
+    supposed = _over_the_interval(fit, parameter) if value is None else [_with_others(fit, parameter, value)]
+    forecasts, values, problem = [], [], None
+    for vector in supposed:
+        try:
+            forecasts.append(_forecast(fit, vector, parameter, specimen, radii))
+        except InputError as error:
+            problem = error
             continue
-        both = first + planned.scaled_information[cell, 0]
-        errors[at] = abs(slope) * deviation_of(both, index)
-        forces[at] = planned.peak_force[cell, 0]
+        values.append(fit.problem.values(vector)[parameter])
+    if not forecasts:
+        raise InputError(f"no second test can be forecast: {problem}") from problem
+    errors, forces = (np.array(column) for column in zip(*forecasts, strict=True))
     return Remedy(
         parameter=parameter,
-        value=supposed,
+        values=read_only(np.array(values)),
         target=target,
-        shape=type(scene.indenter).shape,
+        shape=type(fit.scenes[0].indenter).shape,
         radii=read_only(radii),
         stderr=read_only(errors),
         peak_force=read_only(forces),
-        depth=depth,
+        depth=_depth(fit, fit.vector),
     )
+
+
+def _depth(fit: Fit, vector: FloatArray) -> float:
+    """Depth of the first test (m), its contact where a scaled vector (k,) has it."""
+    return float(fit.curves[0].depth.max()) - fit.problem.scenes(vector)[0].instrument.contact_depth
+
+
+def _forecast(
+    fit: Fit, vector: FloatArray, parameter: str, specimen: list[str], radii: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Standard error of both tests (SI) and force of the second (N), (r,) each, if a vector (k,) is the truth."""
+    problem = fit.problem
+    second = Grid.of(
+        problem.scenes(vector)[0],
+        {path: given for path, given in problem.free.items() if not path.startswith("noise.")},
+        fit.noises[0],
+        radii,
+        np.array([_depth(fit, vector)]),
+        specimen,
+        len(fit.curves[0].depth),
+        problem.solver,
+    )
+    # Both problems have the same free parameters and priors, hence the same coordinates but for their origin.
+    first = sum(about_specimen(problem, vector, fit.noises, specimen))
+    slope = float(problem.slopes(vector)[problem.names.index(parameter)])
+    deviations = [deviation_of(first + own, specimen.index(parameter)) for own in second.information[:, 0]]
+    possible = ~np.isnan(second.peak_force[:, 0])
+    return np.where(possible, abs(slope) * np.array(deviations), np.nan), second.peak_force[:, 0]
+
+
+def _over_the_interval(fit: Fit, parameter: str) -> list[FloatArray]:
+    """Scaled vectors (k,) with the parameter at places over its interval, the others fitted with each."""
+    coordinate = fit.problem.coordinates[fit.names.index(parameter)]
+    known = fit.interval(parameter, _LEVEL)
+    low, high = max(known.low, coordinate.low), min(known.high, coordinate.high)
+    here = fit.values[parameter]
+    if math.isinf(known.low) or not low > 0.0:
+        low = max(coordinate.low, (here if math.isinf(known.high) else high) / _OPEN)
+    if math.isinf(known.high):
+        high = min(coordinate.high, (here if math.isinf(known.low) else low) * _OPEN)
+    ends = (coordinate.scaled(low), coordinate.scaled(high))
+    places = coordinate.physical(np.linspace(*ends, _PLACES))
+    vectors = []
+    for place in places:
+        with contextlib.suppress(InputError):  # no law has this value
+            vectors.append(_with_others(fit, parameter, float(np.clip(place, low, high))))
+    return vectors
+
+
+def _with_others(fit: Fit, parameter: str, value: float) -> FloatArray:
+    """Scaled vector (k,) of the best fit that has a value (SI)."""
+    return constrained_fit(fit, parameter, value)[1]
 
 
 def _radii_near(own: float) -> FloatArray:

@@ -1,7 +1,8 @@
 """Intervals of what follows from the fitted parameters, such as the modulus that a layer relaxes to.
 
-To first order in the scaled coordinates, in the logarithm of the quantity: its interval is one of ratios, like that
-of a modulus.
+A quantity of one parameter alone has the interval of that parameter, turned over. Of others the logarithm is taken
+to first order in the scaled coordinates to find how far the parameters go, along the line on which the least change
+of chi-square moves it most; what the quantity is at the ends of that line is computed, not extrapolated.
 """
 
 from __future__ import annotations
@@ -45,8 +46,63 @@ def derived_interval(fit: Fit, averaged: Averaged | None, name: str, level: floa
             )
         return found[name][:, None]
 
-    low, middle, high = (float(end[0]) for end in band(fit, averaged, of, level))
+    alone = _of_one_parameter(fit, of)
+    if alone is not None:
+        known = fit.interval(fit.names[alone], level)
+        at = fit.problem.physical(fit.vector)
+        ends = np.sort([_turned_over(of, at, alone, end) for end in (known.low, known.high)])
+        middle = _turned_over(of, at, alone, known.value)
+        return StatedInterval(name, level, middle, float(ends[0]), float(ends[1]), known.kind)
+    low, middle, high = _along_line(
+        fit, averaged, of, *(float(end[0]) for end in band(fit, averaged, of, level))
+    )
     return StatedInterval(name, level, middle, low, high, "quadratic" if averaged is None else "averaged")
+
+
+def _of_one_parameter(fit: Fit, of: Follows) -> int | None:
+    """Entry of the one parameter that a quantity follows from; None where there are several."""
+    k = len(fit.names)
+    moved = of(fit.problem.physical(fit.vector + np.concatenate((np.zeros((1, k)), _STEP * np.eye(k)))))[:, 0]
+    acting = np.flatnonzero(moved[1:] != moved[0])
+    return int(acting[0]) if acting.size == 1 else None
+
+
+def _turned_over(of: Follows, at: FloatArray, entry: int, value: float) -> float:
+    """The quantity with one parameter at a value; an open end stays open."""
+    if not math.isfinite(value):
+        return value
+    moved = at.copy()
+    moved[entry] = value
+    return float(of(moved[None, :])[0, 0])
+
+
+def _along_line(
+    fit: Fit, averaged: Averaged | None, of: Follows, low: float, middle: float, high: float
+) -> tuple[float, float, float]:
+    """The quantity where its logarithm, to first order, has come to these ends.
+
+    The line is C g, C the covariance and g the gradient. Where that leaves what is possible the first order stands.
+    """
+    if not (np.isfinite([low, middle, high]).all() and low > 0.0):
+        return low, middle, high
+    vector = fit.vector if averaged is None else averaged.vector
+    k = len(vector)
+    beside = of(
+        fit.problem.physical(vector + _STEP * np.concatenate((np.eye(k), -np.eye(k), np.zeros((1, k)))))
+    )
+    logs = np.log(beside[:, 0])
+    gradient = (logs[:k] - logs[k : 2 * k]) / (2.0 * _STEP)
+    spread = fit.scaled_covariance @ gradient
+    if not gradient @ spread > 0.0:
+        return low, middle, high
+    change = np.log([low, middle, high]) - logs[-1]
+    at = vector + np.outer(change, spread / (gradient @ spread))
+    if not ((at >= fit.problem.bounds[:, 0]) & (at <= fit.problem.bounds[:, 1])).all():
+        return low, middle, high
+    ends = of(fit.problem.physical(at))[:, 0]
+    if not ((ends > 0.0).all() and (np.diff(ends) >= 0.0).all()):
+        return low, middle, high
+    return float(ends[0]), float(ends[1]), float(ends[2])
 
 
 def band(

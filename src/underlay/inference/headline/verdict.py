@@ -87,7 +87,7 @@ def _of_the_baseline(averaged: Averaged) -> list[str]:
 def _of_the_intervals(fit: Fit, intervals: Mapping[str, StatedInterval]) -> list[str]:
     reasons = []
     for coordinate in fit.problem.coordinates:
-        if coordinate.scale is not None or coordinate.name.startswith(("noise.", "instrument.")):
+        if coordinate.scale is not None or coordinate.name.startswith(("noise.", "instrument.", "lever.")):
             continue
         known = intervals[coordinate.name]
         if known.is_open:

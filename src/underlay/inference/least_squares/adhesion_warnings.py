@@ -28,8 +28,8 @@ def about_adhesion(problem: Problem, vector: FloatArray) -> list[FitWarning]:
 def _about(member: Member, physical: FloatArray) -> str:
     values = member.values_at(physical)
     chain = Chain.of(values)
-    law = member.forward.law(values, max(float(chain.travel(member.forward.depth).max()), 0.0))
-    tip = chain.tip_depth(law, member.forward.depth)
+    law = member.forward.law(values, max(float(chain.travel(member.forward.depth_at(values)).max()), 0.0))
+    tip = chain.tip_depth(law, member.forward.depth_at(values))
     first = law.domain[0]
     if not (tip > first).any():
         return (

@@ -18,7 +18,7 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.solvers import HalfSpace
-from underlay.scene.chain import Baseline, ContactPoint
+from underlay.scene.chain import Baseline, ContactDepth
 from underlay.scene.scene import Scene
 
 __all__ = ["adhesive_starts"]
@@ -108,14 +108,14 @@ def _vector(problem: Problem, marks: list[_Marks], modulus: float, work: float) 
     found = np.zeros(len(problem.coordinates))
     for member, mark in zip(problem.members, marks, strict=True):
         values = {_MODULUS: modulus, _WORK: work, Baseline.path: mark.baseline}
-        if ContactPoint.path in member.entries:
+        if ContactDepth.path in member.entries:
             law = _law(member, values, mark.span)
             if law is None:
                 return None
             depths, forces = _forces(law)
             pulling = np.flatnonzero(forces <= 0.0)
             unloaded = float(depths[pulling[-1]]) if pulling.size else 0.0
-            values[ContactPoint.path] = mark.crossing - unloaded
+            values[ContactDepth.path] = mark.crossing - unloaded
         for path, entry in member.entries.items():
             if path in values:
                 coordinate = problem.coordinates[entry]

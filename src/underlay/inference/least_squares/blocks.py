@@ -70,7 +70,7 @@ def blocked_forward(member: Member, blocks: Blocks, rtol: float) -> Forward:
     """The curve's model at the depths of its blocks, with coarse laws of its own."""
     laws = member.forward.laws
     laws = replace(laws, solver=laws.solver.with_tolerance(rtol), store=LawStore())
-    return replace(member.forward, depth=blocks.depth, laws=laws)
+    return replace(member.forward.moved(blocks.depth, blocks.force), laws=laws)
 
 
 def _means(rows: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.least_squares.engine import Minimum, Search, descend
+from underlay.inference.least_squares.engine import Begun, Minimum, Search, descend_together
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import Point
 from underlay.inference.least_squares.scan_curve import BASE_MODULUS, MODULUS
@@ -71,11 +71,12 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
     reach = _reach(blocked)
     degrees = max(blocked.points - len(blocked.active), 1)
     begun = []
+    blocked.prepare(starts)
     for start in starts:
         low, high = _box(blocked, start, reach)
         point = blocked.point(start, low, high)
         if point is not None:
-            begun.append((point, low, high))
+            begun.append(Begun(point, low, high))
     enough = np.inf
     found: list[Candidate] = []
 
@@ -83,12 +84,17 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
         """Whether a search is on its way to what is known, or left behind by it."""
         return (count >= _PATIENCE and best.square > enough) or _near(proposed, found)
 
-    for point, low, high in sorted(begun, key=lambda entry: entry[0].square):
-        minimum = descend(blocked, point, low, high, _SEARCH, give_up)
-        if minimum is not None:
-            found.append(_candidate(blocked, minimum, low, high, degrees))
-            if found[-1].normal is not None:
-                enough = min(enough, found[-1].square * (1.0 + _MAY_BE / degrees))
+    def ended(place: Begun, minimum: Minimum) -> None:
+        nonlocal enough
+        found.append(_candidate(blocked, minimum, place.low, place.high, degrees))
+        if found[-1].normal is not None:
+            enough = min(enough, found[-1].square * (1.0 + _MAY_BE / degrees))
+
+    begun.sort(key=lambda entry: entry.point.square)
+    # One after another, so that a search is left as soon as an earlier one says so; where a law is dear, together.
+    groups = [begun] if blocked.laws_in_batches else [[one] for one in begun]
+    for group in groups:
+        descend_together(blocked, group, _SEARCH, give_up, ended)
     found.sort(key=lambda entry: entry.square)
     return _distinct(found, degrees)
 

@@ -7,9 +7,9 @@ allowed if the next one leads further down than where it began: the valleys of t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from underlay._arrays import FloatArray
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import Point, acting
 
-__all__ = ["FINE", "GiveUp", "Minimum", "Search", "descend", "minimise"]
+__all__ = ["FINE", "Begun", "GiveUp", "Minimum", "Search", "descend", "descend_together", "minimise"]
 
 #: Asked before each step with the steps made, the best point and the vector proposed: whether to leave it.
 GiveUp: TypeAlias = Callable[[int, Point, FloatArray], bool]
@@ -87,16 +87,60 @@ def minimise(objective: Objective, start: FloatArray, search: Search = FINE) -> 
 
 
 def descend(
+    objective: Objective, best: Point, low: FloatArray, high: FloatArray, search: Search
+) -> Minimum | None:
+    """Search below a point, between `low` and `high` (k,)."""
+    return descend_together(objective, [Begun(best, low, high)], search)[0]
+
+
+class Begun(NamedTuple):
+    """Where a search begins, and between which ends (k,) it stays."""
+
+    point: Point
+    low: FloatArray
+    high: FloatArray
+
+
+def descend_together(
     objective: Objective,
+    begun: Sequence[Begun],
+    search: Search,
+    give_up: GiveUp | None = None,
+    ended: Callable[[Begun, Minimum], None] | None = None,
+) -> list[Minimum | None]:
+    """Search below several points in lock-step, so that what one law takes serves a law of each.
+
+    None in the place of a search that `give_up` left; `ended` is told of every other as soon as it ends.
+    """
+    active = np.zeros(len(objective.problem.coordinates), dtype=bool)
+    active[objective.active] = True
+    found: list[Minimum | None] = [None] * len(begun)
+    searches = {i: _search(*one, active, search, give_up) for i, one in enumerate(begun)}
+    answers: dict[int, Point | None] = dict.fromkeys(searches)
+    while searches:
+        proposed = {}
+        for i, steps in list(searches.items()):
+            try:
+                proposed[i] = steps.send(answers[i])
+            except StopIteration as stop:
+                found[i] = stop.value
+                del searches[i]
+                if ended is not None and stop.value is not None:
+                    ended(begun[i], stop.value)
+        objective.prepare(list(proposed.values()))
+        answers = {i: objective.point(vector, begun[i].low, begun[i].high) for i, vector in proposed.items()}
+    return found
+
+
+def _search(
     best: Point,
     low: FloatArray,
     high: FloatArray,
+    active: NDArray[np.bool_],
     search: Search,
-    give_up: GiveUp | None = None,
-) -> Minimum | None:
-    """Search below a point, between `low` and `high` (k,); None if `give_up` says so."""
-    active = np.zeros(len(low), dtype=bool)
-    active[objective.active] = True
+    give_up: GiveUp | None,
+) -> Generator[FloatArray, Point | None, Minimum | None]:
+    """One search: it yields the vectors (k,) that it proposes and is sent their points."""
     now, ventured, damping = best, False, search.damping
     for count in range(search.steps):
         step, gain = _step(now, damping, active, low, high)
@@ -105,7 +149,7 @@ def descend(
             return None
         if not ventured and (gain <= search.settled * best.square or np.abs(step).max() <= _SHORTEST):
             return Minimum(best, proposed, success=True, message="the next step gains nothing")
-        there = objective.point(proposed, low, high)
+        there = yield proposed
         change = np.inf if there is None else there.square - best.square
         if there is not None and change < 0.0:
             now = best = there

@@ -17,6 +17,7 @@ import pandas as pd
 from underlay._arrays import FloatArray
 from underlay._files import write_atomic
 from underlay.data.curve import Curve
+from underlay.inference.citation.used import of_fit, used_by
 from underlay.inference.least_squares.diagnostics import ResidualDiagnostics, diagnose
 from underlay.inference.least_squares.fit_parts import Alternative, FitStatistics, FitWarning
 from underlay.inference.least_squares.frozen_noise import freeze
@@ -43,7 +44,7 @@ class Fit:
     Parameters
     ----------
     problem : Problem
-        What was fitted.
+        What was fitted: as it was handed in, but for readings beside a jump that were left out (a warning says so).
     vector : FloatArray
         Optimum in scaled coordinates, (k,).
     values, stderr : mapping of name to float
@@ -265,6 +266,15 @@ class Fit:
         lines += [f"warning: {warning.message}" for warning in self.warnings]
         return "\n".join(lines)
 
+    @property
+    def used(self) -> dict[str, str]:
+        """What to cite: keys of works, with what each was used for; see `underlay cite`."""
+        formats = [str(curve.metadata.get("format", "")) for curve in self.curves]
+        told = [self.interval(name) for name in self.names]
+        return used_by([self.statistics.law_method], self.scenes, formats) | of_fit(
+            robust=self.statistics.robust != "none", averaged=any(entry.kind == "averaged" for entry in told)
+        )
+
     def _strong_correlations(self) -> list[str]:
         frame = self.correlations
         matrix, names = frame.to_numpy(), list(frame.columns)
@@ -309,6 +319,7 @@ class Fit:
             "scenes": [scene.parameters for scene in self.scenes],
             "instrument_moduli": {name: asdict(told) for name, told in self.instrument_moduli.items()},
             "provenance": self.provenance,
+            "used": self.used,
         }
         return write_atomic(path, json.dumps(_finite(document), indent=2, allow_nan=False) + "\n")
 

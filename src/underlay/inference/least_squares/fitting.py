@@ -38,6 +38,8 @@ _TIGHTEST, _LOOSEST = 1e-12, 1e-2
 # With one start there is nothing to choose from, and a step costs 1.2 times one on blocks with 1000 points, twice
 # with 3000.
 _FEW_POINTS = 2000
+# Of the choice of readings beside a jump; the second mostly confirms the first.
+_MAX_PASSES = 4
 
 
 def fit(
@@ -113,6 +115,46 @@ def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
     if start == "scan":
         starts = [_inside(problem, place) for place in scan(problem)]
         places = _descend(problem, starts, robust=robust is not None) or places
+    found = _settled(problem, lmfit, places, began)
+    if any(member.scene.adhesion is not None for member in problem.members):
+        return _without_undetermined(found, lmfit, began)
+    return found
+
+
+def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> Fit:
+    """Fit again without the readings beside a jump whose side of it is not determined, until these are the same."""
+    # Not loaded for a scene without adhesion.
+    from underlay.inference.least_squares.jump_readings import (  # noqa: PLC0415
+        about_left_out,
+        determined,
+        for_all_readings,
+    )
+
+    problem, used = (
+        found.problem,
+        [np.ones(len(member.force), dtype=bool) for member in found.problem.members],
+    )
+    for _ in range(_MAX_PASSES):
+        kept = determined(found, problem)
+        same = all(np.array_equal(one, other) for one, other in zip(kept, used, strict=True))
+        if same or sum(map(np.count_nonzero, kept)) <= len(problem.coordinates):
+            break
+        used = kept
+        left = problem.revised(
+            curves=[curve.select(keep) for curve, keep in zip(problem.curves, kept, strict=True)]
+        )
+        values = [found.values, *(other.values for other in found.alternatives)]
+        found = _settled(left, lmfit, [left.vector(each) for each in values], began)
+    return replace(
+        found,
+        warnings=(*found.warnings, *about_left_out(problem, used)),
+        statistics=for_all_readings(found.statistics, problem.n_points),
+    )
+
+
+def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatArray], began: float) -> Fit:
+    """Settle at places (k,) and judge the best."""
+    robust = lmfit if lmfit is not None and lmfit.loss else None
     settled = [optimum for place in places if (optimum := settle(problem, place, robust)) is not None]
     if not settled:
         raise _no_law(problem)

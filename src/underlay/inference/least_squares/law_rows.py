@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import Any, Self, TypeAlias
 
 import numpy as np
@@ -14,11 +14,48 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError, RangeError
 from underlay.inference.model.forward import Forward
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.indenters import Indenter
 
 __all__ = ["LawRows", "Rows"]
 
 #: Every number of a scene by path: one for all rows of a grid, or one each, (r,).
 Rows: TypeAlias = Mapping[str, float | FloatArray]
+
+
+@dataclass(frozen=True)
+class TipOverPowerLaw:
+    """What a tip changes on a half-space against its power law: nearly the same on any body.
+
+    Parameters
+    ----------
+    tip, power_law : Indenter
+        The two.
+    """
+
+    tip: Indenter
+    power_law: Indenter
+
+    def stiffness(self, depth: FloatArray) -> FloatArray:
+        """Ratio of the stiffnesses, which is that of the contact radii, at depths (m); one out of contact."""
+        ratio = np.ones_like(depth)
+        touching = depth > 0.0
+        w = depth[touching]
+        ratio[touching] = self.tip.halfspace_radius(w) / self.power_law.halfspace_radius(w)
+        return ratio
+
+    def force(self, depth: FloatArray) -> FloatArray:
+        """Ratio of the forces at depths (m); one out of contact."""
+        ratio = np.ones_like(depth)
+        touching = depth > 0.0
+        w = depth[touching]
+        ratio[touching] = _halfspace_force(self.tip, w) / _halfspace_force(self.power_law, w)
+        return ratio
+
+
+def _halfspace_force(tip: Indenter, depth: FloatArray) -> FloatArray:
+    """P/(4 theta) (m^2) on a half-space."""
+    radius = tip.halfspace_radius(depth)
+    return depth * radius - tip.abel_moments(radius)[0]
 
 
 @dataclass(frozen=True)
@@ -33,16 +70,19 @@ class LawRows:
         Which rows have a law.
     shared : list of (slice, law)
         The rows that one law serves, in order.
+    tip : TipOverPowerLaw, optional
+        What a tip changes, where the laws are those of its power law.
     """
 
     b: FloatArray
     c: FloatArray
     possible: NDArray[np.bool_]
     shared: list[tuple[slice, ContactLaw]]
+    tip: TipOverPowerLaw | None = None
 
     @classmethod
-    def of(cls, forward: Forward, rows: Rows, deepest: float) -> Self:
-        """Find or build the laws for tip depths up to `deepest` (m)."""
+    def of(cls, forward: Forward, rows: Rows, deepest: float, tip: Indenter | None = None) -> Self:
+        """Find or build the laws for tip depths up to `deepest` (m), seen through `tip` where that is given."""
         similarity = forward.similarity
         count = max(np.size(value) for value in rows.values())
         # `factors` and `reduced` divide and multiply: arrays go through them as numbers do.
@@ -52,14 +92,17 @@ class LawRows:
         ratios = similarity.reduced(numbers)
         keys = zip(*(np.broadcast_to(ratio, count).tolist() for ratio in ratios), strict=True)
         possible = np.ones(count, dtype=bool)
+        rows_of = [(key, list(group)) for key, group in groupby(keys)] if ratios else [((), [()] * count)]
         shared: list[tuple[slice, ContactLaw]] = []
         end = 0
-        for key, group in groupby(keys) if ratios else [((), [()] * count)]:
-            part = slice(end, end := end + len(list(group)))
+        forward.laws.laws_of([key for key, _ in rows_of], _deepest(depths, rows_of))
+        for key, group in rows_of:
+            part = slice(end, end := end + len(group))
             law, possible[part] = _reaching(forward, key, depths[part])
             if law is not None:
                 shared.append((part, law))
-        return cls(b[:, None, None], c[:, None, None], possible, shared)
+        over = None if tip is None else TipOverPowerLaw(tip, forward.similarity.scene.indenter)
+        return cls(b[:, None, None], c[:, None, None], possible, shared, over)
 
     def part(self, rows: slice) -> LawRows:
         """Some of the rows."""
@@ -69,15 +112,17 @@ class LawRows:
             for part, law in self.shared
             if part.start < stop and part.stop > start
         ]
-        return LawRows(self.b[rows], self.c[rows], self.possible[rows], shared)
+        return LawRows(self.b[rows], self.c[rows], self.possible[rows], shared, self.tip)
 
     def force(self, depth: FloatArray) -> FloatArray:
         """P (N), (r, c, n), at tip depths (m) of that shape or (1, c, n); zero where there is no law."""
-        return self._asked("force", depth) * self.c
+        force = self._asked("force", depth) * self.c
+        return force if self.tip is None else force * self.tip.force(depth)
 
     def stiffness(self, depth: FloatArray) -> FloatArray:
         """dP/dw (N/m), as `force`."""
-        return self._asked("stiffness", depth) * (self.b * self.c)
+        stiffness = self._asked("stiffness", depth) * (self.b * self.c)
+        return stiffness if self.tip is None else stiffness * self.tip.stiffness(depth)
 
     def _asked(self, what: str, depth: FloatArray) -> FloatArray:
         w = self.b * depth
@@ -110,3 +155,9 @@ def _reaching(
     if not within.any():
         return None, within
     return forward.laws.law(ratios, float(depths[within].max())), within
+
+
+def _deepest(depths: FloatArray, groups: Sequence[tuple[tuple[float, ...], Sequence[object]]]) -> list[float]:
+    """Largest of the depths (r,) of every group of neighbours."""
+    ends = np.cumsum([0] + [len(group) for _, group in groups])
+    return [float(depths[start:stop].max()) for start, stop in pairwise(ends.tolist())]

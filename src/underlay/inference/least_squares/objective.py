@@ -7,7 +7,7 @@ large noise.)
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -70,7 +70,7 @@ class Objective:
         self._one_law = not any(
             member.forward.similarity.ratio_slopes(path, member.base)
             for member in self.members
-            if member.forward.laws.table is None
+            if not member.forward.laws.know_slopes
             for path in member.entries
         )
 
@@ -153,6 +153,21 @@ class Objective:
     def models(self, vector: FloatArray) -> list[FloatArray]:
         """Instrument's force (N) of every curve at a vector (k,); raises InputError where no law exists."""
         return self._models(self.problem.physical(vector))
+
+    @property
+    def laws_in_batches(self) -> bool:
+        """Whether laws of several vectors at once are less work than one by one."""
+        return any(member.forward.laws.tips is not None for member in self.members)
+
+    def prepare(self, vectors: Sequence[FloatArray]) -> None:
+        """Make ready what the models at several vectors (k,) need, where that is less work all at once."""
+        if not self.laws_in_batches:
+            return
+        near = [
+            self.problem.physical(vector) for vector in vectors if np.abs(vector).max(initial=0.0) <= _FAR
+        ]
+        for member in self.members:
+            member.forward.prepare([member.values_at(physical) for physical in near])
 
     # --- what the engine asks ---------------------------------------------------------------------------
 

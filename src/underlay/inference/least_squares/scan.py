@@ -27,9 +27,11 @@ from underlay.inference.least_squares.scan_curve import (
     ScanCurve,
 )
 from underlay.inference.model.coordinates import Coordinate
+from underlay.inference.model.forward import Forward
+from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.mechanics.indenters import FlatPunch
+from underlay.mechanics.indenters import FlatPunch, Paraboloid, Sphere
 from underlay.scene.scene import Scene
 
 __all__ = ["scan"]
@@ -134,9 +136,15 @@ def _vector(
 def _scanned(member: Member, problem: Problem) -> ScanCurve:
     blocks = Blocks.of(member.curve, _BLOCKS)
     free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
-    forward = blocked_forward(member, blocks, _SCAN_RTOL)
+    forward, tip = blocked_forward(member, blocks, _SCAN_RTOL), None
+    if isinstance(member.scene.indenter, Sphere) and forward.laws.tips is not None:
+        # Laws of its paraboloid, with the sphere's share on a half-space: enough to tell one start from another.
+        tip = member.scene.indenter
+        rounded = replace(member.scene, indenter=Paraboloid(tip.radius))
+        solver = forward.laws.solver
+        forward = Forward.compile(rounded, blocks.depth, tuple(member.entries), solver, LawStore())
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
-    return ScanCurve(forward, blocks, free, _contacts(free, blocks, member.base[CONTACT]), scales)
+    return ScanCurve(forward, blocks, free, _contacts(free, blocks, member.base[CONTACT]), scales, tip)
 
 
 def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[float, float]) -> _Grid:

@@ -27,7 +27,7 @@ from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley
 from underlay.inference.problem import Problem
-from underlay.scene.chain import ContactPoint
+from underlay.scene.chain import ContactDepth
 
 __all__ = ["Averaged", "average"]
 
@@ -254,7 +254,7 @@ def _other_contacts(blocked: Blocked, vector: FloatArray) -> list[FloatArray]:
     for share in _CONTACTS:
         moved = np.array(vector)
         for curve in blocked.curves:
-            entry = curve.member.entries.get(ContactPoint.path)
+            entry = curve.member.entries.get(ContactDepth.path)
             if entry is not None:
                 scale = problem.coordinates[entry].scale or 1.0
                 moved[entry] += share * float(curve.forward.depth.max() - physical[entry]) / scale

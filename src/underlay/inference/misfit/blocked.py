@@ -24,7 +24,7 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.solver import Solver
-from underlay.scene.chain import ContactPoint
+from underlay.scene.chain import ContactDepth
 
 __all__ = ["Blocked", "BlockedCurve"]
 
@@ -115,7 +115,7 @@ class BlockedCurve:
     @classmethod
     def of(cls, member: Member, physical: FloatArray) -> BlockedCurve:
         """Take a curve in blocks, its contact where it is at a physical vector (k,)."""
-        curve, contact = member.curve, member.values_at(physical)[ContactPoint.path]
+        curve, contact = member.curve, member.values_at(physical)[ContactDepth.path]
         deepest = float(curve.depth.max()) - contact
         if not deepest > 0.0:
             raise InputError("a curve that never touches has no residuals in contact")
@@ -134,8 +134,7 @@ class BlockedCurve:
         def means(values: FloatArray) -> FloatArray:
             return np.asarray(values[start:].reshape(-1, size).mean(axis=1))
 
-        forward = replace(member.forward, depth=means(depth))
-        return cls(member, forward, means(force), means(time[used]))
+        return cls(member, member.forward.moved(means(depth), means(force)), means(force), means(time[used]))
 
     def coarse(self) -> BlockedCurve:
         """Return the same with laws of a tenth of a thousandth of the force, of its own store."""
@@ -154,9 +153,8 @@ class BlockedCurve:
         reading, own = self.forward.jacobian(values, tuple(self.member.entries), rough=True)
         columns = np.zeros((len(self.force), len(physical) + len(errors)))
         columns[:, entries] = own * slopes[entries]
-        depth = (
-            self.forward.depth - values[ContactPoint.path] - values["instrument.compliance"] * reading.contact
-        )
+        bent = values["instrument.compliance"] * reading.contact
+        depth = self.forward.depth_at(values) - values[ContactDepth.path] - bent
         if errors:
             law = self.forward.law(values, max(float(depth.max()), 0.0))
             by = partial(self._law_by, values, max(float(depth.max()), 0.0))

@@ -100,7 +100,8 @@ def shape_parameters(problem: Problem) -> list[str]:
     return [
         coordinate.name
         for coordinate in problem.coordinates
-        if not coordinate.path.startswith(("noise.", "instrument.")) and coordinate.path != "layer.E"
+        if not coordinate.path.startswith(("noise.", "instrument.", "lever."))
+        and coordinate.path != "layer.E"
     ]
 
 

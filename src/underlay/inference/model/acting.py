@@ -8,6 +8,7 @@ import numpy as np
 
 from underlay.errors import ParameterError
 from underlay.mechanics.solver import Solver
+from underlay.scene.lever import SPRING_CONSTANT_RATIO
 from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene import Scene
 
@@ -48,6 +49,11 @@ def require_acting(
         raise ParameterError(f"{path} cannot act: the scene has no substrate")
     if path not in known and path not in noise:
         raise unknown_parameter(path, (*known, *noise))
+    if path == "lever.spring_constant":
+        raise ParameterError(
+            f"{path} cannot act: it is the one that made the curve; free {SPRING_CONSTANT_RATIO} with a prior such "
+            'as { prior = "lognormal", median = 1.0, sigma = 0.1 } for one that is known to 10 %'
+        )
     if part != "substrate" and path != "layer.thickness":
         return
     if not np.isfinite(scene.layer.thickness):

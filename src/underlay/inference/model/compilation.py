@@ -15,12 +15,12 @@ from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore, quiet_law
 from underlay.inference.model.members import Member
 from underlay.inference.model.noise_start import noise_start
-from underlay.inference.priors import Given, Prior
+from underlay.inference.priors.prior import Given, Prior
 from underlay.mechanics.finite_strain import require_measured
 from underlay.mechanics.response import checked_times
 from underlay.mechanics.solver import Solver
 from underlay.quantities import Quantity, curve_of, field_quantities, path_of
-from underlay.scene.chain import ContactPoint, Frame
+from underlay.scene.chain import ContactDepth, Frame
 from underlay.scene.noise import Noise
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
@@ -201,12 +201,12 @@ def _member(
     mechanical = {path: index for path, index in entries.items() if path not in of_noise}
     noisy = {path.partition(".")[2]: index for path, index in entries.items() if path in of_noise}
     _check_history(scene, curve, mechanical)
-    if ContactPoint.path not in mechanical:
+    if ContactDepth.path not in mechanical:
         # A tip that sticks is in contact down to the pull-off, which the scene's own numbers place.
         begins = 0.0 if scene.adhesion is None else quiet_law(scene, solver, 0.0).domain[0]
         check_fittable(curve, scene.instrument.contact_depth + begins, withdrawn=scene.adhesion is not None)
     noise.check(noisy, len(curve), curve.time)
-    forward = Forward.compile(scene, curve.depth, tuple(mechanical), solver, store, curve.time)
+    forward = Forward.compile(scene, curve.depth, tuple(mechanical), solver, store, curve.time, curve.force)
     return Member(scene, curve, forward, noise, scene.parameters, mechanical, noisy)
 
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.priors import Flat, Given, LogUniform, Prior, Uniform
+from underlay.inference.priors.densities import Flat, LogUniform, Uniform
+from underlay.inference.priors.prior import Given, Prior
 from underlay.quantities import Quantity
 
 __all__ = ["Coordinate", "ScaledSpace", "Spans", "make_coordinate"]
@@ -159,6 +160,11 @@ class ScaledSpace:
             self.reference * np.exp(np.where(self.logarithmic, q, 0.0)),
             self.reference + self.scale * q,
         )
+
+    def scaled(self, physical: FloatArray) -> FloatArray:
+        """Scaled vectors (..., k) at values (SI), (..., k)."""
+        ratio = np.where(self.logarithmic, physical / np.where(self.logarithmic, self.reference, 1.0), 1.0)
+        return np.where(self.logarithmic, np.log(ratio), (physical - self.reference) / self.scale)
 
     def slopes(self, physical: FloatArray) -> FloatArray:
         """dx/dq (SI), (..., k), at values (..., k)."""

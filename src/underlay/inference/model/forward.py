@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from underlay.mechanics.response import Elastic, History, Remembered, Response, 
 from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.mechanics.solver import Solver
 from underlay.quantities import replace_values
-from underlay.scene.chain import Chain, ContactPoint, Frame
+from underlay.scene.chain import Chain, ContactDepth, Frame
 from underlay.scene.instrument import Instrument
+from underlay.scene.lever import SENSITIVITY_RATIO
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 
@@ -58,6 +59,8 @@ class Forward:
         What the sample remembers.
     time : FloatArray or None
         Times of the readings (s), (n,), for a sample that remembers.
+    bending : FloatArray or None
+        What was taken off the depth readings for the bending of a lever (m), (n,).
     """
 
     similarity: Similarity
@@ -65,6 +68,7 @@ class Forward:
     laws: LawSource
     history: History | None = None
     time: FloatArray | None = None
+    bending: FloatArray | None = None
 
     @classmethod
     def compile(
@@ -75,17 +79,33 @@ class Forward:
         solver: Solver,
         store: LawStore,
         time: FloatArray | None = None,
+        force: FloatArray | None = None,
     ) -> Forward:
-        """Compile `scene` for readings `depth` (m) at `time` (s) when the parameters at the paths `free` vary."""
+        """Compile `scene` for readings `depth` (m) at `time` (s) when the parameters at the paths `free` vary.
+
+        A lever is told the `force` readings (N), (n,).
+        """
         elastic = scene.elastic
-        reference = replace(elastic, instrument=Instrument())
+        reference = replace(elastic, instrument=Instrument(), lever=None)
         similarity = compile_similarity(elastic, free, scaling=solver.scaling)
         laws = LawSource.of(similarity, reference, free, solver, store)
-        return cls(similarity, depth, laws, scene.memory, time if scene.memory is not None else None)
+        forward = cls(similarity, depth, laws, scene.memory, time if scene.memory is not None else None)
+        return forward if force is None else forward.moved(depth, force)
 
     def solved_by(self, solver: Solver) -> Forward:
         """Return the same with laws of another solver that scale alike, kept beside its own."""
         return replace(self, laws=replace(self.laws, solver=solver, table=None))
+
+    def moved(self, depth: FloatArray, force: FloatArray) -> Forward:
+        """Return the same for other depth readings (m) and their force readings (N), (n,)."""
+        lever = self.similarity.scene.lever
+        return replace(self, depth=depth, bending=None if lever is None else lever.bending(force))
+
+    def depth_at(self, values: Mapping[str, Any]) -> FloatArray:
+        """Depth readings (m) by the lever's sensitivity in `values`: (n,), or (sets, n) of numbers (sets, 1)."""
+        if self.bending is None:
+            return self.depth
+        return np.asarray(self.depth - (values[SENSITIVITY_RATIO] - 1.0) * self.bending)
 
     def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
@@ -99,10 +119,17 @@ class Forward:
         law = self.reference_law(self.similarity.reduced(values), b * deepest)
         return ScaledLaw.of(law, b, c, self.similarity.length_ratio(values))
 
+    def prepare(self, values: Sequence[Mapping[str, float]]) -> None:
+        """Make ready the laws at several sets of `values`, as `LawSource.laws_of` does."""
+        depths = [self.similarity.factors(one)[0] * self._deepest(Chain.of(one)) for one in values]
+        self.laws.laws_of([self.similarity.reduced(one) for one in values], depths)
+
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
         """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
         b, _ = self.similarity.factors(values)
-        return self.laws.for_statements(self.similarity.reduced(values), b * self._deepest(Chain.of(values)))
+        return self.laws.for_statements(
+            self.similarity.reduced(values), b * self._deepest(Chain.of(values), values)
+        )
 
     def reading(self, values: Mapping[str, float], *, stiffness: bool = True) -> Reading:
         """Force and stiffness at every reading; raises as `law` does.
@@ -110,8 +137,8 @@ class Forward:
         Without `stiffness` a sample that remembers is not asked for it: it is zero.
         """
         chain = Chain.of(values)
-        law = self.law(values, self._deepest(chain))
-        w = chain.tip_depth(law, self.depth)
+        law = self.law(values, self._deepest(chain, values))
+        w = chain.tip_depth(law, self.depth_at(values))
         if self.history is not None:
             contact = self._remembered(law, self.history, values).force(w, self.time)
             slope = law.stiffness(w) if stiffness else np.zeros_like(contact)
@@ -122,8 +149,8 @@ class Forward:
     def force(self, values: Mapping[str, float]) -> FloatArray:
         """Force of the instrument (N), (n,), alone; raises as `law` does."""
         chain = Chain.of(values)
-        law: Response = self.law(values, self._deepest(chain))
-        w = chain.tip_depth(law, self.depth)
+        law: Response = self.law(values, self._deepest(chain, values))
+        w = chain.tip_depth(law, self.depth_at(values))
         if self.history is not None:
             law = self._remembered(law, self.history, values)
         return chain.reading(law.force(w, self.time), self.depth)
@@ -138,9 +165,9 @@ class Forward:
         costs a minimiser nothing.
         """
         chain = Chain.of(values, free=paths)
-        deepest = self._deepest(chain)
+        deepest = self._deepest(chain, values)
         law = self.law(values, deepest)
-        w = chain.tip_depth(law, self.depth)
+        w = chain.tip_depth(law, self.depth_at(values))
         P, S = law.force_and_stiffness(w)
         ratio_columns: dict[str, FloatArray] = {}
         columns = chain.offset_slopes(self.depth)
@@ -149,7 +176,7 @@ class Forward:
         for path in paths:
             if path in columns:
                 continue
-            if path == ContactPoint.path:
+            if path == ContactDepth.path:
                 columns[path] = chain.at_fixed_travel(-S, S)
             elif path == Frame.path and chain.frame is not None:
                 columns[path] = chain.frame.slope(P, S)
@@ -157,6 +184,10 @@ class Forward:
                 columns[path] = chain.at_fixed_travel(
                     self._mechanical(path, values, deepest, law, w, P, S, ratio_columns, rough=rough), S
                 )
+        if SENSITIVITY_RATIO in paths and self.bending is not None:
+            columns[SENSITIVITY_RATIO] = columns[SENSITIVITY_RATIO] - chain.at_fixed_travel(
+                S * self.bending, S
+            )
         reading = Reading(P, S, chain.reading(P, self.depth))
         rows = np.empty((len(paths), len(w)))
         for row, path in enumerate(paths):
@@ -202,7 +233,7 @@ class Forward:
         own = [path for path in paths if self._remembers(path)]
         columns |= through.slopes(own, kept)
         for path in paths:
-            if path == ContactPoint.path and path not in columns:
+            if path == ContactDepth.path and path not in columns:
                 columns[path] = through(lambda x: -kept.stiffness(x))
             elif path not in columns:
                 scale = self._force_scale(path, values)
@@ -239,12 +270,26 @@ class Forward:
         for ratio, slope in self.similarity.ratio_slopes(path, values).items():
             in_log = ratio not in self.similarity.direct
             if ratio not in ratio_columns:
-                known = law.work_slope(w) if ratio == "adhesion.work" else None
+                known = self._known_slope(ratio, law, w, P, S)
                 ratio_columns[ratio] = (
                     self._ratio_derivative(ratio, values, deepest, w, rough=rough) if known is None else known
                 )
             derivative = derivative + ratio_columns[ratio] * (slope / values[path] if in_log else slope)
         return derivative
+
+    def _known_slope(
+        self, ratio: str, law: ContactLaw, w: FloatArray, P: FloatArray, S: FloatArray
+    ) -> FloatArray | None:
+        """dP/d ln k of a ratio where the law says it itself."""
+        if ratio == "adhesion.work":
+            return law.work_slope(w)
+        tips = self.laws.tips
+        if tips is None:
+            return None
+        if ratio == tips.path:
+            return law.ratio_slope(w, P)
+        # One length makes the tip: its ratio is the tip's size.
+        return law.size_slope(w, P, S) if self.similarity.lengths == (ratio,) else None
 
     def _ratio_derivative(
         self, ratio: str, values: Mapping[str, float], deepest: float, w: FloatArray, *, rough: bool
@@ -267,8 +312,8 @@ class Forward:
         difference = _first_possible(force, _ROUGH_STENCILS if rough else _STENCILS)
         return np.asarray(difference * (c / (_RATIO_STEP if in_log else size)))
 
-    def _deepest(self, chain: Chain) -> float:
-        return max(float(chain.travel(np.asarray(self.depth.max()))), 0.0)
+    def _deepest(self, chain: Chain, values: Mapping[str, float]) -> float:
+        return max(float(chain.travel(np.asarray(self.depth_at(values).max()))), 0.0)
 
     def reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law at the reference with these ratios, for its depths up to `depth` (m)."""

@@ -217,7 +217,7 @@ def _from_tables(asked: ParameterSets, table: OneRatio, *, stiffness: bool) -> R
         varpi=asked.varpi(thickness),
         rtol=asked.rtol,
     )
-    theta = np.asarray(isotropic_constants(layer_E, nu).theta, dtype=np.float64)
+    theta = asked.gain * np.asarray(isotropic_constants(layer_E, nu).theta, dtype=np.float64)
     arguments = (asked.tip, theta, thickness, asked.abel_coefficients())
     contact = curves.force(*arguments)
     slopes = curves.stiffness(*arguments) if stiffness else np.zeros_like(contact)
@@ -251,7 +251,8 @@ def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
             continue
         base = None if outer is None else _take(outer, rows)
         curves = compiled.curves(_take(inner, rows), base, thickness[rows])
-        arguments = (asked.tip[rows], theta[rows], thickness[rows], None if abel is None else abel[rows])
+        stiff = asked.gain[rows] * theta[rows]
+        arguments = (asked.tip[rows], stiff, thickness[rows], None if abel is None else abel[rows])
         try:
             readings.contact[rows] = curves.force(*arguments)
             if stiffness:
@@ -279,7 +280,8 @@ def _in_stack_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
             continue
         kernel, theta = stacked(asked, rows)
         curves = compiled.curves_of(kernel.one_minus_L(compiled.u))
-        arguments = (asked.tip[rows], theta, thickness[rows], None if abel is None else abel[rows])
+        stiff = asked.gain[rows] * theta
+        arguments = (asked.tip[rows], stiff, thickness[rows], None if abel is None else abel[rows])
         readings.contact[rows] = curves.force(*arguments)
         if stiffness:
             readings.stiffness[rows] = curves.stiffness(*arguments)

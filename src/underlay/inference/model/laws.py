@@ -11,13 +11,14 @@ import warnings
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError, UnderlayWarning
 from underlay.inference.model.similarity import Similarity
-from underlay.inference.model.tables import OneRatio, one_ratio
+from underlay.inference.model.tables import OneRatio, one_ratio, tip_ratio
 from underlay.mechanics.contact import AdhesionTable, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
@@ -26,9 +27,11 @@ from underlay.scene.scene import Scene
 
 __all__ = ["LawSource", "LawStore", "quiet_law"]
 
-_LAWS_KEPT = 64
+_LAWS_KEPT = 128
 # Laws that are subtracted over a step of 1e-3 must not be rougher than this.
 _STENCIL_RTOL = 1e-6
+
+_NOT_TABULATED = RangeError("no table has this law")
 
 
 def quiet_law(scene: Scene, solver: Solver, max_depth: float) -> ContactLaw:
@@ -93,6 +96,8 @@ class LawSource:
         Of the reference.
     table : OneRatio or None
         The one ratio that can change the law, where the solver reads such laws off a table.
+    tips : OneRatio or None
+        The same for a tip that is no power law: its size over the thickness may vary too.
     """
 
     similarity: Similarity
@@ -101,6 +106,7 @@ class LawSource:
     number: int
     contact: Contact
     table: OneRatio | None
+    tips: OneRatio | None = None
 
     @classmethod
     def of(
@@ -114,7 +120,13 @@ class LawSource:
         """Source for what may vary at the paths `free`; `reference` names its laws in the store."""
         contact = similarity.scene.contact
         table = one_ratio(similarity, free) if solver.has_table(contact) else None
-        return cls(similarity, solver, store, store.number(reference), contact, table)
+        tips = tip_ratio(similarity, free) if solver.has_tip_tables(contact) else None
+        return cls(similarity, solver, store, store.number(reference), contact, table, tips)
+
+    @property
+    def know_slopes(self) -> bool:
+        """Whether the laws say their derivatives in what may vary: no further law is needed for them."""
+        return self.table is not None or self.tips is not None
 
     @property
     def for_differences(self) -> LawSource:
@@ -130,7 +142,15 @@ class LawSource:
             If the ratios are not those of a possible scene, or the law does not reach that deep.
         """
         law = None if self.table is None else self._from_table(self.table, reduced, depth)
+        if law is None and self.tips is not None and depth > 0.0:
+            law = self._of_tips(self.tips, [reduced], [depth])[0]
         return law if law is not None else self._solved(reduced, depth)
+
+    def laws_of(self, reduced: Sequence[tuple[float, ...]], depths: Sequence[float]) -> None:
+        """Make ready the laws with these ratios for depths (m), where all at once are less work."""
+        asked = [pair for pair in zip(reduced, depths, strict=True) if pair[1] > 0.0]
+        if self.tips is not None and len(asked) > 1:
+            self._of_tips(self.tips, *zip(*asked, strict=True))
 
     def for_statements(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law of the same kind that ends at `depth` (m), where its errors and flags depend on the range.
@@ -178,6 +198,53 @@ class LawSource:
                 return None
             law = self.store.keep(key, found)
         return law if isinstance(law, ContactLaw) else None
+
+    def _of_tips(
+        self, tips: OneRatio, reduced: Sequence[tuple[float, ...]], depths: Sequence[float]
+    ) -> list[ContactLaw | None]:
+        """Laws read off the tables of the flat punch, to the end of their range; None where there is none."""
+        similarity = self.similarity
+        found: list[ContactLaw | None] = [None] * len(reduced)
+        keys, contacts, values = [], [], []
+        for ratios, depth in zip(reduced, depths, strict=True):
+            numbers = dict(zip(similarity.ratio_paths, ratios, strict=True))
+            contact = self._tip_contact(numbers)
+            number = self.solver.tip_number(contact, depth)
+            keys.append((self.number, self.solver, similarity.length, ratios, "tips", number))
+            contacts.append(contact)
+            values.append({**similarity.values, **numbers})
+        missing = []
+        for row, key in enumerate(keys):
+            kept = self.store.get(key)
+            if kept is None:
+                missing.append(row)
+            elif isinstance(kept, ContactLaw):
+                found[row] = kept
+        if missing and tips.family is not None:
+            built = self.solver.tabulated_tips(
+                [contacts[row] for row in missing],
+                tips.family,
+                [float(tips.of(values[row])) for row in missing] if tips.path else None,
+                [depths[row] for row in missing],
+            )
+            for row, law in zip(missing, built, strict=True):
+                found[row] = law
+                # What the tables do not have is asked for elsewhere: only that is kept.
+                self.store.keep(keys[row], _NOT_TABULATED if law is None else law)
+        return found
+
+    def _tip_contact(self, numbers: Mapping[str, float]) -> Contact:
+        """The reference's contact with a tip and a layer of these sizes."""
+        prefix = "indenter."
+        sizes = {
+            path.removeprefix(prefix): value for path, value in numbers.items() if path.startswith(prefix)
+        }
+        tip: Any = self.contact.indenter  # a frozen dataclass, which its abstract base does not say
+        return replace(
+            self.contact,
+            indenter=replace(tip, **sizes) if sizes else tip,
+            thickness=numbers.get("layer.thickness", self.contact.thickness),
+        )
 
     def _solved(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         octave = float(np.ceil(np.log2(depth))) if depth > 0.0 else -np.inf

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from underlay.data.curve import Curve
-from underlay.inference.priors import Prior
+from underlay.inference.priors.prior import Prior
 from underlay.quantities import field_quantities
 from underlay.scene.noise_model import NoiseModel
 

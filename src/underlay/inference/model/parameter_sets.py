@@ -57,10 +57,10 @@ class ParameterSets:
         self.ratios: tuple[Any, ...] = similarity.reduced(numbers)
         # By what may vary, not by what happens to: one set alone goes the way it would go in company.
         self.shared = None if any(isinstance(ratio, np.ndarray) for ratio in self.ratios) else self.ratios
-        self.chain = Chain.of(
-            {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
-        )
-        self.tip = np.broadcast_to(self.chain.travel(forward.depth), (sets, len(forward.depth)))
+        upright = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
+        self.chain = Chain.of(upright)
+        travel = self.chain.travel(forward.depth_at(upright))
+        self.tip = np.broadcast_to(travel, (sets, len(forward.depth)))
         self.deepest = np.maximum(self.tip.max(axis=1), 0.0)
 
     @property
@@ -76,6 +76,12 @@ class ParameterSets:
         """Values of one number, (sets, 1)."""
         value = self.values[path]
         return value[:, None] if isinstance(value, np.ndarray) else np.full((self.sets, 1), value)
+
+    @property
+    def gain(self) -> FloatArray:
+        """Force reading over force of each set, (sets,)."""
+        numbers: Any = self.values  # as in __init__
+        return np.broadcast_to(self.forward.similarity.gain(numbers), self.sets)
 
     def instrument_force(self, contact: FloatArray) -> FloatArray:
         """Force of the instrument (N), (sets, n), of that of the contact."""

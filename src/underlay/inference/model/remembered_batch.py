@@ -18,7 +18,7 @@ from underlay.inference.model.forward import Forward
 from underlay.inference.model.parameter_sets import Values
 from underlay.mechanics.relaxation import ModesOfSets
 from underlay.mechanics.viscoelastic.history import Viscoelastic
-from underlay.scene.chain import Chain, ContactPoint, Frame
+from underlay.scene.chain import Chain, ContactDepth, Frame
 
 __all__ = ["remembered_readings"]
 
@@ -45,7 +45,7 @@ def remembered_readings(
     history, time = forward.history, forward.time
     if not isinstance(history, Viscoelastic) or time is None or np.any(values[Frame.path]):
         return None
-    contact = np.broadcast_to(values[ContactPoint.path], sets)
+    contact = np.broadcast_to(values[ContactDepth.path], sets)
     depth = forward.depth
     # A motion that only grows from the deepest contact on does so from any.
     if not depth.max() > contact.max() or not history.only_grows(depth - contact.max()):

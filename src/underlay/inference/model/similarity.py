@@ -27,11 +27,13 @@ import numpy as np
 
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 from underlay.mechanics.solver import Scaling
+from underlay.scene.lever import SENSITIVITY_RATIO, SPRING_CONSTANT_RATIO
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 
 __all__ = ["Similarity", "compile_similarity"]
 
+_GAINS = (SPRING_CONSTANT_RATIO, SENSITIVITY_RATIO)
 _ANGLE_STEP = 1e-6  # relative; central difference of cot(half_angle): error 1e-12, rounding 1e-10
 
 
@@ -93,8 +95,8 @@ class Similarity:
         return (*self.moduli, *self.energies) if self.moduli else ()
 
     def factors(self, values: Mapping[str, float]) -> tuple[float, float]:
-        """(b, c) of P(w) = c P_ref(b w)."""
-        E, s = self._modulus_ratio(values), self.length_ratio(values)
+        """(b, c) of P(w) = c P_ref(b w); c holds the gain of a lever whose calibration is off."""
+        E, s = self._modulus_ratio(values) * self.gain(values), self.length_ratio(values)
         if self.exponent is None:
             return 1.0 / s, E * s * s
         A = self._coefficient_ratio(values)
@@ -102,6 +104,8 @@ class Similarity:
 
     def factor_slopes(self, path: str, values: Mapping[str, float]) -> tuple[float, float]:
         """d(ln b)/d(ln p), d(ln c)/d(ln p) for the parameter p at `path`."""
+        if path in _GAINS:
+            return 0.0, -1.0
         if path in self.moduli[:1]:
             return 0.0, 1.0
         if path == self.length:
@@ -139,6 +143,10 @@ class Similarity:
             return E * s
         ratio: float = E * self._coefficient_ratio(values) ** 2 * s ** (2.0 * self.exponent - 1.0)
         return ratio
+
+    def gain(self, values: Mapping[str, Any]) -> Any:  # a number, or one per set
+        """Force reading over force: of the lever, one without."""
+        return 1.0 / (values[_GAINS[0]] * values[_GAINS[1]]) if self.scene.lever is not None else 1.0
 
     def _modulus_ratio(self, values: Mapping[str, float]) -> float:
         return values["layer.E"] / self.values["layer.E"] if self.moduli else 1.0

@@ -10,12 +10,12 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.model.similarity import Similarity
-from underlay.mechanics.exact.curve_family import IsotropicPair
+from underlay.mechanics.exact.curve_family import IsotropicPair, RigidBase
 from underlay.mechanics.kernel import Family, Kernel
 from underlay.scene.instrument import Instrument
 from underlay.scene.scene import Scene
 
-__all__ = ["OneRatio", "one_ratio"]
+__all__ = ["OneRatio", "one_ratio", "tip_ratio"]
 
 Number = TypeVar("Number", float, FloatArray)
 
@@ -38,7 +38,7 @@ class OneRatio:
 
     def of(self, values: Mapping[str, Number]) -> Number | float:
         """Value of the ratio."""
-        return values[self.path] / values[self.over] if self.family is not None else np.inf
+        return values[self.path] / values[self.over] if self.path else np.inf
 
     def slope(self, path: str) -> float:
         """d ln(ratio)/d ln(number at `path`)."""
@@ -93,3 +93,16 @@ def one_ratio(similarity: Similarity, free: Sequence[str]) -> OneRatio | None:
     known = similarity.scene.with_values({path: unit})
     bodies = Scene(known.indenter, known.layer, known.substrate, instrument=Instrument())
     return OneRatio(_OneUnknown(bodies, path, unit), path, over[path])
+
+
+def tip_ratio(similarity: Similarity, free: Sequence[str]) -> OneRatio | None:
+    """Find the bodies under a tip that is no power law; None where tables are not for what varies."""
+    body = similarity.scene.contact.isotropic
+    if similarity.exponent is not None or body is None or not similarity.moduli:
+        return None
+    moving = set(similarity.direct).intersection(free)
+    if moving - {"layer.thickness"}:
+        return None
+    if body.base is None:
+        return OneRatio(RigidBase(body.layer.nu))
+    return OneRatio(IsotropicPair(body.layer.nu, body.base.nu), "substrate.E", "layer.E")

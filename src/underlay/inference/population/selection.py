@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Labelled", "LabelledCurve", "LeftOut", "select_results", "select_rows"]
 
 #: Labels by column, beside what was found of one curve.
-Labelled: TypeAlias = tuple[Mapping[str, str], "Fit | Posterior | LikelihoodProfile"]
+Labelled: TypeAlias = tuple[Mapping[str, str], Fit | Posterior | LikelihoodProfile]
 
 _LISTED = 4
 _KEEP, _DROP = "keep", "drop"

@@ -14,7 +14,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
-from underlay.inference.priors import LogNormal, Normal, Prior, Truncated
+from underlay.inference.priors.densities import LogNormal, Normal
+from underlay.inference.priors.prior import Prior, Truncated
 from underlay.inference.problem import Problem
 from underlay.scene.noise_model import NoiseModel
 

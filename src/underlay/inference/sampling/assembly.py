@@ -10,6 +10,7 @@ from underlay._arrays import FloatArray
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.model.laws import quiet_law
 from underlay.inference.problem import Problem
+from underlay.inference.ridge.importance import Importance
 from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.derived import derived_quantities
@@ -39,6 +40,9 @@ def assemble_posterior(
     seed: int | None,
     seconds: float,
     versions: Mapping[str, str],
+    method: str = "emcee",
+    moves: Mapping[str, float] | None = None,
+    importance: Importance | None = None,
 ) -> Posterior:
     """Burn in, thin, turn into SI, and add what follows from the draws.
 
@@ -54,7 +58,7 @@ def assemble_posterior(
         Counters of the evaluations.
     rng : numpy Generator
         Chooses draws and noise of the predictive bands.
-    seed, seconds, versions
+    seed, seconds, versions, method, moves, importance
         For the record.
     """
     fastest = float(np.min(outcome.times))
@@ -67,6 +71,7 @@ def assemble_posterior(
     every = -(-len(chain) * outcome.walkers // _DERIVED_DRAWS)
     spaced = chain.reshape(-1, chain.shape[-1])
     chosen = rng.choice(len(spaced), size=min(_PREDICTIVE_DRAWS, len(spaced)), replace=False)
+    is_chain = method == "emcee"
     moved = (np.diff(burnt, axis=0) != 0.0).any(axis=-1)
     return Posterior(
         names=problem.names,
@@ -83,8 +88,8 @@ def assemble_posterior(
             burn_in=outcome.burn_in,
             thin=thin,
             walkers=outcome.walkers,
-            autocorrelation_time=tuple(outcome.times.tolist()),
-            rhat=tuple(outcome.rhat.tolist()),
+            autocorrelation_time=tuple(outcome.times.tolist()) if is_chain else (),
+            rhat=tuple(outcome.rhat.tolist()) if is_chain else (),
             acceptance=float(moved.mean()),
             evaluations=density.evaluations,
             failures=density.failures,
@@ -93,6 +98,14 @@ def assemble_posterior(
             seed=seed,
             model_error=_model_error(problem, best),
             versions={**provenance(problem.curves)["versions"], **versions},
+            method=method,
+            effective=tuple(((outcome.steps - outcome.burn_in) * outcome.walkers / outcome.times).tolist()),
+            quantile_errors={
+                name: tuple(errors.tolist())
+                for name, errors in zip(problem.names, outcome.quantile_errors.T, strict=True)
+            },
+            moves=dict(moves or {}),
+            importance=importance,
         ),
         truth=_truth(problem),
         problem=problem,

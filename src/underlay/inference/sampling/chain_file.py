@@ -6,7 +6,9 @@ dies between two of them leaves a valid file. A step counts only once its counte
 the generator's state alternates between two slots, so that the one belonging to the counter is always whole.
 
 Layout: ``chain`` (steps, walkers, parameters + 1), the scaled coordinates and the log-posterior; ``state``
-(2, 629), the Mersenne Twister's words and the counters; ``steps`` (1,).
+(2, 629), the Mersenne Twister's words and the counters; ``steps`` (1,); ``proposal``, the
+frozen mixture that most moves draw from (`stored_mixture`). It is written before the first step, so that a chain
+which is continued is the one that was never stopped. Files of the first version have none and go on without.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from underlay._arrays import FloatArray
 from underlay._documents import parse_json
 from underlay._door import FileKind, require_regular, understood
 from underlay.errors import FileAccessError, InputError, MissingExtraError
+from underlay.inference.sampling.stored_mixture import fill_mixture, mixture_size, stored_mixture
 
 try:
     import h5py
@@ -37,7 +40,7 @@ __all__ = ["ChainFile", "Progress", "RandomState"]
 #: numpy's legacy generator state, as emcee keeps it: name, 624 words, position, has_gauss, cached gauss.
 RandomState: TypeAlias = tuple[str, Any, int, int, float]
 
-_FORMAT = "underlay chain 1"
+_FORMAT, _OLDER = "underlay chain 2", "underlay chain 1"
 # What a sampler could hold in memory to go on; on the disk a chain is sparse until it is used.
 _KIND = FileKind("a chain file", 8_000_000_000, "begin a new one under another name")
 _WORDS = 624
@@ -56,12 +59,15 @@ class Progress:
         State of the generator after the last step.
     evaluations, failures : int
         Model evaluations so far, and those that failed.
+    proposal : FloatArray or None
+        The mixture that moves draw from, as `Proposal.numbers`; None without.
     """
 
     chain: FloatArray
     random_state: RandomState
     evaluations: int
     failures: int
+    proposal: FloatArray | None = None
 
 
 class ChainFile:
@@ -125,6 +131,11 @@ class ChainFile:
             with _opened(path, "r+") as file:
                 yield cls(file), progress
 
+    def propose(self, numbers: FloatArray) -> None:
+        """Write the mixture that moves will draw from, as `Proposal.numbers`: before the first step."""
+        fill_mixture(self._file, numbers)
+        self._file.flush()
+
     def append(
         self,
         coords: FloatArray,
@@ -177,7 +188,8 @@ def _lay_out(file: Any, names: tuple[str, ...], shape: tuple[int, int]) -> None:
     _reserve(file, "chain", (steps, walkers, len(names) + 1))
     _reserve(file, "state", (2, _STATE_SIZE))
     _reserve(file, "steps", (1,))
-    file["steps"][0] = 0
+    _reserve(file, "proposal", (mixture_size(len(names)),))
+    file["steps"][0] = file["proposal"][0] = 0
     file.attrs["format"] = _FORMAT
     file.attrs["parameters"] = json.dumps(names)
     file.flush()
@@ -196,7 +208,7 @@ def _reserve(file: Any, name: str, shape: tuple[int, ...]) -> None:
 
 def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walkers: int) -> Progress:
     where = os.fspath(path)
-    if file.attrs.get("format") != _FORMAT:
+    if file.attrs.get("format") not in (_FORMAT, _OLDER):
         raise InputError(f"{where} is not a chain file of this version (format {file.attrs.get('format')!r})")
     stored = tuple(map(str, parse_json(file.attrs["parameters"])))
     if stored != names:
@@ -223,6 +235,7 @@ def _read(file: Any, path: str | os.PathLike[str], names: tuple[str, ...], walke
         ),
         evaluations=int(state[_WORDS + 3]) if steps else 0,
         failures=int(state[_WORDS + 4]) if steps else 0,
+        proposal=None if file.attrs["format"] == _OLDER else stored_mixture(file, len(names)),
     )
 
 
@@ -230,6 +243,8 @@ def _check_layout(file: Any, parameters: int) -> None:
     """Refuse what `_lay_out` does not make: other shapes, places outside the file, more than it has."""
     library = _hdf5()
     shapes = {"chain": (None, None, parameters + 1), "state": (2, _STATE_SIZE), "steps": (1,)}
+    if file.attrs.get("format") != _OLDER:
+        shapes["proposal"] = (mixture_size(parameters),)
     size = file.id.get_filesize()
     for name, shape in shapes.items():
         if not isinstance(file.get(name, getlink=True), library.HardLink):
@@ -281,5 +296,7 @@ def _put_new(
             file["state"][steps % 2] = _packed(
                 progress.random_state, (progress.evaluations, progress.failures)
             )
+            if progress.proposal is not None:
+                fill_mixture(file, progress.proposal)
             file["steps"][0] = steps
     beside.replace(path)

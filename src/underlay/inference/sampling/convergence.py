@@ -1,6 +1,6 @@
 """Whether a chain has converged, and how many independent draws it is worth.
 
-Rank-normalised split R-hat, effective sample size and Monte Carlo error of the median, all after Vehtari,
+Rank-normalised split R-hat, effective sample size and Monte Carlo error of quantiles, all after Vehtari,
 Gelman, Simpson, Carpenter and Buerkner (2021), doi:10.1214/20-BA1221. Ranks make them valid for heavy tails
 and blind to any increasing change of the parameter: a modulus and its logarithm give the same numbers.
 
@@ -21,6 +21,7 @@ __all__ = [
     "effective_size",
     "highest_density_interval",
     "median_error",
+    "quantile_error",
     "rank_normalised_rhat",
     "tail_size",
 ]
@@ -90,14 +91,19 @@ def tail_size(chain: FloatArray) -> float:
 
 
 def median_error(chain: FloatArray) -> float:
-    """Monte Carlo standard error of the median of one quantity, (steps, walkers), in its unit.
+    """Monte Carlo standard error of the median of one quantity, (steps, walkers), in its unit."""
+    return quantile_error(chain, 0.5)
 
-    The share of draws below the median has the effective size of that indicator; its one-sigma beta
+
+def quantile_error(chain: FloatArray, level: float) -> float:
+    """Monte Carlo standard error of a quantile of one quantity, (steps, walkers), in its unit.
+
+    The share of draws below the quantile has the effective size of that indicator; its one-sigma beta
     quantiles are turned back into draws (section 4.3 of the source).
     """
     halves = _split(chain)
-    size = _effective_size((halves <= np.median(halves)).astype(np.float64))
-    low, high = stats.beta(0.5 * size + 1.0, 0.5 * size + 1.0).ppf(special.ndtr([-1.0, 1.0]))
+    size = _effective_size((halves <= np.quantile(halves, level)).astype(np.float64))
+    low, high = stats.beta(level * size + 1.0, (1.0 - level) * size + 1.0).ppf(special.ndtr([-1.0, 1.0]))
     draws = np.sort(halves, axis=None)
     below = int(np.floor(low * draws.size))
     above = min(int(np.ceil(high * draws.size)), draws.size - 1)

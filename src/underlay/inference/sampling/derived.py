@@ -114,7 +114,7 @@ def _deepest_stiffness(member: Member, flat: FloatArray) -> tuple[FloatArray, bo
     short = replace(
         member,
         curve=replace(member.curve, depth=deepest, force=np.zeros(1), time=None, segment=None),
-        forward=replace(member.forward, depth=deepest, history=None, time=None),
+        forward=replace(member.forward, depth=deepest, history=None, time=None, bending=None),
     )
     _, stiffness, _, possible = short.readings(flat)
     return stiffness[:, 0], bool(possible.all())

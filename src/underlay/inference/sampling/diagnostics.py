@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from underlay.inference.ridge.importance import Importance
 
 __all__ = ["SamplingDiagnostics"]
 
@@ -15,17 +17,19 @@ class SamplingDiagnostics:
     Parameters
     ----------
     converged : bool
-        Whether the stop rule was met: longer than 50 autocorrelation times, of the tails too, and R-hat below 1.01.
+        Whether the stop rule was met: longer than 50 autocorrelation times, of the tails too, R-hat below 1.01, and
+        2.5, 50 and 97.5 % quantiles known to a tenth of a standard deviation; of weighted draws, whether they were
+        accepted.
     reason : str
         Why it stopped, in words.
     steps, burn_in, thin, walkers : int
         Steps taken, steps dropped at the start, steps per kept draw, walkers.
     autocorrelation_time : tuple of float
-        Of each parameter (steps), after burn-in.
+        Of each parameter (steps), after burn-in; empty for weighted draws.
     rhat : tuple of float
-        Rank-normalised split R-hat of each parameter over the walkers, after burn-in.
+        Rank-normalised split R-hat of each parameter over the walkers, after burn-in; empty for weighted draws.
     acceptance : float
-        Share of proposals accepted, after burn-in.
+        Share of proposals accepted, after burn-in; of weighted draws, effective ones per draw.
     evaluations, failures : int
         Model evaluations, and how many of them failed inside the priors (each counted as impossible).
     failure_region : mapping of name to (low, high)
@@ -38,6 +42,16 @@ class SamplingDiagnostics:
         Relative error of the force that the contact law itself admits at the best fit.
     versions : mapping of str to str
         Of underlay and the libraries under it.
+    method : str
+        ``"emcee"``, or ``"importance"`` where the draws are resampled by their weights.
+    effective : tuple of float
+        Effective draws of each parameter.
+    quantile_errors : mapping of name to tuple of float
+        Monte Carlo errors of the 2.5, 50 and 97.5 % quantiles, in standard deviations of the parameter.
+    moves : mapping of str to float
+        Share of proposals accepted by each move, over this run.
+    importance : Importance or None
+        What the weighted draws of a frozen mixture say; None where no mixture was found.
     """
 
     converged: bool
@@ -56,3 +70,8 @@ class SamplingDiagnostics:
     seed: int | None
     model_error: float
     versions: Mapping[str, str]
+    method: str = "emcee"
+    effective: tuple[float, ...] = ()
+    quantile_errors: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    moves: Mapping[str, float] = field(default_factory=dict)
+    importance: Importance | None = None

@@ -1,26 +1,29 @@
 """Which model predicts the data better, and what a model's own error adds.
 
-Comparison without evidences, whose values hang on the width of the priors: the expected log-density of points
-left out, by Pareto-smoothed importance sampling (PSIS-LOO), Vehtari, Gelman and Gabry (2017),
-doi:10.1007/s11222-016-9696-4, through arviz. With correlated noise the contribution of a point is that of its
-innovation given the one before.
+Two answers side by side. The expected log-density of points left out, by Pareto-smoothed importance sampling
+(PSIS-LOO), Vehtari, Gelman and Gabry (2017), doi:10.1007/s11222-016-9696-4, through arviz: it hardly depends on the
+priors. With correlated noise the contribution of a point is that of its innovation given the one before. And the
+evidence, the probability of the data with the parameters integrated over their priors: it says how much more
+probable a model has become, and a prior ten times as wide costs it a factor of ten.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import special
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
+from underlay.inference.ridge.importance import LogEvidence
 from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.posterior import Posterior
 from underlay.scene.noise import Noise
@@ -48,8 +51,10 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     DataFrame
         Best first: ``elpd_loo``, ``p_loo`` (effective number of parameters), ``elpd_diff`` and its standard
         error ``dse``, ``weight``, ``warning`` (True where a Pareto k above 0.7, a little less with few draws,
-        makes the estimate unreliable), and ``model_error``, the relative error of the force the contact law
-        itself admits.
+        makes the estimate unreliable), ``model_error``, the relative error of the force the contact law
+        itself admits; and, nan where a posterior's evidence is not known, ``log_evidence`` with
+        ``log_evidence_error`` and ``probability``, that of the model among those with an evidence, where all were
+        as probable before.
 
     Raises
     ------
@@ -75,6 +80,8 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     ['exact', 'halfspace']
     >>> bool(table.loc["halfspace", "elpd_diff"] > 3.0 * table.loc["halfspace", "dse"])
     True
+    >>> bool(table.loc["exact", "probability"] > 0.99)
+    True
     """
     if len(models) < 2:
         raise InputError("compare at least two models, e.g. {'exact': (problem, posterior), ...}")
@@ -94,8 +101,26 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
         warnings.simplefilter("ignore", DeprecationWarning)
         scores = {name: _score(arviz, entry) for name, entry in data.items()}
         table = pd.DataFrame(arviz.compare(scores))
-    table["model_error"] = [models[str(name)][1].diagnostics.model_error for name in table.index]
-    return table
+    posteriors = [models[str(name)][1] for name in table.index]
+    table["model_error"] = [posterior.diagnostics.model_error for posterior in posteriors]
+    evidences = _evidences([models[str(name)] for name in table.index])
+    return table.assign(**evidences)
+
+
+def _evidences(models: Sequence[tuple[Problem, Posterior]]) -> dict[str, FloatArray]:
+    """Columns of the evidences and of the probabilities that follow from them."""
+    told = [posterior.log_evidence or LogEvidence(np.nan, np.nan) for _, posterior in models]
+    value = np.array([entry.value for entry in told])
+    # Noise of unknown size has an improper prior: its evidence compares with none that states the size.
+    unknown = [[member.scale_is_unknown for member in problem.members] for problem, _ in models]
+    if any(entry != unknown[0] for entry in unknown):
+        value = np.full(len(value), np.nan)
+    known = np.isfinite(value)
+    probability = np.full(len(value), np.nan)
+    if known.any():
+        probability[known] = special.softmax(value[known])
+    error = np.where(known, [entry.error for entry in told], np.nan)
+    return {"log_evidence": value, "log_evidence_error": error, "probability": probability}
 
 
 def pointwise_log_likelihood(problem: Problem, physical: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ from underlay.errors import FileFormatError, InputError
 from underlay.inference.least_squares.provenance import provenance
 from underlay.inference.problem import Problem
 from underlay.inference.problem_record import problem_from_record, problem_record
+from underlay.inference.ridge.importance import LogEvidence
 from underlay.inference.sampling.archive import LARGEST, read_archive, write_archive
 from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.convergence import (
@@ -89,6 +90,18 @@ class Posterior:
     def converged(self) -> bool:
         """Whether the stop rule was met."""
         return self.diagnostics.converged
+
+    @property
+    def log_evidence(self) -> LogEvidence | None:
+        """Natural logarithm of the probability of the data with its error; None where it is not known.
+
+        From weighted draws of a mixture along the ridges of the posterior, where they were accepted and do not
+        differ from the chain; ``diagnostics.importance`` says why they were not.
+        """
+        found = self.diagnostics.importance
+        if found is None or found.refused or found.disagreement:
+            return None
+        return LogEvidence(found.log_evidence, found.log_evidence_error)
 
     @property
     def provenance(self) -> dict[str, Any]:

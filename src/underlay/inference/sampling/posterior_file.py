@@ -7,12 +7,13 @@ parameters than those it lists, must not get further than this.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from typing import Any
 
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.inference.ridge.importance import Importance
 from underlay.inference.sampling.diagnostics import SamplingDiagnostics
 from underlay.inference.sampling.predictive import PREDICTIVE_LEVELS, Predictive
 
@@ -72,13 +73,21 @@ def _band(arrays: Mapping[str, np.ndarray[Any, Any]], number: int) -> Predictive
 
 def _diagnostics(entry: Any) -> SamplingDiagnostics:
     """Each entry as its field is declared."""
-    table = _table(entry, "diagnostics")
-    return SamplingDiagnostics(
-        **{
-            field.name: _AS_DECLARED[str(field.type)](table[field.name], field.name)
-            for field in fields(SamplingDiagnostics)
-        }
-    )
+    return SamplingDiagnostics(**_as_declared(SamplingDiagnostics, entry, "diagnostics"))
+
+
+def _as_declared(kind: type[SamplingDiagnostics | Importance], entry: Any, name: str) -> dict[str, Any]:
+    """Keywords of a record: every entry checked by its field's declaration; one with a default may be missing."""
+    table = _table(entry, name)
+    return {
+        field.name: _AS_DECLARED[str(field.type)](table[field.name], field.name)
+        for field in fields(kind)
+        if field.name in table or (field.default is MISSING and field.default_factory is MISSING)
+    }
+
+
+def _importance(value: Any, name: str) -> Importance | None:
+    return None if value is None else Importance(**_as_declared(Importance, value, name))
 
 
 def _require(condition: object, name: str, wanted: str) -> None:
@@ -128,6 +137,10 @@ def _pairs_by_name(value: Any, name: str) -> dict[str, tuple[float, float]]:
     return {key: (low, high) for key, (low, high) in pairs.items()}
 
 
+def _tuples_by_name(value: Any, name: str) -> dict[str, tuple[float, ...]]:
+    return {key: _numbers(entry, name) for key, entry in _table(value, name).items()}
+
+
 def _numbers(values: Any, name: str) -> tuple[float, ...]:
     _require(isinstance(values, list), name, "a list of numbers")
     return tuple(_number(value, name) for value in values)
@@ -162,4 +175,7 @@ _AS_DECLARED: Mapping[str, Callable[[Any, str], Any]] = {
     "tuple[float, ...]": _numbers,
     "Mapping[str, tuple[float, float]]": _pairs_by_name,
     "Mapping[str, str]": _texts_by_name,
+    "Mapping[str, float]": _numbers_by_name,
+    "Mapping[str, tuple[float, ...]]": _tuples_by_name,
+    "Importance | None": _importance,
 }

@@ -52,7 +52,9 @@ class SamplingProgress:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._bar.stop()
+        # Stopping prints a line even where nothing was shown, in versions of rich up to 14.
+        if not self._bar.disable:
+            self._bar.stop()
 
     def step(self, done: int) -> None:
         """Tell that `done` steps are done."""

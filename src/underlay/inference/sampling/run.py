@@ -2,9 +2,11 @@
 
 Foreman-Mackey, Hogg, Lang and Goodman (2013), doi:10.1086/670067. The walkers see scaled coordinates, so a
 modulus moves in ratios; all walkers of a half-ensemble are evaluated in one call of the batched forward
-model. They start over-dispersed around the best fit, inside the priors, and go on until the chain is longer
-than 50 autocorrelation times, of the tails too, and the rank-normalised R-hat is below 1.01, or the result says
-that it is not.
+model. A mixture is laid along the ridges of the posterior from every optimum of the fit and frozen
+(`inference/ridge`): they start over-dispersed on it, inside the priors, and most moves propose from it. They go on
+until the chain is longer than 50 autocorrelation times, of the tails too, the rank-normalised R-hat is below 1.01
+and the quantiles are known to a tenth of a standard deviation, or the result says that it is not. Draws of the
+mixture with their weights give the evidence, and a second opinion.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ from __future__ import annotations
 import os
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -26,11 +29,14 @@ from underlay.inference.sampling.assembly import assemble_posterior
 from underlay.inference.sampling.chain_file import ChainFile, Progress, RandomState
 from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
+from underlay.inference.sampling.independence import IndependenceMove, Tallied
 from underlay.inference.sampling.moves import moves
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.progress import SamplingProgress, Told
+from underlay.inference.sampling.second_opinion import second_opinion
 from underlay.inference.sampling.stopping import Outcome, judge
 from underlay.inference.sampling.walker_start import start_walkers
+from underlay.inference.sampling.weighted import Ridges, by_weights
 
 __all__ = ["sample"]
 
@@ -50,6 +56,7 @@ def sample(
     backend: str | os.PathLike[str] | None = None,
     resume: bool = False,
     progress: bool | Told | None = None,
+    method: str = "emcee",
 ) -> Posterior:
     """Sample the posterior of a problem.
 
@@ -75,6 +82,9 @@ def sample(
         Show a progress line; by default only on a terminal. A function is called at every step with the steps done,
         those that will probably be needed and the effective samples so far; a KeyboardInterrupt that it raises ends
         the sampling as Ctrl-C does.
+    method : {"emcee", "importance"}
+        ``"importance"`` gives the weighted draws of the mixture alone, resampled, where they are accepted: for
+        quick looks and for maps. It makes no chain, so `walkers`, `max_steps` and `backend` do not matter to it.
 
     Returns
     -------
@@ -87,7 +97,8 @@ def sample(
         If a prior is improper, the start is outside the priors, there are too few walkers or steps, the file
         exists and `resume` is not set, or it holds the chain of another problem.
     FitError
-        If the walkers find no place inside the priors.
+        If the walkers find no place inside the priors, or weighted draws alone were asked for and are not
+        accepted: it says why.
     MissingExtraError
         If `backend` is given and h5py is not installed.
 
@@ -99,12 +110,17 @@ def sample(
     _check(problem, walkers, max_steps, backend, resume=resume)
     begin = time.perf_counter()
     seed, generator = _seeded(rng)
-    for_walkers, for_bands = generator.spawn(2)
+    for_walkers, for_bands, for_mixture = generator.spawn(3)
     density = CountedDensity(problem)
+    ridges = Ridges(problem, density, for_mixture)
+    if _is_weighted(method, backend):
+        return by_weights(ridges, start, for_bands, seed=seed, begin=begin)
     with _chain_file(problem, walkers, max_steps, backend, resume=resume) as (file, before):
-        run = _Run.begin(problem, density, walkers, max_steps, for_walkers, start, file, before)
+        run = _Run.begin(problem, density, ridges, walkers, max_steps, for_walkers, start, file, before)
         with SamplingProgress(max_steps, shown=progress) as line:
             outcome = run.go(line)
+    outcome, importance = second_opinion(ridges, run.coords, outcome)
+    ridges.count()
     posterior = assemble_posterior(
         problem,
         run.coords,
@@ -115,6 +131,8 @@ def sample(
         seed=seed,
         seconds=time.perf_counter() - begin,
         versions={"emcee": emcee.__version__},
+        moves=run.acceptance,
+        importance=importance,
     )
     _warn(posterior)
     return posterior
@@ -131,8 +149,10 @@ class _Run:
         max_steps: int,
         file: ChainFile | None,
         before: Progress | None,
+        tallies: Sequence[Tallied],
     ) -> None:
         self._sampler, self._density, self._state, self._file = sampler, density, state, file
+        self._tallies = tallies
         walkers, parameters = state.coords.shape
         self._coords = np.empty((max_steps, walkers, parameters))
         self._log_density = np.empty((max_steps, walkers))
@@ -148,6 +168,7 @@ class _Run:
         cls,
         problem: Problem,
         density: CountedDensity,
+        ridges: Ridges,
         walkers: int,
         max_steps: int,
         generator: np.random.Generator,
@@ -156,18 +177,33 @@ class _Run:
         before: Progress | None,
     ) -> _Run:
         """Place the walkers, or take them up where a file left them."""
-        sampler = emcee.EnsembleSampler(walkers, len(problem.names), density, moves=moves(), vectorize=True)
         if before is not None and len(before.chain):
             last = before.chain[-1]
             density.continue_from(before.evaluations, before.failures)
             density.require_same(last[:, :-1], last[:, -1])
+            ridges.recall(before.proposal)
             state = emcee.State(last[:, :-1], log_prob=last[:, -1], random_state=before.random_state)
         else:
             words = np.random.RandomState(generator.integers(2**32, size=8, dtype=np.uint32))
-            coords = start_walkers(problem, density, walkers, generator, start)
+            best = ridges.seek(start)
+            coords = start_walkers(problem, density, walkers, generator, best, ridges.mixture)
             state = emcee.State(coords, log_prob=density(coords), random_state=words.get_state())
             before = None
-        return cls(sampler, density, state, max_steps, file, before)
+            if file is not None and ridges.proposal is not None:
+                file.propose(ridges.proposal.numbers)
+        independent = None if ridges.mixture is None else IndependenceMove(ridges.coordinates, ridges.mixture)
+        tallies = [(Tallied(move), weight) for move, weight in moves(independent)]
+        sampler = emcee.EnsembleSampler(walkers, len(problem.names), density, moves=tallies, vectorize=True)
+        return cls(sampler, density, state, max_steps, file, before, [tally for tally, _ in tallies])
+
+    @property
+    def acceptance(self) -> dict[str, float]:
+        """Share of proposals accepted, by move."""
+        made, taken = Counter[str](), Counter[str]()
+        for tally in self._tallies:
+            made[tally.name] += tally.proposed
+            taken[tally.name] += tally.accepted
+        return {name: taken[name] / count for name, count in made.items() if count}
 
     @property
     def coords(self) -> FloatArray:
@@ -216,6 +252,15 @@ class _Run:
         self._coords[self.steps] = state.coords
         self._log_density[self.steps] = state.log_prob
         self.steps += 1
+
+
+def _is_weighted(method: str, backend: str | os.PathLike[str] | None) -> bool:
+    """Whether weighted draws alone are asked for."""
+    if method not in ("emcee", "importance"):
+        raise InputError(f"unknown method {method!r}; known: 'emcee', 'importance'")
+    if method == "importance" and backend is not None:
+        raise InputError("weighted draws are no chain and are not kept in a file: leave backend out")
+    return method == "importance"
 
 
 def _check(

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import FitError, InputError
-from underlay.inference.least_squares import fit
+from underlay.errors import InputError
 from underlay.inference.problem import Problem
+from underlay.inference.ridge.coordinates import PriorNormal, Target
+from underlay.inference.ridge.mixture import Mixture
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.laplace import find_mode, overdispersed
 
-__all__ = ["start_walkers"]
+__all__ = ["checked_start", "prior_marks", "start_walkers"]
 
 # The best fit is sought where the prior leaves this much on either side.
 _EDGE = 1e-4
+# How much wider than the mixture, which is wider than the posterior; how far below its top, by parameter, a walker
+# would take long to come back from; how often as many are drawn again.
+_WIDER, _FLOOR, _MAX_REDRAWS = 1.5, 10.0, 20
 
 
 def start_walkers(
@@ -24,9 +26,19 @@ def start_walkers(
     density: CountedDensity,
     walkers: int,
     generator: np.random.Generator,
-    start: Mapping[str, float] | None,
+    vector: FloatArray,
+    mixture: Mixture | None,
 ) -> FloatArray:
-    """Place walkers, (walkers, parameters), around the best fit, twice as wide as the posterior.
+    """Place walkers, (walkers, parameters), over-dispersed: then R-hat tells whether they forgot their start.
+
+    Parameters
+    ----------
+    problem, density, walkers, generator
+        What is sampled, by how many, with which chance.
+    vector : FloatArray
+        Best fit, (parameters,), scaled.
+    mixture : Mixture or None
+        What lies along the ridges; without it they start around the best fit, twice as wide as the posterior.
 
     Raises
     ------
@@ -35,20 +47,45 @@ def start_walkers(
     FitError
         If the walkers find no place inside them.
     """
-    low, inner_low, inner_high, high = _prior_marks(problem)
-    vector = np.clip(_fitted(problem), low, high) if start is None else problem.vector(start)
-    if not np.isfinite(density(vector[None])[0]):
-        raise InputError(_outside(problem, vector))
+    if mixture is not None:
+        placed = _along(problem, density, walkers, generator, mixture)
+        if placed is not None:
+            return placed
+    low, inner_low, inner_high, high = prior_marks(problem)
     laplace = find_mode(density, vector, 0.5 * (inner_high - inner_low), (low, high))
     return overdispersed(density, laplace, walkers, generator)
 
 
-def _fitted(problem: Problem) -> FloatArray:
-    """Scaled vector (parameters,) of the least-squares fit, or of the scene where there is none."""
-    try:
-        return problem.vector(fit(problem).values)
-    except FitError:
-        return problem.start
+def _along(
+    problem: Problem,
+    density: CountedDensity,
+    walkers: int,
+    generator: np.random.Generator,
+    mixture: Mixture,
+) -> FloatArray | None:
+    """Draws of a wider mixture, but for those far down; None where too few are left of many."""
+    coordinates = PriorNormal(problem)
+    target = Target(coordinates, problem, density)
+    floor = float(target(mixture.places).max()) - _FLOOR * len(problem.names)
+    placed: list[FloatArray] = []
+    for _ in range(_MAX_REDRAWS):
+        z = mixture.widened(_WIDER).draw(walkers, generator)
+        placed += list(coordinates.scaled(z[target(z) > floor]))
+        if len(placed) >= walkers:
+            return np.array(placed[:walkers])
+    return None
+
+
+def checked_start(problem: Problem, density: CountedDensity, vector: FloatArray) -> None:
+    """Refuse a start of no probability.
+
+    Raises
+    ------
+    InputError
+        If it is outside the priors, or has no law.
+    """
+    if not np.isfinite(density(vector[None])[0]):
+        raise InputError(_outside(problem, vector))
 
 
 def _outside(problem: Problem, vector: FloatArray) -> str:
@@ -62,7 +99,7 @@ def _outside(problem: Problem, vector: FloatArray) -> str:
     return "no contact law exists at the start, or its likelihood is zero; start closer to the data"
 
 
-def _prior_marks(problem: Problem) -> FloatArray:
+def prior_marks(problem: Problem) -> FloatArray:
     """Scaled coordinates of prior quantiles, (4, parameters): nearly its ends, and its 68 % between them."""
     marks = []
     for coordinate in problem.coordinates:

@@ -97,6 +97,11 @@ class AdhesiveLaw(ContactLaw):
         here = self.branch.at(radius)
         return ContactState(float(here.depth[0]), float(here.force[0]), float(radius[0]))
 
+    def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
+        """See `ContactLaw`; on a film that folds there may be several."""
+        touch, lost = (0.0,), tuple(jump.at for jump in self._behind(compliance).jumps)
+        return {"approaching": touch, "separating": lost, "cycle": (*touch, *lost)}[self.states]
+
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
         """See `ContactLaw`; from a tenth of the pull-off's radius outwards."""
         widest = float(self.path.radius(np.array([max_depth]))[0])

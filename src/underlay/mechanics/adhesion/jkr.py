@@ -57,8 +57,10 @@ _HALFSPACE_RTOL = 1e-9
 _SMALLEST = 1e-3
 # What is said of the range of the attraction: to this accuracy, for this share of the force.
 _RANGE_RTOL, _RANGE_SHARE = 1e-4, 0.05
-# The radius is widened by this until the contact is wide enough.
-_WIDEN = 1.4
+# The radius ends at one of so many steps of an octave of the thickness, and is widened by this until the contact is
+# wide enough.
+_PER_OCTAVE = 4
+_WIDEN = 2.0**0.5
 
 
 @dataclass(frozen=True)
@@ -242,6 +244,13 @@ def jkr_branch(contact: Contact, work: float, max_depth: float, rtol: float) -> 
     drop = float(np.sqrt(np.pi * work / contact.theta)) / measure.abel_coefficient
     reference = min(drop ** (1.0 / (measure.exponent - 0.5)), widest)
     end = _halfspace_end(contact, work, max_depth, reference, widest)
+    if contact.layered:
+        # Works that are tried one after the other then share what was solved.
+        end = min(
+            contact.thickness
+            * 2.0 ** (np.ceil(_PER_OCTAVE * np.log2(end / contact.thickness)) / _PER_OCTAVE),
+            widest,
+        )
     while True:
         relation = solve_relation(contact, end, rtol)
         branch = JKRBranch(relation, work, end, reference)

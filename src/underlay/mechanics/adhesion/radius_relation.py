@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from underlay._arrays import FloatArray
+from underlay._arrays import FloatArray, read_only
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.contact_curve import LARGEST_EPS, contact_factors, depth_measure
 from underlay.mechanics.exact.master_curve import (
@@ -34,6 +34,7 @@ from underlay.mechanics.exact.master_curve import (
 )
 from underlay.mechanics.exact.nodes import series_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
+from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import Indenter, PowerLawShape
 
 __all__ = [
@@ -127,23 +128,24 @@ class LayerRelation(RadiusRelation):
         Of the layer (m).
     end : float
         Largest radius (m).
-    stretch : Stretch
-        Of eps.
-    coefficients : ndarray (terms, 4)
-        Chebyshev coefficients of ln(w_el/H), ln(P_el/P_half), ln kappa and ln g(1).
-    error_estimate : float
-        Of the logarithms.
-    nodes : int
-        Radial nodes of the solution.
+    series : _Series
+        Of these.
     """
 
     halfspace: HalfspaceRelation
     thickness: float
     end: float
-    stretch: Stretch
-    coefficients: FloatArray
-    error_estimate: float
-    nodes: int | None
+    series: _Series
+
+    @property
+    def error_estimate(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
+        """Of the logarithms."""
+        return self.series.error_estimate
+
+    @property
+    def nodes(self) -> int:  # type: ignore[override]  # as above
+        """Radial nodes of the solution."""
+        return self.series.nodes
 
     @property
     def theta(self) -> float:  # type: ignore[override]  # a plain attribute elsewhere
@@ -153,11 +155,13 @@ class LayerRelation(RadiusRelation):
     def at(self, radius: FloatArray) -> AtRadius:
         """See `RadiusRelation`."""
         eps = radius / self.thickness
-        cosine = self.stretch.z(eps)
-        basis = np.polynomial.chebyshev.chebvander(cosine, self.coefficients.shape[0] - 1)
-        factors = np.exp(basis @ self.coefficients)
-        slopes = basis[:, :-1] @ np.polynomial.chebyshev.chebder(self.coefficients)
-        rates = slopes * (self.stretch.dz(eps) / self.thickness)[:, None]
+        # The last radius may round to beyond 1. Cosines: the recursion of the polynomials would take a step a term.
+        angle = np.arccos(np.minimum(self.series.stretch.z(eps), 1.0))
+        both = (
+            np.cos(angle[:, None] * np.arange(self.series.coefficients.shape[0])) @ self.series.coefficients
+        )
+        factors = np.exp(both[:, :4])
+        rates = both[:, 4:] * (self.series.stretch.dz(eps) / self.thickness)[:, None]
         half = self.halfspace.at(radius)
         depth = half.depth * factors[:, 0]
         depth_slope = half.depth_slope * factors[:, 0] + depth * rates[:, 0]
@@ -176,29 +180,71 @@ def solve_relation(contact: Contact, radius: float, rtol: float) -> RadiusRelati
     halfspace = HalfspaceRelation(contact.indenter, contact.theta)
     if not contact.layered:
         return halfspace
-    body, measure = contact.kernel, depth_measure(contact.indenter)
     last, fine = radius / contact.thickness, max(_SHARE * rtol, _FINEST)
-    resolution = proved_resolution(body, last, fine)
-    stretch, terms = Stretch.to(last, body.scales.softness), series_terms(body.scales, last, fine)
-    while True:
-        angles = chebyshev_angles(terms)
-        eps = stretch.v(np.cos(angles))
-        punch = PunchSolution.solve(body, eps, resolution)
-        varpi, logarithms = contact_factors(punch, contact.indenter, measure, contact.thickness)
-        half = halfspace.at(eps * contact.thickness)
-        measured = varpi * contact.thickness
-        depth = measure.abel(measured)
-        scale = 4.0 * contact.theta * measure.exponent / (measure.exponent + 1.0)
-        force = np.log(scale * measured * depth / half.force) + logarithms[:, Factor.FORCE]
-        edge = np.log1p(punch.rho @ punch.rule.weights)
-        columns = (np.log(depth / half.depth), force, logarithms[:, Factor.STIFFNESS], edge)
-        coefficients = chebyshev_coefficients(np.column_stack(columns), angles)
-        error = float(truncation_error(coefficients))
-        if error <= fine or 2 * terms > _MOST_TERMS:
-            return LayerRelation(
-                halfspace, contact.thickness, radius, stretch, coefficients, error + fine, resolution.radial
-            )
-        terms += terms // 2
+    own = (
+        contact.indenter.exponent
+        if isinstance(contact.indenter, PowerLawShape)
+        else (contact.indenter, contact.thickness)
+    )
+    try:
+        hash(contact.kernel)
+    except TypeError:  # a material of one's own
+        series = _Series.solve(contact, last, fine)
+    else:
+        series = TABLES.get(
+            ("radius relation", contact.kernel, own, last, fine), lambda: _Series.solve(contact, last, fine)
+        )
+    return LayerRelation(halfspace, contact.thickness, radius, series)
+
+
+@dataclass(frozen=True)
+class _Series:
+    """What a relation adds to that on a half-space, over eps; the same for tips of one exponent of any size.
+
+    Parameters
+    ----------
+    stretch : Stretch
+        Of eps.
+    coefficients : ndarray (terms, 8)
+        Chebyshev coefficients of ln(w_el/H), ln(P_el/P_half), ln kappa and ln g(1), and of their derivatives.
+    error_estimate : float
+        Of the logarithms.
+    nodes : int
+        Radial nodes of the solution.
+    """
+
+    stretch: Stretch
+    coefficients: FloatArray
+    error_estimate: float
+    nodes: int
+
+    @classmethod
+    def solve(cls, contact: Contact, last: float, fine: float) -> Self:
+        """Solve up to eps = `last` at a relative error `fine`."""
+        body, measure = contact.kernel, depth_measure(contact.indenter)
+        halfspace = HalfspaceRelation(contact.indenter, contact.theta)
+        resolution = proved_resolution(body, last, fine)
+        stretch, terms = Stretch.to(last, body.scales.softness), series_terms(body.scales, last, fine)
+        while True:
+            angles = chebyshev_angles(terms)
+            eps = stretch.v(np.cos(angles))
+            punch = PunchSolution.solve(body, eps, resolution)
+            varpi, logarithms = contact_factors(punch, contact.indenter, measure, contact.thickness)
+            half = halfspace.at(eps * contact.thickness)
+            measured = varpi * contact.thickness
+            depth = measure.abel(measured)
+            scale = 4.0 * contact.theta * measure.exponent / (measure.exponent + 1.0)
+            force = np.log(scale * measured * depth / half.force) + logarithms[:, Factor.FORCE]
+            edge = np.log1p(punch.rho @ punch.rule.weights)
+            columns = (np.log(depth / half.depth), force, logarithms[:, Factor.STIFFNESS], edge)
+            coefficients = chebyshev_coefficients(np.column_stack(columns), angles)
+            error = float(truncation_error(coefficients))
+            if error <= fine or 2 * terms > _MOST_TERMS:
+                slopes = np.zeros_like(coefficients)
+                slopes[:-1] = np.polynomial.chebyshev.chebder(coefficients)
+                both = read_only(np.hstack((coefficients, slopes)))
+                return cls(stretch, both, error + fine, resolution.radial)
+            terms += terms // 2
 
 
 def kernel_rule(contact: Contact, radius: float, rtol: float) -> tuple[FloatArray, FloatArray]:

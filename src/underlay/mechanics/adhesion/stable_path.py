@@ -31,6 +31,8 @@ Columns: TypeAlias = Callable[[FloatArray], FloatArray]
 # Knots per unit of ln a, at a relative error of 1e-6: cubic splines of functions whose scale is one.
 _DENSITY, _DENSITY_RTOL = 60.0, 1e-6
 _FEWEST = 24
+# Points of Chebyshev between two points of the grid, at which the slope there is asked.
+_NODES = 10
 
 
 class Jump(NamedTuple):
@@ -164,12 +166,14 @@ def _minimum(curve: Curve, grid: FloatArray, start: int) -> float:
             f"the contact holds down to the smallest radius that is solved for, {grid[0]:.4g} m: it has no "
             "pull-off of its own, as with DMT; an attraction that reaches so far calls for DMT(work)"
         )
-    low, high = grid[start - 1], grid[min(start + 1, grid.size - 1)]
-
-    def slope(radius: float) -> float:
-        return float(curve(np.array([radius]))[1][0])
-
-    return float(brentq(slope, low, high, xtol=1e-15 * high, rtol=1e-14))
+    # On a stretch this short the slope is a polynomial to rounding: one call in place of one for each step.
+    low, high = np.log(grid[start - 1]), np.log(grid[min(start + 1, grid.size - 1)])
+    nodes = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
+    slope = np.polynomial.Polynomial.fit(
+        nodes, curve(np.exp(low + 0.5 * (high - low) * (nodes + 1.0)))[1], _NODES - 1
+    )
+    place = brentq(slope, -1.0, 1.0, xtol=1e-15, rtol=1e-14)
+    return float(np.exp(low + 0.5 * (high - low) * (place + 1.0)))
 
 
 def _crossing(curve: Curve, level: float, low: float, high: float) -> float:

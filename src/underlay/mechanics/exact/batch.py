@@ -6,7 +6,7 @@ with the materials, so one matrix product builds every kernel and one batched so
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -19,17 +19,13 @@ from underlay.mechanics.exact.contact_curve import (
     contact_factors,
     solve_curve,
 )
-from underlay.mechanics.exact.curve_batch import CurveBatch
+from underlay.mechanics.exact.curve_batch import CurveBatch, curves_through
 from underlay.mechanics.exact.gauss import EvenRule, even_rule
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
     Stretch,
     chebyshev_angles,
-    growth_beyond,
-    in_powers,
-    reach,
-    truncation_error,
 )
 from underlay.mechanics.exact.nodes import curve_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
@@ -157,23 +153,9 @@ class ExactBatch:
         # A set whose radii pass the end of the shape is solved on the thickest layer that fits, and marked.
         thickest = self.indenter.max_radius / float(self.eps.max())
         varpi, logarithms = contact_factors(punch, self.indenter, self.measure, np.minimum(lengths, thickest))
-        # As in MasterCurve.through, for every set at once.
-        radii = self.eps.size
-        spans = np.arcsinh(varpi[:, -1:]) * reach(radii)
-        angles = np.arccos(2.0 / spans * np.arcsinh(varpi) - 1.0)
-        basis = np.cos(angles[..., None] * np.arange(radii))
-        coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
-        growth = growth_beyond(np.arcsinh(self.top) / spans[:, 0], radii)
-        errors = SHARE_OF_NODES * self.rtol + growth * truncation_error(coefficients)
-        errors = np.where(lengths[:, 0] > thickest, np.inf, errors)
-        return CurveBatch(
-            self.measure,
-            self.top,
-            spans,
-            np.zeros_like(spans),
-            in_powers(coefficients),
-            errors,
-        )
+        batch = curves_through(self.measure, varpi, logarithms, self.top)
+        errors = SHARE_OF_NODES * self.rtol + batch.error_estimate
+        return replace(batch, error_estimate=np.where(lengths[:, 0] > thickest, np.inf, errors))
 
     def _punch(self, kernels: FloatArray) -> PunchSolution:
         strength = (2.0 / np.pi) * self.weights * np.atleast_2d(kernels)

@@ -30,6 +30,7 @@ from underlay.mechanics.plane_constants import Real
 __all__ = [
     "LARGEST_EPS",
     "SHARE_OF_NODES",
+    "UNEVEN",
     "ContactProblem",
     "RadiusGuess",
     "SolvedCurve",
@@ -47,7 +48,7 @@ SHARE_OF_NODES = 0.3
 _SHARE_OF_CURVE = 0.6
 # Towards a sphere's equator the coefficients fall unevenly, and a pole is near: up to 8 times the
 # estimate was measured, over layers of R/3 to 10 R on bases of 0.03 of the layer's modulus to rigid.
-_UNEVEN = 8.0
+UNEVEN = 8.0
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
 # Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
@@ -101,7 +102,7 @@ class ContactProblem:
     @property
     def unevenness(self) -> float:
         """Factor on estimated truncation errors."""
-        return 1.0 if self.indenter is self.measure else _UNEVEN
+        return 1.0 if self.indenter is self.measure else UNEVEN
 
     def chi(self, eps: float) -> float:
         """Radius over thickness at which the measure has the half-space depth H(a) of the indenter.

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
 from underlay.errors import RangeError
-from underlay.mechanics.exact.master_curve import Factor, polynomial
+from underlay.mechanics.exact.master_curve import (
+    Factor,
+    growth_beyond,
+    in_powers,
+    polynomial,
+    reach,
+    truncation_error,
+)
 from underlay.mechanics.indenters import PowerLawShape
 
-__all__ = ["CurveBatch"]
+__all__ = ["CurveBatch", "curves_through"]
 
 # Depths times sets evaluated at a time: fewer cost more in calls, more leave the processor's second cache.
 _CHUNK = 16384
@@ -43,6 +51,17 @@ class CurveBatch:
     softness: FloatArray
     coefficients: FloatArray
     error_estimate: FloatArray
+
+    def part(self, rows: slice | list[int]) -> Self:
+        """Some of the sets."""
+        return type(self)(
+            self.measure,
+            np.broadcast_to(self.top, len(self.lengths))[rows],
+            self.lengths[rows],
+            self.softness[rows],
+            self.coefficients[rows],
+            self.error_estimate[rows],
+        )
 
     def force(
         self,
@@ -136,3 +155,41 @@ class CurveBatch:
                 f"varpi = {deepest[worst]:.6g} is beyond {top:.6g}, which the batch was compiled for: compile "
                 "it with a larger max_depth or a smaller thickness"
             )
+
+
+def curves_through(
+    measure: PowerLawShape,
+    varpi: FloatArray,
+    logarithms: FloatArray,
+    top: float | FloatArray,
+    softness: float = 0.0,
+) -> CurveBatch:
+    """Return the polynomials through given points, as `MasterCurve.through` does for one curve.
+
+    Parameters
+    ----------
+    measure : PowerLawShape
+        Shape that measures depth.
+    varpi : ndarray (sets, n)
+        Increasing in every row, and close to Chebyshev points of the stretched variable.
+    logarithms : ndarray (sets, n, 3)
+        Of the factors.
+    top : float or ndarray (sets,)
+        Largest varpi that is asked for.
+    softness : float
+        Of the stretched variable.
+
+    Returns
+    -------
+    CurveBatch
+        Its error estimates are what the polynomials leave out, up to `top`.
+    """
+    count = varpi.shape[1]
+    t = np.arcsinh(varpi) + np.log1p(softness * varpi)
+    lengths = t[:, -1:] * reach(count)
+    angles = np.arccos(2.0 / lengths * t - 1.0)
+    basis = np.cos(angles[..., None] * np.arange(count))
+    coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
+    share = (np.arcsinh(top) + np.log1p(softness * np.asarray(top))) / lengths[:, 0]
+    errors = growth_beyond(share, count) * truncation_error(coefficients)
+    return CurveBatch(measure, top, lengths, np.full_like(lengths, softness), in_powers(coefficients), errors)

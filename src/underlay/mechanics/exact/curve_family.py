@@ -44,12 +44,15 @@ __all__ = [
     "Cell",
     "CurveFamily",
     "IsotropicPair",
+    "RigidBase",
     "curve_family",
+    "first_ratios",
     "range_end",
     "range_number",
     "range_numbers",
     "ratio_number",
     "ratio_numbers",
+    "ratio_span",
 ]
 
 # Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
@@ -74,6 +77,17 @@ class IsotropicPair(NamedTuple):
     def kernel(self, ratio: float) -> LayerKernel:
         """Kernel with a base `ratio` times as stiff as the layer."""
         return LayerKernel(isotropic_constants(1.0, self.layer_nu), isotropic_constants(ratio, self.base_nu))
+
+
+class RigidBase(NamedTuple):
+    """An isotropic layer on a rigid base: its Poisson's ratio. A family of one, whatever the number."""
+
+    layer_nu: float
+
+    def kernel(self, ratio: float) -> LayerKernel:
+        """The kernel."""
+        del ratio
+        return LayerKernel(isotropic_constants(1.0, self.layer_nu), None)
 
 
 class Cell(NamedTuple):
@@ -107,13 +121,18 @@ class Cell(NamedTuple):
     @property
     def log_ratios(self) -> tuple[float, float]:
         """Ends of the span in ln k."""
-        low = log(_RATIO_EDGE) + self.ratio * log(_RATIO_STEP)
-        return low, low + log(_RATIO_STEP)
+        return ratio_span(self.ratio)
 
     @property
     def top(self) -> float:
         """Largest varpi."""
         return range_end(self.range)
+
+
+def ratio_span(number: int) -> tuple[float, float]:
+    """Ends of a span in ln k."""
+    low = log(_RATIO_EDGE) + number * log(_RATIO_STEP)
+    return low, low + log(_RATIO_STEP)
 
 
 def ratio_number(ratio: float) -> int:
@@ -213,13 +232,14 @@ def curve_family(cell: Cell) -> CurveFamily | None:
 
 def _tabulated(cell: Cell) -> CurveFamily | None:
     try:
-        return _expanded(cell, _first_ratios(cell))
+        return _expanded(cell, first_ratios(_SHARE_OF_RATIO * cell.rtol))
     except InputError:
         return None
 
 
-def _first_ratios(cell: Cell) -> int:
-    return ceil(-log10(_SHARE_OF_RATIO * cell.rtol) / _DIGITS_PER_TERM) + 1
+def first_ratios(error: float) -> int:
+    """How many ratios of a span to begin with where the interpolation may err by so much."""
+    return ceil(-log10(error) / _DIGITS_PER_TERM) + 1
 
 
 def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:

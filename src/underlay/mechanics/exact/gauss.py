@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
+from underlay.mechanics.exact.tables import TABLES
 
 __all__ = ["EvenRule", "even_legendre", "even_rule", "legendre_rule"]
 
@@ -98,13 +99,15 @@ def _even(count: int) -> EvenRule:
 
 # Finding the nodes takes longer than solving a contact problem with them, so the common rules are constants: those
 # of up to 64 nodes, those a sphere asks for beside a solution of up to 16 nodes (40 + 4 n), and twice 1 to 16 for
-# the even rules. Larger ones belong to problems that take milliseconds anyway.
+# the even rules. Larger ones are kept with the tables.
 _LEGENDRE = _legendre(*sorted({*range(2, 34, 2), *range(4, 108, 4)}))
 
 
 def legendre_rule(count: int) -> tuple[FloatArray, FloatArray]:
     """Gauss-Legendre nodes and weights on (-1, 1), for an even count."""
-    return _LEGENDRE[count] if count in _LEGENDRE else _legendre(count)[count]
+    if count in _LEGENDRE:
+        return _LEGENDRE[count]
+    return TABLES.get(("legendre", count), lambda: _legendre(count)[count])
 
 
 _EVEN = {count: _even(count) for count in range(1, 17)}
@@ -112,4 +115,4 @@ _EVEN = {count: _even(count) for count in range(1, 17)}
 
 def even_rule(count: int) -> EvenRule:
     """Return the rule of `count` nodes on (0, 1) for even integrands."""
-    return _EVEN[count] if count in _EVEN else _even(count)
+    return _EVEN[count] if count in _EVEN else TABLES.get(("even rule", count), lambda: _even(count))

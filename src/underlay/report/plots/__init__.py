@@ -1,11 +1,12 @@
 """Pictures: each function takes ``ax=`` (or makes one), draws, and returns the axes; none shows a window."""
 
-from underlay.report.plots.accuracy import accuracy_cost
+from underlay.report.plots.accuracy import accuracy_cost, answer_cost, posterior_cost, what_accuracy_costs
 from underlay.report.plots.adhesion import adhesion
 from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
 from underlay.report.plots.effects import effects
-from underlay.report.plots.fit import fit, fit_in_time
+from underlay.report.plots.film import film
+from underlay.report.plots.fit import fit, fit_in_time, fit_log
 from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
 from underlay.report.plots.laws import laws
@@ -24,11 +25,14 @@ from underlay.report.plots.survey import survey, verdicts
 __all__ = [
     "accuracy_cost",
     "adhesion",
+    "answer_cost",
     "corner",
     "correlations",
     "effects",
+    "film",
     "fit",
     "fit_in_time",
+    "fit_log",
     "histogram",
     "identifiability",
     "laws",
@@ -36,6 +40,7 @@ __all__ = [
     "plan",
     "pointwise_modulus",
     "population",
+    "posterior_cost",
     "predictive",
     "profile",
     "relaxation",
@@ -44,4 +49,5 @@ __all__ = [
     "segments",
     "survey",
     "verdicts",
+    "what_accuracy_costs",
 ]

@@ -1,19 +1,21 @@
-"""The picture of what accuracy costs: error against time for every method, and the front of the best ones."""
+"""Pictures of what accuracy costs: the error of force, answer and posterior against their time."""
 
 from __future__ import annotations
 
-from string import ascii_uppercase
-
-import numpy as np
+import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from underlay.errors import InputError
+from underlay.report.plots.direct_labels import label_points
 from underlay.report.plots.style import (
     ACCENT,
     COLUMN,
     DATA,
     FIT,
+    GREY,
+    PAGE,
     PURPLE,
     REFERENCE,
     YELLOW,
@@ -21,23 +23,25 @@ from underlay.report.plots.style import (
     style,
 )
 
-__all__ = ["accuracy_cost"]
+__all__ = ["accuracy_cost", "answer_cost", "posterior_cost", "what_accuracy_costs"]
 
-# Errors below this are those of the reference.
-_FLOOR = 1e-12
-_FAMILIES = (
-    ("explicit", "form", "o", REFERENCE, "asymptotic, explicit"),
-    ("parametric", "form", "v", PURPLE, "asymptotic, parametric"),
-    ("compliance", "form", "^", YELLOW, "asymptotic, compliance"),
-    ("exact", "method", "s", FIT, "exact"),
-    ("auto", "method", "x", "black", "auto"),
-    ("halfspace", "method", "D", DATA, "half-space"),
-)
-_OURS = {"asymptotic", "exact", "auto", "halfspace"}
+# Errors below these are those of the reference, and those that no measurement tells.
+_FLOOR, _FLOOR_OF_ANSWERS = 1e-12, 1e-6
+_COLOURS = {
+    "explicit": REFERENCE,
+    "parametric": PURPLE,
+    "compliance": YELLOW,
+    "exact": FIT,
+    "auto": "black",
+    "halfspace": ACCENT,
+}
+_HEIGHT = 3.8
+# Of the exact law's tolerances: the others lie between.
+_NAMED, _NAMED_AUTO = (1e-1, 1e-2, 1e-4, 1e-6, 1e-10), 1e-4
 
 
 def accuracy_cost(table: pd.DataFrame, *, times: str = "cold", ax: Axes | None = None) -> Axes:
-    """Draw the result of `accuracy_cost`: error against time, both logarithmic.
+    """Draw the result of `accuracy_cost`: error of the force against time, both logarithmic.
 
     Parameters
     ----------
@@ -51,44 +55,167 @@ def accuracy_cost(table: pd.DataFrame, *, times: str = "cold", ax: Axes | None =
     Returns
     -------
     matplotlib Axes
-        Published corrections are letters; the line is the front of the methods that none beats in both.
+        Every method has its name beside it; the line is the front of those that none beats in both.
     """
     if times not in ("cold", "held"):
         raise InputError(f"times must be 'cold' or 'held'; got {times!r}")
-    known = table[table["error"].notna()]
-    cost = known[f"{times}_ratio"]
-    error = known["error"].clip(lower=_FLOOR)
-    front = known[known["pareto" if times == "cold" else "pareto_held"]].index
+    known = table[table["error"].notna()].copy()
+    known["x"], known["y"] = known[f"{times}_ratio"], known["error"].clip(lower=_FLOOR)
+    front = known[known["pareto" if times == "cold" else "pareto_held"]].sort_values("x")
     with style():
-        drawn = axes(ax, width=1.5 * COLUMN, height=3.3)
-        order = cost[front].sort_values().index
-        drawn.step(cost[order], error[order], where="post", color=ACCENT, lw=3.0, alpha=0.35, label="best")
-        for name, column, marker, colour, label in _FAMILIES:
-            rows = known.index[known[column] == name]
-            if len(rows):
-                joined = rows[np.argsort(error[rows].to_numpy())]
-                drawn.plot(cost[joined], error[joined], marker, ms=4.0, color=colour, mfc="none", label=label)
-        _draw_published(drawn, known, cost, error)
+        drawn = axes(ax, width=COLUMN, height=_HEIGHT)
         drawn.set(xscale="log", yscale="log", ylabel="largest relative error of the force")
-        drawn.set_xlabel(f"time, {times} (explicit formula = 1)")
-        drawn.margins(x=0.12)
-        drawn.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        drawn.step(front["x"], front["y"], where="post", color=GREY, lw=3.0, alpha=0.5)
+        _draw(drawn, known)
+        drawn.set_xlabel(f"time, {times} (formula = 1)")
     return drawn
 
 
-def _draw_published(
-    drawn: Axes, known: pd.DataFrame, cost: pd.Series[float], error: pd.Series[float]
-) -> None:
-    """Published corrections as letters, explained in the legend: names would cover each other."""
-    rows = known.index[~known["method"].isin(_OURS)]
-    for letter, row in zip(ascii_uppercase, rows, strict=False):
-        drawn.plot(
-            cost[row],
-            error[row],
-            marker=f"${letter}$",
-            ms=5.0,
-            ls="none",
-            color=DATA,
-            mew=0.3,
-            label=str(known.loc[row, "method"]),
+def answer_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
+    """Draw the result of `answer_cost`: what modulus and thickness are off by, against the time of the fit.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        What `answer_cost` returned.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+        Full marks are the modulus, the thickness known; open ones the thickness, fitted beside it.
+    """
+    known = table.copy()
+    known["x"], known["y"] = known["ratio"], known["E_error"].abs().clip(lower=_FLOOR_OF_ANSWERS)
+    joint = known[known["thickness_error"].notna()]
+    with style():
+        drawn = axes(ax, width=COLUMN, height=_HEIGHT)
+        drawn.set(xscale="log", yscale="log", ylabel="relative error of E (full) and h (open)")
+        thickness = joint["thickness_error"].abs().clip(lower=_FLOOR_OF_ANSWERS)
+        for colour, x, y in zip(_colours(joint), joint["joint_ratio"], thickness, strict=True):
+            drawn.plot(x, y, "D", ms=2.6, mfc="none", mew=0.6, color=colour)
+        _draw(drawn, known)
+        drawn.set_xlabel("time of the fit (Hertz fit = 1)")
+    return drawn
+
+
+def posterior_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
+    """Draw the result of `posterior_cost`: the error of quantiles against the time of the sampling.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        What `posterior_cost` returned.
+    ax : matplotlib Axes, optional
+        Where to draw.
+
+    Returns
+    -------
+    matplotlib Axes
+        The band is what the reference cannot tell.
+    """
+    walkers = table[table["way"] == "emcee"].sort_values("ratio")
+    others = table[table["way"] != "emcee"]
+    with style():
+        drawn = axes(ax, width=COLUMN, height=_HEIGHT)
+        drawn.set(xscale="log", yscale="log", ylabel="error of the 5, 50, 95 % quantiles (sd)")
+        drawn.plot(walkers["ratio"], walkers["error"], "o-", ms=3.5, lw=0.8, color=FIT)
+        drawn.plot(others["ratio"], others["error"], "s", ms=3.5, color=REFERENCE)
+        floor = table.attrs.get("reference_error")
+        shown = pd.concat([walkers, others])
+        names = [
+            f"emcee, {count:.0f} steps" if way == "emcee" else {"fit": "fit, as a normal"}.get(way, way)
+            for way, count in zip(shown["way"], shown["steps"], strict=True)
+        ]
+        colours = [FIT] * len(walkers) + [REFERENCE] * len(others)
+        label_points(drawn, shown["ratio"].tolist(), shown["error"].tolist(), names, colours)
+        if floor:
+            drawn.axhspan(drawn.get_ylim()[0], floor, color=GREY, alpha=0.25, lw=0.0)
+        drawn.set_xlabel("time (Hertz fit = 1)")
+    return drawn
+
+
+def what_accuracy_costs(
+    force: pd.DataFrame,
+    answers: pd.DataFrame | None = None,
+    posterior: pd.DataFrame | None = None,
+    *,
+    title: str = "",
+) -> Figure:
+    """Draw force, answer and posterior side by side, at the width of a page.
+
+    Parameters
+    ----------
+    force, answers, posterior : pandas.DataFrame
+        What `accuracy_cost`, `answer_cost` and `posterior_cost` returned for one scene.
+    title : str, optional
+        Written above.
+
+    Returns
+    -------
+    matplotlib Figure
+    """
+    panels = [(accuracy_cost, force), (answer_cost, answers), (posterior_cost, posterior)]
+    given = [(draw, table) for draw, table in panels if table is not None]
+    with style():
+        figure, places = plt.subplots(
+            1, len(given), figsize=(PAGE, _HEIGHT), layout="constrained", squeeze=False
         )
+        for place, (draw, table) in zip(places[0], given, strict=True):
+            draw(table, ax=place)
+        if title:
+            figure.suptitle(title, fontsize=8.5)
+    return figure
+
+
+def _draw(drawn: Axes, known: pd.DataFrame) -> None:
+    """Marks of all methods, and the names of those that tell their family apart."""
+    colours = _colours(known)
+    for colour, x, y in zip(colours, known["x"], known["y"], strict=True):
+        drawn.plot(x, y, "o", ms=3.5, color=colour)
+    for form in ("explicit", "parametric", "compliance"):
+        series = known[known["form"] == form].sort_values("order")
+        drawn.plot(series["x"], series["y"], "-", lw=0.5, color=_COLOURS[form], alpha=0.6)
+    named = [(name, row) for row, name in enumerate(_names(known)) if name]
+    rows = [row for _, row in named]
+    label_points(
+        drawn,
+        known["x"].iloc[rows].tolist(),
+        known["y"].iloc[rows].tolist(),
+        [name for name, _ in named],
+        [colours[row] for row in rows],
+    )
+
+
+def _colours(known: pd.DataFrame) -> list[str]:
+    return [
+        _COLOURS.get(form or method, DATA)
+        for form, method in zip(known["form"], known["method"], strict=True)
+    ]
+
+
+def _names(known: pd.DataFrame) -> list[str]:
+    """Name of each row; empty where a neighbour of its family says it too."""
+    names = []
+    for method, form, order, rtol in known[["method", "form", "order", "rtol"]].itertuples(index=False):
+        if form:
+            names.append(f"{form} {order:.0f}" if order == 4 or (form, order) == ("explicit", 1) else "")
+        elif method == "exact":
+            names.append(f"exact {rtol:.0e}".replace("e-0", "e-") if rtol in _NAMED else "")
+        elif method == "halfspace":
+            names.append("half-space")
+        else:
+            names.append(_auto(rtol) if method == "auto" else _published(str(method)))
+    return names
+
+
+def _auto(rtol: float) -> str:
+    return f"auto {rtol:.0e}".replace("e-0", "e-") if rtol == _NAMED_AUTO else ""
+
+
+def _published(method: str) -> str:
+    """``"garcia2018"`` as people write it."""
+    head, _, tail = method.partition("-")
+    letters = head.rstrip("0123456789")
+    return f"{letters.capitalize()} {head[len(letters) :]}" + (f", {tail}" if tail else "")

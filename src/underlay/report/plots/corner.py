@@ -15,8 +15,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.sampling.derived import kind_of_quantity
 from underlay.report.labels import label
-from underlay.report.plots.style import FIT, GREY, REFERENCE, YELLOW, axes, style
-from underlay.units import human_unit
+from underlay.report.plots.style import FIT, GREY, REFERENCE, YELLOW, axes, style, unit_of
 
 if TYPE_CHECKING:
     from underlay.inference.sampling.posterior import Posterior
@@ -81,7 +80,7 @@ class _Column:
 
     def __init__(self, posterior: Posterior, name: str) -> None:
         values = posterior.of(name).ravel()
-        unit, self.factor = human_unit(float(np.median(values)), kind_of_quantity(name))
+        unit, self.factor = unit_of(float(np.median(values)), kind_of_quantity(name))
         words = textwrap.fill(label(name), _LETTERS)
         self.label = f"{words}\n({unit})" if unit else words
         self.draws = values / self.factor

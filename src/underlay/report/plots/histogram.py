@@ -8,9 +8,8 @@ from matplotlib.axes import Axes
 
 from underlay.errors import InputError
 from underlay.report.labels import label
-from underlay.report.plots.style import FIT, INK, axes, style
+from underlay.report.plots.style import FIT, INK, axes, in_words, style, unit_of
 from underlay.scene.parameters import kind_of
-from underlay.units import format_quantity, human_unit
 
 __all__ = ["histogram"]
 
@@ -46,7 +45,7 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
     if not known.size:
         raise InputError(f"no curve of the map has a value of {column!r}")
     kind = kind_of(column.removesuffix(".stderr"))
-    unit, factor = human_unit(float(np.median(np.abs(known))), kind)
+    unit, factor = unit_of(float(np.median(np.abs(known))), kind)
     with style():
         ax = axes(ax, height=2.3)
         # A handful of wild values must not squeeze the others into one bar; they are counted at the ends.
@@ -56,7 +55,7 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
         ax.hist(inside / factor, bins=bins, color=FIT, alpha=0.85)
         middle = float(np.median(known))
         ax.axvline(middle / factor, color=INK, lw=1.0, ls="--")
-        ax.set_title(f"{known.size} curves, median {format_quantity(middle, kind)}")
+        ax.set_title(f"{known.size} curves, median {in_words(middle, kind)}")
         ax.set_xlabel(f"{label(column)} ({unit})" if unit else label(column))
         ax.set_ylabel("curves")
     return ax

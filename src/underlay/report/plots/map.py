@@ -13,9 +13,8 @@ from scipy import spatial
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.report.labels import label
-from underlay.report.plots.style import GREY, SEQUENTIAL, axes, style, unit_for
+from underlay.report.plots.style import GREY, SEQUENTIAL, axes, style, unit_for, unit_of
 from underlay.scene.parameters import kind_of
-from underlay.units import human_unit
 
 __all__ = ["map"]
 
@@ -74,9 +73,7 @@ def map(  # noqa: A001  the public name; the builtin is not used here
 
 def _draw(ax: Axes, squares: FloatArray, values: FloatArray, column: str) -> None:
     known = np.isfinite(values)
-    unit, factor = human_unit(
-        float(np.median(np.abs(values[known]))), kind_of(column.removesuffix(".stderr"))
-    )
+    unit, factor = unit_of(float(np.median(np.abs(values[known]))), kind_of(column.removesuffix(".stderr")))
     ax.add_collection(PolyCollection(list(squares[~known]), facecolors=GREY, **_NO_GAPS))
     drawn = PolyCollection(list(squares[known]), array=values[known] / factor, cmap=SEQUENTIAL, **_NO_GAPS)
     ax.add_collection(drawn)

@@ -11,9 +11,8 @@ from matplotlib.ticker import FuncFormatter
 from underlay._text import one_line
 from underlay.inference.population.result import Group, Population
 from underlay.report.labels import label
-from underlay.report.plots.style import DATA, FIT, GREY, INK, PAGE, style
+from underlay.report.plots.style import DATA, FIT, GREY, INK, PAGE, style, unit_of
 from underlay.scene.parameters import kind_of
-from underlay.units import human_unit
 
 __all__ = ["population"]
 
@@ -40,7 +39,7 @@ def population(result: Population, *, ax: Axes | None = None) -> Axes:
         alone; the band is the interval of the mean.
     """
     groups = list(result.groups.values())
-    unit, factor = human_unit(groups[0].mean, kind_of(result.parameter))
+    unit, factor = unit_of(groups[0].mean, kind_of(result.parameter))
     rows = sum(_shown(group) + 2 for group in groups)
     with style():
         if ax is None:

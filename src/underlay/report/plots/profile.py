@@ -9,9 +9,8 @@ from matplotlib.axes import Axes
 
 from underlay._arrays import FloatArray
 from underlay.report.labels import label
-from underlay.report.plots.style import ACCENT, DATA, FIT, REFERENCE, SKY, axes, style
+from underlay.report.plots.style import ACCENT, DATA, FIT, REFERENCE, SKY, axes, style, unit_of
 from underlay.scene.parameters import kind_of
-from underlay.units import human_unit
 
 if TYPE_CHECKING:
     from underlay.inference.profiles import LikelihoodProfile
@@ -39,7 +38,7 @@ def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
     matplotlib Axes
     """
     value, error = walk.fit.values[walk.name], walk.fit.stderr[walk.name]
-    unit, factor = human_unit(value, kind_of(walk.name))
+    unit, factor = unit_of(value, kind_of(walk.name))
     top = 1.25 * max(walk.threshold(0.95), float(walk.delta_chi_square.min()))
     parts = [walk, *(branch for branch in walk.branches if branch.delta_chi_square.min() < top)]
     with style():

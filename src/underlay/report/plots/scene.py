@@ -9,9 +9,8 @@ from underlay._arrays import FloatArray
 from underlay.mechanics.body import Base
 from underlay.mechanics.solvers import AnySolver
 from underlay.quantities import numbers_of
-from underlay.report.plots.style import COLUMN, INK, LAYER, METAL, SUBSTRATE, axes, style
+from underlay.report.plots.style import COLUMN, INK, LAYER, METAL, SUBSTRATE, axes, in_words, style, unit_of
 from underlay.scene.scene import Scene
-from underlay.units import format_quantity, human_unit
 
 __all__ = ["scene"]
 
@@ -59,7 +58,7 @@ def scene(
     thick = test.layer.thickness
     shown = min(thick, _DEEPEST * size)
     half = max(_WIDTH * size, 0.9 * shown)
-    unit, factor = human_unit(max(half, shown), "length")
+    unit, factor = unit_of(max(half, shown), "length")
     with style():
         beside = _names_beside(test) and shown == thick
         ax = axes(ax, width=COLUMN + (_BESIDE if beside else 0.0), height=2.6)
@@ -139,7 +138,7 @@ def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], fact
         middles.append(-min(depth + 0.5 * layer.thickness, 0.995 * -bottom))
         depth += layer.thickness
         bond = {"bonded": "", "slip": ",\nfree to slip"}.get(str(layer.bond), ",\non springs")
-        names.append(f"{format_quantity(layer.thickness, 'length')}, {_material(layer.material)}{bond}")
+        names.append(f"{in_words(layer.thickness, 'length')}, {_material(layer.material)}{bond}")
     middles.append(0.5 * (bottom - min(depth, -bottom)))
     names.append(_material(test.base))
     lines = np.array([1.0 + name.count("\n") for name in names])
@@ -178,14 +177,14 @@ def _write(ax: Axes, test: Scene, window: tuple[float, float, float, float], fac
     layer = f"layer, {_material(test.layer.material)}"
     thick = test.layer.thickness
     if shown < thick:
-        below = f"goes on to {format_quantity(thick, 'length')}" if np.isfinite(thick) else "a half-space"
+        below = f"goes on to {in_words(thick, 'length')}" if np.isfinite(thick) else "a half-space"
         ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
         ax.text(left, -0.94 * shown / factor, below, va="center", ha="left", style="italic")
         return
     words = f"substrate, {_material(test.base)}"
     if shown < _THIN * (top - bottom):
         # No room for words in a thin layer: they stand below it.
-        words = f"{layer}, {format_quantity(thick, 'length')} thick\n{words}"
+        words = f"{layer}, {in_words(thick, 'length')} thick\n{words}"
     else:
         ax.text(left, -0.72 * shown / factor, layer, va="center", ha="left")
         _write_thickness(ax, thick, 0.86 * half, factor)
@@ -196,15 +195,13 @@ def _mark_contact(ax: Axes, test: Scene, tip: float, radius: float, factor: floa
     if radius > 0.0:
         edge = float(test.indenter.surface(np.array([radius]))[0]) - tip
         ax.plot([-radius / factor, radius / factor], [edge / factor] * 2, "o", color=INK, ms=2.5)
-        ax.set_title(
-            f"depth {format_quantity(tip, 'length')}, contact radius {format_quantity(radius, 'length')}"
-        )
+        ax.set_title(f"depth {in_words(tip, 'length')}, contact radius {in_words(radius, 'length')}")
 
 
 def _write_thickness(ax: Axes, thick: float, x: float, factor: float) -> None:
     arrow = {"arrowstyle": "<->", "color": INK, "lw": 0.8}
     ax.annotate("", (x / factor, 0.0), (x / factor, -thick / factor), arrowprops=arrow)
-    words = format_quantity(thick, "length")
+    words = in_words(thick, "length")
     ax.text(0.965 * x / factor, -0.5 * thick / factor, words, ha="right", va="center")
 
 
@@ -212,7 +209,7 @@ def _material(material: Base | None) -> str:
     numbers = {} if material is None else numbers_of(material)
     if not numbers:
         return "rigid"
-    return f"E = {format_quantity(numbers['E'].value, 'pressure')}, $\\nu$ = {numbers['nu'].value:.3g}"
+    return f"E = {in_words(numbers['E'].value, 'pressure')}, $\\nu$ = {numbers['nu'].value:.3g}"
 
 
 def _mirrored(r: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

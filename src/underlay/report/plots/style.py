@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from underlay._arrays import FloatArray
 from underlay._files import write_atomic
 from underlay.errors import InputError
-from underlay.units import human_unit
+from underlay.units import format_quantity, human_unit, printed, printed_unit
 
 __all__ = [
     "ACCENT",
@@ -39,9 +39,11 @@ __all__ = [
     "YELLOW",
     "axes",
     "drawn",
+    "in_words",
     "save",
     "style",
     "unit_for",
+    "unit_of",
     "with_strip",
 ]
 
@@ -101,8 +103,8 @@ def style() -> Iterator[None]:
         mpl.rcParams.update(before)
 
 
-def axes(ax: Axes | None, *, width: float = COLUMN, height: float = 2.7) -> Axes:
-    """Return `ax`, or new axes of `width` by `height` inches."""
+def axes(ax: Axes | None, *, width: float = PAGE, height: float = 2.9) -> Axes:
+    """Return `ax`, or new axes of `width` by `height` inches: as wide as a page."""
     if ax is not None:
         return ax
     return plt.subplots(figsize=(width, height), layout="constrained")[1]
@@ -125,8 +127,19 @@ def with_strip(ax: Axes, share: float = 0.3) -> tuple[Axes, Axes]:
 
 
 def unit_for(values: FloatArray, kind: str) -> tuple[str, float]:
-    """Return the unit people would use for the largest of `values` (SI), and its SI value."""
-    return human_unit(float(np.max(np.abs(values), initial=0.0)), kind)
+    """Return the unit people would use for the largest of `values` (SI), as it is printed, and its SI value."""
+    return unit_of(float(np.max(np.abs(values), initial=0.0)), kind)
+
+
+def unit_of(value: float, kind: str) -> tuple[str, float]:
+    """Return the unit people would use for `value` (SI), as it is printed, and its SI value."""
+    unit, factor = human_unit(value, kind)
+    return printed_unit(unit), factor
+
+
+def in_words(value: float, kind: str, uncertainty: float | None = None) -> str:
+    """Return an SI value in a unit of its size, as it is printed; see `format_quantity`."""
+    return printed(format_quantity(value, kind, uncertainty))
 
 
 def save(ax: Axes, path: str | os.PathLike[str]) -> Path:

@@ -11,8 +11,7 @@ from matplotlib.lines import Line2D
 
 from underlay.report.plots.histogram import histogram
 from underlay.report.plots.map import map as map_of
-from underlay.report.plots.style import ACCENT, PAGE, REFERENCE, YELLOW, style
-from underlay.units import human_unit
+from underlay.report.plots.style import ACCENT, PAGE, REFERENCE, YELLOW, style, unit_of
 
 __all__ = ["survey", "verdicts"]
 
@@ -65,7 +64,7 @@ def survey(table: pd.DataFrame, column: str = "layer.E") -> Axes:
 def verdicts(table: pd.DataFrame, *, x: str = "x", y: str = "y", ax: Axes | None = None) -> Axes:
     """Draw the verdict on every curve by position, by colour and by shape."""
     across, up = table[x].to_numpy(dtype=float), table[y].to_numpy(dtype=float)
-    length, scale = human_unit(float(max(np.ptp(across), np.ptp(up))), "length")
+    length, scale = unit_of(float(max(np.ptp(across), np.ptp(up))), "length")
     with style():
         if ax is None:
             ax = plt.subplots(figsize=(0.5 * PAGE, 2.7), layout="constrained")[1]

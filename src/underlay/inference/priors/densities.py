@@ -1,96 +1,19 @@
-"""What is known of a parameter before the test.
-
-A prior is a density in the physical parameter (SI). Three readers use it:
-
-- a sampler works in a scaled coordinate q and needs the density there, `log_density` plus the logarithm of
-  |dx/dq|; `Problem.log_prior` adds that Jacobian;
-- a least-squares fit adds `penalty` as one more residual: the standardised distance from what was measured
-  before, for the priors that are such a measurement (Normal, HalfNormal in x; LogNormal in ln x); the flat
-  ones only bound;
-- both draw starts from `quantile`.
-
-`Flat` is what a parameter without a prior gets: no preference, not normalisable, fine for a fit; a sampler
-refuses it (`proper` is False).
-"""
+"""The densities that a prior may have, and the absence of one."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 from scipy import special
 
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError
+from underlay.inference.priors.prior import Prior, inside
 
-__all__ = [
-    "Flat",
-    "Given",
-    "HalfNormal",
-    "LogNormal",
-    "LogUniform",
-    "Normal",
-    "Prior",
-    "Truncated",
-    "Uniform",
-    "prior_from_numbers",
-]
+__all__ = ["Flat", "HalfNormal", "LogNormal", "LogUniform", "Normal", "Uniform"]
 
 _LOG_SQRT_2PI = 0.5 * np.log(2.0 * np.pi)
-
-
-class Prior(ABC):
-    """A density of one parameter; all numbers in the parameter's SI unit."""
-
-    proper: bool = True
-
-    @property
-    @abstractmethod
-    def support(self) -> tuple[float, float]:
-        """Smallest interval that holds all of the density."""
-
-    @abstractmethod
-    def log_density(self, value: FloatArray) -> FloatArray:
-        """Logarithm of the density at `value`, same shape; -inf outside the support."""
-
-    @abstractmethod
-    def probability_below(self, value: FloatArray) -> FloatArray:
-        """Cumulative distribution at `value`, same shape."""
-
-    @abstractmethod
-    def quantile(self, probability: FloatArray) -> FloatArray:
-        """Inverse of `probability_below`, same shape."""
-
-    def penalty(self, value: float) -> tuple[float, float]:
-        """Residual that a least-squares fit adds for this prior, and its slope in `value`."""
-        del value
-        return 0.0, 0.0
-
-    @property
-    def informative(self) -> bool:
-        """Whether the prior is a measurement that pulls a fit, not only a bound."""
-        return False
-
-    def sample(self, rng: np.random.Generator, size: int | tuple[int, ...]) -> FloatArray:
-        """Draw from the prior, shape `size`."""
-        return self.quantile(rng.random(size))
-
-    def truncated(self, low: float = -np.inf, high: float = np.inf) -> Prior:
-        """Return this prior restricted to [low, high]; itself if that cuts nothing."""
-        below, above = self.support
-        return self if low <= below and above <= high else Truncated(self, low, high)
-
-
-#: What may be said of a free parameter: a prior, bounds, or nothing.
-Given: TypeAlias = Prior | tuple[float, float] | None
-
-
-def _inside(value: FloatArray, support: tuple[float, float], log_density: FloatArray) -> FloatArray:
-    low, high = support
-    return np.where((value >= low) & (value <= high), log_density, -np.inf)
 
 
 def _ordered(low: float, high: float) -> tuple[float, float]:
@@ -126,7 +49,7 @@ class Uniform(Prior):
     def log_density(self, value: FloatArray) -> FloatArray:
         """-ln(high - low) inside."""
         flat = np.full(np.shape(value), -np.log(self.high - self.low))
-        return _inside(np.asarray(value), self.support, flat)
+        return inside(np.asarray(value), self.support, flat)
 
     def probability_below(self, value: FloatArray) -> FloatArray:
         """Linear from 0 to 1."""
@@ -165,7 +88,7 @@ class LogUniform(Prior):
         x = np.asarray(value, dtype=np.float64)
         # Outside the support the logarithm is taken of `low` and then discarded.
         safe = np.where(x > 0.0, x, self.low)
-        return _inside(x, self.support, -np.log(safe) - np.log(np.log(self.high / self.low)))
+        return inside(x, self.support, -np.log(safe) - np.log(np.log(self.high / self.low)))
 
     def probability_below(self, value: FloatArray) -> FloatArray:
         """ln(x / low) / ln(high / low)."""
@@ -283,7 +206,7 @@ class HalfNormal(Prior):
         """Twice the Gaussian, above zero."""
         z = np.asarray(value) / self.sd
         density = -0.5 * z * z + np.log(2.0 / self.sd) - _LOG_SQRT_2PI
-        return _inside(np.asarray(value), self.support, density)
+        return inside(np.asarray(value), self.support, density)
 
     def probability_below(self, value: FloatArray) -> FloatArray:
         """Error function."""
@@ -296,78 +219,6 @@ class HalfNormal(Prior):
     def penalty(self, value: float) -> tuple[float, float]:
         """The residual x / sd and its slope."""
         return value / self.sd, 1.0 / self.sd
-
-
-@dataclass(frozen=True)
-class Truncated(Prior):
-    """Another prior restricted to [low, high] and normalised again.
-
-    Raises
-    ------
-    InputError
-        If the interval holds none of the prior.
-    """
-
-    prior: Prior
-    low: float = -np.inf
-    high: float = np.inf
-
-    def __post_init__(self) -> None:
-        if not self.low < self.high:
-            raise InputError(f"truncation needs low below high; got {self.low!r} and {self.high!r}")
-        if not self._mass > 0.0:
-            raise InputError(f"{self.prior!r} has no probability between {self.low!r} and {self.high!r}")
-
-    @property
-    def proper(self) -> bool:  # type: ignore[override]  # a class constant elsewhere, inherited here
-        """As the truncated prior."""
-        return self.prior.proper
-
-    @property
-    def informative(self) -> bool:
-        """As the truncated prior."""
-        return self.prior.informative
-
-    @property
-    def support(self) -> tuple[float, float]:
-        """The part of [low, high] inside the prior's own support."""
-        low, high = self.prior.support
-        return max(low, self.low), min(high, self.high)
-
-    @property
-    def _ends(self) -> tuple[float, float]:
-        low, high = self.support
-        below = 0.0 if low == self.prior.support[0] else float(self.prior.probability_below(np.asarray(low)))
-        above = (
-            1.0 if high == self.prior.support[1] else float(self.prior.probability_below(np.asarray(high)))
-        )
-        return below, above
-
-    @property
-    def _mass(self) -> float:
-        below, above = self._ends
-        return above - below
-
-    def log_density(self, value: FloatArray) -> FloatArray:
-        """The prior's own, raised by what was cut away."""
-        return _inside(np.asarray(value), self.support, self.prior.log_density(value) - np.log(self._mass))
-
-    def probability_below(self, value: FloatArray) -> FloatArray:
-        """The prior's own, rescaled."""
-        below, above = self._ends
-        return np.clip((self.prior.probability_below(value) - below) / (above - below), 0.0, 1.0)
-
-    def quantile(self, probability: FloatArray) -> FloatArray:
-        """The prior's own, rescaled."""
-        below, above = self._ends
-        inner = self.prior.quantile(below + np.asarray(probability) * (above - below))
-        low, high = self.support
-        # Rounding of the inverse may leave the interval by one unit in the last place.
-        return np.clip(inner, low, high)
-
-    def penalty(self, value: float) -> tuple[float, float]:
-        """As the truncated prior."""
-        return self.prior.penalty(value)
 
 
 @dataclass(frozen=True)
@@ -403,9 +254,9 @@ class Flat(Prior):
         """Zero, or -ln x when `log` is set."""
         x = np.asarray(value, dtype=np.float64)
         if not self.log:
-            return _inside(x, self.support, np.zeros_like(x))
+            return inside(x, self.support, np.zeros_like(x))
         safe = np.where(x > 0.0, x, 1.0)
-        return np.where(x > 0.0, _inside(x, self.support, -np.log(safe)), -np.inf)
+        return np.where(x > 0.0, inside(x, self.support, -np.log(safe)), -np.inf)
 
     def probability_below(self, value: FloatArray) -> FloatArray:
         """Not defined: raises InputError."""
@@ -416,52 +267,3 @@ class Flat(Prior):
         """Not defined: raises InputError."""
         del probability
         raise InputError(f"{self!r} is improper: it cannot be drawn from; give the parameter a proper prior")
-
-
-def prior_from_numbers(name: str | None, low: float, high: float, numbers: Mapping[str, float]) -> Given:
-    """Make what `Problem` takes for one free parameter from the words of a scene file.
-
-    Parameters
-    ----------
-    name : str or None
-        ``"uniform"``, ``"loguniform"``, ``"normal"`` (mean; sd or relative_sd), ``"lognormal"`` (median;
-        relative_sd, the deviation of ln x), ``"halfnormal"`` (sd), or None: bounds only.
-    low, high : float
-        Bounds (SI), infinite where there are none; they truncate the prior.
-    numbers : mapping
-        mean, sd, median, relative_sd.
-
-    Returns
-    -------
-    Prior, tuple of float, or None
-        None where nothing at all is said.
-
-    Raises
-    ------
-    InputError
-        If the name is unknown or a number is missing.
-    """
-    if name is None:
-        return None if (low, high) == (-np.inf, np.inf) else (low, high)
-    given = dict(numbers)
-
-    def take(key: str) -> float:
-        if key not in given:
-            raise InputError(f"prior {name!r} needs {key!r}; given: {', '.join(sorted(given)) or 'nothing'}")
-        return given[key]
-
-    if name == "uniform":
-        return Uniform(low, high)
-    if name == "loguniform":
-        return LogUniform(low, high)
-    if name == "normal":
-        mean = take("mean")
-        sd = given["sd"] if "sd" in given else take("relative_sd") * abs(mean)
-        return Normal(mean, sd).truncated(low, high)
-    if name == "lognormal":
-        return LogNormal(take("median"), take("relative_sd")).truncated(low, high)
-    if name == "halfnormal":
-        return HalfNormal(take("sd")).truncated(low, high)
-    raise InputError(
-        f"unknown prior {name!r}; known: uniform, loguniform, normal, lognormal, halfnormal, or none"
-    )

@@ -1,0 +1,88 @@
+"""`underlay benchmark`: how right a contact law, a fit or another program is, on curves whose truth is known."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from underlay._files import require_writable_folder, write_atomic
+from underlay.cli.console import say, say_table
+from underlay.cli.options import OutputFolder
+from underlay.errors import InputError
+
+if TYPE_CHECKING:
+    from underlay.inference.benchmark.scores import Scores
+
+__all__ = ["benchmark"]
+
+
+def benchmark(
+    solver: Annotated[
+        str | None,
+        typer.Option("--solver", help="Score one elastic contact law: exact, halfspace, garcia2018, ..."),
+    ] = None,
+    program: Annotated[
+        str | None,
+        typer.Option(
+            "--program",
+            help="Score another program: its command line, with {curve} for the CSV (SI), {scene} for the scene "
+            "file, {answer} for the file that takes the modulus in Pa (else its last printed word), and numbers of "
+            "the scene such as {indenter.radius} and {layer.nu}.",
+        ),
+    ] = None,
+    kind: Annotated[
+        list[str] | None,
+        typer.Option("--kind", help="Kind of sample, e.g. elastic; repeat it for more; all by default."),
+    ] = None,
+    output: OutputFolder = None,
+) -> None:
+    """Score the ACCURACY of a fit, a law or another program on the open benchmark (its speed: `underlay bench`).
+
+    Thirty made curves with their truth: six kinds of sample, five worlds of noise. Without --solver and --program
+    the whole model of each scene is fitted. A law is compared with the exact contact problem and with finite
+    elements too.
+
+    Example: `underlay benchmark --kind elastic`
+
+    Example: `underlay benchmark --solver garcia2018 --kind elastic --output results`
+    """
+    from underlay._csv_text import csv_text
+    from underlay.inference.benchmark.estimates import Program
+    from underlay.inference.benchmark.references import against_finite_elements, against_references
+    from underlay.inference.benchmark.scores import benchmark as scored
+
+    if solver is not None and program is not None:
+        raise InputError("--solver and --program do not go together: score one after the other")
+    if output is not None:
+        require_writable_folder(output)
+    other = None if program is None else Program(program)
+    with Console(stderr=True).status("") as line:  # seen on a terminal only
+        scores = scored(
+            solver,
+            estimate=other,
+            kinds=kind or (),
+            progress=lambda case: line.update(f"{case.kind}, {case.noise} noise"),
+        )
+    say_table(
+        scores.summary(), f"{scores.label if program is None else program}: error of the layer's modulus"
+    )
+    _say_reasons(scores)
+    tables = {"benchmark.csv": scores.to_frame()}
+    if program is None:
+        law = solver or "auto"
+        tables["benchmark.references.csv"] = against_references(law)
+        tables["benchmark.finite_elements.csv"] = against_finite_elements(law)
+        say_table(tables["benchmark.references.csv"], f"{law}: force against the exact contact problem")
+        say_table(tables["benchmark.finite_elements.csv"], f"{law}: force against finite elements")
+    if output is not None:
+        for name, table in tables.items():
+            say(f"wrote {write_atomic(output / name, csv_text(table))}")
+
+
+def _say_reasons(scores: Scores) -> None:
+    """Each reason why there is no estimate, once."""
+    reasons = [f"no estimate: {score.case.kind}: {score.reason}" for score in scores.scores if score.reason]
+    for reason in dict.fromkeys(reasons):
+        say(reason)

@@ -1,0 +1,117 @@
+"""The points of a curve within a fit range: where force and depth since contact pass its ends."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay.data.contact_point import find_contact
+from underlay.data.curve import Curve
+from underlay.errors import CurveError, InputError
+from underlay.scene.fit_range import FitRange, Mark
+from underlay.scene.scene import Scene
+from underlay.units import format_quantity
+
+__all__ = ["in_range"]
+
+
+class _Zero(NamedTuple):
+    """Where a curve begins: contact point (m) and force without contact (N), and its largest depth and force."""
+
+    contact: float
+    baseline: float
+    deepest: float
+    largest: float
+
+
+def in_range(curve: Curve, wanted: FitRange, scene: Scene, contact_depth: float | None = None) -> Curve:
+    """Return the points of a part of a curve within a range.
+
+    Depths count from contact, forces from the baseline before it. A range is one piece of the way in: it begins
+    where the curve stays above its lower end and stops where it first passes the upper one, so that noise cuts no
+    holes into it.
+
+    Parameters
+    ----------
+    curve : Curve
+        One way: in, or back.
+    wanted : FitRange
+        The range.
+    scene : Scene
+        Its thickness and radius are what multiples are of.
+    contact_depth : float, optional
+        Depth reading at contact (m), where it is known; else `find_contact` says it.
+
+    Raises
+    ------
+    CurveError
+        If no contact is found, or no point is left.
+    InputError
+        If the scene has no radius or thickness of which the range is a multiple.
+
+    Examples
+    --------
+    >>> import numpy as np, underlay as ul
+    >>> scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5)))
+    >>> curve = ul.simulate(scene, np.linspace(0.0, 1e-4, 101))
+    >>> part = in_range(curve, FitRange.of("25 % of depth", "0.05 radius"), scene, 0.0)
+    >>> bool(np.isclose(part.depth.min(), 2.5e-5)), bool(np.isclose(part.depth.max(), 5e-5))
+    (True, True)
+    """
+    if not wanted:
+        return curve
+    zero = _zero(curve, scene, contact_depth)
+    order = np.argsort(curve.depth, kind="stable")
+    first, last = 0, len(order)
+    if wanted.high is not None:
+        beyond = np.flatnonzero(_beyond(wanted.high, curve, scene, zero)[order])
+        last = int(beyond[0]) if beyond.size else last
+    if wanted.low is not None:
+        short = np.flatnonzero(~_reached(wanted.low, curve, scene, zero)[order][:last])
+        first = int(short[-1]) + 1 if short.size else 0
+    kept = np.zeros(len(curve), dtype=bool)
+    kept[order[first:last]] = True
+    if not kept.any():
+        raise CurveError(
+            f"no point of {curve.metadata.get('name', 'the curve')} is left {wanted}: contact is at a depth "
+            f"reading of {format_quantity(zero.contact, 'length')}, the deepest point "
+            f"{format_quantity(zero.deepest, 'length')} beyond it under {format_quantity(zero.largest, 'force')}"
+        )
+    return curve.select(kept).with_metadata(fit_range=str(wanted))
+
+
+def _zero(curve: Curve, scene: Scene, contact_depth: float | None) -> _Zero:
+    baseline = scene.instrument.baseline
+    if contact_depth is None:
+        found = find_contact(curve, scene=scene)
+        contact, baseline = found.depth, found.baseline
+    else:
+        before = curve.force[curve.depth <= contact_depth]
+        contact = contact_depth
+        baseline = float(np.median(before)) if before.size else baseline
+    return _Zero(contact, baseline, float(curve.depth.max()) - contact, float(curve.force.max()) - baseline)
+
+
+def _limit(mark: Mark, scene: Scene, zero: _Zero) -> float:
+    """The end of a range as a force (N) above the baseline or a depth (m) since contact."""
+    if mark.of in ("force", "depth"):
+        return mark.value * (zero.largest if mark.of == "force" else zero.deepest)
+    if mark.of == "length":
+        return mark.value
+    path = {"thickness": "layer.thickness", "radius": "indenter.radius"}[mark.of]
+    size = scene.parameters.get(path, np.inf)
+    if not np.isfinite(size):
+        raise InputError(f"the fit range is a multiple of the {mark.of}, but the scene has none: give {path}")
+    return mark.value * size
+
+
+def _reached(mark: Mark, curve: Curve, scene: Scene, zero: _Zero) -> NDArray[np.bool_]:
+    limit = _limit(mark, scene, zero)
+    return curve.force - zero.baseline >= limit if mark.of == "force" else curve.depth - zero.contact >= limit
+
+
+def _beyond(mark: Mark, curve: Curve, scene: Scene, zero: _Zero) -> NDArray[np.bool_]:
+    limit = _limit(mark, scene, zero)
+    return curve.force - zero.baseline > limit if mark.of == "force" else curve.depth - zero.contact > limit

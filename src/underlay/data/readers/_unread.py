@@ -1,0 +1,48 @@
+"""Files of microscopes that are known and not read, and how their makers' programs export what is."""
+
+from __future__ import annotations
+
+from underlay.data.readers._source import Source
+
+__all__ = ["way_out"]
+
+# First bytes, what the file is, and what to do. No reader of these is maintained, or none is known to read forces.
+_KNOWN = (
+    (
+        b"\x01\xb0\x93\xff",
+        "an NT-MDT file (.mdt)",
+        "open it in NT-MDT's Nova or Image Analysis and export the curves as text (.txt), which is read",
+    ),
+    (
+        b"GWYP",
+        "a Gwyddion file (.gwy)",
+        "export the curves from Gwyddion as text with names and units in the first row",
+    ),
+    (
+        b"WIT_PR06",
+        "a WITec project (.wip)",
+        "export the curves from WITec's Project as text with names and units in the first row",
+    ),
+)
+# Asylum's container of whole force maps writes its name behind a check sum and a size.
+_ARDF = b"ARDF"
+
+
+def way_out(source: Source) -> str:
+    """What to say of a file that is known but not read, as the end of a sentence; '' of any other.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> way_out(Source(Path("a.mdt"), bytes([0x01, 0xB0, 0x93, 0xFF, 0]), ""))[:24]
+    'an NT-MDT file (.mdt), w'
+    """
+    for start, what, advice in _KNOWN:
+        if source.data.startswith(start):
+            return f"{what}, which is not read here: {advice}"
+    if source.data[8:12] == _ARDF or source.data.startswith(_ARDF):
+        return (
+            "an Asylum Research map (.ardf), which is not read here: export its curves from Asylum's Igor program "
+            "as .ibw, one a file, which are read"
+        )
+    return ""

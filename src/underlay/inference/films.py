@@ -1,0 +1,313 @@
+"""The modulus of a film from its contact stiffness S(h), where the loading itself is plastic.
+
+What is elastic in an indentation that leaves an imprint is how it springs back. At every depth the stiffness of a
+continuous-stiffness test is that of a flat punch of the contact's size on the layered body (9.1, 9.6), in series
+with that of the tip itself:
+
+    beta 2 a / S = 1/M(a) + 1/M_tip,    M(a) = S_punch(a) / (2 a)
+
+with a from the contact depth h_c = h - 0.75 P/S (Oliver and Pharr 1992) by the tip's area function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import interpolate, optimize
+
+from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
+from underlay.errors import CurveError, InputError
+from underlay.mechanics.area_function import AreaFunction
+from underlay.mechanics.indenters import Cone, FlatPunch
+from underlay.mechanics.solver import Solver
+from underlay.mechanics.solvers import AnySolver, Exact, as_solver
+from underlay.scene.parameters import unknown_parameter
+from underlay.scene.scene import Scene
+
+__all__ = ["DIAMOND", "StiffnessFit", "fit_stiffness"]
+
+#: E / (1 - nu^2) (Pa) of a diamond tip, E = 1070 GPa and nu = 0.07.
+DIAMOND = 1070e9 / (1.0 - 0.07**2)
+# Radii at which a body's M(a) is computed; in between a cubic in ln a is within 1e-4 of it.
+_NODES = 9
+_RTOL = 1e-4
+# For derivatives of ln M in ln(parameter): far above the law's error, far below its curvature.
+_STEP = 0.02
+_FEWEST = 4
+# Harmonic stiffness that a machine cannot have (N/m): what instruments write for "no value" is beyond.
+_LARGEST = 1e12
+_WIDTH = 1.959964  # of 95 %
+
+
+@dataclass(frozen=True, eq=False)
+class StiffnessFit:
+    """Moduli that explain a measured contact stiffness.
+
+    Parameters
+    ----------
+    values, low, high : mapping of str to float
+        Fitted parameters (SI) and their 95 % intervals from the measured scatter of a single test, whose depths are
+        taken to be off together: tests differ by where they were made, not from depth to depth.
+    scatter : float
+        Standard deviation of ln(S measured / S modelled): what of the trend with depth is left.
+    area_sensitivity : mapping of str to float
+        d ln(value) / d ln(area): 1 % more in the area function changes the value by so many per cent. Where a file
+        says nothing of its tip, this is the largest doubt.
+    table : pandas.DataFrame
+        One row per depth (SI): ``depth``, ``contact radius``, ``a/h``, ``stiffness``, ``fitted stiffness``,
+        ``noise`` (of the stiffness), ``half-space modulus`` (by Oliver and Pharr, tip taken out) and
+        ``layer modulus`` (base taken out as well).
+    scene : Scene
+        With the fitted values.
+    """
+
+    values: Mapping[str, float]
+    low: Mapping[str, float]
+    high: Mapping[str, float]
+    scatter: float
+    area_sensitivity: Mapping[str, float]
+    table: pd.DataFrame
+    scene: Scene
+
+
+def fit_stiffness(
+    curve: Curve,
+    scene: Scene,
+    *,
+    free: Sequence[str] = ("layer.E",),
+    area: AreaFunction | None = None,
+    tip_modulus: float = DIAMOND,
+    punch_factor: float = 1.05,
+    depths: tuple[float, float] = (0.0, np.inf),
+    solver: AnySolver | None = None,
+) -> StiffnessFit:
+    """Fit moduli of a film and its base to a continuous-stiffness test.
+
+    Parameters
+    ----------
+    curve : Curve
+        With the column ``contact_stiffness`` (N/m), and ``contact_stiffness_scatter``, ``depth_scatter``,
+        ``force_scatter`` as far as they were measured: they are the noise.
+    scene : Scene
+        Film and base; its indenter is the cone that the pyramid is equivalent to.
+    free : sequence of str, default ("layer.E",)
+        Positive numbers of the scene to fit, such as ``"substrate.E"``.
+    area : AreaFunction, optional
+        Of the tip; by default that of the scene's perfect cone.
+    tip_modulus : float, default that of diamond
+        E / (1 - nu^2) of the tip (Pa).
+    punch_factor : float, default 1.05
+        beta: how much stiffer a triangular punch is than a round one of its area (King 1987).
+    depths : (float, float)
+        Depths (m) between which points count.
+    solver : Solver or str, optional
+        What builds the flat punch's law; `Exact(1e-4)` by default.
+
+    Raises
+    ------
+    CurveError
+        If the curve has no stiffness, or too few points of it.
+    InputError
+        If the indenter is no cone, or a parameter is none of the scene.
+    """
+    if not isinstance(scene.indenter, Cone):
+        raise InputError(
+            "continuous stiffness is read with a pyramid: give its equivalent cone, such as Cone.berkovich(), as "
+            f"the indenter; got {scene.indenter.shape!r}"
+        )
+    for path in free:
+        if path not in scene.parameters:
+            raise unknown_parameter(path, scene.parameters)
+    measured = _measured(curve, depths, area or AreaFunction.of_cone(scene.indenter))
+    model = _Model(
+        scene, tuple(free), measured.radius, tip_modulus, punch_factor, as_solver(solver or Exact(_RTOL))
+    )
+    logs = np.log([scene.parameters[path] for path in free])
+
+    def misfit(at: FloatArray) -> FloatArray:
+        return (model.log_stiffness(at) - measured.log_stiffness) / measured.noise
+
+    found = optimize.least_squares(misfit, logs, x_scale=0.3)
+    return _result(curve, model, measured, found.x)
+
+
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """Depth (m), force (N), contact radius (m), ln S, and the noise of ln S beside the model's at that radius."""
+
+    depth: FloatArray
+    radius: FloatArray
+    log_stiffness: FloatArray
+    noise: FloatArray
+    scatter: FloatArray
+
+
+def _measured(curve: Curve, depths: tuple[float, float], area: AreaFunction) -> _Measured:
+    part = curve.loading()
+    if "contact_stiffness" not in part.columns:
+        raise CurveError(
+            f"{curve.metadata.get('name', 'the curve')} has no contact stiffness: only a test with continuous "
+            "stiffness can be fitted so; of another, give the stiffness at the start of unloading to "
+            "modulus_from_stiffness"
+        )
+    h, P, S = part.depth, part.force, part.columns["contact_stiffness"]
+    usable = np.isfinite(S) & (S > 0.0) & (S < _LARGEST) & (P > 0.0) & (h >= depths[0]) & (h <= depths[1])
+    usable[usable] &= h[usable] - _EPSILON * P[usable] / S[usable] > 0.0
+    if np.count_nonzero(usable) < _FEWEST:
+        raise CurveError(
+            f"only {np.count_nonzero(usable)} points with a contact stiffness lie between these depths"
+        )
+    h, P, S = h[usable], P[usable], S[usable]
+    spread = [
+        _known(part.columns[name][usable]) if name in part.columns else np.zeros(len(h))
+        for name in ("depth_scatter", "force_scatter", "contact_stiffness_scatter")
+    ]
+    contact = h - _EPSILON * P / S
+    # ln S - ln(2 a beta M'): the radius moves with all three readings, S itself with one.
+    rate = _log_rate(area, contact) / contact
+    parts = (
+        rate * spread[0],
+        rate * _EPSILON / S * spread[1],
+        (1.0 / S - rate * _EPSILON * P / S**2) * spread[2],
+    )
+    noise = np.sqrt(sum((part**2 for part in parts), np.zeros(len(h))))
+    return _Measured(
+        h,
+        area.radius(contact),
+        np.log(S),
+        np.where(noise > 0.0, noise, 1.0),
+        np.where(noise > 0.0, noise, np.nan),
+    )
+
+
+def _known(scatter: FloatArray) -> FloatArray:
+    """Scatter where it was measured, zero where the file says nothing."""
+    return np.where(np.isfinite(scatter), scatter, 0.0)
+
+
+#: Of a paraboloid's unloading curve (Oliver and Pharr 1992).
+_EPSILON = 0.75
+
+
+def _log_rate(area: AreaFunction, contact: FloatArray) -> FloatArray:
+    """d ln a / d ln h_c."""
+    return np.asarray(np.log(area.radius(1.01 * contact) / area.radius(contact)) / np.log(1.01))
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """ln S of a punch of given radii (m), (n,), on a scene of which the numbers `free` vary."""
+
+    scene: Scene
+    free: tuple[str, ...]
+    radius: FloatArray
+    tip_modulus: float
+    punch_factor: float
+    solver: Solver
+
+    def scene_at(self, logs: FloatArray) -> Scene:
+        """Scene at logarithms of the free numbers."""
+        return self.scene.with_values(dict(zip(self.free, np.exp(logs).tolist(), strict=True)))
+
+    def modulus(self, logs: FloatArray) -> FloatArray:
+        """M(a) = S_punch / (2 a) of the body (Pa), (n,)."""
+        scene = self.scene_at(logs)
+        low, high = float(self.radius.min()), float(self.radius.max())
+        nodes = np.geomspace(0.999 * low, 1.001 * high, _NODES)
+        punches = []
+        for node in nodes.tolist():
+            punch = Scene(FlatPunch(node), scene.layer, scene.substrate)
+            depth = 1e-3 * node
+            punches.append(
+                float(punch.contact_law(depth, solver=self.solver).stiffness(depth)) / (2.0 * node)
+            )
+        curve = interpolate.CubicSpline(np.log(nodes), np.log(punches))
+        return np.asarray(np.exp(curve(np.log(self.radius))))
+
+    def log_stiffness(self, logs: FloatArray) -> FloatArray:
+        """ln S (N/m) of the body and the tip in series, (n,)."""
+        together = 1.0 / (1.0 / self.modulus(logs) + 1.0 / self.tip_modulus)
+        return np.asarray(np.log(2.0 * self.punch_factor * self.radius * together))
+
+    def sample_modulus(self, log_stiffness: FloatArray) -> FloatArray:
+        """M (Pa) of the sample that has this stiffness, (n,): the tip taken out."""
+        return np.asarray(
+            1.0 / (2.0 * self.punch_factor * self.radius / np.exp(log_stiffness) - 1.0 / self.tip_modulus)
+        )
+
+
+def _result(curve: Curve, model: _Model, measured: _Measured, logs: FloatArray) -> StiffnessFit:
+    """Put together what was found at logarithms of the free numbers."""
+    fitted = model.log_stiffness(logs)
+    slopes = np.stack(
+        [
+            (model.log_stiffness(logs + _STEP * one) - model.log_stiffness(logs - _STEP * one))
+            / (2.0 * _STEP)
+            for one in np.eye(len(logs))
+        ],
+        axis=1,
+    )
+    answer = np.linalg.pinv(slopes / measured.noise[:, None]) / measured.noise
+    # All depths off together by the scatter of a test; and all areas by 1 %: ln a moves by half of ln A.
+    deviation = np.abs(answer @ _known(measured.scatter))
+    grown = (_along_radius(model, logs) * 0.5)[None] @ answer.T
+    scene = model.scene_at(logs)
+    names = model.free
+    values = np.exp(logs)
+    known = np.isfinite(measured.scatter).any()
+    half = _WIDTH * deviation if known else np.full(len(logs), np.inf)
+    residual = measured.log_stiffness - fitted
+    return StiffnessFit(
+        values=dict(zip(names, values.tolist(), strict=True)),
+        low=dict(zip(names, (values * np.exp(-half)).tolist(), strict=True)),
+        high=dict(zip(names, (values * np.exp(half)).tolist(), strict=True)),
+        scatter=float(np.std(residual)),
+        area_sensitivity=dict(zip(names, (-grown[0]).tolist(), strict=True)),
+        table=_table(curve, model, measured, logs, fitted, slopes),
+        scene=scene,
+    )
+
+
+def _along_radius(model: _Model, logs: FloatArray) -> FloatArray:
+    """d ln S / d ln a, (n,)."""
+    grown, shrunk = (
+        _Model(
+            model.scene,
+            model.free,
+            factor * model.radius,
+            model.tip_modulus,
+            model.punch_factor,
+            model.solver,
+        )
+        for factor in (np.exp(_STEP), np.exp(-_STEP))
+    )
+    return np.asarray((grown.log_stiffness(logs) - shrunk.log_stiffness(logs)) / (2.0 * _STEP))
+
+
+def _table(
+    curve: Curve, model: _Model, measured: _Measured, logs: FloatArray, fitted: FloatArray, slopes: FloatArray
+) -> pd.DataFrame:
+    """Rows of `StiffnessFit.table`."""
+    scene, nu = model.scene_at(logs), model.scene.layer.material.nu
+    stiffness = np.exp(measured.log_stiffness)
+    frame = pd.DataFrame(
+        {
+            "depth": measured.depth,
+            "contact radius": measured.radius,
+            "a/h": measured.radius / scene.layer.thickness,
+            "stiffness": stiffness,
+            "fitted stiffness": np.exp(fitted),
+            "noise": stiffness * measured.scatter,
+            "half-space modulus": model.sample_modulus(measured.log_stiffness) * (1.0 - nu * nu),
+        }
+    )
+    if "layer.E" in model.free:
+        power = slopes[:, model.free.index("layer.E")]
+        # To first order: the film's modulus that takes the rest of the difference at this depth.
+        frame["layer modulus"] = scene.layer.material.E * np.exp((measured.log_stiffness - fitted) / power)
+    frame.attrs["curve"] = str(curve.metadata.get("name") or "")
+    return frame

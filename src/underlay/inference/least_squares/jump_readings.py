@@ -1,0 +1,127 @@
+"""Readings beside a jump of the force whose side of it the others do not tell: a fit leaves them out.
+
+Where a tip that sticks comes off, or jumps in, the force jumps. A reading there is on one side or on the other,
+and the sum of squares jumps as soon as the model has it on the wrong one: no search along slopes gets over that
+wall. Just before a pull-off the force turns as a root does, with a slope that has no bound: there standard errors,
+which come from slopes, are too small.
+
+The rule: the reading next to the jump on either side is left out where it lies within four standard errors of the
+place of the jump, as all other readings tell that place. The fit is then made again, until it leaves out what it
+left out before. They stay where the two tell the place of the jump better than all others do: it lies between them,
+anywhere, which is a standard deviation of their distance over the root of 12. So it is with a contact whose modulus
+and thickness are known together only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.least_squares.fit_result import Fit, FitStatistics, FitWarning
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.model.members import Member
+from underlay.inference.problem import Problem
+from underlay.scene.chain import Chain
+from underlay.units import format_quantity
+
+__all__ = ["about_left_out", "determined", "for_all_readings"]
+
+_ERRORS = 4.0
+# Length over standard deviation of an even distribution.
+_EVEN = 12.0**0.5
+# Of a scaled coordinate, for the slope of a jump's place: laws are good to 1e-6.
+_STEP = 1e-3
+
+
+def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
+    """Say which readings of each curve of `problem` to keep, (n,) each, by a fit to these or to some of them."""
+    objective = Objective(found.problem, freeze(found.problem, found.vector, found.noises))
+    rows = objective.jacobian(found.vector)[:, objective.active]
+    begin = np.cumsum([0, *(len(member.force) for member in found.problem.members)])
+    kept = []
+    for number, (member, whole) in enumerate(zip(found.problem.members, problem.members, strict=True)):
+        keep = np.ones(len(whole.force), dtype=bool)
+        for place, slope in _jumps(found, member, objective.active):
+            others = np.delete(rows, begin[number] + _beside(member.forward.depth, place), axis=0)
+            # The shortest x with J'x = slope: |x|^2 = slope' (J'J)^-1 slope, also where J'J has no inverse.
+            error = float(np.linalg.norm(np.linalg.lstsq(others.T, slope)[0]))
+            depth = whole.forward.depth
+            near = _beside(depth, place)
+            if error < float(np.ptp(depth[near])) / _EVEN:
+                keep[near] &= np.abs(depth[near] - place) > _ERRORS * error
+        kept.append(keep)
+    return kept
+
+
+def about_left_out(problem: Problem, kept: list[NDArray[np.bool_]]) -> list[FitWarning]:
+    """Say what was left out of a problem's curves; empty where nothing was."""
+    warnings = []
+    for number, (member, keep) in enumerate(zip(problem.members, kept, strict=True), start=1):
+        gone = member.forward.depth[~keep]
+        if gone.size:
+            which = f"curve {number}: " if len(kept) > 1 else ""
+            where = format_quantity(float(gone.mean()), "length")
+            what = "1 reading was" if gone.size == 1 else f"{gone.size} readings were"
+            warnings.append(
+                FitWarning(
+                    "jump",
+                    f"{which}{what} left out at {where}, beside a jump of the force: the others do not tell on "
+                    "which side of it they lie",
+                )
+            )
+    return warnings
+
+
+def for_all_readings(statistics: FitStatistics, readings: int) -> FitStatistics:
+    """Return the statistics with a log-likelihood that counts those left out as the mean of the others.
+
+    So that models which leave out different ones may be compared.
+    """
+    more = statistics.log_likelihood * (readings / statistics.points - 1.0)
+    return replace(
+        statistics,
+        log_likelihood=statistics.log_likelihood + more,
+        aic=statistics.aic - 2.0 * more,
+        bic=statistics.bic - 2.0 * more,
+    )
+
+
+def _beside(depth: FloatArray, place: float) -> NDArray[np.intp]:
+    """The readings (m) next to `place` (m), one on either side if there are two sides."""
+    apart = depth - place
+    sides = (np.where(side, np.abs(apart), np.inf) for side in (apart > 0.0, apart <= 0.0))
+    return np.array([side.argmin() for side in sides if np.isfinite(side).any()])
+
+
+def _jumps(found: Fit, member: Member, active: list[int]) -> list[tuple[float, FloatArray]]:
+    """Places (m) of the jumps on the axis of depth, and their slopes in the scaled coordinates that vary."""
+    places = _places(found.problem, member, found.vector)
+    slopes = np.zeros((len(places), len(active)))
+    for column, index in enumerate(active):
+        moved = _moved(found.problem, member, found.vector, index)
+        if len(moved) == len(places):
+            slopes[:, column] = (moved - places) / _STEP
+    return list(zip(places.tolist(), slopes, strict=True))
+
+
+def _moved(problem: Problem, member: Member, vector: FloatArray, index: int) -> FloatArray:
+    """Places (m) one step away, so written that it may be forward or, at the end of what is possible, backward."""
+    step = np.zeros_like(vector)
+    step[index] = _STEP
+    try:
+        return _places(problem, member, vector + step)
+    except InputError:
+        return 2.0 * _places(problem, member, vector) - _places(problem, member, vector - step)
+
+
+def _places(problem: Problem, member: Member, vector: FloatArray) -> FloatArray:
+    values = member.values_at(problem.physical(vector))
+    chain = Chain.of(values)
+    law = member.forward.law(values, max(float(chain.travel(member.forward.depth).max()), 0.0))
+    travels = np.array(law.jump_travels(0.0 if chain.frame is None else chain.frame.compliance))
+    return travels if chain.contact is None else travels + chain.contact.depth

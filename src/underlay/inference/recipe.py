@@ -1,0 +1,238 @@
+"""The recipe by which an instrument's software found its modulus, repeated, and the steps from there to ours.
+
+A number of an instrument differs from ours for reasons that can be told apart: over which points it was fitted,
+what was minimised, the shape of the tip, and the substrate. Each step changes one of them and fits again.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
+from underlay.data.segments import LOADING
+from underlay.errors import CurveError, InputError
+from underlay.inference.from_files import whole_curve
+from underlay.inference.least_squares.fit_result import Fit
+from underlay.inference.least_squares.fitting import quick_fit
+from underlay.inference.pointwise.explained import halfspace_of
+from underlay.inference.problem import Problem
+from underlay.mechanics.indenters import Paraboloid
+from underlay.scene.noise import Noise
+from underlay.scene.scene import Scene
+
+__all__ = [
+    "HertzFit",
+    "LeastSquaresFromContact",
+    "LineInPower",
+    "Recipe",
+    "Step",
+    "recipe_of",
+    "steps_to_ours",
+]
+
+_CONTACT = "instrument.contact_depth"
+_FEWEST = 8
+# The contact point is searched this share of the depth to both sides of the software's, at so many places first.
+_REACH, _TRIED = 0.5, 81
+
+
+class HertzFit(NamedTuple):
+    """Reduced modulus E / (1 - nu^2) (Pa) and contact point (m) of a half-space, and the points that were used."""
+
+    reduced: float
+    contact_depth: float
+    points: NDArray[np.intp]
+
+
+class Recipe(ABC):
+    """How an instrument's software finds its modulus: Hertz (1882), F = (4/3) E_r sqrt(R) (h - h0)^(3/2)."""
+
+    @abstractmethod
+    def find(self, curve: Curve, radius: float) -> HertzFit:
+        """Repeat the recipe on a whole curve with a tip of `radius` (m).
+
+        Raises
+        ------
+        CurveError
+            If fewer than eight points lie in its range, or the force does not grow there.
+        """
+
+    @abstractmethod
+    def __str__(self) -> str:
+        """The recipe in words."""
+
+
+@dataclass(frozen=True)
+class LineInPower(Recipe):
+    """A straight line through F^(2/3) against depth: its slope gives E_r, its zero h0; forces as the file has them.
+
+    Parameters
+    ----------
+    low, high : float
+        Shares of the largest force between which points count.
+    """
+
+    low: float
+    high: float
+
+    def find(self, curve: Curve, radius: float) -> HertzFit:
+        """See `Recipe`."""
+        largest = float(curve.force.max())
+        kept = (curve.segments() == LOADING) & (curve.force >= self.low * largest)
+        points = np.flatnonzero(kept & (curve.force <= self.high * largest))
+        _require(points)
+        slope, zero = np.polyfit(curve.depth[points], curve.force[points] ** (2.0 / 3.0), 1)
+        if not slope > 0.0:
+            raise CurveError(f"the force does not grow over the range of the recipe: {self}")
+        return HertzFit(float(0.75 * slope**1.5 / math.sqrt(radius)), float(-zero / slope), points)
+
+    def __str__(self) -> str:
+        return f"a line through F^(2/3) from {100.0 * self.low:g} to {100.0 * self.high:g} % of the force"
+
+
+@dataclass(frozen=True)
+class LeastSquaresFromContact(Recipe):
+    """Least squares in the force with a free contact point, from before the software's contact to a share of it.
+
+    Forces count from their mean before the software's contact. Files of Optics11 do not state this: it is what
+    gives their numbers back (0.5 % on 11 Piuma files, 0.2 % on a Chiaro's, 1.1 % on one of a later Piuma).
+
+    Parameters
+    ----------
+    contact : float
+        Depth reading of the contact that the software chose (m).
+    high : float
+        Share of the largest force up to which points count: until it is first passed.
+    before : float
+        From how long before that contact (s).
+    """
+
+    contact: float
+    high: float = 0.5
+    before: float = 0.2
+
+    def find(self, curve: Curve, radius: float) -> HertzFit:
+        """See `Recipe`."""
+        first = int(np.argmax(curve.depth > self.contact))
+        baseline = float(curve.force[: max(first, 1)].mean())
+        force = curve.force - baseline
+        largest = float(force[: int(np.argmax(curve.depth)) + 1].max())
+        last = int(np.argmax(force >= self.high * largest))
+        time = np.arange(len(curve), dtype=np.float64) if curve.time is None else curve.time
+        points = np.arange(int(np.searchsorted(time, time[first] - self.before)), last)
+        _require(points)
+        depth, force = curve.depth[points], force[points]
+        contact = _contact_of(depth, force, self.contact)
+        grown = np.maximum(depth - contact, 0.0) ** 1.5
+        slope = float(grown @ force / (grown @ grown))
+        return HertzFit(0.75 * slope / math.sqrt(radius), contact, points)
+
+    def __str__(self) -> str:
+        return f"Hertz with a free contact point, up to {100.0 * self.high:g} % of the force"
+
+
+def _require(points: NDArray[np.intp]) -> None:
+    if len(points) < _FEWEST:
+        raise CurveError(f"only {len(points)} points lie in the range of the instrument's recipe")
+
+
+def _contact_of(depth: FloatArray, force: FloatArray, near: float) -> float:
+    """Contact point (m) of the least squares, looked for about `near` (m); E is linear and needs no search."""
+
+    def misfit(contact: float) -> float:
+        grown = np.maximum(depth - contact, 0.0) ** 1.5
+        return float(force @ force - (grown @ force) ** 2 / (grown @ grown))
+
+    reach = float(depth.max()) - near
+    tried = near + reach * np.linspace(-_REACH, _REACH, _TRIED)
+    best = float(tried[int(np.argmin([misfit(float(one)) for one in tried]))])
+    step = float(tried[1] - tried[0])
+    # In steps, since the tolerance of the search is absolute.
+    found = optimize.minimize_scalar(
+        lambda place: misfit(best + place * step), bounds=(-1.0, 1.0), method="bounded"
+    )
+    return best + float(found.x) * step
+
+
+class Step(NamedTuple):
+    """One step from the instrument's number to ours: what was changed, and Young's modulus after it (Pa)."""
+
+    what: str
+    modulus: float
+
+
+def recipe_of(curve: Curve) -> Recipe | None:
+    """Return the recipe behind the modulus that the file of a curve holds; None where it is not known.
+
+    Files of the Bioindenter say over which share of the force they were fitted. Those of Optics11 do not; see
+    `LeastSquaresFromContact`.
+    """
+    told, contact = (curve.metadata.get(key) for key in ("instrument_fit_range", "software_contact_depth"))
+    if isinstance(told, tuple) and len(told) == 2:
+        low, high = (float(end) for end in told)
+        return LineInPower(low, high) if 0.0 <= low < high <= 1.0 else None
+    if curve.metadata.get("format") == "optics11" and isinstance(contact, float):
+        return LeastSquaresFromContact(contact)
+    return None
+
+
+def steps_to_ours(fit: Fit) -> list[Step]:
+    """Return the steps from the instrument's number to ours; empty where the file states no number or recipe.
+
+    Every step keeps what the ones before it changed; the last is the least-squares value of the fit.
+    """
+    told = fit.instrument_moduli.get("layer.E")
+    recipe = recipe_of(fit.curves[0])
+    radius = fit.scene.parameters.get("indenter.radius")
+    if told is None or recipe is None or radius is None or len(fit.curves) > 1:
+        return []
+    return [Step("the instrument's own number", told.youngs), *_steps(fit, recipe, radius)]
+
+
+def _steps(fit: Fit, recipe: Recipe, radius: float) -> Iterator[Step]:
+    measured, ours = fit.curves[0], fit.values["layer.E"]
+    whole = whole_curve(measured) or measured
+    material = fit.scene.layer.material
+    # E of the reduced modulus, the ratios of an anisotropic layer kept.
+    per_reduced = material.E / (2.0 * material.theta)
+    try:
+        found = recipe.find(whole, radius)
+        yield Step(f"its recipe repeated: {recipe}", found.reduced * per_reduced)
+        hertz = replace(halfspace_of(fit.scene.elastic), indenter=Paraboloid(radius))
+        if isinstance(recipe, LineInPower):
+            same = whole.select(found.points)
+            yield Step(
+                "the same points, the force itself fitted", _fitted(fit, hertz, same, found.contact_depth)
+            )
+        yield Step("the points and the baseline of this fit", _fitted(fit, hertz, measured, None))
+        if fit.scene.indenter.shape != "paraboloid":
+            shaped = replace(hertz, indenter=fit.scene.indenter)
+            yield Step(
+                f"the shape of the tip: {fit.scene.indenter.shape}", _fitted(fit, shaped, measured, None)
+            )
+    except (CurveError, InputError):
+        # A step that cannot be taken ends the account; what came before it stands.
+        return
+    if fit.scene.substrate is not None or fit.scene.memory is not None or fit.scene.adhesion is not None:
+        yield Step("the layer, what it stands on, and all else of the scene", ours)
+
+
+def _fitted(fit: Fit, scene: Scene, curve: Curve, contact: float | None) -> float:
+    """Modulus (Pa) of a half-space fitted to a curve: with the contact free alone, or all that the fit frees."""
+    given = fit.problem.free
+    instrument = {path: prior for path, prior in given.items() if path.startswith("instrument.")}
+    free = {"layer.E": None, **(instrument if contact is None else {_CONTACT: None})}
+    if contact is not None:
+        scene = scene.with_values(
+            {_CONTACT: contact, "instrument.baseline": 0.0, "instrument.baseline_slope": 0.0}
+        )
+    return quick_fit(Problem(scene, curve, free, Noise(), solver="halfspace")).values["layer.E"]

@@ -1,0 +1,177 @@
+"""The flat punch on bodies that differ in one ratio, tabulated over the contact radius: it serves every tip.
+
+The solution of `punch_solution` does not know the shape. With Poisson's ratios fixed it depends on eps = a/h and
+on one ratio k of the body, analytically on both; so it is held at the nodes r/a as Chebyshev polynomials in a
+stretched eps and in ln k, and the curve of a sphere or of a measured tip costs its contraction with the shape
+(`tip_law`). What is interpolated has no dimension and is of order one, however wide the contact:
+
+    ln kappa, ln g(1), g/kappa, rho/g(1),     kappa = int_0^1 g dx,  g(1) = 1 + int_0^1 rho dx.
+
+Cells and store are those of `curve_family`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from underlay._arrays import FloatArray, read_only
+from underlay.errors import InputError
+from underlay.mechanics.exact.contact_curve import LARGEST_EPS, SHARE_OF_NODES
+from underlay.mechanics.exact.curve_family import first_ratios, range_end, ratio_span
+from underlay.mechanics.exact.gauss import EvenRule, even_rule
+from underlay.mechanics.exact.master_curve import (
+    Stretch,
+    chebyshev_angles,
+    chebyshev_coefficients,
+    monomials,
+    truncation_error,
+)
+from underlay.mechanics.exact.nodes import Resolution, series_terms
+from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
+from underlay.mechanics.exact.tables import TABLES
+from underlay.mechanics.kernel import Family
+
+__all__ = ["PunchCell", "PunchFamily", "punch_family"]
+
+# Of the share of an error that a solution's nodes may take: the nodes, and what either interpolation leaves out.
+_SHARE_OF_SOLUTION, _SHARE_OF_RATIO, _SHARE_OF_RADIUS = 0.4, 0.3, 0.3
+_MOST_RATIOS, _MOST_RADII = 24, 96
+# Coarser solutions of wide contacts are rough in eps: at 1e-2 their series did not end.
+_COARSEST = 1e-4
+
+
+class PunchCell(NamedTuple):
+    """Which table.
+
+    Parameters
+    ----------
+    family : Family
+        The bodies.
+    ratio : int or None
+        Number of the span in ln k; None for a family of one.
+    range : int
+        Number of the span in eps.
+    rtol : float
+        Relative error asked for.
+    """
+
+    family: Family
+    ratio: int | None
+    range: int
+    rtol: float
+
+    @property
+    def top(self) -> float:
+        """Largest eps."""
+        return min(range_end(self.range), LARGEST_EPS)
+
+
+@dataclass(frozen=True)
+class PunchFamily:
+    """The flat punch against contact radius and ratio, over one cell.
+
+    Parameters
+    ----------
+    cell : PunchCell
+        Where it holds.
+    rule : EvenRule
+        Nodes r/a and weights.
+    resolution : Resolution
+        Nodes of the solutions behind it.
+    stretch : Stretch
+        Of eps.
+    coefficients : ndarray (ratio terms, radius terms, 2 + 2 nodes)
+        Of what the module's first lines name: in powers of the place of ln k in the span, and in Chebyshev
+        polynomials of the stretched eps.
+    """
+
+    cell: PunchCell
+    rule: EvenRule
+    resolution: Resolution
+    stretch: Stretch
+    coefficients: FloatArray
+
+    def at(self, log_ratios: FloatArray, eps: FloatArray) -> PunchSolution:
+        """Solution on the bodies at ln k (...,), at contact radii `eps` (..., radii)."""
+        terms, radii, columns = self.coefficients.shape
+        if terms > 1 and self.cell.ratio is not None:
+            low, high = ratio_span(self.cell.ratio)
+            place = (log_ratios - low) * (2.0 / (high - low)) - 1.0
+            flat = place[..., None] ** np.arange(terms) @ self.coefficients.reshape(terms, -1)
+            table = flat.reshape(*place.shape, radii, columns)
+        else:
+            table = self.coefficients[0]
+        # A last radius that passes the end by rounding is nothing to a polynomial.
+        values = np.polynomial.chebyshev.chebvander(self.stretch.z(eps), radii - 1) @ table
+        kappa, edge = np.exp(values[..., 0]), np.exp(values[..., 1])
+        count = self.rule.nodes.size
+        g, rho = values[..., 2 : 2 + count], values[..., 2 + count :]
+        return PunchSolution(eps, self.rule, g * kappa[..., None], rho * edge[..., None], kappa)
+
+
+def punch_family(cell: PunchCell) -> PunchFamily | None:
+    """Table of one cell; None where there is none: out of terms, or no body."""
+    return TABLES.get(("punch", cell), lambda: _tabulated(cell))
+
+
+def _tabulated(cell: PunchCell) -> PunchFamily | None:
+    share = SHARE_OF_NODES * cell.rtol
+    try:
+        return _expanded(cell, share, 1 if cell.ratio is None else first_ratios(_SHARE_OF_RATIO * share))
+    except InputError:
+        return None
+
+
+def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
+    """Solve at Chebyshev points in ln k and in eps, and expand; at more points if need be."""
+    low, high = (0.0, 0.0) if cell.ratio is None else ratio_span(cell.ratio)
+    angles = chebyshev_angles(ratios)
+    bodies = [
+        cell.family.kernel(float(np.exp(0.5 * (low + high) + 0.5 * (high - low) * place)))
+        for place in np.cos(angles)
+    ]
+    middle = bodies[ratios // 2].scales
+    # The ends need the most nodes: either may.
+    resolution = max(
+        (
+            proved_resolution(body, cell.top, min(_SHARE_OF_SOLUTION * cell.rtol, _COARSEST))
+            for body in (bodies[0], bodies[-1])
+        ),
+        key=lambda nodes: (nodes.radial, nodes.wavenumbers),
+    )
+    stretch = Stretch.to(cell.top, middle.softness)
+    radii = series_terms(middle, cell.top, share)
+    while True:
+        eps_angles = chebyshev_angles(radii)
+        eps = stretch.v(np.cos(eps_angles))
+        values = np.stack(
+            [_told(body_punch) for body_punch in (PunchSolution.solve(b, eps, resolution) for b in bodies)]
+        )
+        by_radius = np.stack([chebyshev_coefficients(own, eps_angles) for own in values])
+        if truncation_error(np.moveaxis(by_radius, 1, 0).reshape(radii, -1)) <= _SHARE_OF_RADIUS * share:
+            break
+        radii += radii // 2
+        if radii > _MOST_RADII:
+            return None
+    table = by_radius
+    if ratios > 1:
+        by_ratio = chebyshev_coefficients(values.reshape(ratios, -1), angles)
+        if truncation_error(by_ratio) > _SHARE_OF_RATIO * share:
+            return None if 2 * ratios > _MOST_RATIOS else _expanded(cell, share, ratios + ratios // 2)
+        terms = chebyshev_coefficients(by_radius.reshape(ratios, -1), angles).reshape(by_radius.shape)
+        table = np.tensordot(monomials(ratios).T, terms, 1)
+    return PunchFamily(
+        cell, even_rule(resolution.radial), resolution, stretch, read_only(np.ascontiguousarray(table))
+    )
+
+
+def _told(punch: PunchSolution) -> FloatArray:
+    """What is interpolated, (radii, 2 + 2 nodes)."""
+    edge = 1.0 + punch.rho @ punch.rule.weights
+    kappa = punch.kappa[:, None]
+    return np.concatenate(
+        (np.log(kappa), np.log(edge)[:, None], punch.g / kappa, punch.rho / edge[:, None]), axis=1
+    )

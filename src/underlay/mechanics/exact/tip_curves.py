@@ -1,0 +1,197 @@
+"""Master curves of a sphere or a measured tip off the tables of the flat punch, for many contacts at once.
+
+The radii are placed where the tip's power law (`depth_measure`) would have them, by a table of that law's own
+contact radius; there the flat punch is read off its table and contracted with the shape. What a curve leaves out is
+estimated as where it is solved for (`contact_curve`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.errors import RangeError
+from underlay.mechanics.exact.contact_curve import (
+    LARGEST_EPS,
+    SHARE_OF_NODES,
+    UNEVEN,
+    ContactProblem,
+    contact_factors,
+    depth_measure,
+    solve_curve,
+)
+from underlay.mechanics.exact.curve_batch import CurveBatch, curves_through
+from underlay.mechanics.exact.curve_family import Cell, curve_family, range_end, range_number
+from underlay.mechanics.exact.master_curve import (
+    MOST_TERMS,
+    Factor,
+    Stretch,
+    chebyshev_angles,
+    polynomial,
+    reach,
+)
+from underlay.mechanics.exact.nodes import Resolution, curve_terms
+from underlay.mechanics.exact.punch_family import PunchCell, punch_family
+from underlay.mechanics.exact.tables import TABLES
+from underlay.mechanics.indenters import Indenter, PowerLaw
+from underlay.mechanics.kernel import Family, Scales
+
+__all__ = ["TipContacts", "TipCurves", "tip_curves"]
+
+# No further than this share of the end of the shape: there the solution of each contact knows better.
+_SHARE_OF_SHAPE = 0.97
+_PLACED = 1e-2  # the radii are placed as well as this
+# The radii are placed this much wider than the power law would have them: too near a curve would end too soon.
+_WIDER = 1.03
+_MORE_TERMS = 4  # where an estimate says that a curve is too coarse
+
+
+class TipContacts(NamedTuple):
+    """Contacts of one tip on bodies of one span of a family, and of one range.
+
+    Parameters
+    ----------
+    tip : Indenter
+        In a unit of its own.
+    family : Family
+        The bodies.
+    span : int or None
+        Number of the span in ln k; None for a family of one.
+    octave : int
+        Number of the range of varpi of the table that places the radii.
+    rtol : float
+        Relative error asked for.
+    log_ratio, thickness, top : ndarray (sets,)
+        ln k, the thickness in the tip's unit, and the largest varpi.
+    """
+
+    tip: Indenter
+    family: Family
+    span: int | None
+    octave: int
+    rtol: float
+    log_ratio: FloatArray
+    thickness: FloatArray
+    top: FloatArray
+
+    def part(self, rows: NDArray[np.intp]) -> TipContacts:
+        """Some of them."""
+        return self._replace(
+            log_ratio=self.log_ratio[rows], thickness=self.thickness[rows], top=self.top[rows]
+        )
+
+
+class TipCurves(NamedTuple):
+    """Curves of some contacts, what they were read off, the radii of each, and the largest a/h (sets,)."""
+
+    batch: CurveBatch
+    resolution: Resolution
+    radii: int
+    eps: FloatArray
+
+
+def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves]]:
+    """Curves of the contacts that the tables reach, with the rows that they are of; a later one is finer.
+
+    Where the range of a contact goes beyond the shape its curve ends there.
+    """
+    rows, terms = np.arange(asked.top.size), 0
+    while rows.size and terms <= MOST_TERMS:
+        part = asked.part(rows)
+        placing = _placing(part, depth_measure(asked.tip).exponent)
+        if placing is None:
+            return
+        count = max(terms, curve_terms(placing.scales, range_end(asked.octave), placing.exponent, asked.rtol))
+        tops, eps = _within_shape(part, placing, min(count, MOST_TERMS))
+        part, terms = part._replace(top=tops), eps.shape[1] + _MORE_TERMS
+        numbers = np.array([range_number(last) for last in eps[:, -1].tolist()])
+        coarse = np.zeros(rows.size, dtype=bool)
+        for number in np.unique(numbers[eps[:, -1] <= LARGEST_EPS]).tolist():
+            here = np.flatnonzero(numbers == number)
+            found = _contracted(part.part(here), eps[here], placing.stretch.softness, number)
+            if found is not None:
+                coarse[here] = ~(found.batch.error_estimate <= asked.rtol)
+                yield rows[here], found
+        rows = rows[coarse]
+
+
+class _Placing(NamedTuple):
+    """What places the radii: exponent, scales of a body in the middle of the span, ln(a/a_half) against varpi."""
+
+    exponent: float
+    scales: Scales
+    stretch: Stretch
+    radius: FloatArray
+
+
+def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> tuple[FloatArray, FloatArray]:
+    """Ends of curves in varpi, of their range or of the shape (sets,), and a/h at their radii (sets, count)."""
+    tops = asked.top.copy()
+    end = asked.tip.max_radius / asked.thickness
+    varpi, eps = _radii(asked, placing, tops, count)
+    # Between few radii, of which those beyond the shape lie at its end, a straight line leaves the rest too far out.
+    while (beyond := eps[:, -1] > 0.5 * (1.0 + _SHARE_OF_SHAPE) * end).any():
+        for row in np.flatnonzero(beyond).tolist():
+            tops[row] = np.interp(_SHARE_OF_SHAPE * end[row], eps[row], varpi[row])
+        varpi, eps = _radii(asked, placing, tops, count)
+    return tops, eps
+
+
+def _radii(
+    asked: TipContacts, placing: _Placing, tops: FloatArray, count: int
+) -> tuple[FloatArray, FloatArray]:
+    """Varpi and a/h at the radii of curves up to `tops` (sets,), each (sets, count)."""
+    measure, stretch = depth_measure(asked.tip), placing.stretch
+    points = np.cos(chebyshev_angles(count))
+    # The last point lies at the end itself, wherever the shape leaves the others.
+    ends = [reach(count) * Stretch.to(top, stretch.softness).length for top in tops.tolist()]
+    varpi = np.stack([Stretch(end, stretch.softness).v(points) for end in ends])
+    chi = _WIDER * varpi * np.exp(polynomial(placing.radius, stretch.z(varpi)))
+    thickness = asked.thickness[:, None]
+    deepest = asked.tip.abel(np.array(asked.tip.max_radius))
+    lengths = asked.tip.halfspace_radius(np.minimum(measure.abel(chi * thickness), deepest))
+    return varpi, np.minimum(lengths, asked.tip.max_radius) / thickness
+
+
+def _placing(asked: TipContacts, exponent: float) -> _Placing | None:
+    if asked.span is None:
+        return TABLES.get(
+            ("placing", exponent, asked.family, asked.octave), lambda: _on_one_body(asked, exponent)
+        )
+    cell = Cell(exponent, asked.family, asked.span, asked.octave, _PLACED)
+    table = curve_family(cell)
+    if table is None or len(table.edges) > 2:
+        return None
+    middle = asked.family.kernel(float(np.exp(0.5 * sum(cell.log_ratios))))
+    return _Placing(
+        exponent, middle.scales, table.stretch, table.tables(asked.log_ratio)[:, 0, Factor.RADIUS]
+    )
+
+
+def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
+    problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, asked.family.kernel(1.0))
+    try:
+        curve = solve_curve(problem, range_end(asked.octave), _PLACED).curve
+    except RangeError:
+        return None
+    return _Placing(exponent, problem.scales, curve.stretch, curve.coefficients[:1, Factor.RADIUS])
+
+
+def _contracted(asked: TipContacts, eps: FloatArray, softness: float, number: int) -> TipCurves | None:
+    """Read the flat punch at radii eps (sets, radii) and contract it with the shape; None without a table."""
+    table = punch_family(PunchCell(asked.family, asked.span, number, asked.rtol))
+    if table is None:
+        return None
+    measure = depth_measure(asked.tip)
+    punch = table.at(asked.log_ratio, eps)
+    varpi, logarithms = contact_factors(punch, asked.tip, measure, asked.thickness[:, None])
+    # Placed by another shape, the last radius may fall short of its range: the curve ends where its points do.
+    tops = np.minimum(asked.top, varpi[:, -1])
+    batch = curves_through(measure, varpi, logarithms, tops, softness)
+    errors = SHARE_OF_NODES * asked.rtol + UNEVEN * batch.error_estimate
+    return TipCurves(replace(batch, error_estimate=errors), table.resolution, eps.shape[1], eps[:, -1])

@@ -1,0 +1,93 @@
+"""What other packages add: indenters, solvers and readers, declared as entry points.
+
+A package declares in its pyproject.toml what it adds, under one of three groups::
+
+    [project.entry-points."underlay.indenters"]
+    hyperboloid = "my_tips:Hyperboloid"        # a class that derives from Indenter
+
+    [project.entry-points."underlay.solvers"]
+    own_law = "my_laws:OwnLaw"                 # a Solver class, or a PublishedCorrection
+
+    [project.entry-points."underlay.readers"]
+    my_device = "my_files:FORMAT"              # a Format
+
+and nothing else is needed: once it is installed, scene files, commands and `read` know it. Nobody's code is
+loaded before a name is asked for that is not this package's own, or everything there is. A plug-in that cannot be
+loaded, or is not what its group promises, costs itself only: `underlay formats` lists it with the reason, and so
+does the message about a name that is not known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from underlay._text import one_line
+
+__all__ = ["GROUPS", "INDENTERS", "READERS", "SOLVERS", "Plugin", "faults", "plugins"]
+
+INDENTERS, SOLVERS, READERS = "underlay.indenters", "underlay.solvers", "underlay.readers"
+#: Every group of entry points that is looked for, in the order in which they are listed.
+GROUPS = (READERS, INDENTERS, SOLVERS)
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """One entry point of another package.
+
+    Parameters
+    ----------
+    group : str
+        One of `GROUPS`.
+    name : str
+        What the package calls it.
+    package : str
+        The package and its version.
+    thing : object
+        What was loaded; None where there is a fault.
+    fault : str
+        Why it cannot be used; empty where it can.
+    """
+
+    group: str
+    name: str
+    package: str
+    thing: Any = None
+    fault: str = ""
+
+
+# What is installed does not change under a running process, and to look costs some 10 ms: what was found is kept
+# as the interpreter keeps the modules that it has loaded.
+@lru_cache(maxsize=len(GROUPS))
+def plugins(group: str, fault_of: Callable[[str, Any], str]) -> tuple[Plugin, ...]:
+    """Load the plug-ins of a group, each once; sorted by name.
+
+    Parameters
+    ----------
+    group : str
+        One of `GROUPS`.
+    fault_of : callable
+        Takes the name of an entry point and what it loaded; says why that is none of the group, or nothing.
+    """
+    from importlib import metadata  # noqa: PLC0415  tens of milliseconds that a plain law does not need
+
+    found = sorted(metadata.entry_points(group=group), key=lambda entry: entry.name)
+    return tuple(_loaded(group, entry, fault_of) for entry in found)
+
+
+def _loaded(group: str, entry: Any, fault_of: Callable[[str, Any], str]) -> Plugin:
+    package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "an unnamed package"
+    try:
+        thing = entry.load()
+        fault = fault_of(entry.name, thing)
+    except (Exception, SystemExit) as error:  # noqa: BLE001  code of others: whatever it raises is theirs
+        return Plugin(group, entry.name, package, fault=one_line(f"{type(error).__name__}: {error}"))
+    return Plugin(group, entry.name, package, None if fault else thing, fault)
+
+
+def faults(found: tuple[Plugin, ...]) -> str:
+    """Say, to be added to a message, which plug-ins could not be used; empty where all can."""
+    said = [f"{entry.name} of {entry.package} ({entry.fault})" for entry in found if entry.fault]
+    return f"; not usable: {'; '.join(said)}" if said else ""

@@ -1,0 +1,385 @@
+"""What a user waits for: start-up, reading, quality, maps, stacks and a million points, each beside its unit.
+
+Processor times, of this process or of a child of its own; of several rounds, taken in turns with the unit, the
+median ratio counts, and for seconds the shortest. A row whose peer is not installed is left out. To add a row: one
+line in `USER_CASES`; its call says the value.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
+from underlay.data.curve_csv import curve_csv
+from underlay.data.quality import check_quality
+from underlay.data.readers import read
+from underlay.data.synthetic import synthesize
+from underlay.inference.batch.fit_many import fit_many
+from underlay.inference.batch.options import MapOptions
+from underlay.inference.least_squares import fit
+from underlay.inference.problem import Problem
+from underlay.mechanics.body import RIGID, Base, Layer
+from underlay.mechanics.indenters import Indenter, Paraboloid, Sphere
+from underlay.mechanics.kernel import StackKernel, SubstrateKernel
+from underlay.mechanics.materials import Isotropic
+from underlay.mechanics.solvers import Exact
+from underlay.scene.noise import Noise
+from underlay.scene.scene import Scene
+
+__all__ = ["USER_CASES", "UserCase", "machine", "user_markdown", "user_table"]
+
+_ROUNDS = 7
+_CURVES, _POINTS = 24, 1000
+_THICKNESS = 1e-3
+_STIFF = Isotropic(3e7, 0.3)
+_PAIRS = {"layer.E": (3e4, 3e8), "instrument.contact_depth": (-1e-4, 1e-4)}
+_SCENE_FILE = """
+indenter = { shape = "paraboloid", radius = "1 mm" }
+layer = { E = "3 MPa", nu = 0.5, thickness = "1 mm" }
+substrate = { rigid = true }
+solver = { name = "exact", rtol = 1e-4 }
+
+[fit]
+layer.E = { min = "30 kPa", max = "300 MPa" }
+instrument.contact_depth = { min = "-100 um", max = "100 um" }
+"""
+_PACKAGES = ("underlay", "numpy", "scipy", "pandas", "lmfit", "emcee", "matplotlib")
+
+
+@dataclass(frozen=True)
+class UserCase:
+    """One row.
+
+    Parameters
+    ----------
+    what : str
+        What the user does.
+    unit : str
+        What the value is in.
+    measure : callable
+        Rounds to the value.
+    """
+
+    what: str
+    unit: str
+    measure: Callable[[int], float]
+
+
+def user_table(cases: tuple[UserCase, ...] | None = None, rounds: int = _ROUNDS) -> pd.DataFrame:
+    """Measure the rows.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``what``, ``value``, ``unit``; a row that cannot be measured here (another system) is left out.
+    """
+    rows = []
+    for case in USER_CASES if cases is None else cases:
+        value = case.measure(rounds)
+        if np.isfinite(value):
+            rows.append((case.what, value, case.unit))
+    return pd.DataFrame(rows, columns=["what", "value", "unit"])
+
+
+def user_markdown(table: pd.DataFrame) -> str:
+    """Return the table as Markdown."""
+    rows = (f"| {row.what} | {row.value:.3g} {row.unit} |" for row in table.itertuples())
+    return "\n".join(["| What a user waits for | processor time |", "|---|---:|", *rows])
+
+
+def machine() -> dict[str, str]:
+    """What the figures were measured with: the machine, Python, and the versions of what computes."""
+    facts = {
+        "machine": platform.machine(),
+        "processor": _processor(),
+        "processors": str(os.cpu_count()),
+        "system": platform.system(),
+        "python": platform.python_version(),
+    }
+    for package in _PACKAGES:
+        try:
+            facts[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return facts
+
+
+def _processor() -> str:
+    """Model of the processor, as far as the system says it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, platform.processor())
+
+
+# --- children --------------------------------------------------------------------------------------------------
+
+
+def _child(*arguments: str, **environment: str) -> tuple[float, str]:
+    """Processor time (s) of a Python of its own, and what it says; NaN where the system does not count it."""
+    try:
+        import resource  # noqa: PLC0415  Unix alone has it
+    except ImportError:
+        return np.nan, ""
+
+    def used() -> float:
+        spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return spent.ru_utime + spent.ru_stime
+
+    before = used()
+    said = subprocess.run(  # noqa: S603  our own interpreter, and what stands in this file
+        [sys.executable, *arguments],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return used() - before, said.stdout
+
+
+def _over_lmfit(*arguments: str, **environment: str) -> Callable[[int], float]:
+    """Start of a child over that of one that imports lmfit."""
+
+    def measure(rounds: int) -> float:
+        ratios = [
+            _child(*arguments, **environment)[0] / _child("-c", "import lmfit")[0] for _ in range(rounds)
+        ]
+        return float(np.median(ratios))
+
+    return measure
+
+
+def _fit_command(*further: str) -> Callable[[int], float]:
+    """`underlay fit` of a curve of its own over `import lmfit`."""
+
+    def measure(rounds: int) -> float:
+        with tempfile.TemporaryDirectory() as name:
+            scene, curve = _files(Path(name), 1)
+            asked = ["-m", "underlay", "fit", str(curve[0]), "--scene", str(scene)]
+            output = ["--output", str(Path(name) / "out")] if further else []
+            return _over_lmfit(*asked, *output)(rounds)
+
+    return measure
+
+
+_FIRST = """
+import json, resource, sys, time
+import numpy as np
+import underlay as ul
+scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(3e6, 0.5), 1e-3), ul.Isotropic(3e7, 0.3))
+depth = np.linspace(-5e-5, 3.6e-4, 1000)
+noise = ul.Noise(force=0.005 * float(scene.force(depth[-1])))
+curve = ul.synthesize(scene, depth, noise=noise, rng=0)
+free = ("layer.E", "layer.thickness", "instrument.contact_depth")
+def one():
+    began = time.process_time()
+    ul.fit(ul.Problem(scene, curve, free, noise=noise, solver="exact"))
+    return time.process_time() - began
+ul.fit(ul.Problem(scene, curve, free[:1], noise=noise, solver="halfspace"))
+first = one()
+print(json.dumps(first - min(one() for _ in range(5))))
+"""
+
+
+def _first_fit(rounds: int) -> float:
+    """What the first fit of a process takes more than the next ones (ms)."""
+    said = [_child("-c", _FIRST)[1] for _ in range(min(rounds, 3))]
+    return min((1e3 * float(json.loads(text)) for text in said if text), default=np.nan)
+
+
+_MILLION = """
+import json, resource, sys, time
+import underlay as ul
+def used():
+    return time.process_time()
+scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(3e6, 0.5), 1e-3), ul.RIGID)
+began = used()
+curve = ul.read(sys.argv[1])
+judged = ul.check_quality(curve, scene)
+free = ("layer.E", "instrument.contact_depth")
+ul.fit(ul.Problem(scene, curve, free, noise=ul.Noise(force=1e-3), solver="exact"))
+print(json.dumps([used() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024]))
+"""
+
+
+def _million(which: int) -> Callable[[int], float]:
+    """Seconds, and megabytes at most, of reading, judging and fitting a million points."""
+
+    def measure(rounds: int) -> float:
+        del rounds
+        with tempfile.TemporaryDirectory() as name:
+            path = Path(name) / "long.csv"
+            path.write_text(
+                curve_csv(_curve(_scene(Paraboloid(1e-3), RIGID), 1_000_000)[0]), encoding="utf-8"
+            )
+            said = _child("-c", _MILLION, str(path))[1]
+        return float(json.loads(said)[which]) if said else np.nan
+
+    return measure
+
+
+# --- in this process -------------------------------------------------------------------------------------------
+
+
+def _seconds(call: Callable[[], Any]) -> float:
+    began = time.process_time()
+    call()
+    return time.process_time() - began
+
+
+def _over(unit: Callable[[], Any], call: Callable[[], Any], rounds: int) -> float:
+    """Median ratio of two calls made in turns, after a round that does not count."""
+    unit(), call()
+    return float(np.median([_seconds(call) / _seconds(unit) for _ in range(rounds)]))
+
+
+def _scene(tip: Indenter, base: Base, thickness: float = _THICKNESS) -> Scene:
+    return Scene(tip, Layer(Isotropic(3e6, 0.5), thickness), base)
+
+
+def _curve(scene: Scene, points: int, seed: int = 0) -> tuple[Curve, Noise]:
+    depth = np.linspace(-5e-5, 3.6e-4, points)
+    noise = Noise(force=0.005 * float(scene.force(depth[-1], solver=Exact(1e-4))))
+    return synthesize(scene, depth, noise=noise, rng=seed), noise
+
+
+def _files(folder: Path, count: int) -> tuple[Path, list[Path]]:
+    """A scene file and so many curves as CSV."""
+    scene = folder / "scene.toml"
+    scene.write_text(_SCENE_FILE, encoding="utf-8")
+    curves = folder / "curves"
+    curves.mkdir()
+    paths = [curves / f"{number:03d}.csv" for number in range(count)]
+    for seed, path in enumerate(paths):
+        made = _curve(_scene(Paraboloid(1e-3), RIGID), _POINTS, seed)[0]
+        path.write_text(curve_csv(made), encoding="utf-8")
+    return scene, paths
+
+
+def _reading(points: int) -> Callable[[int], float]:
+    """A plain CSV over numpy's reader of the same file."""
+
+    def measure(rounds: int) -> float:
+        with tempfile.TemporaryDirectory() as name:
+            path = Path(name) / "plain.csv"
+            curve = _curve(_scene(Paraboloid(1e-3), RIGID), points)[0]
+            columns = np.column_stack((curve.depth, curve.force))
+            np.savetxt(path, columns, delimiter=",", header="depth (m),force (N)", comments="")
+            return _over(lambda: np.loadtxt(path, delimiter=",", skiprows=1), lambda: read(path), rounds)
+
+    return measure
+
+
+def _quality(points: int) -> Callable[[int], float]:
+    """`check_quality` over the fit of modulus and contact."""
+
+    def measure(rounds: int) -> float:
+        scene = _scene(Paraboloid(1e-3), RIGID)
+        curve, noise = _curve(scene, points)
+        free = ("layer.E", "instrument.contact_depth")
+        fitted = lambda: fit(Problem(scene, curve, free, noise=noise, solver="exact"))  # noqa: E731  two calls side by side
+        return _over(fitted, lambda: check_quality(curve, scene), max(3, rounds // (1 + points // 100_000)))
+
+    return measure
+
+
+def _map(tip: Indenter, base: Base) -> Callable[[], Any]:
+    """A map with a thickness of its own for every curve."""
+    thickness = _THICKNESS * np.linspace(0.7, 1.3, _CURVES)
+    made = [_curve(_scene(tip, base, h), _POINTS, seed) for seed, h in enumerate(thickness.tolist())]
+    names = [f"{number:03d}" for number in range(_CURVES)]
+    curves = [
+        Curve(curve.depth, curve.force, metadata={"name": name})
+        for name, (curve, _) in zip(names, made, strict=True)
+    ]
+    manifest = pd.DataFrame({"file": names, "layer.thickness": thickness})
+    options = MapOptions(noise=made[0][1], solver=Exact(1e-4))
+    return lambda: fit_many(curves, _scene(tip, base), _PAIRS, manifest, workers=0, options=options)
+
+
+def _map_over_rigid(tip: Indenter, base: Base) -> Callable[[int], float]:
+    def measure(rounds: int) -> float:
+        return _over(_map(Paraboloid(1e-3), RIGID), _map(tip, base), max(2, rounds // 2))
+
+    return measure
+
+
+def _map_of_files(rounds: int) -> float:
+    """A map from a folder of CSV, ms a curve."""
+    with tempfile.TemporaryDirectory() as name:
+        scene, paths = _files(Path(name), _CURVES)
+        call = lambda: fit_many(paths[0].parent, scene, workers=0)  # noqa: E731  timed often
+        call()
+        return 1e3 * min(_seconds(call) for _ in range(max(2, rounds // 2))) / _CURVES
+
+
+def _stack_kernel(rounds: int) -> float:
+    """Two layers on a base over one, at the same hundred wavenumbers."""
+    u: FloatArray = np.linspace(0.0, 20.0, 100)
+    soft, base = Isotropic(1e6, 0.45), Isotropic(3e7, 0.3)
+    one = SubstrateKernel(soft, base)
+    two = StackKernel((Layer(soft, 1e-3), Layer(Isotropic(5e6, 0.4), 1e-3)), base)
+
+    def many(kernel: Any) -> Callable[[], Any]:
+        return lambda: [kernel.values(u) for _ in range(50)]
+
+    return _over(many(one), many(two), rounds)
+
+
+_LAYERED = (
+    ("base ten times stiffer", Paraboloid(1e-3), _STIFF),
+    ("true sphere, rigid base", Sphere(1e-3), RIGID),
+    ("true sphere, base ten times stiffer", Sphere(1e-3), _STIFF),
+)
+
+#: The rows of the table.
+USER_CASES = (
+    UserCase("`underlay --help`", "of `import lmfit`", _over_lmfit("-m", "underlay", "--help")),
+    UserCase("`underlay --version`", "of `import lmfit`", _over_lmfit("-m", "underlay", "--version")),
+    UserCase(
+        "one TAB",
+        "of `import lmfit`",
+        _over_lmfit(
+            "-m", "underlay", _UNDERLAY_COMPLETE="complete_bash", COMP_WORDS="underlay f", COMP_CWORD="1"
+        ),
+    ),
+    UserCase("`import underlay`", "of `import lmfit`", _over_lmfit("-c", "import underlay")),
+    UserCase("`underlay fit`, 1000 points, no pictures", "of `import lmfit`", _fit_command()),
+    UserCase("`underlay fit`, 1000 points, with pictures", "of `import lmfit`", _fit_command("output")),
+    UserCase("first fit of a process, more than the next", "ms", _first_fit),
+    *(
+        UserCase(f"reading a plain CSV of {points} points", "of `np.loadtxt`", _reading(points))
+        for points in (1000, 4000)
+    ),
+    *(
+        UserCase(f"`check_quality`, {points:,} points", "of the fit", _quality(points))
+        for points in (1000, 100_000)
+    ),
+    *(
+        UserCase(
+            f"map with a thickness column: {name}", "of the rigid paraboloid's", _map_over_rigid(tip, base)
+        )
+        for name, tip, base in _LAYERED
+    ),
+    UserCase("map from CSV, 1000 points", "ms a curve", _map_of_files),
+    UserCase("kernel of two layers on a base, 100 wavenumbers", "of one layer's", _stack_kernel),
+    UserCase("a million points: read, judged, fitted", "s", _million(0)),
+    UserCase("a million points: memory at most", "MB", _million(1)),
+)

@@ -1,0 +1,178 @@
+"""What the sampler's recipe costs and whether its answers are right, as commands whose results are kept beside them.
+
+    python tests/studies/posterior_recipe.py benchmark       # results/posterior_benchmark.json
+    python tests/studies/posterior_recipe.py random --count 60   # results/posterior_random.csv; stop it any time
+
+The benchmark is the posterior of E, thickness, E2 and contact point of a layer on an elastic base, 500 points. The
+moves of before (`moves()` without the mixture), the chain with it and weighted draws alone take turns in one
+process; what counts is the effective sample of the slowest tail per processor second, and how far each quantile is
+from quadrature (`support/posterior_quadrature.py`, no chain and no draws), in standard deviations.
+
+The random posteriors have two to five free parameters; each is sampled as anybody would, and every 2.5, 50 and
+97.5 % quantile compared with quadrature. A row is written as it is made.
+"""
+
+import argparse
+import csv
+import json
+import os
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent.parent / "src")]
+
+from sampling_speed import layered  # noqa: E402  # after the path is set
+
+from support.posterior_quadrature import LEVELS, reference  # noqa: E402
+from support.random_posteriors import random_problem  # noqa: E402
+from underlay.errors import FitError, UnderlayError  # noqa: E402
+from underlay.inference.sampling.convergence import tail_size  # noqa: E402
+from underlay.inference.sampling.run import sample  # noqa: E402
+from underlay.inference.sampling.weighted import Ridges  # noqa: E402
+
+RESULTS = HERE / "results"
+
+
+def without_mixture(problem, steps):
+    """A chain of the moves of before: no ridge is looked for."""
+    learn = Ridges.seek
+
+    def only_the_fit(self, start):
+        found = learn(self, start)
+        self.proposal = None
+        return found
+
+    Ridges.seek = only_the_fit
+    try:
+        return sample(problem, max_steps=steps)
+    finally:
+        Ridges.seek = learn
+
+
+def worth(posterior, seconds):
+    """Effective draws of the slowest tail, and per processor second."""
+    if posterior.diagnostics.method == "importance":
+        size = posterior.diagnostics.importance.effective
+    else:
+        size = min(tail_size(posterior.of(name)) for name in posterior.names)
+    return {"processor seconds": round(seconds, 3), "effective": round(size), "per second": size / seconds}
+
+
+def off(posterior, answer):
+    """Distance of every quantile from the reference in standard deviations of the logarithm, or of the number."""
+    rows = {}
+    for name in posterior.names:
+        draws, exact = posterior.of(name).ravel(), answer.quantiles[name]
+        if name.startswith(("layer.", "substrate.")):
+            draws, exact = np.log(draws), np.log(exact)
+        rows[name] = ((np.quantile(draws, LEVELS) - exact) / draws.std()).round(4).tolist()
+    return rows
+
+
+def timed(function, *arguments, **options):
+    begin = time.process_time()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a chain that did not converge is counted, not hidden
+        result = function(*arguments, **options)
+    return result, time.process_time() - begin
+
+
+def benchmark(points, old_steps, rounds):
+    sample(layered(), max_steps=100)  # what is loaded once
+    answer = reference(layered(), points)
+    table = {"load before": os.getloadavg()[0], "quadrature": {"log_evidence": answer.log_evidence}}
+    kinds = {
+        f"moves of before, {old_steps} steps": lambda p: without_mixture(p, old_steps),
+        "chain with the mixture": sample,
+        "weighted draws alone": lambda p: sample(p, method="importance"),
+    }
+    for _ in range(rounds):
+        for name, make in kinds.items():
+            posterior, seconds = timed(make, layered())
+            row = worth(posterior, seconds)
+            row |= {"converged": posterior.converged, "off": off(posterior, answer)}
+            row["worst"] = float(np.abs(list(row["off"].values())).max())
+            if posterior.log_evidence is not None:
+                row["log_evidence"] = list(posterior.log_evidence)
+            table.setdefault(name, []).append(row)
+    middle = {name: float(np.median([row["per second"] for row in table[name]])) for name in kinds}
+    first, *others = middle
+    table["effective per second over the moves of before"] = {n: middle[n] / middle[first] for n in others}
+    text = json.dumps(table, indent=1) + "\n"
+    (RESULTS / "posterior_benchmark.json").write_text(text, encoding="utf-8")
+    print(text)  # a command
+
+
+COLUMNS = (
+    "seed", "parameters", "free", "converged", "steps", "seconds", "evaluations", "accepted", "k_hat", "optima",
+    "worst", "where", "log_evidence_off", "log_evidence_error", "reason",
+)  # fmt: skip
+
+
+def one(seed):
+    problem = random_problem(seed)
+    posterior, seconds = timed(sample, problem)
+    answer = reference(problem, 40)
+    rows = off(posterior, answer)
+    worst = max(rows, key=lambda name: np.abs(rows[name]).max())
+    d, told = posterior.diagnostics, posterior.log_evidence
+    found = d.importance
+    return {
+        "seed": seed,
+        "parameters": len(problem.names),
+        "free": " ".join(problem.names),
+        "converged": posterior.converged,
+        "steps": d.steps,
+        "seconds": round(seconds, 2),
+        "evaluations": d.evaluations,
+        "accepted": bool(found and found.accepted),
+        "k_hat": round(found.k_hat, 2) if found else "",
+        "optima": found.optima if found else "",
+        "worst": round(float(np.abs(rows[worst]).max()), 3),
+        "where": worst,
+        "log_evidence_off": round(told.value - answer.log_evidence, 3) if told else "",
+        "log_evidence_error": round(told.error, 3) if told else "",
+        "reason": (found.refused if found else "no mixture") or d.reason,
+    }
+
+
+def random(count, first):
+    path = RESULTS / "posterior_random.csv"
+    known = set(pd.read_csv(path)["seed"]) if path.exists() else set()
+    if not known:
+        path.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
+    for seed in range(first, first + count):
+        if seed in known:
+            continue
+        try:
+            row = one(seed)
+        except (FitError, UnderlayError) as error:
+            row = dict.fromkeys(COLUMNS, "") | {"seed": seed, "reason": f"{type(error).__name__}: {error}"}
+        with path.open("a", newline="", encoding="utf-8") as file:
+            csv.DictWriter(file, COLUMNS).writerow(row)
+        print(row, flush=True)  # a command
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=["benchmark", "random"])
+    parser.add_argument("--count", type=int, default=60)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--points", type=int, default=72)
+    parser.add_argument("--old-steps", type=int, default=6000)
+    parser.add_argument("--rounds", type=int, default=1)
+    arguments = parser.parse_args()
+    if arguments.what == "benchmark":
+        benchmark(arguments.points, arguments.old_steps, arguments.rounds)
+    else:
+        random(arguments.count, arguments.first)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,210 @@
+"""Posteriors by quadrature, with no chain and no draws: what a sampler's quantiles are compared with.
+
+What acts linearly is integrated over for every place of a grid in the rest. With the ratio k = E2 / E held the
+force is E times a curve, and with white noise of known size the likelihood is a normal in E: a few dozen nodes about
+its middle do, whatever the prior. A baseline without a bound within reach and with a flat or normal prior is
+integrated in closed form. The grid in ln h, ln k, contact depth and Poisson's ratio is placed where the posterior
+is: it grows until its edges hold nothing, from where a coarse grid over the whole prior finds most.
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from underlay.inference.priors.densities import Normal, Uniform
+
+E_PATH, E2_PATH, H_PATH = "layer.E", "substrate.E", "layer.thickness"
+CONTACT, BASELINE = "instrument.contact_depth", "instrument.baseline"
+LEVELS = (0.025, 0.5, 0.975)
+NODES = 21
+REACH = 5.5
+# A place this far below the top holds nothing.
+DEPTH = 9.0
+# Points of a line while the posterior is looked for, by the number of axes.
+COARSE = {1: 400, 2: 80, 3: 28}
+
+
+@dataclass
+class Reference:
+    """Quantiles (SI) by name, (levels,), standard deviations of ln or of the number itself, and ln(evidence)."""
+
+    quantiles: dict
+    log_evidence: float
+    cells: int
+
+
+class Quadrature:
+    """One problem with white noise of known size, a layer's E free, and a baseline of zero or a free one."""
+
+    def __init__(self, problem, points=48):
+        (self.member,) = problem.members
+        self.problem, self.points = problem, points
+        self.names = problem.names
+        self.sigma = float(self.member.noise.force)
+        self.axes = [name for name in self.names if name not in (E_PATH, BASELINE)]
+        self.priors = problem.priors
+
+    def axis_range(self, name):
+        """Range of an axis that holds all of its prior but 1e-7: of a logarithm where it is positive."""
+        coordinate = self.problem.coordinates[self.names.index(name)]
+        prior = coordinate.prior.truncated(coordinate.low, coordinate.high)
+        low, high = prior.quantile(np.array([1e-7, 1.0 - 1e-7]))
+        if name == E2_PATH:
+            layer = self.priors[E_PATH].quantile(np.array([1e-7, 1.0 - 1e-7]))
+            return np.log(low / layer[1]), np.log(high / layer[0])
+        return (np.log(low), np.log(high)) if name == H_PATH else (low, high)
+
+    def curves(self, places):
+        """Force per E (N/Pa), (m, n), at places (m, axes); a row of nan where no law exists."""
+        unit = float(self.member.base[E_PATH])
+        physical = np.zeros((len(places), len(self.names)))
+        for j, name in enumerate(self.names):
+            if name == E_PATH:
+                physical[:, j] = unit
+            elif name != BASELINE:
+                column = places[:, self.axes.index(name)]
+                physical[:, j] = {E2_PATH: lambda q: unit * np.exp(q), H_PATH: np.exp}.get(name, lambda q: q)(
+                    column
+                )
+        forces = np.empty((len(places), len(self.member.force)))
+        for rows in np.array_split(np.arange(len(places)), max(1, len(places) // 2000)):
+            read = self.member.readings(physical[rows], stiffness=False)
+            forces[rows] = np.where(read.possible[:, None], read.contact / unit, np.nan)
+        return forces
+
+    def log_axis_prior(self, places):
+        """ln density (m,) of the axes but the ratio of moduli."""
+        total = np.zeros(len(places))
+        for j, name in enumerate(self.axes):
+            if name == H_PATH:
+                h = np.exp(places[:, j])
+                total += self.priors[name].log_density(h) + np.log(h)
+            elif name != E2_PATH:
+                total += self.priors[name].log_density(places[:, j])
+        return total
+
+    def weights(self, places):
+        """ln posterior (m, nodes) with ln dE of the nodes in it, E (m, nodes), and the baseline's mean and sd."""
+        force, n = self.member.force, len(self.member.force)
+        curves = self.curves(places)
+        baseline = BASELINE in self.names
+        mean, precision = 0.0, 0.0
+        if baseline:
+            prior = self.priors[BASELINE]
+            if isinstance(prior, Normal):
+                mean, precision = prior.mean, prior.sd**-2
+            elif not isinstance(prior, Uniform):
+                raise TypeError(prior)
+        else:
+            mean = float(self.member.base[BASELINE])
+        s2 = self.sigma**2
+        ff, fy, f1 = (curves**2).sum(1), curves @ force, curves.sum(1)
+        y1, yy = force.sum(), force @ force
+        # Least squares in E with the baseline projected out; (E, b) then factorise.
+        total = n / s2 + precision
+        aa = ff / s2 - (f1 / s2) ** 2 / total if baseline else ff / s2
+        middle_b = (y1 / s2 + mean * precision) / total if baseline else 0.0
+        ay = (fy / s2 - f1 / s2 * middle_b) if baseline else (fy - f1 * mean) / s2
+        with np.errstate(invalid="ignore", divide="ignore"):  # rows without a law are nan until the end
+            best, width = ay / aa, aa**-0.5
+        nodes = np.linspace(-REACH, REACH, NODES)
+        E = best[:, None] + width[:, None] * nodes
+        if baseline:
+            constant = -0.5 * (yy / s2 + mean**2 * precision - total * middle_b**2)
+            constant += 0.5 * np.log(2.0 * np.pi / total) + (
+                0.5 * np.log(precision / (2.0 * np.pi))
+                if precision
+                else -np.log(self.priors[BASELINE].high - self.priors[BASELINE].low)
+            )
+        else:
+            constant = -0.5 * ((force - mean) @ (force - mean)) / s2
+        constant -= n * np.log(self.sigma) + 0.5 * n * np.log(2.0 * np.pi)
+        fit = (
+            constant
+            + 0.5 * (aa * best**2)[:, None]
+            - 0.5 * nodes**2
+            + np.log(width * (nodes[1] - nodes[0]))[:, None]
+        )
+        positive = E > 0.0
+        safe = np.where(positive, E, 1.0)
+        fit = fit + self.priors[E_PATH].log_density(safe) + self.log_axis_prior(places)[:, None]
+        if E2_PATH in self.axes:
+            base = safe * np.exp(places[:, self.axes.index(E2_PATH)])[:, None]
+            fit = fit + self.priors[E2_PATH].log_density(base) + np.log(base)
+        b_mean = middle_b - E * (f1 / s2 / total)[:, None] if baseline else None
+        value = np.where(positive & np.isfinite(fit), fit, -np.inf)
+        return value, E, b_mean, total**-0.5 if baseline else 0.0
+
+    def placed(self):
+        """Ranges of the axes outside which the posterior holds nothing."""
+        whole = [self.axis_range(name) for name in self.axes]
+        ranges = list(whole)
+        for attempt in range(10):
+            points = COARSE[len(whole)] if attempt < 3 else 24
+            lines, places, _ = self.grid(ranges, points)
+            mass = self.weights(places)[0].max(axis=1)
+            near, shrinks = places[mass > mass.max() - DEPTH], False
+            for j, line in enumerate(lines):
+                step = line[1] - line[0]
+                low = max(near[:, j].min() - step, whole[j][0])
+                high = min(near[:, j].max() + step, whole[j][1])
+                shrinks |= high - low < 0.9 * (ranges[j][1] - ranges[j][0])
+                ranges[j] = low, high
+            if not shrinks:
+                break
+        return ranges
+
+    def grid(self, ranges, points):
+        """Lines of the axes, one point where an axis is fixed, places (m, axes), and ln of a cell's volume."""
+        lines = [np.linspace(low, high, points if high > low else 1) for low, high in ranges]
+        places = np.array(list(itertools.product(*lines))) if lines else np.zeros((1, 0))
+        steps = [line[1] - line[0] for line in lines if len(line) > 1]
+        return lines, places, float(np.log(np.prod(steps))) if steps else 0.0
+
+    def reference(self):
+        """Quantiles and evidence."""
+        points = {0: 1, 1: 400, 2: 120, 3: self.points}[len(self.axes)]
+        _, places, volume = self.grid(self.placed() if self.axes else [], points)
+        value, E, b_mean, b_sd = self.weights(places)
+        top = value.max()
+        share = np.exp(value - top)
+        quantiles = {}
+        for name in self.names:
+            if name in (E_PATH, E2_PATH):
+                logs = np.log(np.where(E > 0.0, E, 1.0))
+                ratio = places[:, self.axes.index(name)][:, None] if name == E2_PATH else 0.0
+                quantiles[name] = np.exp(_quantiles(logs + ratio, share))
+            elif name == BASELINE:
+                quantiles[name] = _smeared(b_mean, share, b_sd)
+            else:
+                values = _quantiles(places[:, self.axes.index(name)], share.sum(axis=1))
+                quantiles[name] = np.exp(values) if name == H_PATH else values
+        return Reference(quantiles, float(np.log(share.sum()) + top + volume), value.size)
+
+
+def _quantiles(values, share):
+    """Quantiles of nodes; those at one value are one, and half of each lies below it."""
+    kept = share > 1e-12 * share.max()
+    ordered, back = np.unique(values[kept], return_inverse=True)
+    mass = np.bincount(back, weights=share[kept])
+    upto = np.cumsum(mass) - 0.5 * mass
+    return np.interp(np.array(LEVELS) * mass.sum(), upto, ordered)
+
+
+def _smeared(means, share, sd):
+    """Quantiles of a mixture of normals of one width."""
+    kept = share > 1e-9 * share.max()
+    m, w = means[kept], share[kept] / share[kept].sum()
+    edges = np.linspace(m.min(), m.max() + 1e-300, 4001)
+    counts, _ = np.histogram(m, edges, weights=w)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    ends = np.linspace(m.min() - 6.0 * sd, m.max() + 6.0 * sd, 1200)
+    upto = np.array([counts @ special.ndtr((x - middles) / sd) for x in ends])
+    return np.interp(LEVELS, upto, ends)
+
+
+def reference(problem, points=48):
+    """Quadrature of a problem's posterior."""
+    return Quadrature(problem, points).reference()
