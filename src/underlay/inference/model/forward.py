@@ -121,7 +121,7 @@ class Forward:
 
     def prepare(self, values: Sequence[Mapping[str, float]]) -> None:
         """Make ready the laws at several sets of `values`, as `LawSource.laws_of` does."""
-        depths = [self.similarity.factors(one)[0] * self._deepest(Chain.of(one)) for one in values]
+        depths = [self.similarity.factors(one)[0] * self._deepest(Chain.of(one), one) for one in values]
         self.laws.laws_of([self.similarity.reduced(one) for one in values], depths)
 
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:

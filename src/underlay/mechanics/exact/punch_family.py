@@ -39,6 +39,8 @@ __all__ = ["PunchCell", "PunchFamily", "punch_family"]
 # Of the share of an error that a solution's nodes may take: the nodes, and what either interpolation leaves out.
 _SHARE_OF_SOLUTION, _SHARE_OF_RATIO, _SHARE_OF_RADIUS = 0.4, 0.3, 0.3
 _MOST_RATIOS, _MOST_RADII = 24, 96
+# What a series leaves out is read off its last four coefficients.
+_FEWEST_RADII = 4
 # Coarser solutions of wide contacts are rough in eps: at 1e-2 their series did not end.
 _COARSEST = 1e-4
 
@@ -143,7 +145,7 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
         key=lambda nodes: (nodes.radial, nodes.wavenumbers),
     )
     stretch = Stretch.to(cell.top, middle.softness)
-    radii = series_terms(middle, cell.top, share)
+    radii = max(series_terms(middle, cell.top, share), _FEWEST_RADII)
     while True:
         eps_angles = chebyshev_angles(radii)
         eps = stretch.v(np.cos(eps_angles))

@@ -134,7 +134,7 @@ def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> tuple[Fl
     tops = asked.top.copy()
     end = asked.tip.max_radius / asked.thickness
     varpi, eps = _radii(asked, placing, tops, count)
-    # Between few radii, of which those beyond the shape lie at its end, a straight line leaves the rest too far out.
+    # Radii beyond the shape lie at its end: between few of them a straight line leaves the last too far out.
     while (beyond := eps[:, -1] > 0.5 * (1.0 + _SHARE_OF_SHAPE) * end).any():
         for row in np.flatnonzero(beyond).tolist():
             tops[row] = np.interp(_SHARE_OF_SHAPE * end[row], eps[row], varpi[row])
