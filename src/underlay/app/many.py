@@ -37,8 +37,6 @@ __all__ = ["decide", "gallery", "judged_table", "overview", "run_map", "show_pop
 _KIND = FileKind("the gallery of a map", 1_000_000_000, "fit the curves again")
 #: Curves on a page of the gallery.
 PER_PAGE = 24
-# A further process takes a second to start; it is worth it where a curve that kills it would take many along.
-_FEW = 50
 
 
 def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
@@ -46,8 +44,10 @@ def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
     of = _fingerprint(folder)
     table = folder.results / "map.csv"
     journal = table.with_name("map.csv.journal")
-    same = folder.read_result("map.of.txt") == of.encode()
-    if not same:
+    done = folder.read_result("map.done.txt") == of.encode()
+    if done and table.exists():
+        return overview(folder)
+    if folder.read_result("map.of.txt") != of.encode():
         for old in (table, journal, folder.results / "map.cards.json"):
             old.unlink(missing_ok=True)
     scene = write_atomic(folder.results / "map.scene.toml", _scene_of_all(folder))
@@ -56,14 +56,10 @@ def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
         resume=journal.exists(),
         progress=lambda done, total: tell(Progress(done, total, f"{done} of {total} curves")),
     )
-    fit_many(
-        folder.curves,
-        scene,
-        manifest=_manifest(folder),
-        workers=0 if len(folder.curve_files()) <= _FEW else 1,
-        output=table,
-        options=options,
-    )
+    # A run that did not come to its end goes on in a process of its own: a curve that kills that is given up.
+    workers = 1 if options.resume else 0
+    fit_many(folder.curves, scene, manifest=_manifest(folder), workers=workers, output=table, options=options)
+    write_atomic(folder.results / "map.done.txt", of)
     return overview(folder)
 
 
