@@ -9,7 +9,7 @@ from nicegui import events, ui
 from underlay.app.pages.outcome import Outcome
 from underlay.app.pages.step import Step, Window, data_address, message_list
 from underlay.app.shown import Look
-from underlay.units import format_quantity
+from underlay.units import format_quantity, printed
 
 __all__ = ["FitStep"]
 
@@ -214,8 +214,10 @@ class FitStep(Step):
             )
         )
         self._picture.set_content(shade + handles)
-        self._contact_words.set_text(format_quantity(self._contact, "length"))
-        self._range_words.set_text(" to ".join(format_quantity(end, "length") for end in self._range))
+        self._contact_words.set_text(printed(format_quantity(self._contact, "length")))
+        self._range_words.set_text(
+            printed(" to ".join(format_quantity(end, "length") for end in self._range))
+        )
 
     def _write(self) -> None:
         """Write contact and range into the scene."""

@@ -57,7 +57,7 @@ class SceneStep(Step):
                 self._axial("substrate")
             for section, words in ADVANCED.items():
                 with (
-                    ui.expansion(words, value=bool(section != TOP and draft.peek(section)))
+                    ui.expansion(words, value=bool(section not in (TOP, "solver") and draft.peek(section)))
                     .props("dense")
                     .classes("wide")
                 ):
