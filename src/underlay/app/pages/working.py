@@ -12,9 +12,6 @@ from underlay.app.shown import Progress
 
 __all__ = ["Working"]
 
-# Longest that a task may take to end by itself after a stop (s).
-_PATIENCE = 5.0
-
 
 class Working:
     """The buttons of a long task.
@@ -43,6 +40,7 @@ class Working:
         heard: Callable[[Any], None] | None = None,
     ) -> None:
         self._window, self._heard = window, heard
+        self._asked = False
         self._go = ui.button(words, on_click=begin).props("unelevated no-caps size=lg").mark(mark)
         self._stop = ui.button("Stop", on_click=self._halt).props("outline no-caps").mark(f"stop-{mark}")
         self._bar = ui.linear_progress(0.0, show_value=False).props("instant-feedback").classes("bar")
@@ -68,23 +66,28 @@ class Working:
             if self._heard is not None:
                 self._heard(value)
             return
+        if self._asked:
+            return
         self._bar.props(remove="indeterminate")
         self._bar.set_value(value.done / max(value.total, 1))
         self._words.set_text(value.words)
 
     def _halt(self) -> None:
-        """Ask for an end; end the process where that is not answered soon."""
+        """Ask for an end, with what there is by then; asked again, or where nothing is told, end it at once."""
         long = self._window.analysis.long
-        if not self._bar.props.get("indeterminate"):
-            long.ask_to_stop()
-            self._words.set_text("stopping ...")
-            ui.timer(_PATIENCE, lambda: long.stop() if long.is_busy else None, once=True)
-        else:
+        if self._asked or self._bar.props.get("indeterminate"):
             long.stop()
+            return
+        long.ask_to_stop()
+        self._asked = True
+        self._stop.set_text("Stop at once")
+        self._words.set_text("stopping, with what is there ...")
 
     def _working(self, *, on: bool) -> None:
         self._go.set_enabled(not on)
         for element in (self._stop, self._bar, self._words):
             element.set_visibility(on)
         self._words.set_text("")
+        self._stop.set_text("Stop")
+        self._asked = False
         self._bar.props("indeterminate")
