@@ -58,6 +58,9 @@ def test_every_command_has_an_example(name):
 def test_example_works_as_written(example, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     monkeypatch.setattr(sys, "argv", shlex.split(example))
+    if example.split()[1] == "app":
+        # It would serve until Ctrl-C; tests/test_app_browser.py lets it.
+        monkeypatch.setattr("underlay.app.server.serve", lambda *_, **__: None)
     code = 0
     try:
         main()

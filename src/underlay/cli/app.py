@@ -11,6 +11,7 @@ from underlay._version import VERSION
 from underlay.cli.accuracy import accuracy
 from underlay.cli.bench import bench
 from underlay.cli.benchmark import benchmark
+from underlay.cli.browser_page import browser_page
 from underlay.cli.cite import cite
 from underlay.cli.compare import compare
 from underlay.cli.console import noted, say, say_error
@@ -80,6 +81,7 @@ for command in (
 ):
     app.command()(command)
 app.command("map")(map_curves)
+app.command("app")(browser_page)
 
 
 def main() -> None:

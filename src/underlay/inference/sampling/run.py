@@ -32,7 +32,7 @@ from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.moves import IndependenceMove, Tallied, moves
 from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.progress import SamplingProgress
+from underlay.inference.sampling.progress import SamplingProgress, Told
 from underlay.inference.sampling.second_opinion import second_opinion
 from underlay.inference.sampling.stopping import Outcome, judge
 from underlay.inference.sampling.walker_start import start_walkers
@@ -55,7 +55,7 @@ def sample(
     start: Mapping[str, float] | None = None,
     backend: str | os.PathLike[str] | None = None,
     resume: bool = False,
-    progress: bool | None = None,
+    progress: bool | Told | None = None,
     method: str = "emcee",
 ) -> Posterior:
     """Sample the posterior of a problem.
@@ -78,8 +78,10 @@ def sample(
         nothing of it.
     resume : bool, default False
         Continue the chain in `backend`, as if it had never stopped; begin it if there is no such file.
-    progress : bool, optional
-        Show a progress line; by default only on a terminal.
+    progress : bool or callable, optional
+        Show a progress line; by default only on a terminal. A function is called at every step with the steps done,
+        those that will probably be needed and the effective samples so far; a KeyboardInterrupt that it raises ends
+        the sampling as Ctrl-C does.
     method : {"emcee", "importance"}
         ``"importance"`` gives the weighted draws of the mixture alone, resampled, where they are accepted: for
         quick looks and for maps. It makes no chain, so `walkers`, `max_steps` and `backend` do not matter to it.

@@ -9,6 +9,7 @@ from underlay.report.plots.film import film
 from underlay.report.plots.fit import fit, fit_in_time, fit_log
 from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
+from underlay.report.plots.laws import laws
 from underlay.report.plots.map import map  # noqa: A004  the public name
 from underlay.report.plots.plan import plan
 from underlay.report.plots.pointwise import pointwise_modulus
@@ -34,6 +35,7 @@ __all__ = [
     "fit_log",
     "histogram",
     "identifiability",
+    "laws",
     "map",
     "plan",
     "pointwise_modulus",
