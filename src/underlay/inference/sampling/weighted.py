@@ -114,12 +114,12 @@ def by_weights(
     ridges.seek(start)
     drawn = ridges.draws(_ALONE_ERROR)
     if drawn is None or ridges.proposal is None:
-        raise FitError("weighted draws are not accepted: no ridge was found; sample with method='emcee'")
+        raise FitError("weighted draws are not accepted: no ridge was found; take the sampler emcee")
     leak = leak_of_walk(ridges.target, drawn, ridges.proposal, ridges.for_draws)
     importance = judged(drawn, ridges.proposal, leak)
     if importance.refused:
         raise FitError(
-            f"weighted draws are not accepted: {importance.refused}; sample with method='emcee', which is exact "
+            f"weighted draws are not accepted: {importance.refused}; take the sampler emcee, which is exact "
             "where they are not"
         )
     ridges.count()
