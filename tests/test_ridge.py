@@ -495,7 +495,7 @@ def test_weighted_draws_that_are_not_accepted_say_why(monkeypatch):
         self.proposal = _narrow(self)
 
     monkeypatch.setattr(Ridges, "seek", seek)
-    with pytest.raises(FitError, match=r"not accepted: .*k-hat.*method='emcee'"):
+    with pytest.raises(FitError, match=r"not accepted: .*k-hat.*take the sampler emcee"):
         sample(halfspace_problem(), method="importance")
 
 
