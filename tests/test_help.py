@@ -10,6 +10,7 @@ import sys
 import pytest
 import typer
 
+from support.films import write_films
 from support.populations import write_study
 from support.reports import SAMPLES, write_result
 from underlay.cli.app import app, main
@@ -44,6 +45,7 @@ def folder(tmp_path):
     )
     write_study(tmp_path / "map.csv", group="treatment")
     write_result(tmp_path / "curve.fit.json")
+    write_films(tmp_path)
     return tmp_path
 
 
@@ -56,6 +58,9 @@ def test_every_command_has_an_example(name):
 def test_example_works_as_written(example, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     monkeypatch.setattr(sys, "argv", shlex.split(example))
+    if example.split()[1] == "app":
+        # It would serve until Ctrl-C; tests/test_app_browser.py lets it.
+        monkeypatch.setattr("underlay.app.server.serve", lambda *_, **__: None)
     code = 0
     try:
         main()

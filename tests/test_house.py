@@ -9,7 +9,8 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "underlay"
 
-#: Floors from the ground up; a module may import from its own floor and from below.
+#: Floors from the ground up; a module may import from its own floor and from below. The browser page (`app`)
+#: stands on the floor of the command line.
 FLOORS = ("base", "mechanics", "scene", "data", "inference", "report", "cli")
 GROUND = {
     "errors",
@@ -39,6 +40,8 @@ HOMES = {
     "tomlkit": ("scene/scene_writer",),
     "xlsxwriter": ("report/spreadsheet",),
     "typer": ("cli",),
+    "nicegui": ("app/server", "app/pages"),
+    "starlette": ("app/security",),
     "rich": ("cli", "inference/sampling/progress", "inference/batch/progress"),
 }
 
@@ -57,7 +60,7 @@ def floor_of(name):
         return len(FLOORS)
     if head in GROUND:
         return 0
-    return FLOORS.index("cli" if head.startswith("cli") else head)
+    return FLOORS.index("cli" if head.startswith("cli") or head == "app" else head)
 
 
 def imported(path):
@@ -166,6 +169,8 @@ OPENS_DOTTED = {
 }
 #: The only modules that call them, and why; `_door` checks a file, the others get bytes of it or write.
 DOORS = {
+    "app/server": {"webbrowser.open"},  # opens a browser
+    "app/takeaway": {"zipfile.ZipFile"},  # writes into memory
     "_door": {"os.open", "io.FileIO"},
     "_documents": {"json.loads", "tomllib.loads"},
     "_zip": {"zipfile.ZipFile", "archive.open"},
@@ -178,8 +183,10 @@ DOORS = {
     "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
     "inference/sampling/chain_file": {"library.File"},  # after require_regular
     "inference/batch/map_table": {"pd.read_csv"},  # text in memory
+    "report/bench_users": {"read_text", "np.loadtxt"},  # the processor's name; a peer that is timed
     "report/execution": {"open"},  # writes a log
     "report/page": {"read_text"},  # of the package itself
+    "report/review": {"read_text"},  # of the package itself
     "report/notebook": {"read_text"},  # of the package itself
 }
 

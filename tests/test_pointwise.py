@@ -1,5 +1,7 @@
 """The modulus depth by depth: laws that hold without noise, what a wrong model shows, and coverage with noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,9 +28,10 @@ def clean_fit(scene, free=FREE, *, points=400, depth=1.2e-4, fitted=None, noise=
         layer_on(ELASTIC),
         layer_on(ELASTIC, compliance=1e-6, baseline=2e-3, baseline_slope=3.0),
         layer_on(ul.RIGID, indenter=ul.Cone(np.deg2rad(70.0))),
+        replace(layer_on(ul.RIGID), lever=ul.Lever(2e4, 0.9, 1.1)),
         layer_on(ul.Stack([ul.Layer(ul.Isotropic(3e6, 0.4), 2e-4)], base=ul.RIGID)),
     ],
-    ids=["rigid", "elastic", "frame and baseline", "cone", "stack"],
+    ids=["rigid", "elastic", "frame and baseline", "cone", "lever", "stack"],
 )
 def test_without_noise_every_depth_says_the_modulus(scene):
     found = ul.pointwise_modulus(clean_fit(scene))

@@ -11,11 +11,13 @@ from underlay._version import VERSION
 from underlay.cli.accuracy import accuracy
 from underlay.cli.bench import bench
 from underlay.cli.benchmark import benchmark
+from underlay.cli.browser_page import browser_page
 from underlay.cli.cite import cite
 from underlay.cli.compare import compare
 from underlay.cli.console import noted, say, say_error
 from underlay.cli.demo import demo
 from underlay.cli.effects import effects
+from underlay.cli.film import film
 from underlay.cli.fit import fit
 from underlay.cli.formats import formats
 from underlay.cli.identify import identify
@@ -61,6 +63,7 @@ def _whole(
 for command in (
     demo,
     fit,
+    film,
     compare,
     sample,
     simulate,
@@ -78,6 +81,7 @@ for command in (
 ):
     app.command()(command)
 app.command("map")(map_curves)
+app.command("app")(browser_page)
 
 
 def main() -> None:

@@ -15,7 +15,6 @@ from underlay.cli.options import OutputFolder
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
-    from underlay._arrays import FloatArray
     from underlay.data.curve import Curve
 
 __all__ = ["formats"]
@@ -50,11 +49,10 @@ def formats(
 
     Example: `underlay formats curve.csv --new-scene new_scene.toml`
     """
-    import pandas as pd
-
     from underlay.data.readers import read_all
     from underlay.data.signs import flipped
     from underlay.report import plots
+    from underlay.report.reading import format_name, reading_table
     from underlay.scene.scene_file import PLACE, read_scene_file
 
     if file is None:
@@ -69,7 +67,7 @@ def formats(
     # The signs are shown as they are: only what the scene turns is turned.
     curves = [flipped(curve, stated.get("flip") or ()) for curve in read]
     chosen = _chosen(curves, test if test is not None else stated.get("test"), file)
-    say_table(pd.DataFrame([_row(number, curve) for number, curve in chosen]), _title(file, chosen[0][1]))
+    say_table(reading_table(chosen), f"{file.name}, format {format_name(chosen[0][1])}")
     say_warnings([str(note) for _, curve in chosen for note in curve.metadata.get("notes", ())])
     if new_scene is not None:
         say(f"wrote {_write_new(new_scene, file, chosen)}")
@@ -132,37 +130,3 @@ def _chosen(curves: list[Curve], test: int | None, file: Path) -> list[tuple[int
     if not 1 <= test <= len(curves):
         raise InputError(f"{file.name} has no test {test}; it holds {len(curves)}, counted from 1")
     return [(test, curves[test - 1])]
-
-
-def _title(file: Path, curve: Curve) -> str:
-    from underlay.data.readers import all_formats
-
-    name = curve.metadata["format"]
-    described = next((entry.description for entry in all_formats() if entry.name == name), "")
-    return f"{file.name}, format {name}" + (f" ({described})" if described else "")
-
-
-def _row(number: int, curve: Curve) -> dict[str, object]:
-    from underlay.data.segments import HOLD, LOADING, UNLOADING
-
-    labels = curve.segments()
-    counts = {label: int((labels == label).sum()) for label in (LOADING, HOLD, UNLOADING)}
-    return {
-        "test": number,
-        "name": str(curve.metadata.get("name", "")),
-        "points": len(curve),
-        "depth": _span(curve.depth, "length"),
-        "force": _span(curve.force, "force"),
-        "segments": ", ".join(f"{label} {count}" for label, count in counts.items() if count),
-    }
-
-
-def _span(values: FloatArray, kind: str) -> str:
-    import numpy as np
-
-    from underlay.units import format_quantity
-
-    finite = values[np.isfinite(values)]
-    if not finite.size:
-        return "no finite number"
-    return f"{format_quantity(float(finite.min()), kind)} to {format_quantity(float(finite.max()), kind)}"

@@ -34,7 +34,7 @@ def keys(
 
     from underlay.scene.scene_keys import TOP, scene_keys
 
-    table = pd.DataFrame(scene_keys())
+    table = pd.DataFrame(scene_keys()).drop(columns=["kind", "words"])
     sections = list(dict.fromkeys(table["section"]))
     if section is not None and section not in sections[1:]:
         raise InputError(f"a scene file has no section {section!r}; it has {', '.join(sections[1:])}")

@@ -116,8 +116,8 @@ def fit_stiffness(
     """
     if not isinstance(scene.indenter, Cone):
         raise InputError(
-            "continuous stiffness is read with a pyramid: give its equivalent cone, such as Cone.berkovich(), as "
-            f"the indenter; got {scene.indenter.shape!r}"
+            "continuous stiffness is read with a pyramid: the indenter is to be its equivalent cone, "
+            f"70.32 degrees of a Berkovich tip; got {scene.indenter.shape!r}"
         )
     for path in free:
         if path not in scene.parameters:
@@ -127,9 +127,11 @@ def fit_stiffness(
         scene, tuple(free), measured.radius, tip_modulus, punch_factor, as_solver(solver or Exact(_RTOL))
     )
     logs = np.log([scene.parameters[path] for path in free])
-    found = optimize.least_squares(
-        lambda x: (model.log_stiffness(x) - measured.log_stiffness) / measured.noise, logs, x_scale=0.3
-    )
+
+    def misfit(at: FloatArray) -> FloatArray:
+        return (model.log_stiffness(at) - measured.log_stiffness) / measured.noise
+
+    found = optimize.least_squares(misfit, logs, x_scale=0.3)
     return _result(curve, model, measured, found.x)
 
 

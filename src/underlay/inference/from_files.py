@@ -94,8 +94,8 @@ def require_elastic(scene: Scene, curve: Curve, overrule: Collection[str] = ()) 
         return
     raise CurveError(
         f"{curve.metadata.get('name', 'the curve')}: the loading is elastoplastic, {reason}; the elastic number is "
-        "in how it springs back: fit the contact stiffness S(h) (fit_stiffness), or the stiffness at the start of "
-        'unloading (modulus_from_stiffness); overrule = ["imprint"] in [curve] fits the loading all the same'
+        "in how it springs back: fit the contact stiffness S(h) instead (underlay film; fit_stiffness in Python), "
+        'or write overrule = ["imprint"] in [curve] to fit the loading all the same'
     )
 
 
@@ -243,7 +243,9 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
     curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes, *known.notes))
     require_elastic(file.draft, curve, file.curve.get("overrule", ()))
     curve = within_range(file, file.draft, curve)
-    free = {**known.priors, **free_of(file, curve), **(priors or {})}
+    # What the file frees comes first, in its own words; the calibration stands behind it.
+    free = {**free_of(file, curve), **(priors or {})}
+    free = {**free, **{path: prior for path, prior in known.priors.items() if path not in free}}
     problem = Problem(_started(file, curve), curve, free, file.noise, solver=file.solver)
     require_plausible(problem)
     return problem

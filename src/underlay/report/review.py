@@ -33,7 +33,7 @@ from underlay.scene.scene import Scene
 from underlay.scene.scene_file import SceneFile
 from underlay.units import format_quantity
 
-__all__ = ["write_review"]
+__all__ = ["Card", "review_cards", "write_review"]
 
 _TEMPLATES = Path(__file__).parent / "templates"
 # A picture of 120 pixels needs no finer law.
@@ -46,8 +46,22 @@ _LONGEST_REASON = 600
 
 
 @dataclass(frozen=True)
-class _Card:
-    """One curve of the gallery."""
+class Card:
+    """One curve of the gallery.
+
+    Parameters
+    ----------
+    name, verdict, reason : str
+        As in the table.
+    numbers : tuple of str
+        What was found, in words.
+    misfit : float
+        Root mean square of what the fit leaves over, averaged over pieces, as a share of the range of the force.
+    picture : str
+        SVG element.
+    decision : str
+        What was decided by hand, in words; empty for nothing.
+    """
 
     name: str
     verdict: str
@@ -108,22 +122,10 @@ def write_review(
         If the folder cannot be written.
     """
     target = require_writable_folder(folder)
-    file = scene_file_of(scene)
-    places = list_curves(curves, leave_out, folders)
-    if len(places) != len(table):
-        raise InputError(
-            f"the table has {len(table)} rows, but there are {len(places)} curves: give the same ones"
-        )
-    base = file.draft if file is not None else scene
-    if not isinstance(base, Scene):
-        raise InputError(f"scene must be a Scene or the path of a scene file; got {scene!r:.100}")
-    wanted = as_solver(solver) if solver is not None else (Auto() if file is None else file.solver)
     known = decisions or Decisions({})
-    cards = [
-        _card(row, place, file, base, wanted.with_tolerance(_RTOL), known)
-        for row, place in zip(table.to_dict("records"), places, strict=True)
-    ]
-    cards.sort(key=lambda card: card.badness)
+    cards = review_cards(
+        table, curves, scene, decisions=known, solver=solver, folders=folders, leave_out=leave_out
+    )
     pages = [
         write_atomic(target / _page_name(number), text)
         for number, text in enumerate(_pages(cards, max(1, per_page)), start=1)
@@ -139,6 +141,40 @@ def write_review(
     return [*pages, write_atomic(target / _DECISIONS, known.csv(listed))]
 
 
+def review_cards(
+    table: pd.DataFrame,
+    curves: Curves,
+    scene: Scene | SceneFile | str | os.PathLike[str],
+    *,
+    decisions: Decisions | None = None,
+    solver: AnySolver | None = None,
+    folders: Sequence[str] = (),
+    leave_out: Sequence[Path] = (),
+) -> list[Card]:
+    """Return what a gallery shows of every curve, worst first; see `write_review`.
+
+    Raises
+    ------
+    InputError
+        If the curves are not those of the table.
+    """
+    file = scene_file_of(scene)
+    places = list_curves(curves, leave_out, folders)
+    if len(places) != len(table):
+        raise InputError(
+            f"the table has {len(table)} rows, but there are {len(places)} curves: give the same ones"
+        )
+    base = file.draft if file is not None else scene
+    if not isinstance(base, Scene):
+        raise InputError(f"scene must be a Scene or the path of a scene file; got {scene!r:.100}")
+    wanted = as_solver(solver) if solver is not None else (Auto() if file is None else file.solver)
+    cards = [
+        _card(row, place, file, base, wanted.with_tolerance(_RTOL), decisions or Decisions({}))
+        for row, place in zip(table.to_dict("records"), places, strict=True)
+    ]
+    return sorted(cards, key=lambda card: card.badness)
+
+
 def _card(
     row: Mapping[Any, Any],
     place: CurvePlace,
@@ -146,7 +182,7 @@ def _card(
     base: Scene,
     solver: Solver,
     decisions: Decisions,
-) -> _Card:
+) -> Card:
     name, verdict = str(row["name"]), str(row["verdict"])
     reason = one_line(row["reason"] if isinstance(row["reason"], str) else "", _LONGEST_REASON)
     drawn, misfit = Small(np.zeros(0), np.zeros(0)), math.nan
@@ -158,7 +194,7 @@ def _card(
     except UnderlayError as error:
         reason = reason or one_line(error, _LONGEST_REASON)
     decided = decisions.by_curve.get(name)
-    return _Card(
+    return Card(
         name,
         verdict,
         reason,
@@ -199,7 +235,7 @@ def _page_name(number: int) -> str:
     return "review.html" if number == 1 else f"review-{number}.html"
 
 
-def _pages(cards: Sequence[_Card], per_page: int) -> Iterator[str]:
+def _pages(cards: Sequence[Card], per_page: int) -> Iterator[str]:
     groups = [cards[first : first + per_page] for first in range(0, len(cards), per_page)]
     style = (_TEMPLATES / "page" / "review.css").read_text(encoding="utf-8")
     counts = {word: sum(card.verdict == word for card in cards) for word in ("refused", "doubtful", "good")}
@@ -223,7 +259,7 @@ def _pages(cards: Sequence[_Card], per_page: int) -> Iterator[str]:
         )
 
 
-def _article(card: _Card, number: int) -> str:
+def _article(card: Card, number: int) -> str:
     verdict = card.verdict if card.verdict in _ORDER else "doubtful"
     misfit = f"misfit {100.0 * card.misfit:.2g} % of the force" if math.isfinite(card.misfit) else "no fit"
     lines = [*card.numbers, f"{card.verdict}; {misfit}"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import re
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
 import numpy as np
@@ -82,13 +82,29 @@ _FIT = {
 
 
 class SceneKey(NamedTuple):
-    """One key: its section, name, what it takes, its default (empty if it must be given) and its meaning."""
+    """One key: its section, name, what it takes, its default (empty if it must be given) and its meaning.
+
+    The name says in brackets of which variant of the section it is, where there are several: ``radius (sphere)``.
+    `kind` is the kind of quantity it takes, if any, and `words` are those it must be one of.
+    """
 
     section: str
     key: str
     takes: str
     default: str
     meaning: str
+    kind: str = ""
+    words: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The key as a file writes it."""
+        return self.key.partition(" (")[0]
+
+    @property
+    def variant(self) -> str:
+        """The shape, model or material it is of; empty where the section has one only."""
+        return self.key.partition(" (")[2].removesuffix(")")
 
 
 def scene_keys() -> list[SceneKey]:
@@ -98,21 +114,19 @@ def scene_keys() -> list[SceneKey]:
 
 def _all() -> Iterator[SceneKey]:
     for key, (takes, default, meaning) in _BEFORE_SECTIONS.items():
-        yield SceneKey(TOP, key, takes, default, meaning)
+        words = {"friction": FRICTIONS, "finite_strain": ("true", "false")}.get(key, ())
+        yield SceneKey(TOP, key, takes, default, meaning, words=tuple(words))
     shapes = _own(Indenter)
-    names = ", ".join(sorted([*shapes, *EQUIVALENT_CONES]))
-    yield SceneKey("indenter", "shape", f"one of {names}", "", _CHOICES["indenter", "shape"])
+    yield _choice("indenter", "shape", sorted([*shapes, *EQUIVALENT_CONES]))
     for name, shape in sorted(shapes.items()):
         yield from _of_class(shape, "indenter", f" ({name})")
     yield from _of_layer("layer")
     models = _own(Relaxation)
     section = "layer.relaxation"
-    yield SceneKey(section, "model", f"one of {', '.join(sorted(models))}", "", _CHOICES[section, "model"])
+    yield _choice(section, "model", sorted(models))
     for name, relaxation in sorted(models.items()):
         yield from _of_class(relaxation, section, f" ({name})", seen=("relaxes",))
-    yield SceneKey(
-        section, "relaxes", f"one of {', '.join(RELAXES)}", RELAXES[0], _CHOICES[section, "relaxes"]
-    )
+    yield _choice(section, "relaxes", RELAXES, RELAXES[0])
     yield from _of_layer("substrate.layers")
     yield SceneKey("substrate", "rigid", "true or false", "false", _CHOICES["substrate", "rigid"])
     yield from _of_class(Isotropic, "substrate", "")
@@ -120,9 +134,7 @@ def _all() -> Iterator[SceneKey]:
     yield from _of_class(Instrument, "instrument", "")
     yield from _of_class(Lever, "lever", "")
     sticky = _own(Adhesion)
-    yield SceneKey(
-        "adhesion", "model", f"one of {', '.join(sorted(sticky))}", "", _CHOICES["adhesion", "model"]
-    )
+    yield _choice("adhesion", "model", sorted(sticky))
     for name, adhesion in sorted(sticky.items()):
         yield from _of_class(adhesion, "adhesion", f" ({name})")
     yield from _of_class(Noise, "noise", "")
@@ -143,7 +155,12 @@ def _of_layer(section: str) -> Iterator[SceneKey]:
     yield from _of_class(TransverselyIsotropic, section, " (transversely isotropic)", seen=("E", "nu"))
     yield from _of_model(ThicknessSection.model_fields, section)
     takes = f"one of {', '.join(BONDS)}, or {{ {', '.join(schema_of(Spring).model_fields)} }}"
-    yield SceneKey(section, "bond", takes, BONDS[0], _CHOICES[section, "bond"])
+    yield SceneKey(section, "bond", takes, BONDS[0], _CHOICES[section, "bond"], words=BONDS)
+
+
+def _choice(section: str, key: str, words: Sequence[str], default: str = "") -> SceneKey:
+    meaning = _CHOICES[section, key]
+    return SceneKey(section, key, f"one of {', '.join(words)}", default, meaning, words=tuple(words))
 
 
 def _own(family: type[Part]) -> dict[str, type[Part]]:
@@ -161,12 +178,20 @@ def _of_class(kind: type[Any], section: str, remark: str, seen: tuple[str, ...] 
     for name, field in schema_of(kind).model_fields.items():
         if name not in seen:
             meaning = said.get(name, _first_sentence(kind))
-            yield SceneKey(section, f"{name}{remark}", _takes(field), _default(field), meaning)
+            yield _key(section, f"{name}{remark}", field, meaning)
 
 
 def _of_model(fields: dict[str, FieldInfo], section: str) -> Iterator[SceneKey]:
     for name, field in fields.items():
-        yield SceneKey(section, name, _takes(field), _default(field), field.description or "")
+        yield _key(section, name, field, field.description or "")
+
+
+def _key(section: str, key: str, field: FieldInfo, meaning: str) -> SceneKey:
+    kinds = _members(field.annotation)
+    words = get_args(kinds[0]) if get_origin(kinds[0]) is Literal else ()
+    return SceneKey(
+        section, key, _takes(field), _default(field), meaning, kind_of_field(field) or "", tuple(words)
+    )
 
 
 def _takes(field: FieldInfo) -> str:

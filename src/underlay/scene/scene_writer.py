@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from underlay.quantities import field_quantities
 from underlay.units import KINDS
 
-__all__ = ["scene_text"]
+__all__ = ["document_text", "scene_text"]
 
 
 def scene_text(scene: Any) -> str:
@@ -34,6 +34,13 @@ def scene_text(scene: Any) -> str:
         table = {} if part is None else _section(part)
         if table:
             document[entry.name] = table
+    return tomlkit.dumps(document)
+
+
+def document_text(document: Mapping[str, Any]) -> str:
+    """Return the text of a scene file that holds these sections, keys and values as they are."""
+    import tomlkit  # noqa: PLC0415  as above
+
     return tomlkit.dumps(document)
 
 

@@ -28,7 +28,7 @@ from underlay.inference.batch.manifest import read_manifest
 from underlay.inference.batch.model import BatchModel, batch_model, scene_file_of
 from underlay.inference.batch.options import MapOptions
 from underlay.inference.batch.processes import through_processes
-from underlay.inference.batch.progress import MapProgress
+from underlay.inference.batch.progress import MapProgress, Told
 from underlay.inference.batch.results_table import Layout, require_format, to_frame, write_table
 from underlay.inference.batch.work import CurveFitter, Rows, file_hash
 from underlay.inference.least_squares.provenance import curve_hash
@@ -181,7 +181,7 @@ def _gather(
     batches: Generator[Rows, None, None],
     total: int,
     *,
-    shown: bool | None,
+    shown: bool | Told | None,
 ) -> None:
     """Keep rows as they come; on the way out, whatever the reason, leave a whole table."""
     last, pause = time.monotonic(), _EVERY

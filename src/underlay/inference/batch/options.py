@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from underlay.errors import InputError
+from underlay.inference.batch.progress import Told
 from underlay.inference.batch.results_table import RESERVED
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise_model import NoiseModel
@@ -62,8 +63,9 @@ class MapOptions:
         (``workers=0``) nor a Dask scheduler's workers can be ended so.
     timeout : float, default 10
         How long a scheduler may take to answer (s).
-    progress : bool, optional
-        Show curves per second and time left; by default only on a terminal.
+    progress : bool or callable, optional
+        Show curves per second and time left; by default only on a terminal. A function is called with the curves
+        done and all curves in place of that.
 
     Raises
     ------
@@ -78,7 +80,7 @@ class MapOptions:
     resume: bool = False
     time_limit: float | None = None
     timeout: float = 10.0
-    progress: bool | None = None
+    progress: bool | Told | None = None
     folders: Sequence[str] = ()
 
     def __post_init__(self) -> None:

@@ -14,20 +14,17 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-import os
 import pickle
 import signal
-import sys
-import threading
 import time
 from collections import Counter
-from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Generator, Sequence
+from contextlib import suppress
 from multiprocessing.connection import Connection, wait
-from types import ModuleType
 
 from underlay.errors import FitError, InputError
 from underlay.inference.batch.curves import CurvePlace
+from underlay.inference.batch.fresh_process import start_of_a_process
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.results_table import Layout
 from underlay.inference.batch.work import DIED, CurveFitter, Rows, given_up
@@ -42,21 +39,6 @@ _MOST_LOST_STARTS = 5
 _LONGEST_START = 300.0
 # Rows are sent at least this often (s), so that little is lost with a process.
 _EVERY = 0.2
-# One thread each: the matrices here are small, and threads of several processes would fight for the cores.
-# It also makes the last bit of every sum the same, whatever the machine and its load.
-# And a new Python would look for every module in the folder it is started in first, where the data may be.
-_ENVIRONMENT = dict.fromkeys(
-    (
-        "OMP_NUM_THREADS",
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "BLIS_NUM_THREADS",
-        "VECLIB_MAXIMUM_THREADS",
-        "NUMEXPR_NUM_THREADS",
-        "PYTHONSAFEPATH",
-    ),
-    "1",
-)
 
 
 def through_processes(
@@ -173,7 +155,7 @@ class _Worker:
         self.ready = self.late = False
         self._patience = math.inf if time_limit is None else time_limit + _EVERY
         self.deadline = time.monotonic() + _LONGEST_START
-        with _start_of_a_worker():
+        with start_of_a_process():
             self._process.start()
         # The only other end is the worker's now: its death is the end of the pipe.
         theirs.close()
@@ -233,29 +215,6 @@ def _cannot_work(complaint: str) -> Exception:
             "module that can be imported"
         )
     return FitError(f"a worker process cannot work: {complaint}")
-
-
-@contextmanager
-def _start_of_a_worker() -> Iterator[None]:
-    """What a new process takes over of this one: no script, one thread, no import from its folder, no Ctrl-C."""
-    script = sys.modules["__main__"]
-    before = {name: os.environ.get(name) for name in _ENVIRONMENT}
-    here = threading.current_thread() is threading.main_thread()
-    interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN) if here else None
-    # multiprocessing would have the new process run the script that this module stands for.
-    sys.modules["__main__"] = ModuleType("__main__")
-    os.environ.update(_ENVIRONMENT)
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = script
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-        if here:
-            signal.signal(signal.SIGINT, interrupt)
 
 
 def _serve(connection: Connection, message: bytes) -> None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeAlias
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-__all__ = ["MapProgress"]
+__all__ = ["MapProgress", "Told"]
+
+#: Told how many curves are done, and how many there are.
+Told: TypeAlias = Callable[[int, int], None]
 
 
 class _Speed(ProgressColumn):
@@ -28,11 +32,14 @@ class MapProgress:
     ----------
     total, done : int
         Curves of the map, and those that were there before.
-    shown : bool or None
-        None shows the line if standard error is a terminal.
+    shown : bool, callable or None
+        None shows the line if standard error is a terminal; a function is called with the curves done and all
+        curves instead.
     """
 
-    def __init__(self, total: int, done: int, *, shown: bool | None) -> None:
+    def __init__(self, total: int, done: int, *, shown: bool | Told | None) -> None:
+        self._told: Told | None = None if isinstance(shown, bool) else shown
+        self._done, self._total = done, total
         console = Console(stderr=True)
         self._bar = Progress(
             TextColumn("fitting"),
@@ -42,7 +49,7 @@ class MapProgress:
             TimeRemainingColumn(),
             console=console,
             transient=True,
-            disable=not (console.is_terminal if shown is None else shown),
+            disable=not (console.is_terminal if shown is None else shown is True),
             refresh_per_second=4,
         )
         self._task = self._bar.add_task("fitting", total=total, completed=done)
@@ -61,3 +68,6 @@ class MapProgress:
     def advance(self, count: int) -> None:
         """Tell that `count` more curves are done."""
         self._bar.advance(self._task, count)
+        self._done += count
+        if self._told is not None:
+            self._told(self._done, self._total)

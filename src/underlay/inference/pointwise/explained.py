@@ -62,8 +62,15 @@ class Body:
     proportional: bool
 
     @classmethod
-    def of(cls, scene: Scene, depth: FloatArray, free: tuple[str, ...], solver: Solver) -> Body:
-        """Compile `scene` for depth readings (m), (n,), where the paths `free` vary."""
+    def of(
+        cls,
+        scene: Scene,
+        depth: FloatArray,
+        free: tuple[str, ...],
+        solver: Solver,
+        force: FloatArray | None = None,
+    ) -> Body:
+        """Compile `scene` for depth readings (m), (n,), where paths `free` vary; a lever is told `force` (N)."""
         elastic = scene.elastic
         known = elastic.quantities
         moduli = tuple(p for p in known if p.startswith("layer.") and known[p].scales == "force")
@@ -75,7 +82,7 @@ class Body:
             and known[p].kind in ("pressure", "stiffness per area")
         ]
         paths = tuple(dict.fromkeys((*moduli, *(p for p in free if p in known))))
-        forward = Forward.compile(elastic, depth, paths, solver, LawStore())
+        forward = Forward.compile(elastic, depth, paths, solver, LawStore(), force=force)
         return cls(forward, moduli, not others)
 
     def explain(self, values: Mapping[str, float], force: FloatArray, slope: FloatArray) -> Explained:
@@ -120,15 +127,26 @@ class Body:
         compliance = 0.0 if chain.frame is None else chain.frame.compliance
         P = force - chain.reading(np.zeros_like(depth), depth)
         along = slope - values.get("instrument.baseline_slope", 0.0)
-        # dw = dd - C dP
-        return Contacts(chain.travel(depth) - compliance * P, P, along / (1.0 - compliance * along))
+        # dw = dd - C dP, less what a lever bends beyond what was taken off: (sigma - 1) dF / k.
+        travel = chain.travel(self.forward.depth_at(values))
+        beyond = self._lever_compliance(values) * slope
+        return Contacts(travel - compliance * P, P, along / (1.0 - beyond - compliance * along))
 
     def reading(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
         """Force (N) that the elastic model shows and its slope (N/m) along the depth readings, each (n,)."""
         chain = Chain.of(values)
         found = self.forward.reading(values)
         share = np.ones_like(found.force) if chain.frame is None else chain.frame.share(found.stiffness)
-        return found.force, found.stiffness * share + values.get("instrument.baseline_slope", 0.0)
+        tilt, beyond = values.get("instrument.baseline_slope", 0.0), self._lever_compliance(values)
+        # dF/dd = S share (1 - (sigma - 1)/k dF/dd) + tilt
+        slope = found.stiffness * share
+        return found.force, (slope + tilt) / (1.0 + beyond * slope)
+
+    def _lever_compliance(self, values: Mapping[str, float]) -> float:
+        """(sigma - 1) / k (m/N) of a lever whose sensitivity is off; zero without one."""
+        if self.forward.bending is None:
+            return 0.0
+        return (values["lever.sensitivity_ratio"] - 1.0) / values["lever.spring_constant"]
 
     def _law(self, values: Mapping[str, float], share: float, depth: FloatArray) -> ContactLaw:
         shared = {path: share * values[path] for path in self.moduli}
@@ -146,7 +164,15 @@ class Contacts(NamedTuple):
 def halfspace_of(scene: Scene) -> Scene:
     """Return the scene with the layer made infinitely thick: what a half-space formula assumes."""
     layer = Layer(scene.layer.material, relaxation=scene.layer.relaxation)
-    return Scene(scene.indenter, layer, None, scene.instrument, scene.history, adhesion=scene.adhesion)
+    return Scene(
+        scene.indenter,
+        layer,
+        None,
+        scene.instrument,
+        scene.history,
+        adhesion=scene.adhesion,
+        lever=scene.lever,
+    )
 
 
 def _looked_up(

@@ -5,9 +5,11 @@ from underlay.report.plots.adhesion import adhesion
 from underlay.report.plots.corner import corner
 from underlay.report.plots.correlations import correlations
 from underlay.report.plots.effects import effects
+from underlay.report.plots.film import film
 from underlay.report.plots.fit import fit, fit_in_time, fit_log
 from underlay.report.plots.histogram import histogram
 from underlay.report.plots.identifiability import identifiability
+from underlay.report.plots.laws import laws
 from underlay.report.plots.map import map  # noqa: A004  the public name
 from underlay.report.plots.plan import plan
 from underlay.report.plots.pointwise import pointwise_modulus
@@ -27,11 +29,13 @@ __all__ = [
     "corner",
     "correlations",
     "effects",
+    "film",
     "fit",
     "fit_in_time",
     "fit_log",
     "histogram",
     "identifiability",
+    "laws",
     "map",
     "plan",
     "pointwise_modulus",

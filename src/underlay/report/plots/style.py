@@ -38,6 +38,7 @@ __all__ = [
     "SUBSTRATE",
     "YELLOW",
     "axes",
+    "drawn",
     "in_words",
     "save",
     "style",
@@ -155,11 +156,16 @@ def save(ax: Axes, path: str | os.PathLike[str]) -> Path:
     format_ = target.suffix.lstrip(".").lower()
     if format_ not in _FORMATS:
         raise InputError(f"a picture is written as .png, .svg or .pdf; got {target.name!r}")
+    return write_atomic(target, drawn(ax, format_))
+
+
+def drawn(ax: Axes, format_: str = "png", *, dpi: float | None = None) -> bytes:
+    """Return the figure of `ax` as the bytes of a PNG, SVG or PDF file, and close it."""
     figure = ax.get_figure(root=True)
     if figure is None:
         raise InputError("these axes belong to no figure")
     buffer = io.BytesIO()
     with style():
-        figure.savefig(buffer, format=format_)
+        figure.savefig(buffer, format=format_, dpi=mpl.rcParams["savefig.dpi"] if dpi is None else dpi)
     plt.close(figure)
-    return write_atomic(target, buffer.getvalue())
+    return buffer.getvalue()

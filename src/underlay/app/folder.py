@@ -1,0 +1,173 @@
+"""An analysis is a folder of plain files, which the command line reads as they are.
+
+::
+
+    scene.toml       what was tested, what is fitted, which curve is looked at: `underlay fit --scene`
+    curves/          the files that were brought, unchanged
+    decisions.csv    which curves were set aside by hand, and why
+    results/         what was found
+
+Every file is written whole or not at all, and every name in it is made here: nothing that a page says is a path.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+from underlay._door import FileKind, read_bytes, read_text
+from underlay._files import require_own_folder, write_atomic
+from underlay._text import one_line
+from underlay.errors import InputError
+
+__all__ = [
+    "LARGEST_FILE",
+    "MOST_BYTES",
+    "MOST_FILES",
+    "AnalysisFolder",
+    "analyses",
+    "new_analysis",
+    "safe_name",
+]
+
+#: Bounds of what may be brought: bytes of one file, files of one analysis, bytes of all of them.
+LARGEST_FILE, MOST_FILES, MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
+_TEXT = FileKind("a file of an analysis", 5_000_000, "start a new analysis")
+_ANY = FileKind("a file of an analysis", MOST_BYTES, "start a new analysis")
+_NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,60}")
+# A name of a file may not lead anywhere, hide itself, or mean something to a shell or a spreadsheet.
+_ODD = re.compile(r"[^\w.()+,= -]|^[.=+\s-]+")
+_LONGEST = 100
+
+
+class AnalysisFolder:
+    """The files of one analysis.
+
+    Parameters
+    ----------
+    path : Path
+        The folder, made if absent.
+
+    Raises
+    ------
+    FileAccessError
+        If it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = require_own_folder(path)
+        self.curves = require_own_folder(path / "curves")
+        self.results = require_own_folder(path / "results")
+
+    @property
+    def name(self) -> str:
+        """By which the page is found again."""
+        return self.path.name
+
+    @property
+    def scene(self) -> Path:
+        """The scene file."""
+        return self.path / "scene.toml"
+
+    @property
+    def decisions(self) -> Path:
+        """What was accepted and refused by hand."""
+        return self.path / "decisions.csv"
+
+    def curve_files(self) -> list[Path]:
+        """Every file that was brought, by name."""
+        return sorted(path for path in self.curves.iterdir() if path.is_file() and path.name[0] != ".")
+
+    def curve_file(self, name: str) -> Path:
+        """The file of that name.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        for path in self.curve_files():
+            if path.name == name:
+                return path
+        raise InputError(f"there is no curve {one_line(name, 80)!r} in this analysis")
+
+    def add_curve(self, name: str, content: bytes) -> Path:
+        """Keep a file that was brought, under its own name where that is free and harmless.
+
+        Raises
+        ------
+        InputError
+            If it is empty or too large, or the analysis holds too many.
+        """
+        there = self.curve_files()
+        if not content:
+            raise InputError(f"{one_line(name, 80)} is empty")
+        held = sum(path.stat().st_size for path in there)
+        if len(content) > LARGEST_FILE or held + len(content) > MOST_BYTES or len(there) >= MOST_FILES:
+            raise InputError(
+                f"{one_line(name, 80)}: an analysis takes up to {MOST_FILES} files of {LARGEST_FILE // 10**6} MB, "
+                f"{MOST_BYTES // 10**9} GB in all; for more use underlay map"
+            )
+        target = self.curves / safe_name(name)
+        number = 2
+        while target.exists():
+            if read_bytes(target, _ANY) == content:
+                return target
+            target = self.curves / f"{Path(safe_name(name)).stem}-{number}{Path(safe_name(name)).suffix}"
+            number += 1
+        return write_atomic(target, content)
+
+    def remove_curve(self, name: str) -> None:
+        """Forget a file that was brought."""
+        self.curve_file(name).unlink()
+
+    def scene_text(self) -> str:
+        """Text of the scene file, empty where there is none."""
+        return read_text(self.scene, _TEXT) if self.scene.exists() else ""
+
+    def write_scene(self, text: str) -> None:
+        """Keep the scene file."""
+        write_atomic(self.scene, text)
+
+    def result(self, name: str) -> Path:
+        """Where a result is kept."""
+        return self.results / safe_name(name)
+
+    def read_result(self, name: str) -> bytes | None:
+        """Content of a result, None where there is none."""
+        path = self.result(name)
+        return read_bytes(path, _ANY) if path.is_file() else None
+
+    def result_files(self, stem: str, suffix: str) -> list[Path]:
+        """Results of a curve with this ending, by name."""
+        found = (path for path in self.results.iterdir() if path.suffix == suffix)
+        return sorted(path for path in found if stem and path.name.startswith(f"{stem}."))
+
+
+def safe_name(name: str) -> str:
+    """Return the name of a file without what could lead elsewhere.
+
+    Examples
+    --------
+    >>> safe_name("../../etc/passwd"), safe_name("my curve (2).csv"), safe_name("=1+1.csv")
+    ('passwd', 'my curve (2).csv', '1+1.csv')
+    """
+    last = re.split(r"[/\\]", name)[-1]
+    plain = _ODD.sub(lambda found: "" if found.start() == 0 else "_", last).strip()
+    stem, suffix = Path(plain).stem[:_LONGEST], Path(plain).suffix[:_LONGEST]
+    return f"{stem}{suffix}" if stem.strip("._ ") else f"curve{suffix}"
+
+
+def analyses(home: Path) -> list[str]:
+    """Names of the analyses kept in a folder, the latest first."""
+    found = [path for path in home.iterdir() if _NAME.fullmatch(path.name) and (path / "curves").is_dir()]
+    return [path.name for path in sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)]
+
+
+def new_analysis(home: Path) -> AnalysisFolder:
+    """Make the folder of a new analysis, named by day and number."""
+    day, number = time.strftime("%Y-%m-%d"), 1
+    while (home / f"{day}-{number}").exists():
+        number += 1
+    return AnalysisFolder(home / f"{day}-{number}")

@@ -1,0 +1,294 @@
+"""The form of a scene, made from the declarations that check a scene file: there is no second list of its keys.
+
+A `Draft` is a scene file on its way: sections, keys and the texts that stand for them. It knows no physics: what
+may stand where is said by `scene_keys`, and whether a whole is possible by `read_scene_file`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from underlay._documents import parse_toml
+from underlay._door import FileKind, read_text, understood
+from underlay.errors import InputError, UnitError
+from underlay.report.labels import label, start
+from underlay.scene.scene_keys import TOP, SceneKey, scene_keys
+from underlay.scene.scene_writer import document_text
+from underlay.units import KINDS, parse_quantity
+
+__all__ = ["ADVANCED", "BASES", "PRESETS", "Draft", "Field", "apart", "preset", "problem_with"]
+
+_KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the samples")
+_FOLDER = Path(__file__).parent / "presets"
+#: Samples to begin with: name of the file and what it is called.
+PRESETS: Mapping[str, str] = {
+    "cartilage_on_bone": "Cartilage on bone",
+    "gel_on_glass": "Gel on glass",
+    "cell_on_glass": "Cell on glass",
+    "film_on_wafer": "Film on a wafer",
+}
+#: What may lie under the layer, and what that is called.
+BASES: Mapping[str, str] = {
+    "rigid": "a rigid base",
+    "elastic": "an elastic base",
+    "none": "nothing: the sample is deep",
+}
+#: Sections that most tests do without, and what they are called.
+ADVANCED: Mapping[str, str] = {
+    TOP: "Friction and large strain",
+    "layer.relaxation": "A sample that relaxes",
+    "adhesion": "A tip that sticks",
+    "instrument": "The instrument",
+    "noise": "The noise, where it is known",
+    "solver": "The contact law",
+}
+_CHOSEN_BY = {"indenter": "shape", "layer.relaxation": "model", "adhesion": "model"}
+_AXIAL = ("E_axial", "nu_axial", "G_axial")
+_INDEX = re.compile(r"\[(\d+)\]$")
+_AMOUNT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
+# Words of the tables and lists that a form has no field for: they are edited in the text of the scene.
+_NO_FIELD = {("indenter", "r"), ("indenter", "height"), ("curve", "overrule"), ("substrate", "rigid")}
+
+
+@dataclass(frozen=True)
+class Field:
+    """One line of the form.
+
+    Parameters
+    ----------
+    section : str
+        With its index, where there are several: ``"substrate.layers[0]"``.
+    key : SceneKey
+        Its declaration.
+    text : str
+        What stands there now; empty for nothing.
+    """
+
+    section: str
+    key: SceneKey
+    text: str
+
+    @property
+    def label(self) -> str:
+        """What it is called."""
+        path = self.key.name if self.section == TOP else f"{self.section}.{self.key.name}"
+        words = label(path) if self.key.kind else self.key.name
+        return start(self.key.name if words == path else words).replace("_", " ")
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units that may be picked; one empty text for a bare number."""
+        return KINDS[self.key.kind].units if self.key.kind else ()
+
+    @property
+    def required(self) -> bool:
+        """Whether the section needs it."""
+        return not self.key.default and self.key.name != "thickness"
+
+
+class Draft:
+    """A scene file on its way.
+
+    Parameters
+    ----------
+    document : mapping
+        As TOML reads it.
+    """
+
+    def __init__(self, document: Mapping[str, Any]) -> None:
+        self.document: dict[str, Any] = dict(document)
+        self.document["fit"] = _flat(self.document.get("fit", {}))
+
+    @classmethod
+    def of(cls, text: str) -> Draft:
+        """Read the text of a scene file.
+
+        Raises
+        ------
+        FileFormatError
+            If it is not TOML.
+        """
+        with understood("the scene", _KIND):
+            return cls(parse_toml(text))
+
+    def text(self) -> str:
+        """Text of the scene file."""
+        return document_text({key: value for key, value in self.document.items() if value not in ({}, [])})
+
+    def table(self, section: str) -> dict[str, Any]:
+        """The keys of a section, made if absent; those before any section under `TOP`."""
+        table = self.document
+        for part in () if section == TOP else section.split("."):
+            index, name = _INDEX.search(part), _INDEX.sub("", part)
+            inner: Any = table.setdefault(name, [] if index else {})
+            table = inner[int(index[1])] if index else inner
+        return table
+
+    def get(self, section: str, key: str) -> str:
+        """What stands at a key, as text; empty for nothing."""
+        value = self.peek(section).get(key, "")
+        if isinstance(value, bool):
+            return "true" if value else "false"
+        return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+
+    def put(self, section: str, key: SceneKey, text: str) -> None:
+        """Write a text at a key; nothing removes it."""
+        table = self.table(section)
+        if not text.strip():
+            table.pop(key.name, None)
+        elif key.takes == "true or false":
+            table[key.name] = text == "true"
+        elif key.takes == "a whole number" and text.strip().lstrip("+-").isdigit():
+            table[key.name] = int(text)
+        elif "," in text and key.kind:
+            table[key.name] = [_value(part.strip(), key.kind) for part in text.split(",")]
+        else:
+            table[key.name] = _value(text.strip(), key.kind)
+
+    def fields(self, section: str) -> list[Field]:
+        """The lines of a section, of the variant that it has now."""
+        declared = [key for key in scene_keys() if key.section == _INDEX.sub("", section)]
+        chosen_by = _CHOSEN_BY.get(section)
+        variant = self.get(section, chosen_by) if chosen_by else ""
+        return [
+            Field(section, key, self.get(section, key.name))
+            for key in declared
+            if (not key.variant or key.variant == variant or self._is_axial(section, key))
+            and (section, key.name) not in _NO_FIELD
+        ]
+
+    @property
+    def base(self) -> str:
+        """Which of `BASES` lies under the layer."""
+        if "substrate" not in self.document:
+            return "none"
+        return "rigid" if self.peek("substrate").get("rigid") else "elastic"
+
+    def choose_base(self, base: str) -> None:
+        """Put another base under the layer; layers between stay unless there is none."""
+        between = self.peek("substrate").get("layers")
+        self.document.pop("substrate", None)
+        if base == "none":
+            self.peek("layer").pop("thickness", None)
+            return
+        self.document["substrate"] = {"rigid": True} if base == "rigid" else {"E": "1 GPa", "nu": 0.3}
+        if between:
+            self.document["substrate"]["layers"] = between
+
+    @property
+    def between(self) -> list[str]:
+        """Sections of the layers between the one on top and the base."""
+        layers = self.peek("substrate").get("layers") or []
+        return [f"substrate.layers[{number}]" for number in range(len(layers))]
+
+    def add_layer(self) -> None:
+        """Put one more layer over the base."""
+        above = self.peek("layer")
+        self.table("substrate").setdefault("layers", []).append(
+            {
+                "E": above.get("E", "1 MPa"),
+                "nu": above.get("nu", 0.45),
+                "thickness": above.get("thickness", "1 mm"),
+            }
+        )
+
+    def remove_layer(self, section: str) -> None:
+        """Take a layer out."""
+        found = _INDEX.search(section)
+        layers = self.table("substrate")["layers"]
+        if found is not None:
+            layers.pop(int(found[1]))
+        if not layers:
+            self.table("substrate").pop("layers")
+
+    def set_axial(self, section: str, *, axial: bool) -> None:
+        """Make a material transversely isotropic, or isotropic again."""
+        table = self.table(section)
+        for name in _AXIAL:
+            table.pop(name, None)
+        if axial:
+            stiffness = table.get("E", "1 MPa")
+            table |= {"E_axial": stiffness, "nu_axial": table.get("nu", 0.3), "G_axial": stiffness}
+
+    @property
+    def free(self) -> dict[str, dict[str, Any]]:
+        """What is fitted, by path, with its bounds and prior as texts."""
+        free: dict[str, dict[str, Any]] = self.document["fit"]
+        return free
+
+    def peek(self, section: str) -> dict[str, Any]:
+        """The keys of a section as they are; none where there is no such section."""
+        table: Any = self.document
+        for part in () if section == TOP else section.split("."):
+            index, name = _INDEX.search(part), _INDEX.sub("", part)
+            table = table.get(name, {}) if isinstance(table, dict) else {}
+            if index:
+                table = table[int(index[1])] if isinstance(table, list) else {}
+        return table if isinstance(table, dict) else {}
+
+    def _is_axial(self, section: str, key: SceneKey) -> bool:
+        return key.name in _AXIAL and key.name in self.peek(section)
+
+
+def preset(name: str) -> Draft:
+    """Return one of `PRESETS`."""
+    return Draft.of(read_text(_FOLDER / f"{name}.toml", _KIND))
+
+
+def apart(text: str, units: tuple[str, ...]) -> tuple[str, str]:
+    """Return the number and the unit of a text; the middle one of `units` where it has none.
+
+    Examples
+    --------
+    >>> apart("1.5 mm", ("nm", "um", "mm", "m")), apart("", ("nm", "um", "mm"))
+    (('1.5', 'mm'), ('', 'um'))
+    """
+    found = _AMOUNT.fullmatch(text)
+    middle = units[len(units) // 2] if units else ""
+    if found is None:
+        return text.strip(), middle
+    return found[1], found[2] or middle
+
+
+def problem_with(text: str, key: SceneKey) -> str:
+    """Return what is wrong with a text for a key, in one sentence; empty if nothing is."""
+    if not text.strip():
+        return ""
+    try:
+        for part in text.split(","):
+            if key.kind:
+                parse_quantity(_value(part.strip(), key.kind), key.kind)
+    except UnitError as error:
+        return str(error)
+    return f"one of {', '.join(key.words)}" if key.words and text not in key.words and "{" not in text else ""
+
+
+def _value(text: str, kind: str) -> Any:
+    """A bare number for a dimensionless quantity, which a file writes without quotes."""
+    found = _AMOUNT.fullmatch(text)
+    return float(found[1]) if kind == "dimensionless" and found is not None and not found[2] else text
+
+
+def _flat(fit: Any) -> dict[str, dict[str, Any]]:
+    """What is fitted by whole paths, however the file nests them."""
+    if not isinstance(fit, Mapping):
+        raise InputError("[fit] must be a section")
+    return dict(_leaves(fit, ""))
+
+
+def _leaves(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    for name, entry in table.items():
+        if (
+            isinstance(entry, Mapping)
+            and entry
+            and all(isinstance(inner, Mapping) for inner in entry.values())
+        ):
+            yield from _leaves(entry, f"{above}{name}.")
+        elif isinstance(entry, Mapping):
+            yield f"{above}{name}", dict(entry)
+        else:
+            raise InputError(f"[fit] {above}{name}: write {above}{name} = {{ min = ..., max = ... }}")

@@ -1,0 +1,92 @@
+"""Whose each curve is: a manifest of plain text, which `underlay map --manifest` reads as it is."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from underlay._csv import numbered_rows
+from underlay._csv_text import csv_text
+from underlay._door import FileKind, read_text, understood
+from underlay._files import write_atomic
+from underlay._text import one_line, unguarded_cell
+from underlay.app.folder import AnalysisFolder
+from underlay.errors import InputError
+
+__all__ = ["LABELS", "label_columns", "read_labels", "set_label", "take_manifest"]
+
+#: Columns that can be filled in on the page; a manifest that is brought may have others.
+LABELS = ("animal", "group")
+_KIND = FileKind("a manifest (CSV)", 20_000_000, "it needs a row of names with 'file', and a row per curve")
+_MOST_COLUMNS, _LONGEST = 200, 80
+
+
+def read_labels(folder: AnalysisFolder) -> dict[str, dict[str, str]]:
+    """Cells of the manifest by file and column; a row for every curve, also where there is no manifest."""
+    rows: dict[str, dict[str, str]] = {path.name: {} for path in folder.curve_files()}
+    path = folder.path / "manifest.csv"
+    if not path.exists():
+        return rows
+    with understood(path, _KIND):
+        lines = numbered_rows(read_text(path, _KIND), _MOST_COLUMNS)
+        _, names = next(lines)
+        for _, cells in lines:
+            row = {name: unguarded_cell(cell) for name, cell in zip(names, cells, strict=True)}
+            file = row.pop("file", "")
+            if file in rows:
+                rows[file] = row
+    return rows
+
+
+def label_columns(folder: AnalysisFolder) -> list[str]:
+    """Names of the columns that some curve has a label in."""
+    rows = read_labels(folder).values()
+    return [
+        name
+        for name in dict.fromkeys(name for row in rows for name in row)
+        if any(row.get(name) for row in rows)
+    ]
+
+
+def set_label(folder: AnalysisFolder, files: list[str], column: str, label: str) -> None:
+    """Give curves a label; where any curve has one, those without are called by their own name.
+
+    Raises
+    ------
+    InputError
+        If the column is not one of `LABELS`.
+    """
+    if column not in LABELS:
+        raise InputError(f"labels are {', '.join(LABELS)}; got {column!r}")
+    rows = read_labels(folder)
+    for file in files:
+        if file in rows:
+            rows[file][column] = one_line(label.strip(), _LONGEST)
+    _write(folder, rows)
+
+
+def take_manifest(folder: AnalysisFolder, content: bytes) -> None:
+    """Keep a manifest that was brought; `fit_many` checks it against the curves.
+
+    Raises
+    ------
+    FileFormatError
+        If it is no table with the column ``file``.
+    """
+    with understood("the manifest", _KIND):
+        text = content.decode("utf-8-sig")
+        _, names = next(numbered_rows(text, _MOST_COLUMNS))
+        if "file" not in names:
+            raise ValueError(f"it has no column 'file', but {', '.join(names)[:200]}")
+    write_atomic(folder.path / "manifest.csv", content)
+
+
+def _write(folder: AnalysisFolder, rows: dict[str, dict[str, str]]) -> None:
+    columns = list(dict.fromkeys(name for row in rows.values() for name in row))
+    used = [name for name in columns if any(row.get(name) for row in rows.values())]
+    path = folder.path / "manifest.csv"
+    if not used:
+        path.unlink(missing_ok=True)
+        return
+    # Every row of a manifest needs a cell: a curve of nobody else's is its own animal.
+    table = [{"file": file, **{name: row.get(name) or file for name in used}} for file, row in rows.items()]
+    write_atomic(path, csv_text(pd.DataFrame(table)))

@@ -1,0 +1,213 @@
+"""Many curves: the map, what was decided of single curves, and the population, by calls of the library."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pandas as pd
+
+from underlay._csv_text import csv_text
+from underlay._documents import parse_json
+from underlay._door import FileKind, read_text, sha256_of, understood
+from underlay._files import write_atomic
+from underlay.app.folder import AnalysisFolder
+from underlay.app.form import Draft
+from underlay.app.labels import label_columns
+from underlay.app.results import rows_of
+from underlay.app.shown import Card, Gallery, Overview, Progress, Together
+from underlay.app.work import Tell
+from underlay.errors import InputError
+from underlay.inference.batch.decisions import Decision, Decisions, read_decisions, without_refused
+from underlay.inference.batch.fit_many import fit_many
+from underlay.inference.batch.map_table import read_map
+from underlay.inference.batch.options import MapOptions
+from underlay.inference.batch.results_table import FITTED, write_frame
+from underlay.inference.population.population import population
+from underlay.report import plots
+from underlay.report.maps import failure_table, map_summary, parameter_table, sample_parameters, verdict_table
+from underlay.report.population_words import comparison_table, group_table, population_sentences
+from underlay.report.review import review_cards
+
+__all__ = ["decide", "gallery", "judged_table", "overview", "run_map", "show_population"]
+
+_KIND = FileKind("the gallery of a map", 1_000_000_000, "fit the curves again")
+#: Curves on a page of the gallery.
+PER_PAGE = 24
+
+
+def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
+    """Fit every curve; what was done before with the same files and scene is not done again."""
+    of = _fingerprint(folder)
+    table = folder.results / "map.csv"
+    journal = table.with_name("map.csv.journal")
+    done = folder.read_result("map.done.txt") == of.encode()
+    if done and table.exists():
+        return overview(folder)
+    if folder.read_result("map.of.txt") != of.encode():
+        for old in (table, journal, folder.results / "map.cards.json"):
+            old.unlink(missing_ok=True)
+    scene = write_atomic(folder.results / "map.scene.toml", _scene_of_all(folder))
+    write_atomic(folder.results / "map.of.txt", of)
+    options = MapOptions(
+        resume=journal.exists(),
+        progress=lambda done, total: tell(Progress(done, total, f"{done} of {total} curves")),
+    )
+    # A run that did not come to its end goes on in a process of its own: a curve that kills that is given up.
+    workers = 1 if options.resume else 0
+    fit_many(folder.curves, scene, manifest=_manifest(folder), workers=workers, output=table, options=options)
+    write_atomic(folder.results / "map.done.txt", of)
+    return overview(folder)
+
+
+def overview(folder: AnalysisFolder) -> Overview:
+    """Put the table of the map into words; empty where there is none."""
+    if not (folder.results / "map.csv").is_file():
+        return Overview()
+    table = judged_table(folder)
+    counted = without_refused(table)
+    fitted = sample_parameters(counted)
+    pictures = []
+    if fitted and counted[fitted[0]].notna().any():
+        plots.save(plots.survey(counted, fitted[0]), folder.results / "map.png")
+        pictures.append("map.png")
+    return Overview(
+        tuple(map_summary(counted).replace("**", "").split("\n\n")),
+        rows_of(parameter_table(counted)),
+        rows_of(verdict_table(table)),
+        rows_of(failure_table(table)) if (table["status"] != FITTED).any() else (),
+        tuple(pictures),
+        tuple(name for name in label_columns(folder) if name in table.columns),
+        folder.read_result("map.of.txt") != _fingerprint(folder).encode(),
+    )
+
+
+def judged_table(folder: AnalysisFolder) -> pd.DataFrame:
+    """Return the table of the map with what was decided by hand, and keep it as ``judged.csv``.
+
+    Raises
+    ------
+    InputError
+        If no curves were fitted yet.
+    """
+    path = folder.results / "map.csv"
+    if not path.is_file():
+        raise InputError("fit all curves first")
+    table = _decisions(folder).applied(read_map(path))
+    write_frame(folder.results / "judged.csv", table)
+    return table
+
+
+def gallery(folder: AnalysisFolder, page: int) -> Gallery:
+    """Return one page of the curves, worst first, with what was decided of them."""
+    if not (folder.results / "map.csv").is_file():
+        return Gallery()
+    cards, decided = _cards(folder), _decisions(folder).by_curve
+    shown = []
+    for card in cards[page * PER_PAGE : (page + 1) * PER_PAGE]:
+        found = decided.get(card.name)
+        shown.append(card if found is None else replace(card, decision=found.word, why=found.reason))
+    return Gallery(tuple(shown), -(-len(cards) // PER_PAGE))
+
+
+def decide(folder: AnalysisFolder, names: Sequence[str], word: str, reason: str) -> None:
+    """Keep a decision on curves, on the disk when this returns; an empty word takes one back.
+
+    Raises
+    ------
+    InputError
+        If a refusal has no reason, or a curve without a fit is accepted.
+    """
+    if word == "refuse" and not reason.strip():
+        raise InputError("say why it is refused")
+    table = read_map(folder.results / "map.csv")
+    known = dict(_decisions(folder).by_curve)
+    for name in names:
+        known.pop(name, None)
+        if word:
+            known[name] = Decision(word == "accept", reason.strip())
+    decisions = Decisions(known)
+    # What cannot be carried out is not kept.
+    decisions.applied(table)
+    write_atomic(folder.decisions, decisions.csv(pd.DataFrame({"curve": table["name"]})))
+
+
+def show_population(folder: AnalysisFolder, by: str, group: str) -> Together:
+    """Say what the curves tell of a population."""
+    result = population(
+        judged_table(folder), [by] if by else [], parameter=_parameter(folder), group=group or None
+    )
+    write_atomic(folder.results / "population.csv", csv_text(result.table()))
+    picture = ""
+    if by:
+        plots.save(plots.population(result), folder.results / "population.png")
+        picture = "population.png"
+    ratios = rows_of(comparison_table(result)) if result.comparisons else ()
+    return Together(tuple(population_sentences(result)), rows_of(group_table(result)), ratios, picture)
+
+
+def _parameter(folder: AnalysisFolder) -> str:
+    fitted = sample_parameters(read_map(folder.results / "map.csv"))
+    if not fitted:
+        raise InputError("nothing of the sample was fitted")
+    return fitted[0]
+
+
+def _decisions(folder: AnalysisFolder) -> Decisions:
+    """What was decided of curves that are in the map now."""
+    if not folder.decisions.exists():
+        return Decisions({})
+    return read_decisions(folder.decisions)
+
+
+def _scene_of_all(folder: AnalysisFolder) -> str:
+    """The scene without what is of one curve only: its file, its range, its contact point."""
+    draft = Draft.of(folder.scene_text())
+    for key in ("file", "test", "min_depth", "max_depth"):
+        draft.table("curve").pop(key, None)
+    draft.table("instrument").pop("contact_depth", None)
+    draft.free["instrument.contact_depth"] = {}
+    return draft.text()
+
+
+def _manifest(folder: AnalysisFolder) -> Path | None:
+    path = folder.path / "manifest.csv"
+    return path if path.exists() else None
+
+
+def _fingerprint(folder: AnalysisFolder) -> str:
+    """SHA-256 of all that decides the numbers of the map."""
+    manifest = _manifest(folder)
+    parts = [_scene_of_all(folder), "" if manifest is None else sha256_of(manifest)]
+    parts += [f"{path.name} {sha256_of(path)}" for path in folder.curve_files()]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _cards(folder: AnalysisFolder) -> list[Card]:
+    """Every card, made once after a map and kept beside it."""
+    path = folder.results / "map.cards.json"
+    of = folder.read_result("map.of.txt") or b""
+    if path.is_file():
+        with understood(path, _KIND):
+            kept = parse_json(read_text(path, _KIND))
+            if kept["of"] == of.decode():
+                return [Card(**card) for card in kept["cards"]]
+    table = read_map(folder.results / "map.csv")
+    fitted = set(table["name"][table["status"] == FITTED])
+    cards = [
+        Card(
+            card.name,
+            card.verdict,
+            card.reason,
+            card.numbers,
+            f"misfit {100.0 * card.misfit:.2g} % of the force" if card.misfit == card.misfit else "no fit",
+            card.picture,
+            card.name in fitted,
+        )
+        for card in review_cards(table, folder.curves, folder.results / "map.scene.toml")
+    ]
+    write_atomic(path, json.dumps({"of": of.decode(), "cards": [asdict(card) for card in cards]}))
+    return cards

@@ -1,0 +1,212 @@
+"""Step 1: bring files, and see how each was read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nicegui import events, ui
+
+from underlay.app.folder import LARGEST_FILE
+from underlay.app.pages.step import Step, data_address, message_list
+from underlay.app.shown import Reading
+from underlay.data.readers import all_formats
+from underlay.errors import UnderlayError
+
+__all__ = ["FilesStep"]
+
+# Names listed at once; with more there is a field to find one.
+_LISTED, _FEW = 100, 8
+_AUTO = "as its content says"
+
+
+class FilesStep(Step):
+    """The files of an analysis and how they are read."""
+
+    title = "Files"
+
+    def build(self) -> None:
+        """Build the place to drop files, the list, and room for how one was read."""
+        with ui.row().classes("columns"):
+            with ui.column().classes("side"):
+                self._upload = (
+                    ui.upload(
+                        multiple=True,
+                        auto_upload=True,
+                        max_file_size=LARGEST_FILE,
+                        label="Drop curve files here, or press +",
+                        on_multi_upload=self._bring,
+                        on_rejected=lambda: self.window.complain(
+                            f"A file of more than {LARGEST_FILE // 10**6} MB is not taken."
+                        ),
+                    )
+                    .props("flat bordered hide-upload-btn")
+                    .classes("drop")
+                    .mark("drop")
+                )
+                self._find = ui.input("Find").props("dense outlined clearable").classes("wide")
+                self._find.on_value_change(self._show_list)
+                self._list = ui.column().classes("wide")
+            self._reading = ui.column().classes("main")
+
+    async def show(self) -> None:
+        """List the files again."""
+        self._show_list()
+        await self._show_reading()
+
+    async def _bring(self, event: events.MultiUploadEventArguments) -> None:
+        self._upload.reset()
+        if not self.window.holds:
+            return
+        brought = []
+        for file in event.files:
+            try:
+                brought.append(self.analysis.folder.add_curve(file.name, await file.read()).name)
+            except UnderlayError as error:
+                self.window.complain(str(error))
+        if brought and not self.analysis.curve_name:
+            self.analysis.pick(brought[0])
+        await self.show()
+
+    def _show_list(self) -> None:
+        names = [path.name for path in self.analysis.folder.curve_files()]
+        wanted = (self._find.value or "").casefold()
+        self._find.set_visibility(len(names) > _FEW)
+        shown = [name for name in names if wanted in name.casefold()]
+        self._list.clear()
+        with self._list:
+            if not names:
+                ui.label(f"Read are {', '.join(entry.name for entry in all_formats())}.").classes("quiet")
+            with ui.list().props("dense separator").classes("files"):
+                for name in shown[:_LISTED]:
+                    self._entry(name)
+            if len(shown) > _LISTED:
+                ui.label(f"and {len(shown) - _LISTED} more").classes("quiet")
+
+    def _entry(self, name: str) -> None:
+        with ui.item(on_click=lambda: self._pick(name)).mark(f"file-{name}") as item:
+            item.props(add="active" if name == self.analysis.curve_name else "")
+            ui.item_section(name)
+            with ui.item_section().props("side"):
+                ui.button(icon="close").props("flat dense round size=sm aria-label=remove").on(
+                    "click.stop", lambda: self._remove(name)
+                )
+
+    async def _pick(self, name: str, test: int = 1) -> None:
+        if self.window.holds:
+            self.analysis.pick(name, test)
+            await self.show()
+
+    async def _remove(self, name: str) -> None:
+        if self.window.holds:
+            self.analysis.folder.remove_curve(name)
+            await self.show()
+
+    async def _show_reading(self) -> None:
+        name, place = self.analysis.curve_name, self._reading
+        place.clear()
+        with place:
+            ui.label(f"Reading {name} ..." if name else "No file yet").classes("heading")
+            if not name:
+                ui.label(
+                    "Bring one or many curves. They are copied into the folder of this analysis, unchanged."
+                )
+                return
+        told: Reading | None = await self.window.ask(self.analysis.quick, "read", name)
+        place.clear()
+        with place:
+            ui.label(name).classes("heading")
+            if told is None:
+                return
+            ui.button("Next: the test", on_click=lambda: self.window.go("Test")).props("unelevated no-caps")
+            if told.refused:
+                ui.label(told.refused).classes("bad").mark("refused")
+            else:
+                self._told(told)
+            self._how()
+        if not told.refused:
+            picture = await self.window.ask(self.analysis.quick, "segments", name, self._test)
+            if picture is not None:
+                with place:
+                    ui.image(data_address(picture)).classes("picture").props(
+                        'alt="depth and force against time"'
+                    )
+
+    @property
+    def _test(self) -> int:
+        return int(self.analysis.draft.get("curve", "test") or 1)
+
+    def _told(self, told: Reading) -> None:
+        for words, value in (
+            ("Format", told.format),
+            ("Recorded", told.instrument),
+            ("The instrument's own result", told.vendor),
+        ):
+            if value:
+                with ui.row().classes("fact"):
+                    ui.label(words).classes("quiet")
+                    ui.label(value)
+        columns = [{"name": key, "label": key, "field": key, "align": "left"} for key in told.tests[0]]
+        table = ui.table(
+            columns=columns, rows=[dict(row) for row in told.tests], row_key="test", pagination=8
+        )
+        table.props("flat dense").classes("wide").mark("tests")
+        if len(told.tests) > 1:
+            table.set_selection("single")
+            table.selected = [dict(row) for row in told.tests if row["test"] == str(self._test)]
+            table.on_select(self._pick_test)
+        message_list(told.notes)
+
+    async def _pick_test(self, event: Any) -> None:
+        if event.selection:
+            await self._pick(self.analysis.curve_name, int(event.selection[0]["test"]))
+
+    def _how(self) -> None:
+        """What the scene says of reading, for files that do not say it themselves."""
+        draft = self.analysis.draft
+        with ui.expansion("Read it otherwise").props("dense").classes("wide"):
+            with ui.row().classes("fields"):
+                ui.select(
+                    [_AUTO, *(entry.name for entry in all_formats())],
+                    label="Format",
+                    value=draft.get("curve", "format") or _AUTO,
+                    on_change=lambda event: self._read_as(
+                        "format", None if event.value == _AUTO else event.value
+                    ),
+                ).props("outlined dense").classes("field").mark("format")
+                turned = draft.peek("curve").get("flip") or []
+                for column in ("depth", "force"):
+                    ui.checkbox(
+                        f"turn the sign of the {column}",
+                        value=column in turned,
+                        on_change=lambda event, column=column: self._turn(column, turned=bool(event.value)),
+                    )
+            for key, example in (
+                ("columns", "depth = h (nm), force = -Fz (mN)"),
+                ("calibration", "spring_constant = 0.04 N/m, sensitivity = 60 nm/V"),
+            ):
+                there = draft.peek("curve").get(key) or {}
+                ui.input(
+                    key.capitalize(),
+                    value=", ".join(f"{name} = {value}" for name, value in there.items()),
+                    placeholder=example,
+                ).props("outlined dense").classes("wide").on(
+                    "change", lambda event, key=key: self._read_as(key, _pairs(event.sender.value))
+                )
+
+    async def _read_as(self, key: str, value: Any) -> None:
+        table = self.analysis.draft.table("curve")
+        table.pop(key, None)
+        if value:
+            table[key] = value
+        if self.window.keep():
+            await self.show()
+
+    async def _turn(self, column: str, *, turned: bool) -> None:
+        before = [name for name in self.analysis.draft.peek("curve").get("flip") or [] if name != column]
+        await self._read_as("flip", [*before, column] if turned else before)
+
+
+def _pairs(text: str) -> dict[str, str]:
+    """Names and values of ``"depth = h (nm), force = F (mN)"``."""
+    pairs = (part.split("=", 1) for part in text.split(",") if "=" in part)
+    return {name.strip(): value.strip() for name, value in pairs}

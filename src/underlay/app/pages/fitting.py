@@ -1,0 +1,261 @@
+"""Step 3: the curve, its contact point and range, both laws at once; then the fit and what it says."""
+
+from __future__ import annotations
+
+import math
+
+from nicegui import events, ui
+
+from underlay.app.pages.outcome import Outcome
+from underlay.app.pages.step import Step, Window, data_address, message_list
+from underlay.app.shown import Look
+from underlay.units import format_quantity, printed
+
+__all__ = ["FitStep"]
+
+_CONTACT = "instrument.contact_depth"
+_STEPS = 1000
+# A handle is taken from this far (pixels of the picture).
+_REACH = 14.0
+_BLUE, _GREY = "#009e73", "#6b6b6b"
+
+
+class FitStep(Step):
+    """The curve with its handles, and the fit."""
+
+    title = "Fit"
+
+    def __init__(self, window: Window) -> None:
+        super().__init__(window)
+        self._look: Look | None = None
+        self._contact, self._range = 0.0, (0.0, 0.0)
+        self._held: str = ""
+        self._looking = self._again = False
+
+    def build(self) -> None:
+        """Build picture, sliders, the button, and room for what is found."""
+        self._empty = ui.label("Bring a curve first.").classes("heading")
+        with ui.row().classes("columns") as self._whole:
+            with ui.column().classes("main"):
+                self._picture = (
+                    ui.interactive_image(
+                        size=(936, 507),
+                        on_mouse=self._drag,
+                        events=["mousedown", "mousemove", "mouseup", "mouseleave"],
+                    )
+                    .classes("picture handle")
+                    .mark("curve")
+                )
+                with ui.row().classes("slide"):
+                    ui.label("Contact").classes("slide-name")
+                    self._contact_slide = ui.slider(min=0, max=_STEPS, step=1, on_change=self._slid)
+                    self._contact_slide.props('color=accent aria-label="contact point"').mark("contact")
+                    self._contact_words = ui.label().classes("slide-value").mark("contact-words")
+                with ui.row().classes("slide"):
+                    ui.label("Fit range").classes("slide-name")
+                    self._range_slide = ui.range(min=0, max=_STEPS, step=1, on_change=self._slid)
+                    self._range_slide.props('color=grey-7 aria-label="fit range"').mark("range")
+                    self._range_words = ui.label().classes("slide-value")
+            with ui.column().classes("side"):
+                ui.label("At this contact point").classes("heading")
+                self._moduli = ui.column().classes("wide")
+                self._fitted = ui.switch("find the contact point in the fit", on_change=self._hold).mark(
+                    "fit-contact"
+                )
+                self._notes = ui.column().classes("wide")
+        self._outcome = Outcome(self.window, self._fill_in)
+
+    async def show(self) -> None:
+        """Look at the curve as the scene says."""
+        there = bool(self.analysis.curve_name)
+        self._whole.set_visibility(there)
+        self._empty.set_visibility(not there)
+        if there:
+            self._look = None
+            await self._take(None, None, None)
+            self._fill_in()
+            await self._outcome.show()
+
+    async def _take(self, contact: float | None, low: float | None, high: float | None) -> None:
+        look = await self.window.try_to(self.analysis.quick, "look", contact, low, high)
+        if not isinstance(look, Look):
+            self._say([str(look)], "bad")
+            return
+        first = self._look is None
+        self._look = look
+        self._picture.set_source(data_address(look.picture.data))
+        if first:
+            self._contact, self._range = look.contact, (look.low, look.high)
+            self._set_slides()
+            self._say([f"Quality: {look.quality}.", *look.notes], "note")
+        self._overlay()
+        self._moduli.clear()
+        with self._moduli:
+            for name, words in look.moduli.items():
+                with ui.row().classes("fact"):
+                    ui.label(name).classes("quiet")
+                    ui.label(words).classes("number-shown").mark(f"modulus-{name.replace(' ', '-')}")
+        if not first and not look.moduli:
+            self._say(look.notes, "bad")
+
+    def _say(self, texts: object, kind: str) -> None:
+        self._notes.clear()
+        with self._notes:
+            message_list(
+                [str(text) for text in texts] if isinstance(texts, list | tuple) else [str(texts)], kind
+            )
+
+    def _set_slides(self) -> None:
+        self._contact_slide.set_value(self._step(self._contact))
+        self._range_slide.set_value({"min": self._step(self._range[0]), "max": self._step(self._range[1])})
+
+    def _step(self, depth: float) -> int:
+        look = self._known()
+        share = (depth - look.picture.low) / (look.picture.high - look.picture.low)
+        return round(_STEPS * min(max(share, 0.0), 1.0))
+
+    def _known(self) -> Look:
+        if self._look is None:
+            raise RuntimeError("nothing is shown yet")
+        return self._look
+
+    async def _slid(self) -> None:
+        """Take over what the sliders say, unless they only follow."""
+        if self._look is None:
+            return
+        low, high = self._look.picture.low, self._look.picture.high
+
+        def depth(step: float) -> float:
+            return low + (high - low) * step / _STEPS
+
+        changed = False
+        if self._contact_slide.value != self._step(self._contact):
+            self._contact, changed = depth(self._contact_slide.value), True
+        ends = self._range_slide.value
+        if (ends["min"], ends["max"]) != tuple(self._step(end) for end in self._range):
+            self._range, changed = (depth(ends["min"]), depth(ends["max"])), True
+        if changed:
+            self._overlay()
+            await self._follow()
+            self._write()
+
+    async def _drag(self, event: events.MouseEventArguments) -> None:
+        """Move the handle that the mouse took."""
+        if self._look is None:
+            return
+        picture = self._look.picture
+        at = picture.low + (event.image_x - picture.left) / (picture.right - picture.left) * (
+            picture.high - picture.low
+        )
+        if event.type == "mousedown":
+            self._held = self._nearest(event.image_x)
+        elif event.type == "mousemove" and self._held and event.buttons:
+            self._move(min(max(at, picture.low), picture.high))
+            await self._follow()
+        elif self._held:
+            self._held = ""
+            self._set_slides()
+            self._write()
+            await self._follow()
+
+    def _nearest(self, x: float) -> str:
+        places = {"contact": self._contact, "low": self._range[0], "high": self._range[1]}
+        name = min(places, key=lambda name: abs(self._pixel(places[name]) - x))
+        return name if abs(self._pixel(places[name]) - x) < _REACH else ""
+
+    def _move(self, depth: float) -> None:
+        if self._held == "contact":
+            self._contact = depth
+        elif self._held == "low":
+            self._range = (min(depth, self._range[1]), self._range[1])
+        else:
+            self._range = (self._range[0], max(depth, self._range[0]))
+        self._overlay()
+
+    async def _follow(self) -> None:
+        """Draw both laws for where the handles are now; while one is drawn, only the last place counts."""
+        if self._looking:
+            self._again = True
+            return
+        self._looking = True
+        try:
+            while True:
+                self._again = False
+                await self._take(self._contact, *self._range)
+                if not self._again:
+                    return
+        finally:
+            self._looking = False
+
+    def _pixel(self, depth: float) -> float:
+        picture = self._known().picture
+        return picture.left + (depth - picture.low) / (picture.high - picture.low) * (
+            picture.right - picture.left
+        )
+
+    def _overlay(self) -> None:
+        """Draw the handles, and say where they are."""
+        picture = self._known().picture
+        top, bottom = picture.top, picture.bottom
+        low, high, contact = (self._pixel(depth) for depth in (*self._range, self._contact))
+        shade = "".join(
+            f'<rect x="{min(a, b):.1f}" y="{top}" width="{abs(b - a):.1f}" height="{bottom - top}" fill="#000" '
+            'fill-opacity="0.06"/>'
+            for a, b in ((picture.left, low), (high, picture.right))
+        )
+        handles = "".join(
+            f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{top}" y2="{bottom}" stroke="{colour}" stroke-width="{width}" '
+            f'stroke-dasharray="{dash}"/><rect x="{x - 5:.1f}" y="{bottom - 26}" width="10" height="26" rx="4" '
+            f'fill="{colour}"/>'
+            for x, colour, width, dash in (
+                (low, _GREY, 1.5, "4 4"),
+                (high, _GREY, 1.5, "4 4"),
+                (contact, _BLUE, 2, "none"),
+            )
+        )
+        self._picture.set_content(shade + handles)
+        self._contact_words.set_text(printed(format_quantity(self._contact, "length")))
+        self._range_words.set_text(
+            printed(" to ".join(format_quantity(end, "length") for end in self._range))
+        )
+
+    def _write(self) -> None:
+        """Write contact and range into the scene."""
+        draft, picture = self.analysis.draft, self._known().picture
+        draft.table("instrument")["contact_depth"] = f"{self._contact!r} m"
+        margin = (picture.high - picture.low) / _STEPS
+        for key, end, edge in (
+            ("min_depth", self._range[0], picture.low),
+            ("max_depth", self._range[1], picture.high),
+        ):
+            draft.table("curve").pop(key, None)
+            if math.isfinite(end) and abs(end - edge) > margin:
+                draft.table("curve")[key] = f"{end!r} m"
+        self.window.keep()
+        self._outcome.is_old()
+
+    def _fill_in(self) -> None:
+        """Free the contact point over the whole curve, where nothing is said of it."""
+        draft = self.analysis.draft
+        if (
+            self._look is not None
+            and _CONTACT not in draft.free
+            and not draft.get("instrument", "contact_depth")
+        ):
+            self._free_contact()
+        self._fitted.set_value(_CONTACT in draft.free)
+
+    def _free_contact(self) -> None:
+        picture = self._known().picture
+        self.analysis.draft.free[_CONTACT] = {"min": f"{picture.low!r} m", "max": f"{picture.high!r} m"}
+        self.window.keep()
+
+    def _hold(self) -> None:
+        draft = self.analysis.draft
+        if self._look is None or self._fitted.value == (_CONTACT in draft.free):
+            return
+        if self._fitted.value:
+            self._free_contact()
+        else:
+            del draft.free[_CONTACT]
+            self._write()

@@ -1,0 +1,207 @@
+"""Step 2: the test. A form made from the scene's declarations, and the drawing to scale beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from nicegui import ui
+
+from underlay.app.form import ADVANCED, BASES, PRESETS, Draft, Field, apart, preset, problem_with
+from underlay.app.pages.free import FreeTable
+from underlay.app.pages.step import Step, data_address
+from underlay.scene.scene_keys import TOP, SceneKey
+
+__all__ = ["SceneStep"]
+
+_CHOOSES = ("shape", "model")
+# What a scene says of its curve that stays when another sample is begun with.
+_OF_THE_FILE = ("file", "test", "format", "columns", "flip", "calibration")
+
+
+class SceneStep(Step):
+    """The form of the scene."""
+
+    title = "Test"
+
+    def build(self) -> None:
+        """Build the samples to begin with, and room for form and drawing."""
+        with ui.row().classes("columns"):
+            with ui.column().classes("side wider"):
+                with ui.row().classes("presets"):
+                    ui.label("Begin with").classes("quiet")
+                    for name, words in PRESETS.items():
+                        ui.button(words, on_click=lambda name=name: self._begin(name)).props(
+                            "outline no-caps dense"
+                        ).mark(f"preset-{name}")
+                self._form = ui.column().classes("wide form")
+            with ui.column().classes("main"):
+                self._drawing = ui.column().classes("wide")
+                self._free = FreeTable(self.window, self._changed)
+
+    async def show(self) -> None:
+        """Build the form of the scene as it is, and draw it."""
+        draft = self.analysis.draft
+        self._form.clear()
+        with self._form:
+            self._section("indenter", "The tip")
+            self._section("layer", "The layer")
+            self._between(draft)
+            with ui.row().classes("section-head"):
+                ui.label("Under it").classes("heading")
+                ui.select(
+                    dict(BASES), value=draft.base, on_change=lambda event: self._rebase(event.value)
+                ).props("outlined dense aria-label='what lies under the layer'").classes("field").mark("base")
+            if draft.base == "elastic":
+                self._fields("substrate")
+                self._axial("substrate")
+            for section, words in ADVANCED.items():
+                with (
+                    ui.expansion(words, value=bool(section not in (TOP, "solver") and draft.peek(section)))
+                    .props("dense")
+                    .classes("wide")
+                ):
+                    self._fields(section)
+        await self._draw()
+        self._free.show()
+
+    def _section(self, section: str, words: str) -> None:
+        ui.label(words).classes("heading")
+        self._fields(section)
+        if section != "indenter":
+            self._axial(section)
+
+    def _between(self, draft: Draft) -> None:
+        for number, section in enumerate(draft.between, start=2):
+            with ui.row().classes("section-head"):
+                ui.label(f"Layer {number}").classes("heading")
+                ui.button("Remove", on_click=lambda section=section: self._relayer(section)).props(
+                    "flat dense no-caps"
+                )
+            self._fields(section)
+            self._axial(section)
+        if draft.base != "none":
+            ui.button("Add a layer under it", on_click=lambda: self._relayer(None)).props(
+                "flat dense no-caps"
+            ).mark("add-layer")
+
+    def _axial(self, section: str) -> None:
+        ui.checkbox(
+            "stiffer along than across (transversely isotropic)",
+            value="E_axial" in self.analysis.draft.peek(section),
+            on_change=lambda event: self._make_axial(section, axial=bool(event.value)),
+        ).props("dense")
+
+    def _fields(self, section: str) -> None:
+        with ui.row().classes("fields"):
+            for field in self.analysis.draft.fields(section):
+                if field.key.words:
+                    self._choice(field)
+                else:
+                    self._amount(field)
+
+    def _choice(self, field: Field) -> None:
+        words = list(field.key.words)
+        value = field.text or field.key.default or None
+        if value not in words:
+            words = [*words, value] if value else words
+        picked = ui.select(words, label=field.label, value=value, clearable=not field.required)
+        picked.props("outlined dense").classes("field").tooltip(field.key.meaning).mark(_mark(field))
+        picked.on_value_change(lambda event: self._put(field.section, field.key, str(event.value or "")))
+
+    def _amount(self, field: Field) -> None:
+        """A number and its unit, side by side."""
+        units = field.units
+        many = "," in field.text
+        number, unit = (field.text, "") if many else apart(field.text, units)
+        with ui.row(wrap=False).classes("amount"):
+            entry = ui.input(
+                field.label, value=number, placeholder="" if field.required else field.key.default
+            )
+            entry.props("outlined dense inputmode=decimal debounce=400").classes("number").tooltip(
+                field.key.meaning
+            )
+            entry.mark(_mark(field))
+            picked = None
+            if any(units) and not many:
+                picked = ui.select(list(dict.fromkeys([*units, unit])), value=unit)
+                picked.props(f'outlined dense options-dense aria-label="unit of {field.label}"').classes(
+                    "unit"
+                )
+                picked.mark(f"unit-{_mark(field)}")
+
+        def text() -> str:
+            said = str(entry.value or "").strip()
+            return f"{said} {picked.value}" if said and picked is not None and "," not in said else said
+
+        async def changed() -> None:
+            wrong = problem_with(text(), field.key)
+            entry.error = wrong or None
+            if not wrong:
+                await self._put(field.section, field.key, text())
+
+        entry.on_value_change(changed)
+        if picked is not None:
+            picked.on_value_change(changed)
+
+    async def _begin(self, name: str) -> None:
+        """Begin with a sample; the curve that is looked at stays."""
+        before = self.analysis.draft.peek("curve")
+        kept: dict[str, Any] = {key: before[key] for key in _OF_THE_FILE if key in before}
+        self.analysis.draft = preset(name)
+        self.analysis.draft.table("curve").update(kept)
+        if self.window.keep():
+            await self.show()
+
+    async def _put(self, section: str, key: SceneKey, text: str) -> None:
+        self.analysis.draft.put(section, key, text)
+        if key.name in _CHOOSES:
+            await self._reshape(lambda: _drop_others(self.analysis.draft, section))
+        else:
+            await self._changed()
+
+    async def _reshape(self, change: Callable[[], None]) -> None:
+        change()
+        if self.window.keep():
+            await self.show()
+
+    async def _rebase(self, base: str) -> None:
+        await self._reshape(lambda: self.analysis.draft.choose_base(base))
+
+    async def _relayer(self, section: str | None) -> None:
+        draft = self.analysis.draft
+        await self._reshape(draft.add_layer if section is None else lambda: draft.remove_layer(section))
+
+    async def _make_axial(self, section: str, *, axial: bool) -> None:
+        await self._reshape(lambda: self.analysis.draft.set_axial(section, axial=axial))
+
+    async def _changed(self) -> None:
+        if self.window.keep():
+            await self._draw()
+
+    async def _draw(self) -> None:
+        """Draw the scene, or say what it lacks."""
+        drawn = await self.window.try_to(self.analysis.quick, "scene")
+        self._drawing.clear()
+        with self._drawing:
+            if isinstance(drawn, bytes):
+                ui.image(data_address(drawn)).classes("drawing").props('alt="the test, drawn to scale"')
+                ui.button("Next: the fit", on_click=lambda: self.window.go("Fit")).props(
+                    "unelevated no-caps"
+                ).mark("to-fit")
+            else:
+                ui.label(str(drawn)).classes("bad").mark("scene-problem")
+
+
+def _drop_others(draft: Draft, section: str) -> None:
+    """Take out what belongs to another shape or model than the one that was chosen."""
+    table = draft.table(section)
+    known = {field.key.name for field in draft.fields(section)}
+    for name in [name for name in table if name not in known and not isinstance(table[name], dict)]:
+        del table[name]
+    if not table.get("model") and section != "indenter":
+        table.clear()
+
+
+def _mark(field: Field) -> str:
+    return f"{field.section}.{field.key.name}".replace(" ", "-")

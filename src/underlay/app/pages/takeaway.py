@@ -1,0 +1,110 @@
+"""Step 5: what is taken away, and the posterior."""
+
+from __future__ import annotations
+
+from nicegui import ui
+
+from underlay.app.pages.outcome import plain_table
+from underlay.app.pages.step import Step, data_address, message_list
+from underlay.app.pages.working import Working
+from underlay.app.shown import Sampled
+
+__all__ = ["TakeAwayStep"]
+
+# What can be taken: words, task, ending of the file's name.
+_OF_FIT = (
+    ("The page (HTML)", "report", "report.html"),
+    ("Excel", "excel", "xlsx"),
+    ("This analysis, to run again (ZIP: scene.toml, Python, curve, results)", "archive", "analysis.zip"),
+)
+_STEPS = {2_000: "quick look", 20_000: "for a paper", 100_000: "hard cases"}
+
+
+class TakeAwayStep(Step):
+    """Downloads and the posterior."""
+
+    title = "Take away"
+
+    def build(self) -> None:
+        """Build the buttons, and room for scene, script and posterior."""
+        with ui.row().classes("columns"):
+            with ui.column().classes("side wider"):
+                ui.label("Of the fit").classes("heading")
+                for words, task, ending in _OF_FIT:
+                    ui.button(
+                        words, on_click=lambda task=task, ending=ending: self._take(task, ending)
+                    ).props("outline no-caps align=left").mark(f"take-{task}")
+                self._pictures = ui.column().classes("wide")
+                ui.label("Of all curves").classes("heading")
+                ui.button("Excel", on_click=lambda: self._take("excel_of_all", "all.xlsx")).props(
+                    "outline no-caps"
+                ).mark("take-all")
+                ui.label("Posterior").classes("heading")
+                ui.label(
+                    "Every combination of numbers that the curve allows, not only the best one."
+                ).classes("quiet")
+                self._most = (
+                    ui.select(
+                        {most: f"at most {most} steps ({words})" for most, words in _STEPS.items()},
+                        value=20_000,
+                        label="How long",
+                    )
+                    .props("outlined dense")
+                    .classes("wide")
+                    .mark("most")
+                )
+                self._working = Working(self.window, "Sample", self._sample, mark="sample")
+            with ui.column().classes("main"):
+                self._posterior = ui.column().classes("wide")
+                ui.label("This analysis as scene.toml").classes("heading")
+                self._scene = ui.code("", language="toml").classes("wide code")
+                ui.label("and as Python").classes("heading")
+                self._script = ui.code("", language="python").classes("wide code").mark("script")
+
+    async def show(self) -> None:
+        """Show scene and script as they are now."""
+        folder = self.analysis.folder
+        self._scene.set_content(folder.scene_text())
+        script = await self.window.try_to(self.analysis.quick, "script")
+        self._script.set_content(str(script))
+        stem = self._stem()
+        self._pictures.clear()
+        with self._pictures:
+            for path in folder.result_files(stem, ".png"):
+                ui.button(
+                    f"Picture: {path.name}", on_click=lambda path=path: self._give(path.name, path.name)
+                ).props("flat dense no-caps align=left")
+
+    def _stem(self) -> str:
+        draft = self.analysis.draft
+        name, test = self.analysis.curve_name, draft.get("curve", "test")
+        stem = name.rpartition(".")[0] or name
+        return f"{stem}-{test}" if test else stem
+
+    async def _take(self, task: str, ending: str) -> None:
+        with ui.context.client.content:
+            ui.notify("One moment ...", timeout=2000)
+        content = await self.window.ask(self.analysis.long, task)
+        if isinstance(content, bytes):
+            ui.download.content(content, f"{self._stem() or 'underlay'}.{ending}")
+
+    def _give(self, result: str, name: str) -> None:
+        content = self.analysis.folder.read_result(result)
+        if content is not None:
+            ui.download.content(content, name)
+
+    async def _sample(self) -> None:
+        told = await self._working.run("sample", int(self._most.value))
+        self._posterior.clear()
+        if not isinstance(told, Sampled):
+            return
+        with self._posterior:
+            ui.label("Posterior").classes("heading")
+            ui.label(told.sentences[0]).classes("headline").mark("posterior-headline")
+            message_list(told.sentences[1:])
+            plain_table(told.table)
+            for name in told.pictures:
+                content = self.analysis.folder.read_result(name)
+                if content is not None:
+                    ui.image(data_address(content)).classes("picture").props(f'alt="{name.split(".")[-2]}"')
+        await self.show()

@@ -1,0 +1,51 @@
+"""The posterior of the curve that is looked at: with progress, a stop, and a chain that goes on from there."""
+
+from __future__ import annotations
+
+from underlay._csv_text import csv_text
+from underlay._files import write_atomic
+from underlay.app.folder import AnalysisFolder
+from underlay.app.results import fingerprint, rows_of, stem_of
+from underlay.app.shown import Progress, Sampled
+from underlay.app.work import Tell
+from underlay.cli.console import gathered_warnings
+from underlay.cli.wording import spoken
+from underlay.data.curve import Curve
+from underlay.inference.from_files import problem_from, weak_bounds
+from underlay.inference.sampling.run import sample
+from underlay.report import plots
+from underlay.report.posterior_tables import posterior_table
+from underlay.report.words import posterior_summary
+from underlay.scene.scene_file import SceneFile
+
+__all__ = ["sample_posterior"]
+
+_WALKERS, _EVERY = 64, 10
+
+
+def sample_posterior(folder: AnalysisFolder, file: SceneFile, curve: Curve, most: int, tell: Tell) -> Sampled:
+    """Sample until the chain has converged, `most` steps are done or a stop was asked for; keep what came of it."""
+    stem, of = stem_of(file), fingerprint(file)
+    chain = folder.result(f"{stem}.chain.h5")
+    mark = f"{of} {most}".encode()
+    if folder.read_result(f"{stem}.chain.txt") != mark:
+        chain.unlink(missing_ok=True)
+    write_atomic(folder.result(f"{stem}.chain.txt"), mark)
+
+    def step(done: int, needed: int, effective: float) -> None:
+        if done % _EVERY == 0:
+            words = f"{done} of about {needed} steps; worth {effective:.0f} independent draws so far"
+            tell(Progress(done, needed, words))
+
+    with gathered_warnings() as notes:
+        problem = problem_from(file, curve, weak_bounds(file, curve))
+        posterior = sample(problem, _WALKERS, most, backend=chain, resume=chain.exists(), progress=step)
+    pictures = []
+    for name, draw in (("corner", plots.corner), ("predictive", plots.predictive)):
+        plots.save(draw(posterior), folder.result(f"{stem}.{name}.png"))
+        pictures.append(f"{stem}.{name}.png")
+    posterior.save(folder.result(f"{stem}.posterior.npz"))
+    summary = csv_text(posterior.summary().rename_axis("parameter"))
+    write_atomic(folder.result(f"{stem}.posterior.csv"), summary)
+    words = posterior_summary(posterior).replace("**", "").split("\n\n")
+    return Sampled((*words, *map(spoken, notes)), rows_of(posterior_table(posterior)), tuple(pictures))

@@ -1,0 +1,138 @@
+"""What was found on one curve, as the page shows it: words, tables, pictures; kept as plain files."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from underlay._csv_text import csv_text
+from underlay._documents import parse_json
+from underlay._door import FileKind, read_text, sha256_of, understood
+from underlay._files import write_atomic
+from underlay.app.folder import AnalysisFolder
+from underlay.app.shown import Found, Row
+from underlay.app.work import Tell
+from underlay.cli.fit import quality_doubts, reservations, write_fit
+from underlay.cli.wording import spoken
+from underlay.errors import UnderlayError
+from underlay.inference.least_squares import Fit
+from underlay.inference.pointwise.modulus import PointwiseModulus
+from underlay.inference.problem import Problem
+from underlay.report import plots
+from underlay.report.model_limits import model_limits
+from underlay.report.open_ends import advice, rivals
+from underlay.report.pointwise_tables import pointwise_of, pointwise_sentence
+from underlay.report.tables import interval_table
+from underlay.report.words import headline, stands_on, verdict_sentence
+from underlay.scene.effects import effects_table
+from underlay.scene.scene_file import SceneFile
+
+__all__ = ["fingerprint", "found_before", "rows_of", "stem_of", "tell_found"]
+
+_KIND = FileKind("a result of the page", 5_000_000, "press Fit again")
+
+
+def stem_of(file: SceneFile) -> str:
+    """Beginning of the names of the results of the curve that a scene looks at."""
+    path, test = file.curve_path, file.curve.get("test")
+    name = "curve" if path is None else path.stem
+    return name if test is None else f"{name}-{test}"
+
+
+def fingerprint(file: SceneFile) -> str:
+    """SHA-256 of the scene file and the curve it looks at: a result is of this pair."""
+    curve = "" if file.curve_path is None else sha256_of(file.curve_path)
+    return hashlib.sha256(f"{sha256_of(file.path)}{curve}".encode()).hexdigest()
+
+
+def tell_found(
+    folder: AnalysisFolder, file: SceneFile, problem: Problem, result: Fit, notes: list[str], tell: Tell
+) -> Found:
+    """Put a fit into words, tables and pictures; tell what is there already, keep it at the end."""
+    stem = stem_of(file)
+    parts: dict[str, Any] = {"stem": stem, "of": fingerprint(file)}
+    for more in _parts(folder, file, problem, result, notes):
+        parts |= more
+        tell(Found(**parts))
+    found = Found(**parts)
+    write_atomic(folder.result(f"{stem}.shown.json"), json.dumps(asdict(found), indent=1))
+    return found
+
+
+def _parts(
+    folder: AnalysisFolder, file: SceneFile, problem: Problem, result: Fit, notes: list[str]
+) -> Iterator[dict[str, Any]]:
+    """The parts of `Found`, quickest first."""
+    yield {
+        "headline": spoken(headline(result)),
+        "verdict": spoken(verdict_sentence(result)),
+        "values": {name: repr(float(value)) for name, value in result.values.items()},
+        "table": rows_of(interval_table(result)),
+    }
+    doubts = [*quality_doubts(problem), *reservations(result, notes)]
+    yield {"doubts": tuple(dict.fromkeys(map(spoken, doubts)))}
+    written = write_fit(result, folder.results, stem_of(file))
+    yield {"pictures": tuple(path.name for path in written if path.suffix == ".png")}
+    yield from _by_depth(
+        folder, result, [path.name for path in written if path.suffix == ".png"], stem_of(file)
+    )
+    told = [*rivals(result), stands_on(result), *model_limits(result), *advice(result)]
+    yield {"more": tuple(spoken(sentence) for sentence in told if sentence)}
+    try:
+        scene = result.scenes[0]
+        deepest = float(np.max(result.curves[0].depth)) - scene.instrument.contact_depth
+        effects = effects_table(scene, deepest, result.solver)
+        write_atomic(folder.result(f"{stem_of(file)}.effects.csv"), csv_text(effects))
+        plots.save(
+            plots.effects(scene, deepest, result.solver), folder.result(f"{stem_of(file)}.effects.png")
+        )
+    except UnderlayError:
+        # A scene that the ledger has no rows for: the fit stands without it.
+        return
+    yield {"effects": rows_of(effects)}
+
+
+def _by_depth(
+    folder: AnalysisFolder, result: Fit, pictures: list[str], stem: str
+) -> Iterator[dict[str, Any]]:
+    """The modulus depth by depth, where it can be read."""
+    (found,) = pointwise_of(result)[:1]
+    if isinstance(found, PointwiseModulus):
+        plots.save(plots.pointwise_modulus(found), folder.result(f"{stem}.depths.png"))
+        write_atomic(folder.result(f"{stem}.depths.csv"), csv_text(found.table))
+        yield {"pictures": (*pictures, f"{stem}.depths.png")}
+    yield {"depths": spoken(pointwise_sentence(found))}
+
+
+def found_before(folder: AnalysisFolder, stem: str) -> Found | None:
+    """Return what was found before; None where nothing was, or the file is not what was written."""
+    path = folder.result(f"{stem}.shown.json")
+    if not path.is_file():
+        return None
+    try:
+        with understood(path, _KIND):
+            return Found(**parse_json(read_text(path, _KIND)))
+    except UnderlayError:
+        return None
+
+
+def rows_of(frame: pd.DataFrame) -> tuple[Row, ...]:
+    """Rows of a table as texts; an index of names becomes the first column."""
+    if not pd.api.types.is_integer_dtype(frame.index):
+        name = frame.columns.name if frame.index.name is None else frame.index.name
+        frame = frame.rename_axis(index="parameter" if name is None else str(name)).reset_index()
+    return tuple({str(key): _cell(value) for key, value in row.items()} for row in frame.to_dict("records"))
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return "" if np.isnan(value) else f"{value:.4g}"
+    return str(value)

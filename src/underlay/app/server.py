@@ -1,0 +1,84 @@
+"""The server of the page: on this machine only, at an address that opens once."""
+
+from __future__ import annotations
+
+import socket
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+
+from nicegui import app, ui
+
+from underlay.app.pages.routes import add_pages
+from underlay.app.security import Doorkeeper, Guard
+from underlay.app.state import Home
+
+__all__ = ["serve"]
+
+_HOST = "127.0.0.1"
+_ICON = (
+    "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'><rect y='18' width='32' height='7' "
+    "fill='#56b4e9'/><rect y='25' width='32' height='7' fill='#5a5a5a'/><circle cx='16' cy='10' r='9' "
+    "fill='#0072b2'/></svg>"
+)
+
+
+def serve(folder: Path, port: int = 0, *, show: bool = True, tell: Callable[[str], None] = print) -> None:
+    """Serve the page until Ctrl-C.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the analyses are kept, made if absent.
+    port : int
+        Of this machine; 0 takes a free one.
+    show : bool
+        Open a browser.
+    tell : callable
+        Given the address.
+
+    Raises
+    ------
+    FileAccessError
+        If the folder cannot be written.
+    """
+    port = port or _free_port()
+    names = [f"{name}:{port}" for name in (_HOST, "localhost")]
+    keeper = Doorkeeper(names, f"underlay_{port}")
+    home = Home(folder, keeper, f"http://{_HOST}:{port}")
+    prepare(home)
+
+    def begin() -> None:
+        address = home.new_address()
+        tell(address)
+        if show:
+            webbrowser.open(address)
+
+    app.on_startup(begin)
+    ui.run(
+        host=_HOST,
+        port=port,
+        title="underlay",
+        favicon=_ICON,
+        show=False,
+        reload=False,
+        tailwind=False,
+        show_welcome_message=False,
+        language="en-US",
+        reconnect_timeout=30.0,
+        message_history_length=200,
+        server_header=False,
+    )
+
+
+def prepare(home: Home) -> None:
+    """Put pages and guard in place, before the server runs."""
+    app.add_middleware(Guard, keeper=home.keeper)
+    app.on_shutdown(home.close)
+    add_pages(home)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((_HOST, 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,249 @@
+"""What the page shows of work that was done beside it: plain values, which travel through a pipe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from underlay.report.canvas import Canvas
+
+__all__ = [
+    "Card",
+    "Found",
+    "Gallery",
+    "Look",
+    "Overview",
+    "Progress",
+    "Reading",
+    "Row",
+    "Sampled",
+    "Together",
+]
+
+#: A row of a table: texts by column.
+Row: TypeAlias = dict[str, str]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a file was read.
+
+    Parameters
+    ----------
+    file : str
+        Its name.
+    format, instrument, vendor : str
+        In words; empty where the file says nothing.
+    tests : tuple of Row
+        A row per test.
+    notes : tuple of str
+        What is wrong, or worth knowing.
+    refused : str
+        Why it could not be read; empty where it could.
+    """
+
+    file: str
+    format: str = ""
+    instrument: str = ""
+    vendor: str = ""
+    tests: tuple[Row, ...] = ()
+    notes: tuple[str, ...] = ()
+    refused: str = ""
+
+
+@dataclass(frozen=True)
+class Look:
+    """A curve before its fit.
+
+    Parameters
+    ----------
+    picture : Canvas
+        Of the curve and both laws.
+    contact, low, high : float
+        Depth readings (m) of the contact and of the ends of what is used.
+    moduli : mapping of str to str
+        Layer modulus by law, in words.
+    quality : str
+        Verdict on the curve.
+    notes : tuple of str
+        What speaks against it, and what a law refused.
+    """
+
+    picture: Canvas
+    contact: float
+    low: float
+    high: float
+    moduli: dict[str, str] = field(default_factory=dict)
+    quality: str = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Found:
+    """What is shown of a fit.
+
+    Parameters
+    ----------
+    stem : str
+        Beginning of the names of its files.
+    of : str
+        Fingerprint of the curve and scene that were fitted.
+    headline, verdict : str
+        In words.
+    more : tuple of str
+        Other optima, what it stands on, what the law leaves out, the second test that would tell.
+    doubts : tuple of str
+        Warnings of the reader, the fit and the laws.
+    table : tuple of Row
+        A row per fitted number.
+    effects : tuple of Row
+        A row per effect.
+    values : mapping of str to str
+        Every fitted number (SI) to its last bit.
+    pictures : tuple of str
+        Names of the files.
+    depths : str
+        What the modulus depth by depth says.
+    """
+
+    stem: str
+    of: str
+    headline: str = ""
+    verdict: str = ""
+    more: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    table: tuple[Row, ...] = ()
+    effects: tuple[Row, ...] = ()
+    values: dict[str, str] = field(default_factory=dict)
+    pictures: tuple[str, ...] = ()
+    depths: str = ""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a long task is.
+
+    Parameters
+    ----------
+    done, total : int
+        Curves, or steps.
+    words : str
+        The same for people.
+    """
+
+    done: int
+    total: int
+    words: str
+
+
+@dataclass(frozen=True)
+class Overview:
+    """What was found on many curves.
+
+    Parameters
+    ----------
+    sentences : tuple of str
+        In words.
+    table, verdicts, failures : tuple of Row
+        Numbers over all curves, how many got which verdict, and the curves without a fit.
+    pictures : tuple of str
+        Names of files.
+    labels : tuple of str
+        Columns by which curves may be grouped.
+    is_old : bool
+        Whether files or scene were changed since.
+    """
+
+    sentences: tuple[str, ...] = ()
+    table: tuple[Row, ...] = ()
+    verdicts: tuple[Row, ...] = ()
+    failures: tuple[Row, ...] = ()
+    pictures: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()
+    is_old: bool = False
+
+
+@dataclass(frozen=True)
+class Card:
+    """One curve of the gallery.
+
+    Parameters
+    ----------
+    name, verdict, reason : str
+        As in the table of the map.
+    numbers : tuple of str
+        What was found, in words.
+    misfit : str
+        In words.
+    picture : str
+        SVG element, made here.
+    fitted : bool
+        Whether there is a fit to accept.
+    decision, why : str
+        "accept", "refuse" or nothing, and the reason.
+    """
+
+    name: str
+    verdict: str
+    reason: str
+    numbers: tuple[str, ...]
+    misfit: str
+    picture: str
+    fitted: bool
+    decision: str = ""
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """One page of the gallery, worst curves first.
+
+    Parameters
+    ----------
+    cards : tuple of Card
+        Its curves.
+    pages : int
+        How many pages there are.
+    """
+
+    cards: tuple[Card, ...] = ()
+    pages: int = 0
+
+
+@dataclass(frozen=True)
+class Together:
+    """What many curves say of a population.
+
+    Parameters
+    ----------
+    sentences : tuple of str
+        In words.
+    groups, ratios : tuple of Row
+        A row per group, and per pair of groups.
+    picture : str
+        Name of a file; empty where there is none.
+    """
+
+    sentences: tuple[str, ...] = ()
+    groups: tuple[Row, ...] = ()
+    ratios: tuple[Row, ...] = ()
+    picture: str = ""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A posterior.
+
+    Parameters
+    ----------
+    sentences : tuple of str
+        In words, with whether it converged.
+    table : tuple of Row
+        A row per parameter.
+    pictures : tuple of str
+        Names of files.
+    """
+
+    sentences: tuple[str, ...] = ()
+    table: tuple[Row, ...] = ()
+    pictures: tuple[str, ...] = ()

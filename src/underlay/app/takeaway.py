@@ -1,0 +1,105 @@
+"""What is taken away: the analysis as files that repeat it, a page, a spreadsheet."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+
+from underlay._door import FileKind, read_bytes
+from underlay.app.folder import AnalysisFolder
+from underlay.app.many import judged_table
+from underlay.app.results import found_before, stem_of
+from underlay.errors import InputError
+from underlay.inference.batch.fresh_process import ONE_THREAD
+from underlay.inference.least_squares import Fit
+from underlay.inference.pointwise.modulus import PointwiseModulus
+from underlay.report.excel import excel_bytes
+from underlay.report.pointwise_tables import pointwise_of
+from underlay.report.render import report
+from underlay.scene.scene_file import SceneFile
+
+__all__ = ["analysis_archive", "map_workbook", "report_page", "script", "workbook_of"]
+
+_KIND = FileKind("a file of an analysis", 4_000_000_000, "start a new analysis")
+# A date for every member, so that the same analysis is the same archive.
+_DATE = (1980, 1, 1, 0, 0, 0)
+
+
+def script(file: SceneFile, values: dict[str, str]) -> str:
+    """Return Python that repeats the fit of the page from ``scene.toml`` and the curve beside it.
+
+    Parameters
+    ----------
+    file : SceneFile
+        The scene of the page; its curve stands under ``curves``.
+    values : mapping of str to str
+        What the page found (SI), to its last bit; compared with what the script finds.
+    """
+    if file.curve_path is None:
+        raise InputError("pick a curve first")
+    found = "".join(f"    {name!r}: {value},\n" for name, value in values.items())
+    threads = "".join(f"    {name!r},\n" for name in ONE_THREAD)
+    return (
+        '"""The analysis of the page, as Python: the same curve, the same scene, the same numbers."""\n\n'
+        "import os\nfrom pathlib import Path\n\n"
+        "# One thread for linear algebra, as on the page: sums are then the same to the last bit.\n"
+        f'for name in (\n{threads}):\n    os.environ[name] = "1"\n\n'
+        "import underlay as ul\n\n"
+        "here = Path(__file__).parent\n"
+        f"problem = ul.load_problem(here / 'curves' / {file.curve_path.name!r}, here / 'scene.toml')\n"
+        "fit = ul.fit(problem)\n"
+        "print(fit.report())\n\n"
+        "# What the page found (SI):\n"
+        f"found = {{\n{found}}}\n"
+        "for name, value in fit.values.items():\n"
+        "    same = value == found.get(name)\n"
+        "    print(name, repr(float(value)), 'as on the page' if same else 'differs from the page')\n"
+    )
+
+
+def analysis_archive(folder: AnalysisFolder, file: SceneFile) -> bytes:
+    """Return the scene, the script, the curve and what was found of it, as a ZIP archive.
+
+    Raises
+    ------
+    InputError
+        If the curve was not fitted.
+    """
+    stem = stem_of(file)
+    found = found_before(folder, stem)
+    if found is None or file.curve_path is None:
+        raise InputError("press Fit first: what is taken away is of a fit")
+    members = {
+        "scene.toml": read_bytes(folder.scene, _KIND),
+        "analysis.py": script(file, found.values).encode(),
+    }
+    members[f"curves/{file.curve_path.name}"] = read_bytes(file.curve_path, _KIND)
+    for suffix in (".csv", ".json", ".png"):
+        for path in folder.result_files(stem, suffix):
+            if not path.name.endswith(".shown.json"):
+                members[f"results/{path.name}"] = read_bytes(path, _KIND)
+    return _zipped(members)
+
+
+def workbook_of(result: Fit) -> bytes:
+    """Return the Excel file of a fit, with its modulus at each depth where there is one."""
+    by_depth = [found for found in pointwise_of(result) if isinstance(found, PointwiseModulus)]
+    return excel_bytes(result, *by_depth)
+
+
+def map_workbook(folder: AnalysisFolder) -> bytes:
+    """Return the Excel file of the map, with what was decided by hand."""
+    return excel_bytes(judged_table(folder), settings={"scene": folder.scene_text()[:30_000]})
+
+
+def report_page(folder: AnalysisFolder, result: Fit, stem: str) -> bytes:
+    """Return the page that `underlay report` makes of a fit."""
+    return read_bytes(report(result, folder.results / f"{stem}.report.html"), _KIND)
+
+
+def _zipped(members: dict[str, bytes]) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(zipfile.ZipInfo(name, _DATE), content, zipfile.ZIP_DEFLATED)
+    return buffer.getvalue()

@@ -1,0 +1,266 @@
+"""What is done in a process beside the page: reading, drawing, fitting. Each is a call of the library.
+
+Results are plain values, so that they travel through a pipe: texts, numbers, and the bytes of pictures.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from underlay._door import sha256_of
+from underlay.app import many, takeaway
+from underlay.app.folder import AnalysisFolder
+from underlay.app.labels import read_labels, set_label, take_manifest
+from underlay.app.posterior import sample_posterior
+from underlay.app.results import fingerprint, found_before, stem_of, tell_found
+from underlay.app.shown import Found, Gallery, Look, Overview, Reading, Sampled, Together
+from underlay.app.work import Tell
+from underlay.cli.console import gathered_warnings
+from underlay.cli.wording import spoken
+from underlay.data.contact_point import find_contact
+from underlay.data.curve import Curve
+from underlay.data.quality import check_quality
+from underlay.data.readers import read_all
+from underlay.data.recorded import recorded
+from underlay.data.signs import flipped
+from underlay.errors import InputError, UnderlayError
+from underlay.inference.from_files import chosen_part, problem_from, read_whole
+from underlay.inference.held_contact import laws_at_contact
+from underlay.inference.least_squares import Fit
+from underlay.inference.least_squares import fit as least_squares_fit
+from underlay.inference.problem import Problem
+from underlay.report import plots
+from underlay.report.plots.laws import canvas
+from underlay.report.plots.style import drawn, unit_for
+from underlay.report.reading import format_name, reading_table
+from underlay.scene.scene_file import SceneFile, read_scene_file
+from underlay.units import format_quantity
+
+__all__ = ["Analyst"]
+
+_READING = ("format", "columns", "calibration")
+_CONTACT = "instrument.contact_depth"
+
+
+class Analyst:
+    """The tasks on one analysis; what was read last is remembered.
+
+    Parameters
+    ----------
+    path : str
+        Folder of the analysis.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._folder = AnalysisFolder(Path(path))
+        self._read: tuple[object, Curve] | None = None
+        self._fit: tuple[str, Fit] | None = None
+
+    def ready(self, _tell: Tell) -> bool:
+        """Say that the process is there, with what it needs loaded."""
+        return True
+
+    def read(self, name: str, _tell: Tell) -> Reading:
+        """Read a file as the scene says, and say how."""
+        path = self._folder.curve_file(name)
+        stated = self._stated()
+        options = {key: stated[key] for key in _READING if key in stated}
+        try:
+            with gathered_warnings() as told:
+                curves = [flipped(curve, stated.get("flip") or ()) for curve in read_all(path, **options)]
+        except UnderlayError as error:
+            return Reading(name, refused=spoken(str(error)))
+        rows = reading_table(list(enumerate(curves, start=1)))
+        notes = [str(note) for curve in curves for note in curve.metadata.get("notes", ())]
+        return Reading(
+            name,
+            format_name(curves[0]),
+            recorded(curves[0]),
+            _vendor(curves[0]),
+            tuple({str(key): str(value) for key, value in row.items()} for row in rows.to_dict("records")),
+            _spoken(*notes, *told),
+        )
+
+    def segments(self, name: str, test: int, _tell: Tell) -> bytes:
+        """Draw the segments of a curve of a file."""
+        stated = self._stated()
+        options = {key: stated[key] for key in _READING if key in stated}
+        curve = read_all(self._folder.curve_file(name), **options)[test - 1]
+        return drawn(plots.segments(flipped(curve, stated.get("flip") or ())))
+
+    def scene(self, _tell: Tell) -> bytes:
+        """Draw the test to scale, at the depth of the curve or of a default."""
+        file = read_scene_file(self._folder.scene)
+        return drawn(plots.scene(file.draft, depth=self._deepest(file), solver=file.solver))
+
+    def look(self, contact: float | None, low: float | None, high: float | None, _tell: Tell) -> Look:
+        """Draw the curve with both laws at a contact point; where none is given, at the one that is found."""
+        file = read_scene_file(self._folder.scene)
+        curve = self._curve(file)
+        low = float(file.curve.get("min_depth", -np.inf)) if low is None else low
+        high = float(file.curve.get("max_depth", np.inf)) if high is None else high
+        quality, notes = "", list[str]()
+        if contact is None:
+            quality, notes = _quality(curve, file)
+            contact = _first_contact(curve, file)
+        unit = unit_for(curve.depth, "length")[1]
+        ends = max(low, float(curve.depth.min())), min(high, float(curve.depth.max()))
+        try:
+            with gathered_warnings() as told:
+                held = laws_at_contact(file, curve, contact, low, high)
+        except UnderlayError as error:
+            used = chosen_part(curve, {**file.curve, "min_depth": low, "max_depth": high})
+            bare = canvas(plots.laws(curve, used, {}), unit)
+            return Look(bare, contact, *ends, quality=quality, notes=_spoken(*notes, str(error)))
+        moduli = {name: format_quantity(value, "pressure") for name, value in held.moduli.items()}
+        refused = [f"{name}: {reason}" for name, reason in held.refused.items()]
+        lines = {f"{name}, {moduli[name]}": line for name, line in held.lines.items()}
+        picture = canvas(plots.laws(curve, held.used, lines), unit)
+        return Look(picture, contact, *ends, moduli, quality, _spoken(*notes, *refused, *told))
+
+    def fit(self, tell: Tell) -> Found:
+        """Fit the curve as the scene says; what is there already is told on the way."""
+        file = read_scene_file(self._folder.scene)
+        with gathered_warnings() as notes:
+            problem = self._problem(file)
+            result = least_squares_fit(problem)
+        self._fit = (fingerprint(file), result)
+        return tell_found(self._folder, file, problem, result, notes, tell)
+
+    def found(self, _tell: Tell) -> tuple[Found | None, bool]:
+        """What was found on this curve before, and whether the scene is still the same."""
+        file = read_scene_file(self._folder.scene)
+        before = found_before(self._folder, stem_of(file))
+        return before, before is not None and before.of == fingerprint(file)
+
+    def sample(self, most: int, tell: Tell) -> Sampled:
+        """Sample the posterior of the curve."""
+        file = read_scene_file(self._folder.scene)
+        return sample_posterior(self._folder, file, chosen_part(self._curve(file), file.curve), most, tell)
+
+    def fit_all(self, tell: Tell) -> Overview:
+        """Fit every curve."""
+        return many.run_map(self._folder, tell)
+
+    def overview(self, _tell: Tell) -> Overview:
+        """Say what was found on all curves."""
+        return many.overview(self._folder)
+
+    def gallery(self, page: int, _tell: Tell) -> Gallery:
+        """One page of the curves, worst first."""
+        return many.gallery(self._folder, page)
+
+    def decide(self, names: list[str], word: str, reason: str, _tell: Tell) -> None:
+        """Keep a decision."""
+        many.decide(self._folder, names, word, reason)
+
+    def labels(self, _tell: Tell) -> dict[str, dict[str, str]]:
+        """Whose each curve is."""
+        return read_labels(self._folder)
+
+    def set_label(self, files: list[str], column: str, label: str, _tell: Tell) -> None:
+        """Say whose curves are."""
+        set_label(self._folder, files, column, label)
+
+    def take_manifest(self, content: bytes, _tell: Tell) -> None:
+        """Keep a manifest."""
+        take_manifest(self._folder, content)
+
+    def population(self, by: str, group: str, _tell: Tell) -> Together:
+        """Say what all curves tell of a population."""
+        return many.show_population(self._folder, by, group)
+
+    def archive(self, _tell: Tell) -> bytes:
+        """The analysis as files that repeat it."""
+        return takeaway.analysis_archive(self._folder, read_scene_file(self._folder.scene))
+
+    def script(self, _tell: Tell) -> str:
+        """The analysis as Python."""
+        file = read_scene_file(self._folder.scene)
+        found = found_before(self._folder, stem_of(file))
+        return takeaway.script(file, {} if found is None else found.values)
+
+    def excel(self, _tell: Tell) -> bytes:
+        """The fit as an Excel file."""
+        return takeaway.workbook_of(self._fitted())
+
+    def excel_of_all(self, _tell: Tell) -> bytes:
+        """The map as an Excel file."""
+        return takeaway.map_workbook(self._folder)
+
+    def report(self, _tell: Tell) -> bytes:
+        """The fit as a page."""
+        file = read_scene_file(self._folder.scene)
+        return takeaway.report_page(self._folder, self._fitted(), stem_of(file))
+
+    def _fitted(self) -> Fit:
+        """The fit of the scene as it is; made again where this process did not make it."""
+        file = read_scene_file(self._folder.scene)
+        if self._fit is None or self._fit[0] != fingerprint(file):
+            self._fit = (fingerprint(file), least_squares_fit(self._problem(file)))
+        return self._fit[1]
+
+    def _problem(self, file: SceneFile) -> Problem:
+        curve = chosen_part(self._curve(file), file.curve)
+        return problem_from(file, curve.with_metadata(scene_path=str(file.path)))
+
+    def _stated(self) -> dict[str, Any]:
+        """What the scene says of how files are read; nothing while it is not complete."""
+        if not self._folder.scene.exists():
+            return {}
+        try:
+            return dict(read_scene_file(self._folder.scene).curve)
+        except UnderlayError:
+            return {}
+
+    def _curve(self, file: SceneFile) -> Curve:
+        """The curve that the scene names, read again only if the file or the way of reading changed."""
+        if file.curve_path is None:
+            raise InputError("bring a file first, and pick the curve to look at")
+        path = self._folder.curve_file(file.curve_path.name)
+        how = {key: value for key, value in file.curve.items() if not key.endswith("depth")}
+        key = (str(path), sha256_of(path), repr(how))
+        if self._read is None or self._read[0] != key:
+            self._read = (key, read_whole(file, path))
+        return self._read[1]
+
+    def _deepest(self, file: SceneFile) -> float:
+        from underlay.cli.expected import deepest_point  # noqa: PLC0415  it prints, where there is a terminal
+
+        if file.curve_path is not None:
+            try:
+                return float(self._curve(file).depth.max())
+            except UnderlayError:
+                pass
+        return deepest_point(file, None) + file.draft.instrument.contact_depth
+
+
+def _spoken(*messages: str) -> tuple[str, ...]:
+    """Each message once, in the words of the page."""
+    return tuple(dict.fromkeys(map(spoken, messages)))
+
+
+def _quality(curve: Curve, file: SceneFile) -> tuple[str, list[str]]:
+    quality = check_quality(curve, file.draft)
+    return quality.verdict, list(quality.reasons)
+
+
+def _first_contact(curve: Curve, file: SceneFile) -> float:
+    """The contact of the scene where it says one, else what is found on the curve."""
+    if _CONTACT in file.stated:
+        return file.draft.instrument.contact_depth
+    try:
+        return find_contact(curve, scene=file.draft).depth
+    except UnderlayError:
+        return float(np.median(curve.depth))
+
+
+def _vendor(curve: Curve) -> str:
+    """What the instrument itself found, in words."""
+    reduced = curve.metadata.get("instrument_reduced_modulus")
+    if not isinstance(reduced, int | float) or isinstance(reduced, bool) or not np.isfinite(reduced):
+        return ""
+    return f"{format_quantity(float(reduced), 'pressure')} (reduced modulus)"

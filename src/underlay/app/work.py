@@ -1,0 +1,189 @@
+"""Work in a process of its own, so that the page stays alive: with progress, a stop, and a message if it dies.
+
+What a process can do are the methods of one object that lives in it and remembers what it has read and fitted
+(`underlay.app.tasks`). Each method gets, as its last argument, a function that sends what is there already.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import parent_process
+from typing import Any
+
+from underlay.errors import UnderlayError
+from underlay.inference.batch.fresh_process import start_of_a_process
+
+__all__ = ["Tell", "WorkError", "Worker"]
+
+Tell = Callable[[Any], None]
+
+_STOPPED = "stopped; what was finished is kept"
+_SAID, _DONE, _REFUSED, _FAILED = "said", "done", "refused", "failed"
+
+
+class WorkError(UnderlayError):
+    """What a process could not do, in one sentence for people."""
+
+
+class Worker:
+    """A process that does one task after another; started when first asked, and again after it was stopped.
+
+    Parameters
+    ----------
+    made_by : str
+        Module and class, ``"underlay.app.tasks:Analyst"``, whose methods are the tasks; loaded in the process only.
+    arguments : tuple
+        For the class; plain values.
+    """
+
+    def __init__(self, made_by: str, *arguments: Any) -> None:
+        self._made_by = (made_by, arguments)
+        self._process: Any = None
+        self._connection: Connection | None = None
+        self._turn = asyncio.Lock()
+        self._stopped = self._closed = False
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a task is running."""
+        return self._turn.locked()
+
+    @property
+    def process_id(self) -> int | None:
+        """Of the process, where there is one."""
+        return None if self._process is None else self._process.pid
+
+    async def call(self, task: str, *arguments: Any, heard: Tell | None = None) -> Any:
+        """Do a task and return its result; what it tells on the way goes to `heard`.
+
+        Raises
+        ------
+        WorkError
+            If the task refuses its input, fails, is stopped, or its process dies: the message says which.
+        """
+        async with self._turn:
+            if self._closed:
+                raise WorkError(_STOPPED)
+            connection = self._started()
+            loop = asyncio.get_running_loop()
+            try:
+                connection.send((task, arguments))
+                while True:
+                    what, value = await loop.run_in_executor(None, connection.recv)
+                    if what == _SAID:
+                        if heard is not None:
+                            heard(value)
+                    elif what == _DONE:
+                        return value
+                    else:
+                        raise WorkError(value)
+            except (EOFError, OSError) as error:
+                raise WorkError(self._epitaph(task)) from error
+
+    def ask_to_stop(self) -> None:
+        """Have a task that tells how far it is end there, with what it has."""
+        if self.is_busy and self._connection is not None:
+            with suppress(OSError):
+                self._connection.send(_STOPPED)
+
+    def stop(self) -> None:
+        """End the process, whatever it is doing; the next call starts another."""
+        self._stopped = True
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._process = None
+
+    def close(self) -> None:
+        """End the process for good."""
+        self._closed = True
+        self.stop()
+
+    def _started(self) -> Connection:
+        if self._process is not None and self._process.is_alive() and self._connection is not None:
+            return self._connection
+        if self._connection is not None:
+            self._connection.close()
+        self._connection, theirs = multiprocessing.Pipe()
+        self._process = multiprocessing.get_context("spawn").Process(
+            target=_serve, args=(theirs, *self._made_by)
+        )
+        with start_of_a_process():
+            self._process.start()
+        # The only other end is the process's now: its death is the end of the pipe.
+        theirs.close()
+        self._stopped = False
+        return self._connection
+
+    def _epitaph(self, task: str) -> str:
+        if self._stopped:
+            return _STOPPED
+        if self._process is not None:
+            self._process.join(1.0)
+            code, self._process = self._process.exitcode, None
+        else:
+            code = None
+        how = f"signal {-code}" if code is not None and code < 0 else f"code {code}"
+        return (
+            f"the process that did this ({task}) ended without a word ({how}), perhaps for want of memory; nothing "
+            "else is lost: try again"
+        )
+
+
+def _serve(connection: Connection, made_by: str, arguments: tuple[Any, ...]) -> None:
+    """Do what is asked until the parent is gone."""
+    # Ctrl-C reaches the whole group of processes; the parent decides what ends.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    module, _, name = made_by.partition(":")
+    tasks = getattr(import_module(module), name)(*arguments)
+    while True:
+        try:
+            message = connection.recv()
+        except (EOFError, OSError):
+            return
+        if message == _STOPPED:
+            continue  # what should have stopped was done already
+        task, given = message
+        connection.send(_answer(tasks, task, given, _teller(connection)))
+
+
+def _teller(connection: Connection) -> Tell:
+    """What a task tells through; when a stop was asked for meanwhile it raises what Ctrl-C raises."""
+
+    def tell(value: Any) -> None:
+        connection.send((_SAID, value))
+        if connection.poll():
+            connection.recv()
+            raise KeyboardInterrupt
+
+    return tell
+
+
+def _answer(tasks: object, task: str, given: tuple[Any, ...], tell: Tell) -> tuple[str, Any]:
+    try:
+        return _DONE, getattr(tasks, task)(*given, tell)
+    except UnderlayError as error:
+        return _REFUSED, str(error)
+    except KeyboardInterrupt:
+        return _REFUSED, _STOPPED
+    except Exception as error:  # noqa: BLE001  whatever it is, the page says it and lives on
+        return (
+            _FAILED,
+            f"this failed, which is a fault of underlay ({type(error).__name__}: {error}); please report it",
+        )
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)

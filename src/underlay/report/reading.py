@@ -1,0 +1,57 @@
+"""How a file was read, as a table: tests, points, spans in units for people, segments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from underlay.data.readers import all_formats
+from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.units import format_quantity
+
+if TYPE_CHECKING:
+    from underlay._arrays import FloatArray
+    from underlay.data.curve import Curve
+
+__all__ = ["format_name", "reading_table"]
+
+
+def format_name(curve: Curve) -> str:
+    """Return the name of the format a curve was read in, with what it is of: ``"mach1 (Biomomentum ...)"``."""
+    name = str(curve.metadata["format"])
+    described = next((entry.description for entry in all_formats() if entry.name == name), "")
+    return name + (f" ({described})" if described else "")
+
+
+def reading_table(tests: Sequence[tuple[int, Curve]]) -> pd.DataFrame:
+    """Return one row per test, as text: number, name, points, spans of depth and force, points of each segment.
+
+    Parameters
+    ----------
+    tests : sequence of (int, Curve)
+        The number of each test in its file, from 1, and its curve as it was read.
+    """
+    return pd.DataFrame([_row(number, curve) for number, curve in tests])
+
+
+def _row(number: int, curve: Curve) -> dict[str, object]:
+    labels = curve.segments()
+    counts = {label: int((labels == label).sum()) for label in (LOADING, HOLD, UNLOADING)}
+    return {
+        "test": number,
+        "name": str(curve.metadata.get("name", "")),
+        "points": len(curve),
+        "depth": _span(curve.depth, "length"),
+        "force": _span(curve.force, "force"),
+        "segments": ", ".join(f"{label} {count}" for label, count in counts.items() if count),
+    }
+
+
+def _span(values: FloatArray, kind: str) -> str:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return "no finite number"
+    return f"{format_quantity(float(finite.min()), kind)} to {format_quantity(float(finite.max()), kind)}"

@@ -1,0 +1,223 @@
+"""The page, as a person goes through it."""
+
+import io
+import json
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import underlay as ul
+from support.page import (
+    begin,
+    bring,
+    changed,
+    marks,
+    page,
+    press,
+    run,
+    second_browser,
+    seen,
+    stranger,
+    text_of,
+    until,
+    until_said,
+    write,
+)
+from underlay.cli import main
+from underlay.inference.batch.decisions import read_decisions
+from underlay.inference.batch.map_table import read_map
+
+SAMPLES = Path(__file__).parents[1] / "data_samples"
+
+
+async def fill_in_with_mistakes(user, folder):
+    """Go through the form of the test; what cannot be is refused in words, and kept out of the file."""
+    press(user, "step-2")
+    press(user, "preset-cartilage_on_bone")
+    await until(user, "to-fit")
+    write(user, "layer.nu", "0.7")
+    await until(user, "scene-problem")
+    assert "nu" in text_of(user, "scene-problem")
+    write(user, "layer.nu", "0.46")
+    await until(user, "to-fit")
+    write(user, "indenter.radius", "a lot")
+    (radius,) = user.find(marker="indenter.radius").elements
+    assert "must be given as" in radius.error
+    assert ul.load_scene(folder.scene).indenter.radius == 1e-3
+    write(user, "indenter.radius", "1")
+
+
+async def drag_the_contact(user):
+    """Move the contact point: both laws follow."""
+    press(user, "step-3")
+    await until(user, "modulus-half-space")
+    before = [text_of(user, f"modulus-{law}") for law in ("layer-and-base", "half-space")]
+    write(user, "contact", 300)
+    await changed(user, "modulus-half-space", before[1])
+    await changed(user, "modulus-layer-and-base", before[0])
+
+
+async def come_back(user, folder):
+    """What was found is there again; it says so when the test is another one."""
+    await user.open(f"/analysis/{folder.name}")
+    await until(user, "headline")
+    assert "Layer modulus" in text_of(user, "headline")
+    assert "old" not in seen(user)
+    write(user, "contact", 100)
+    await until(user, "old")
+
+
+def test_from_a_dropped_file_to_a_number_that_python_repeats(tmp_path):
+    async def person():
+        async with page(tmp_path) as user:
+            folder = await begin(user)
+            await bring(user, ("note.csv", b"no curve\n"), ("<b>empty.csv", b""))
+            await until_said(user, "is empty")
+            await until(user, "refused")
+            await bring(user, SAMPLES / "cartilage_on_bone.csv")
+            await until(user, "file-cartilage_on_bone.csv")
+            press(user, "file-cartilage_on_bone.csv")
+            await until(user, "tests")
+            await fill_in_with_mistakes(user, folder)
+            await drag_the_contact(user)
+            press(user, "fit")
+            await until(user, content="What acts in this test, and how much")
+            assert "Layer modulus" in text_of(user, "headline")
+            shown = json.loads((folder.results / "cartilage_on_bone.shown.json").read_text())
+            press(user, "step-5")
+            await until(user, "script")
+            press(user, "take-archive")
+            archive = zipfile.ZipFile(io.BytesIO((await user.download.next(timeout=60.0)).content))
+            press(user, "take-excel")
+            excel = (await user.download.next(timeout=60.0)).content
+            await come_back(user, folder)
+        assert excel[:2] == b"PK"
+        return archive, shown["values"]
+
+    archive, values = run(person())
+    archive.extractall(tmp_path / "taken")
+    told = subprocess.run(
+        [sys.executable, str(tmp_path / "taken" / "analysis.py")], capture_output=True, text=True, check=True
+    ).stdout
+    assert set(values) == {"layer.E", "layer.thickness", "instrument.contact_depth", "instrument.baseline"}
+    for name, value in values.items():
+        assert f"{name} {value} as on the page" in told
+
+
+def made_curves(folder, count=4, points=120):
+    """Curves of two animals, written as plain tables; the last one holds no contact."""
+    rng = np.random.default_rng(1)
+    files = []
+    for number in range(count):
+        scene = ul.Scene(
+            ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6 * (1.0 + 0.2 * number), 0.46), 2e-3), ul.RIGID
+        )
+        curve = ul.synthesize(scene, np.linspace(-3e-5, 2e-4, points), ul.Noise(force=2e-4), rng=rng)
+        force = curve.force if number < count - 1 else 0.0 * curve.force
+        rows = "".join(f"{d!r},{f!r}\n" for d, f in zip(curve.depth.tolist(), force.tolist(), strict=True))
+        files.append(folder / f"animal{number // 2}-site{number}.csv")
+        files[-1].write_text("depth (m),force (N)\n" + rows)
+    return files
+
+
+def test_many_curves_are_fitted_decided_and_taken_together(tmp_path):
+    async def person():
+        made = tmp_path / "made"
+        made.mkdir()
+        files = made_curves(made, 5)
+        async with page(tmp_path / "home") as user:
+            folder = await begin(user)
+            await bring(user, *files)
+            await until(user, "tests")
+            press(user, "step-2")
+            press(user, "preset-cartilage_on_bone")
+            await until(user, "to-fit")
+            press(user, "step-4")
+            for animal in ("animal0", "animal1"):
+                write(user, "label-files", animal)
+                write(user, "label-name", animal)
+                press(user, "label-set")
+                await until_said(user, f"are of animal {animal}")
+            press(user, "fit-all")
+            await until(user, "card-animal0-site0.csv")
+            press(user, "refuse-animal0-site0.csv")
+            await until(user, "reason")
+            press(user, "refuse-now")
+            await until_said(user, "say why")
+            press(user, "refuse-animal0-site0.csv")
+            await until(user, "reason")
+            write(user, "reason", "=air bubble")
+            press(user, "refuse-now")
+            await until(user, "decided-animal0-site0.csv")
+            # What is shown as decided is on the disk, and the command line reads it.
+            decided = read_decisions(folder.decisions).by_curve
+            assert {name: (d.accepted, d.reason) for name, d in decided.items()} == {
+                "animal0-site0.csv": (False, "=air bubble")
+            }
+            assert "accept-animal2-site4.csv" not in marks(user)  # it has no fit
+            for select in ("by", "group"):
+                await until(user, select)
+            write(user, "by", "animal")
+            press(user, "together")
+            await until(user, content="geometric mean")
+        judged = read_map(folder.results / "judged.csv")
+        assert list(judged["status"]) == ["refused by hand", *["fitted"] * 3, "failed"]
+        assert set(judged["animal"]) == {"animal0", "animal1", "animal2-site4.csv"}
+
+    run(person())
+
+
+def test_two_browsers_do_not_mix_and_a_second_window_takes_over(tmp_path):
+    async def persons():
+        async with page(tmp_path) as first, second_browser(first) as second:
+            one, other = await begin(first), await begin(second)
+            assert one.path != other.path
+            await bring(second, SAMPLES / "gel_on_glass.csv")
+            await bring(first, SAMPLES / "cartilage_on_bone.csv")
+            assert [path.name for path in one.curve_files()] == ["cartilage_on_bone.csv"]
+            assert [path.name for path in other.curve_files()] == ["gel_on_glass.csv"]
+            await second.open(f"/analysis/{one.name}")
+            await until(second, "file-cartilage_on_bone.csv")
+            await bring(first, SAMPLES / "gel_on_glass.csv")
+            await until_said(first, "opened in another window")
+            assert [path.name for path in one.curve_files()] == ["cartilage_on_bone.csv"]
+            with pytest.raises(AssertionError, match="403"):
+                await stranger(first).open("/")
+
+    run(persons())
+
+
+def test_a_posterior_tells_how_far_it_is_and_stops_when_it_is_told(tmp_path):
+    async def person():
+        async with page(tmp_path) as user:
+            folder = await begin(user)
+            await bring(user, SAMPLES / "gel_on_glass.csv")
+            press(user, "step-2")
+            press(user, "preset-gel_on_glass")
+            await until(user, "to-fit")
+            press(user, "step-3")
+            await until(user, "modulus-half-space")
+            press(user, "step-5")
+            write(user, "most", 2_000)
+            press(user, "sample")
+            await until(user, content="120 of about")
+            press(user, "stop-sample")
+            await until(user, "posterior-headline")
+            assert "Layer modulus" in text_of(user, "posterior-headline")
+            await until(user, content="interrupted after")
+            posterior = ul.Posterior.load(folder.results / "gel_on_glass.posterior.npz")
+            assert not posterior.converged
+
+    run(person())
+
+
+def test_without_the_extra_the_command_says_the_line_to_install_it(monkeypatch, capsys):
+    monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
+    monkeypatch.setattr("sys.argv", ["underlay", "app"])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert "pip install 'underlay[app]'" in capsys.readouterr().err
