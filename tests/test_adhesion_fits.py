@@ -294,7 +294,7 @@ def test_the_stored_study_of_coverage_holds():
     study = json.loads(
         (Path(__file__).parent / "studies" / "adhesion_coverage.json").read_text(encoding="utf-8")
     )
-    assert {row["mode"] for row in study["modes"]} >= {"depth", "force"}
+    assert {row["mode"] for row in study["modes"]} == {"depth", "force", "cantilever"}
     for row in study["modes"]:
         assert row["curves"] >= 500
         for path in ("layer.E", "layer.thickness", "adhesion.work"):
