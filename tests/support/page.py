@@ -34,6 +34,8 @@ async def page(folder):
                 yield user
             finally:
                 home.close()
+                for client in list(Client.instances.values()):
+                    client.delete()
                 # What the simulation tidies away would be this package: its pages live in it.
                 Client.page_routes.clear()
     finally:
