@@ -197,7 +197,7 @@ def test_longer_chains_come_closer_and_the_panels_name_everything(table, answers
     force, answer, posterior = figure.axes
     assert "half-space" in named(force)
     assert {"half-space", "Garcia 2018", "exact 1e-2", "exact 1e-6"} <= named(answer)
-    assert {"emcee, 20 steps", "emcee, 300 steps", "fit, as a normal"} == named(posterior)
+    assert {"emcee, 20 steps", "emcee, 300 steps", "fit, as a normal", "importance"} == named(posterior)
     assert figure.get_figwidth() == pytest.approx(PAGE)
     plt.close(figure)
 

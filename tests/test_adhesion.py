@@ -420,3 +420,29 @@ def test_atomicj_agrees_within_its_own_tenth_of_a_per_cent():
     force = 4.0 / 3.0 * radius * (3.0 * here.depth * (1.0 + xi_0) - radius**2 * (1.0 + xi_2))
     scale = np.maximum(elastic.force, np.abs(here.force))
     assert (np.abs(force - here.force) < 1e-3 * scale).all()
+
+
+@pytest.mark.parametrize(
+    ("tip", "adhesion"),
+    [(ul.FlatPunch(2e-6), ul.JKR(1e-4)), (ul.Paraboloid(1e-5), ul.DMT(2e-4))],
+    ids=["punch", "dmt"],
+)
+def test_a_spring_shares_the_travel_under_tension_too(tip, adhesion):
+    """w + C P(w) = s from the pull-off on: the law with the depth given is the reference."""
+    scene = ul.Scene(tip, ul.Layer(ul.Isotropic(5e3, 0.45), 8e-6), ul.RIGID, adhesion=adhesion)
+    law, compliance = scene.contact_law(1e-6), 10.0
+    w = np.linspace(0.999 * law.pull_off_depth or 1e-12, 5e-7, 40)
+    force = law.force(w)
+    assert force[0] < 0.0 < force[-1]
+    behind = replace(scene, instrument=ul.Instrument(compliance=compliance))
+    # Two laws of a tolerance of 1e-6.
+    np.testing.assert_allclose(behind.force(w + compliance * force), force, atol=1e-6 * abs(force).max())
+    off = law.jump_travels(compliance)[0] - 1e-12
+    assert float(behind.force(off)) == 0.0
+    # A fit's own law is a scaled one.
+    curve = ul.synthesize(behind, np.linspace(6e-7, -6e-7, 40), ul.Noise(force=1e-12), rng=0)
+    forward = ul.Problem(behind, curve, ["layer.E", "layer.thickness", "adhesion.work"]).members[0].forward
+    values = behind.parameters | {"layer.E": 7e3, "layer.thickness": 6e-6}
+    moved = behind.with_values({"layer.E": 7e3, "layer.thickness": 6e-6})
+    expected = moved.force(curve.depth)
+    np.testing.assert_allclose(forward.force(values), expected, atol=1e-5 * abs(expected).max())

@@ -7,33 +7,12 @@ import numpy as np
 import pytest
 
 import underlay as ul
+from support.films import FILM, WORN, made_test, write_films
 from underlay.cli.app import main
 from underlay.data.curve_csv import curve_csv
-from underlay.data.export import write_curves
 from underlay.data.plasticity import imprint_of
 from underlay.inference.films import DIAMOND
 from underlay.inference.from_files import load_problem, require_elastic
-
-WORN = ul.AreaFunction((24.5, 4e-7))
-FILM = ul.Scene(ul.Cone.berkovich(), ul.Layer(ul.Isotropic(70e9, 0.18), 500e-9), ul.Isotropic(160e9, 0.22))
-#: Hardness (Pa): what says the force of a contact of a given area.
-HARDNESS = 9e9
-
-
-def made_test(scene=FILM, area=WORN, scatter=0.0, count=12):
-    """A test with continuous stiffness, each depth from the flat punch on the body and the tip in series."""
-    contact = np.geomspace(40e-9, 350e-9, count)
-    radius = area.radius(contact)
-    moduli = []
-    for a in radius.tolist():
-        law = ul.contact_law(
-            ul.FlatPunch(a), scene.layer, scene.substrate, max_depth=1e-3 * a, solver="exact"
-        )
-        moduli.append(float(law.stiffness(1e-3 * a)) / (2.0 * a))
-    S = 2.0 * 1.05 * radius / (1.0 / np.array(moduli) + 1.0 / DIAMOND)
-    P = HARDNESS * area.area(contact)
-    columns = {"contact_stiffness": S, "contact_stiffness_scatter": scatter * S}
-    return ul.Curve(contact + 0.75 * P / S, P, segment=np.full(count, "loading"), columns=columns)
 
 
 @pytest.mark.parametrize("free", [("layer.E",), ("layer.E", "substrate.E")])
@@ -196,20 +175,8 @@ def test_a_layer_that_relaxes_may_come_back_late():
         require_elastic(relaxing.elastic, curve)
 
 
-def film_files(tmp_path):
-    """A test of a film and one of its bare base with the same tip, as files, and a scene file."""
-    film, base = tmp_path / "film.json", tmp_path / "base.json"
-    bare = ul.Scene(ul.Cone.berkovich(), ul.Layer(FILM.substrate))
-    write_curves(made_test(scatter=0.01, count=20), film)
-    write_curves(made_test(bare, count=20), base)
-    scene = tmp_path / "film.toml"
-    FILM.with_values({"layer.E": 50e9}).save(scene)
-    scene.write_text(scene.read_text() + "\n[fit]\nlayer.E = {}\n", encoding="utf-8")
-    return film, base, scene
-
-
 def test_the_command_calibrates_the_tip_and_fits_the_film(tmp_path, capsys, monkeypatch):
-    film, base, scene = film_files(tmp_path)
+    film, base, scene = write_films(tmp_path)
     known = f"{160.0 / (1.0 - 0.22**2):.6f} GPa"
     words = [
         "film",
@@ -230,7 +197,7 @@ def test_the_command_calibrates_the_tip_and_fits_the_film(tmp_path, capsys, monk
     out = capsys.readouterr().out
     assert re.search(r"layer\.E\s+(70|69\.9\d?|70\.\d+) GPa", out)
     assert "perfect cone" not in out
-    assert (tmp_path / "out" / "film.film.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "out" / "oxide.film.png").read_bytes().startswith(b"\x89PNG")
     monkeypatch.setattr(sys, "argv", ["underlay", *map(str, words[:6])])
     with pytest.raises(SystemExit) as stop:
         main()

@@ -10,6 +10,7 @@ import sys
 import pytest
 import typer
 
+from support.films import write_films
 from support.populations import write_study
 from support.reports import SAMPLES, write_result
 from underlay.cli.app import app, main
@@ -44,6 +45,7 @@ def folder(tmp_path):
     )
     write_study(tmp_path / "map.csv", group="treatment")
     write_result(tmp_path / "curve.fit.json")
+    write_films(tmp_path)
     return tmp_path
 
 

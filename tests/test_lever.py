@@ -7,6 +7,7 @@ import underlay as ul
 from support import microscope_files
 from underlay.errors import InputError, ParameterError, RangeError
 from underlay.inference.from_files import load_problem
+from underlay.report.scene_tables import scene_table
 
 K = 0.05
 KAPPA, SIGMA = "lever.spring_constant_ratio", "lever.sensitivity_ratio"
@@ -214,6 +215,8 @@ def test_an_uncertain_calibration_of_a_file_is_a_prior_of_the_fit(load):
     assert priors[KAPPA] == ul.LogNormal(1.0, 0.1)
     assert (priors[SIGMA].median, priors[SIGMA].sigma) == pytest.approx((1.0, 0.05))
     assert problem.members[0].scene.lever == ul.Lever(0.04)
+    # What the file frees comes first: the report speaks of that.
+    assert problem.names[0] == "layer.E"
     notes = problem.members[0].curve.metadata["notes"]
     assert "known is the spring constant to 10 % and sensitivity to 5 %" in notes[-1]
 
@@ -234,6 +237,12 @@ def test_the_scene_files_own_prior_goes_first(load):
 def test_a_lever_is_written_and_read_back(tmp_path):
     scene = ul.Scene(*BODIES["half-space"], lever=ul.Lever(0.04, 1.01, 0.98))
     assert ul.load_scene(scene.save(tmp_path / "scene.toml")) == scene
+
+
+def test_a_report_lists_the_lever():
+    table = scene_table(ul.Scene(*BODIES["half-space"], lever=ul.Lever(0.04, 1.01)))
+    rows = table[table.index == "lever"] if "part" not in table else table[table["part"] == "lever"]
+    assert list(rows["value"]) == ["40 mN/m", "1.01", "1"]
 
 
 def test_a_lever_of_the_scene_and_the_file_of_the_curve_are_compared(load):

@@ -64,6 +64,13 @@ def test_nanoscope_hold_comes_between_the_ways_and_the_sensor_is_taken(version, 
     assert "height sensor" in curve.metadata["sign_rules"]["depth"]
 
 
+def test_a_height_sensor_that_disagrees_with_the_drive_is_noted(put):
+    assert read(put(files.nanoscope(sensor=True))).metadata["notes"] == ()
+    twice = read(put(files.nanoscope(sensor=True, **{"@Sens. ZsensSens": "V 2000.0 nm/V"})))
+    # 49 of 50 steps of the ramp lie between the first and the last point.
+    assert "the height sensor moved 1.96 times as far as the piezo was driven" in twice.metadata["notes"][0]
+
+
 def test_nanoscope_volumes_have_places_and_points_that_were_not_recorded(put):
     path = put(files.nanoscope(curves=4, missing=3))
     curves = read_all(path)

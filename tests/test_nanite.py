@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
+from support.nanite_curves import indentation
 
 MODEL = Path(__file__).resolve().parents[1] / "data_samples" / "nanite" / "model_underlay_layer.py"
 SCENE = ul.Scene(
@@ -29,23 +30,7 @@ def nanite():
 
 
 def their_fit(nanite, curve, **known):
-    n = len(curve.depth)
-    test = nanite.indent.Indentation(
-        data={
-            "force": curve.force,
-            # nanite's tip moves towards smaller positions.
-            "tip position": -curve.depth,
-            "time": np.arange(n) * 1e-3,
-            "segment": np.zeros(n, dtype=np.uint8),
-        },
-        metadata={
-            "spring constant": 1.0,
-            "imaging mode": "force-distance",
-            "point count": n,
-            "path": "x",
-            "enum": 1,
-        },
-    )
+    test = indentation(nanite, curve.depth, curve.force)
     initial = test.get_initial_fit_parameters(model_key="underlay_layer")
     for name, value in known.items():
         initial[name].value = value

@@ -17,6 +17,7 @@ from underlay.inference.population.levels import GroupModel
 from underlay.inference.population.likelihood import ROOTS, CurveLikelihood
 from underlay.inference.population.messages import Grid
 from underlay.inference.population.spreads import BETWEEN, WITHIN
+from underlay.report.population_words import of_map, population_tables, told
 
 ENDS = np.array([0.025, 0.5, 0.975])
 
@@ -236,6 +237,26 @@ def test_groups_are_compared_as_ratios():
     sham = shared.groups["sham"]
     assert math.log(sham.high / sham.low) > 2 * 1.96 * 0.1
     assert len(found.groups["sham"].unit_values) == 6  # "a0" in two groups is two animals
+
+
+def test_the_page_of_a_map_says_what_its_animals_say():
+    rng = np.random.default_rng(11)
+    one, labels = made_study(rng, animals=4, sites=5, between=0.1, within=0.1)
+    other, _ = made_study(rng, animals=4, sites=5, between=0.1, within=0.1, mean=math.log(0.5))
+    table = pd.concat([table_of(one, labels, group="sham"), table_of(other, labels, group="treated<b>")])
+    found = of_map(table)
+    assert found.groups["sham"].mean == ul.population(table, group="group").groups["sham"].mean
+    assert "geometric mean of 4 animals, 20 curves" in told(found)
+    assert "<b>" not in told(found)
+    groups, ratios = population_tables(found)
+    assert len(groups) == 2
+    assert len(ratios) == 1
+    assert len(population_tables(of_map(table[table["group"] == "sham"].drop(columns="group")))) == 1
+    # Nothing to say is said, with what would change it.
+    without = of_map(table.drop(columns="animal"))
+    assert "Sites of one animal are not independent" in told(without)
+    assert population_tables(without) == []
+    assert "one curve" in told(of_map(table.iloc[:1]))
 
 
 def test_outliers_move_a_tolerant_mean_less():

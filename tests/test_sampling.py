@@ -220,8 +220,8 @@ def failing(problem, edge, *, how):
 
 @pytest.mark.parametrize("how", ["nan", "impossible", "raises"])
 def test_failed_evaluations_are_counted_reported_and_impossible(how):
-    # A fit knows nothing of the edge: it is put a quarter of a standard deviation above the middle, so that the best
-    # fit, which is not quite there, lies below it.
+    # A fit knows nothing of the edge: it is put a quarter of a standard deviation above the middle, so that the
+    # best fit, which is not quite there, lies below it.
     edge = float(sample(halfspace_problem(), walkers=8).samples["layer.E"].quantile(0.6))
     problem = failing(halfspace_problem(), edge, how=how)
     with pytest.warns(UnderlayWarning, match=r"model evaluations failed.*layer\.E") as caught:

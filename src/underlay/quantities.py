@@ -18,7 +18,7 @@ dimensionless where that says nothing.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import Field, dataclass, fields, is_dataclass, replace
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar
 
@@ -299,18 +299,23 @@ def _path(prefix: str, entry: Field[Any]) -> str:
     return f"{prefix}.{entry.name}" if prefix else entry.name
 
 
-def replace_values(whole: Whole, values: Mapping[str, float], prefix: str = "") -> Whole:
+def replace_values(
+    whole: Whole, values: Mapping[str, float], prefix: str = "", known: Container[str] | None = None
+) -> Whole:
     """Return the scene, or the part whose path is `prefix`, with the numbers at the given paths replaced (SI).
+
+    `known` are all its paths, where the caller has them: finding them takes as long as replacing them.
 
     Raises
     ------
     ParameterError
         If a path is not one of the scene's.
     """
-    known = numbers_of(whole, prefix)
+    paths = numbers_of(whole, prefix) if known is None else known
     for path in values:
-        if path not in known:
-            raise ParameterError(f"there is no number {path!r} here, but {', '.join(sorted(known))}")
+        if path not in paths:
+            there = ", ".join(sorted(numbers_of(whole, prefix)))
+            raise ParameterError(f"there is no number {path!r} here, but {there}")
     changed: Whole = _replaced(whole, prefix, {path: float(value) for path, value in values.items()})
     return changed
 

@@ -10,11 +10,11 @@ visited:
 - "force": 200 even loads from the largest to the pull-off, where the record ends;
 - "cantilever": 200 even travels of a cantilever's other end, which takes its share and lets the tip jump off.
 
-The readings of "depth" and "cantilever" begin anywhere within one spacing, drawn for each curve: the jump off
-falls anywhere between two readings, beside one too. White noise of 1 % of the pull-off force, its size known. E,
-thickness, work and contact point are free, and every fit begins at the wrong numbers given below with its own scan,
-as a user's does. "profile" counts truths that the profile likelihood does not reject, "standard error" those within
-1.96 of it.
+The readings of "cantilever" begin anywhere within one spacing, drawn for each curve: the jump off falls anywhere
+between two readings, beside one too. In "depth" it falls in the middle between two, and in "force" there is none.
+White noise of 1 % of the pull-off force, its size known. E, thickness, work and contact point are free, and every
+fit begins at the wrong numbers given below with its own scan, as a user's does. "profile" counts truths that the
+profile likelihood does not reject, "standard error" those within 1.96 of it.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def run(mode, seeds, progress=lambda _: None):
     held = {path: np.zeros(len(seeds), dtype=bool) for path in ASKED}
     pulls = {path: np.zeros(len(seeds)) for path in ASKED}
     for place, seed in enumerate(seeds):
-        depth = readings_of(mode, law, np.random.default_rng([1, seed]).random())
+        shift = np.random.default_rng([1, seed]).random() if mode == "cantilever" else 0.0
+        depth = readings_of(mode, law, shift)
         curve = ul.synthesize(scene, depth, noise, rng=seed)
         fit = ul.fit(ul.Problem(scene.with_values(WRONG), curve, FREE, noise))
         threshold = interval_threshold(fit, LEVEL)

@@ -23,6 +23,7 @@ import numpy as np
 
 import underlay as ul
 from support.finite_elements import Layer, Press, Tip
+from support.nanite_curves import indentation
 from support.reference_solver import EXPONENTS, MATERIALS, STORED
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -427,23 +428,8 @@ def nanite_estimate(model_key: str):
         scene, curve = ul.load_scene(case.scene), ul.read(case.curve)
         if scene.memory is not None:
             curve = curve.loading()
-        n = len(curve.depth)
         way = slice(None, None, -1) if curve.depth[0] > curve.depth[-1] else slice(None)
-        test = nanite.indent.Indentation(
-            data={
-                "force": curve.force[way],
-                "tip position": -curve.depth[way],
-                "time": np.arange(n) * 1e-3,
-                "segment": np.zeros(n, dtype=np.uint8),
-            },
-            metadata={
-                "spring constant": 1.0,
-                "imaging mode": "force-distance",
-                "point count": n,
-                "path": str(case.curve),
-                "enum": 1,
-            },
-        )
+        test = indentation(nanite, curve.depth[way], curve.force[way], str(case.curve))
         initial = test.get_initial_fit_parameters(model_key=model_key)
         initial["R"].value, initial["nu"].value = scene.indenter.radius, scene.layer.material.nu
         if "thickness" in initial:

@@ -1,4 +1,4 @@
-"""What the sampler's recipe costs and whether its answers are right, as commands whose results are kept beside them.
+"""What the sampler costs and whether its answers are right, as commands whose results are kept beside them.
 
     python tests/studies/posterior_recipe.py benchmark       # results/posterior_benchmark.json
     python tests/studies/posterior_recipe.py random --count 60   # results/posterior_random.csv; stop it any time
@@ -118,7 +118,7 @@ COLUMNS = (
 def one(seed):
     problem = random_problem(seed)
     posterior, seconds = timed(sample, problem)
-    answer = reference(problem, 40)
+    answer = reference(problem, 36)
     rows = off(posterior, answer)
     worst = max(rows, key=lambda name: np.abs(rows[name]).max())
     d, told = posterior.diagnostics, posterior.log_evidence

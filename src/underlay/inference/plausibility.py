@@ -14,6 +14,7 @@ import numpy as np
 from underlay.data.foot import approach_of, foot_of
 from underlay.errors import CurveError, InputError
 from underlay.mechanics.indenters import FlatPunch
+from underlay.mechanics.solvers import Auto
 from underlay.units import format_quantity
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ _RADII = 10.0
 # Beyond the force of every modulus within its bounds by this factor; the depth pressed is known to a factor of
 # two, which is one of three in a force ~ depth^1.5.
 _BEYOND = 10.0
+_COARSE = Auto(1e-2)  # far finer than that
 # Residual of a straight line through all points, as a share of the force: a contact leaves 3 % and more.
 _STRAIGHT = 1e-3
 _FROM_NOTHING = 0.05
@@ -110,7 +112,7 @@ def _refuse_beyond_bounds(scene: Scene, pressed: float, peak: float, priors: dic
     forces = []
     for corner in itertools.product(*ends.values()):
         try:
-            law = scene.with_values(dict(zip(ends, corner, strict=True))).contact_law(pressed)
+            law = scene.with_values(dict(zip(ends, corner, strict=True))).contact_law(pressed, solver=_COARSE)
             forces.append(float(law.force(pressed)))
         except InputError:  # a corner of the bounds with no law says nothing
             return

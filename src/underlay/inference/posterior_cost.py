@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import warnings
 from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -81,10 +82,10 @@ def posterior_cost(
         ]
         rows.append(("fit", np.nan, _off(np.array(normal), truth, spread), seconds))
         for count in steps:
-            chain, seconds = timed(lambda count=count: _drawn(problem, rng=seed, max_steps=count))
+            chain, seconds = timed(partial(_drawn, problem, rng=seed, max_steps=count))
             rows.append(("emcee", float(count), _off(_quantiles(chain), truth, spread), seconds))
         for way in _ways_of_sampling():
-            chain, seconds = timed(lambda way=way: _drawn(problem, rng=seed, method=way))
+            chain, seconds = timed(partial(_drawn, problem, rng=seed, method=way))
             rows.append((way, np.nan, _off(_quantiles(chain), truth, spread), seconds))
     table = pd.DataFrame(rows, columns=["way", "steps", "error", "seconds"])
     table["ratio"] = table["seconds"] / own.unit

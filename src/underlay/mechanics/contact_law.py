@@ -130,6 +130,11 @@ class ContactLaw(Response, ABC):
         """Smallest and largest depth (m) of the law; up to the smallest there is no contact."""
         return 0.0, self.max_depth
 
+    @property
+    def beginning(self) -> tuple[float, float]:
+        """See `Response`."""
+        return self.domain[0], self._least_force
+
     # --- where the contact is lost: an elastic law has no tension, and says zero --------------------------------
 
     @property
@@ -161,8 +166,8 @@ class ContactLaw(Response, ABC):
 
     def jump_travels(self, compliance: float = 0.0) -> tuple[float, ...]:
         """Travels (m) of the other end of a spring (m/N) at which the force jumps; none without adhesion."""
-        least = self._least_force
-        return (self.domain[0] + compliance * least,) if least else ()
+        first, least = self.beginning
+        return (first + compliance * least,) if least else ()
 
     def equilibria(self, max_depth: float) -> tuple[FloatArray, FloatArray]:
         """Depths (m) and forces (N), each (n,), of every contact up to `max_depth` (m), unstable ones included."""

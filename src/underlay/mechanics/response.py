@@ -62,6 +62,11 @@ class Response(ABC):
     def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Stiffness dP/dw (N/m) against a sudden change of depth, shape of `depth` (m)."""
 
+    @property
+    def beginning(self) -> tuple[float, float]:
+        """Depth (m) and force (N) with which contact begins or is lost: zero where nothing sticks."""
+        return 0.0, 0.0
+
     def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray | None:
         """Depth w (m) with w + `compliance` P(w) = `travel` (m), (n,), where the law knows better than Newton.
 

@@ -113,6 +113,10 @@ class ScaledLaw(ContactLaw):
         return self.law._touching(self.b * depth)  # noqa: SLF001  as below
 
     @property
+    def _least_force(self) -> float:
+        return self.c * self.law._least_force  # noqa: SLF001  as below
+
+    @property
     def _beyond(self) -> str:
         return self.law._beyond  # noqa: SLF001  the law this one is a picture of
 

@@ -7,7 +7,6 @@ line in `USER_CASES`; its call says the value.
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import subprocess
@@ -180,7 +179,7 @@ def _fit_command(*further: str) -> Callable[[int], float]:
 
 
 _FIRST = """
-import json, resource, sys, time
+import time
 import numpy as np
 import underlay as ul
 scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(3e6, 0.5), 1e-3), ul.Isotropic(3e7, 0.3))
@@ -194,18 +193,18 @@ def one():
     return time.process_time() - began
 ul.fit(ul.Problem(scene, curve, free[:1], noise=noise, solver="halfspace"))
 first = one()
-print(json.dumps(first - min(one() for _ in range(5))))
+print(first - min(one() for _ in range(5)))
 """
 
 
 def _first_fit(rounds: int) -> float:
     """What the first fit of a process takes more than the next ones (ms)."""
     said = [_child("-c", _FIRST)[1] for _ in range(min(rounds, 3))]
-    return min((1e3 * float(json.loads(text)) for text in said if text), default=np.nan)
+    return min((1e3 * float(text) for text in said if text), default=np.nan)
 
 
 _MILLION = """
-import json, resource, sys, time
+import resource, sys, time
 import underlay as ul
 def used():
     return time.process_time()
@@ -215,7 +214,7 @@ curve = ul.read(sys.argv[1])
 judged = ul.check_quality(curve, scene)
 free = ("layer.E", "instrument.contact_depth")
 ul.fit(ul.Problem(scene, curve, free, noise=ul.Noise(force=1e-3), solver="exact"))
-print(json.dumps([used() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024]))
+print(used() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
 
 
@@ -230,7 +229,7 @@ def _million(which: int) -> Callable[[int], float]:
                 curve_csv(_curve(_scene(Paraboloid(1e-3), RIGID), 1_000_000)[0]), encoding="utf-8"
             )
             said = _child("-c", _MILLION, str(path))[1]
-        return float(json.loads(said)[which]) if said else np.nan
+        return float(said.split()[which]) if said else np.nan
 
     return measure
 
@@ -294,7 +293,10 @@ def _quality(points: int) -> Callable[[int], float]:
         scene = _scene(Paraboloid(1e-3), RIGID)
         curve, noise = _curve(scene, points)
         free = ("layer.E", "instrument.contact_depth")
-        fitted = lambda: fit(Problem(scene, curve, free, noise=noise, solver="exact"))  # noqa: E731  two calls side by side
+
+        def fitted() -> object:
+            return fit(Problem(scene, curve, free, noise=noise, solver="exact"))
+
         return _over(fitted, lambda: check_quality(curve, scene), max(3, rounds // (1 + points // 100_000)))
 
     return measure
@@ -325,7 +327,10 @@ def _map_of_files(rounds: int) -> float:
     """A map from a folder of CSV, ms a curve."""
     with tempfile.TemporaryDirectory() as name:
         scene, paths = _files(Path(name), _CURVES)
-        call = lambda: fit_many(paths[0].parent, scene, workers=0)  # noqa: E731  timed often
+
+        def call() -> object:
+            return fit_many(paths[0].parent, scene, workers=0)
+
         call()
         return 1e3 * min(_seconds(call) for _ in range(max(2, rounds // 2))) / _CURVES
 

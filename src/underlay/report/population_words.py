@@ -7,12 +7,57 @@ import math
 import pandas as pd
 
 from underlay._text import one_line
+from underlay.errors import InputError
+from underlay.inference.population.population import population
 from underlay.inference.population.result import Comparison, Group, Population, Spread
 from underlay.report.labels import label, start
+from underlay.report.maps import sample_parameters
+from underlay.report.markdown import markdown_text
 from underlay.report.words import quantity_with_interval
 from underlay.scene.parameters import kind_of
 
-__all__ = ["comparison_table", "group_table", "population_sentences", "spread_in_words"]
+__all__ = [
+    "comparison_table",
+    "group_table",
+    "of_map",
+    "population_sentences",
+    "population_tables",
+    "spread_in_words",
+    "told",
+]
+
+# Columns of a map that say whose a curve is, and of which group.
+_WHOSE, _GROUP = "animal", "group"
+
+
+def of_map(table: pd.DataFrame) -> Population | str:
+    """What the curves of a map say of their animals, of its first parameter; or in words why nothing is said."""
+    parameters = sample_parameters(table)
+    if _WHOSE not in table.columns or not parameters:
+        return (
+            "The curves are not told apart by animal. Sites of one animal are not independent: an interval that "
+            "takes them so is too narrow. A column `animal` in the manifest, and `group` for those to compare, "
+            "lets this page say what the animals say."
+        )
+    group = _GROUP if _GROUP in table.columns else None
+    try:
+        return population(table, [_WHOSE], parameters[0], group=group)
+    except InputError as error:
+        return f"The animals cannot be summed up: {markdown_text(str(error))}."
+
+
+def told(result: Population | str) -> str:
+    """Return it as Markdown."""
+    return (
+        result if isinstance(result, str) else "\n\n".join(map(markdown_text, population_sentences(result)))
+    )
+
+
+def population_tables(result: Population | str) -> list[pd.DataFrame]:
+    """Tables of the groups and of their ratios, as far as there are any."""
+    if isinstance(result, str):
+        return []
+    return [group_table(result), *([comparison_table(result)] if result.comparisons else [])]
 
 
 def group_table(result: Population) -> pd.DataFrame:

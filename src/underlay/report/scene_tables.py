@@ -51,6 +51,8 @@ def _scene_rows(scene: Scene) -> pd.DataFrame:
         rows += _numbers("history", scene.history)
     ideal = [row for row in _numbers("instrument", scene.instrument) if not row["value"].startswith("0 ")]
     rows += ideal or [{"part": "instrument", "quantity": "effects", "value": "none"}]
+    if scene.lever is not None:
+        rows += _numbers("lever", scene.lever)
     return labelled_table(rows)
 
 

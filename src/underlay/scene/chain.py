@@ -56,22 +56,26 @@ class Frame:
     def tip_depth(self, response: Response, travel: FloatArray) -> FloatArray:
         """Solve w + C P(w) = s for w (m), s the travel since contact (m).
 
-        P is convex in w for every law without adhesion, so Newton's method from w = s descends monotonically to
-        the root. A law that jumps says itself where it goes.
+        There is contact from s_0 = w_0 + C P_0 on, w_0 and P_0 those with which it begins or is lost: zero, or the
+        pull-off. P is convex in w for every law without jumps and P_0 its least, so Newton's method from
+        w = s - C P_0 descends monotonically to the root. A law that jumps says itself where it goes.
         """
         own = response.tip_depth(travel, self.compliance)
         if own is not None:
             return own
+        first, least = response.beginning
+        held_back = self.compliance * least
         w = np.array(travel, dtype=np.float64)
-        touching = w > 0.0
+        touching = w > first + held_back
         s = w[touching]
         # The start must be inside the range of the law; the root is below it whenever a root exists there.
-        x = np.minimum(s, response.max_depth)
+        x = np.minimum(s - held_back, response.max_depth)
+        small = 4.0 * np.finfo(float).eps * (np.abs(s) + abs(held_back))
         for _ in range(_MAX_STEPS):
             excess = x + self.compliance * response.force(x) - s
             step = excess * self.share(response.stiffness(x))
-            x = np.where(step < x, x - step, 0.5 * x)
-            if (np.abs(step) <= 4.0 * np.finfo(float).eps * s).all():
+            x = np.where(step < x - first, x - step, 0.5 * (x + first))
+            if (np.abs(step) <= small).all():
                 break
         w[touching] = x
         return w

@@ -284,7 +284,7 @@ class Scene:
         for path in values:
             if path not in self._numbers:
                 raise unknown_parameter(path, self._numbers)
-        return replace_values(self, values)
+        return replace_values(self, values, known=self._numbers)
 
     def effects(self, max_depth: float, *, solver: AnySolver = "auto") -> pd.DataFrame:
         """List each effect at tip depth `max_depth` (m): its size, whether it is simulated, its cost.

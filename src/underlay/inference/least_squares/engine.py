@@ -177,7 +177,7 @@ def _step(
     which = np.flatnonzero(acts & inside)
     if which.size:
         scale = np.sqrt(diagonal[which])
-        scaled = normal[np.ix_(which, which)] / (scale[:, None] * scale)
+        scaled = normal[which[:, None], which] / (scale[:, None] * scale)
         scaled.flat[:: which.size + 1] += damping
         step[which] = -np.linalg.solve(scaled, gradient[which] / scale) / scale
         longest = np.abs(step).max()

@@ -43,14 +43,15 @@ def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
     objective = Objective(found.problem, freeze(found.problem, found.vector, found.noises))
     rows = objective.jacobian(found.vector)[:, objective.active]
     begin = np.cumsum([0, *(len(member.force) for member in found.problem.members)])
-    kept = []
+    physical, kept = found.problem.physical(found.vector), []
     for number, (member, whole) in enumerate(zip(found.problem.members, problem.members, strict=True)):
         keep = np.ones(len(whole.force), dtype=bool)
         for place, slope in _jumps(found, member, objective.active):
-            others = np.delete(rows, begin[number] + _beside(member.forward.depth, place), axis=0)
+            used = member.forward.depth_at(member.values_at(physical))
+            others = np.delete(rows, begin[number] + _beside(used, place), axis=0)
             # The shortest x with J'x = slope: |x|^2 = slope' (J'J)^-1 slope, also where J'J has no inverse.
             error = float(np.linalg.norm(np.linalg.lstsq(others.T, slope)[0]))
-            depth = whole.forward.depth
+            depth = whole.forward.depth_at(member.values_at(physical))
             near = _beside(depth, place)
             if error < float(np.ptp(depth[near])) / _EVEN:
                 keep[near] &= np.abs(depth[near] - place) > _ERRORS * error
@@ -122,6 +123,7 @@ def _moved(problem: Problem, member: Member, vector: FloatArray, index: int) -> 
 def _places(problem: Problem, member: Member, vector: FloatArray) -> FloatArray:
     values = member.values_at(problem.physical(vector))
     chain = Chain.of(values)
-    law = member.forward.law(values, max(float(chain.travel(member.forward.depth).max()), 0.0))
+    deepest = float(chain.travel(member.forward.depth_at(values)).max())
+    law = member.forward.law(values, max(deepest, 0.0))
     travels = np.array(law.jump_travels(0.0 if chain.frame is None else chain.frame.compliance))
     return travels if chain.contact is None else travels + chain.contact.depth

@@ -243,7 +243,9 @@ class Objective:
         k = len(self.problem.coordinates)
         total = np.zeros((k, k))
         for own, which in zip(rows, entries, strict=True):
-            total[np.ix_(which, which)] += own @ own.T
+            # numpy.ix_ takes longer than so small a product.
+            here = np.array(which, dtype=np.intp)
+            total[here[:, None], here] += own @ own.T
         return total
 
     def _prior_point(self, vector: FloatArray, physical: FloatArray) -> Point:

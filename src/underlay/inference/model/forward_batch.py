@@ -9,7 +9,8 @@ Six ways, the first that applies:
 4. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
    go through it, in groups whose stiffness ratio and range are alike;
 5. moduli and thicknesses of a stack vary: through `ExactBatch` too, in groups of like ratios;
-6. otherwise set by set, through `Forward.reading`.
+6. otherwise set by set, through `Forward.reading`: so DMT and a flat punch that sticks, a law and 1 to 2 ms a set,
+   and Maugis, two tenths of a second.
 
 A sample that remembers goes one of these ways with its elastic force, and then through its memory (see
 `remembered_batch.py`).

@@ -221,9 +221,14 @@ class GroupModel:
                 -0.5 * off**2 / variance[:, None] + np.log(errors[normal] / np.sqrt(variance))[:, None]
             )
         if not normal.all():
-            values = np.array([np.exp(self.curves[i].log_at(x)) for i in which[~normal]])
-            tables[~normal] = np.log(values @ self._grid.kernel(within).T)
+            tables[~normal] = np.log(self._open_values @ self._grid.kernel(within).T)
         return tables
+
+    @cached_property
+    def _open_values(self) -> FloatArray:
+        """Likelihoods on the grid of the curves that are not normal, as they are, (curves, x)."""
+        open_ones = np.flatnonzero(~self._normal)
+        return np.array([np.exp(self.curves[i].log_at(self._grid.x)) for i in open_ones])
 
     @cached_property
     def _grid(self) -> Grid:

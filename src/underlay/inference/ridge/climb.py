@@ -15,7 +15,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 
-__all__ = ["Density", "Slice", "climb", "small_basis"]
+__all__ = ["Density", "Slice", "climb", "derivatives", "small_basis"]
 
 Density = Callable[[FloatArray], FloatArray]
 
@@ -27,6 +27,8 @@ _FIRST, _LONGEST = 1e-3, 1.2
 _GROWTH = 4.0
 # Precision of a column by which it is taken to have its length.
 _SETTLED = 0.5
+# Bend of a column that leaves the support: it becomes half as long.
+_LOST = 4.0
 _SHARES = 2.0 ** -np.arange(6.0)
 
 
@@ -91,7 +93,7 @@ def climb(
     """
     place, top, idle = start, -np.inf, 0
     for _ in range(max_steps):
-        top, gradient, hessian = _derivatives(density, place, basis)
+        top, gradient, hessian = derivatives(density, place, basis, lost=_LOST)
         if not np.isfinite(top):
             return None
         if not basis.shape[1]:
@@ -119,13 +121,13 @@ def climb(
     return Slice(place, basis, top, float(np.linalg.norm(steps)))
 
 
-def _derivatives(
-    density: Density, place: FloatArray, basis: FloatArray
+def derivatives(
+    density: Density, place: FloatArray, basis: FloatArray, *, lost: float
 ) -> tuple[float, FloatArray, FloatArray]:
     """Log-density at a place, its gradient (m,) and Hessian (m, m) in units of the basis' columns.
 
-    A column that leaves the density's support on one side tells nothing of the slope; its bend is taken as four,
-    which makes it half as long. A pair that leaves it tells nothing of the correlation.
+    A column that leaves the density's support on one side tells nothing of the slope; its bend is taken as `lost`.
+    A pair that leaves it tells nothing of the correlation.
     """
     columns = basis.shape[1]
     pairs = list(combinations(range(columns), 2))
@@ -138,7 +140,7 @@ def _derivatives(
         return top, np.zeros(columns), np.zeros((columns, columns))
     up, down = values[1 : 1 + len(offsets)] - top, values[1 + len(offsets) :] - top
     inside = np.isfinite(up) & np.isfinite(down)
-    even = np.where(inside, np.add(up, down, where=inside, out=np.zeros_like(up)), -4.0)
+    even = np.where(inside, np.add(up, down, where=inside, out=np.zeros_like(up)), -lost)
     odd = np.subtract(up, down, where=inside, out=np.zeros_like(up))
     hessian = np.diag(even[:columns])
     for pair, (i, j) in enumerate(pairs, start=columns):

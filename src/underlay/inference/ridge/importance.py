@@ -15,10 +15,10 @@ from underlay.inference.ridge.learn import Proposal
 from underlay.inference.ridge.trial import weigh
 from underlay.inference.ridge.weights import WeightedDraws
 
-__all__ = ["LARGEST_ERROR", "Importance", "LogEvidence", "judged", "leak_of", "leak_of_walk", "produced"]
+__all__ = ["Importance", "LogEvidence", "judged", "leak_of", "leak_of_walk", "produced"]
 
-#: Largest Monte Carlo error of a quantile that is believed, in standard deviations of the posterior.
-LARGEST_ERROR = 0.1
+# Largest Monte Carlo error of a quantile that is believed, in standard deviations of the posterior.
+_LARGEST_ERROR = 0.1
 
 _LARGEST_INDEX, _LARGEST_LEAK = 0.5, 0.06
 _FIRST_DRAWS, _MOST_DRAWS = 4000, 20_000
@@ -88,7 +88,7 @@ def produced(
     rng: np.random.Generator,
     budget: Budget,
     *,
-    error: float = LARGEST_ERROR,
+    error: float = _LARGEST_ERROR,
 ) -> WeightedDraws:
     """Draw from a frozen mixture until no quantile's error is above `error`, or 20,000 times, or out of time."""
     drawn = weigh(target, target.coordinates, proposal.mixture, _FIRST_DRAWS, rng)
@@ -103,13 +103,14 @@ def produced(
 
 def judged(drawn: WeightedDraws, proposal: Proposal, leak: float) -> Importance:
     """Say what weighted draws are worth; `leak` as `Importance` has it."""
-    worst = float(drawn.quantile_errors().max())
+    # Of a handful of draws nothing can be said.
+    worst = float(drawn.quantile_errors().max()) if drawn.k_hat < np.inf else float("inf")
     reasons = [proposal.open_end]
     if not drawn.k_hat <= _LARGEST_INDEX:
         reasons.append(f"k-hat is {drawn.k_hat:.2f}, where {_LARGEST_INDEX} is the largest that is believed")
     if not leak <= _LARGEST_LEAK:
         reasons.append(f"{100.0 * leak:.0f} % of the posterior is where the mixture hardly reaches")
-    if not worst <= LARGEST_ERROR:
+    if not worst <= _LARGEST_ERROR:
         reasons.append(f"a quantile is uncertain by {worst:.2f} standard deviations")
     value, error = drawn.log_evidence
     return Importance(

@@ -153,7 +153,8 @@ def _one_way(
     """Slices from `here` on, without it, and why the end is open."""
     step = min(width, _LONGEST_STEP)
     smallest = step * 2.0**-_HALVINGS
-    best, found = here.log_mass, []
+    best = here.log_mass
+    found: list[Slice] = []
     while len(found) < walk.most // 2:
         ahead = here.place + step * tangent
         across = here.basis - np.outer(tangent, tangent @ here.basis)

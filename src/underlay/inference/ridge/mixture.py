@@ -154,7 +154,7 @@ class Mixture:
     def _whitening(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Inverse factors side by side, (p, K p), the places seen through them, (K p,), and log-constants (K,)."""
         count, parameters = self.places.shape
-        inverse = np.linalg.inv(self.factors)
+        inverse: FloatArray = np.asarray(np.linalg.inv(self.factors), dtype=np.float64)
         log_volume = np.log(np.diagonal(self.factors, axis1=1, axis2=2)).sum(axis=1)
         constant = (
             special.gammaln(0.5 * (_FREEDOM + parameters))
@@ -162,7 +162,7 @@ class Mixture:
             - 0.5 * parameters * np.log(_FREEDOM * np.pi)
         )
         middles = np.einsum("kij,kj->ki", inverse, self.places).ravel()
-        side_by_side = inverse.reshape(count * parameters, parameters).T.copy()
+        side_by_side: FloatArray = inverse.reshape(count * parameters, parameters).T.copy()
         return side_by_side, middles, constant + np.log(self.weights) - log_volume
 
     def _log_parts(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:

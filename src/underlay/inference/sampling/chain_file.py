@@ -6,9 +6,8 @@ dies between two of them leaves a valid file. A step counts only once its counte
 the generator's state alternates between two slots, so that the one belonging to the counter is always whole.
 
 Layout: ``chain`` (steps, walkers, parameters + 1), the scaled coordinates and the log-posterior; ``state``
-(2, 629), the Mersenne Twister's words and the counters; ``steps`` (1,); ``proposal``, the
-frozen mixture that most moves draw from (`stored_mixture`). It is written before the first step, so that a chain
-which is continued is the one that was never stopped. Files of the first version have none and go on without.
+(2, 629), the Mersenne Twister's words and the counters; ``steps`` (1,); ``proposal``, the frozen mixture that most
+moves draw from (`stored_mixture`), there before the first step: a chain that is continued is the one never stopped.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ class SamplingDiagnostics:
     ----------
     converged : bool
         Whether the stop rule was met: longer than 50 autocorrelation times, of the tails too, R-hat below 1.01, and
-        2.5, 50 and 97.5 % quantiles known to a tenth of a standard deviation; of weighted draws, whether they were
+        2.5, 50 and 97.5 % quantiles known to 0.06 standard deviations; of weighted draws, whether they were
         accepted.
     reason : str
         Why it stopped, in words.

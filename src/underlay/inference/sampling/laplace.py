@@ -9,13 +9,13 @@ no digits. Where the data say nothing the curvature vanishes and the width of th
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import FitError
+from underlay.inference.ridge.climb import derivatives
 
 __all__ = ["Laplace", "find_mode", "overdispersed"]
 
@@ -76,7 +76,8 @@ def find_mode(
     for _ in range(_MAX_STEPS):
         basis = basis * _line_scales(log_density, mode, top, basis, width, trials)
         trials = _LATER_TRIALS
-        gradient, hessian = _derivatives(log_density, mode, top, basis)
+        # A column that leaves the prior keeps its length: that was chosen for a bend of one.
+        _, gradient, hessian = derivatives(log_density, mode, basis, lost=1.0)
         curvature, directions = np.linalg.eigh(-hessian)
         longest = np.linalg.norm((basis @ directions) / width[:, None], axis=0)
         # A direction the density does not bend in, or bends upwards in, grows until it does or to the prior.
@@ -156,28 +157,3 @@ def _line_scales(
             nearest = np.flatnonzero(usable)[np.argmin(np.abs(np.log(bend[usable, i])))]
             found[i] = min(found[i], trials[nearest] / np.sqrt(bend[nearest, i]))
     return np.asarray(found)
-
-
-def _derivatives(
-    log_density: Callable[[FloatArray], FloatArray], mode: FloatArray, top: float, basis: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Gradient (p,) and Hessian (p, p) in units of the basis' columns.
-
-    A column that leaves the prior on one side tells nothing of the slope; its bend is taken as one, what its
-    length was chosen for. A pair that leaves it tells nothing of the correlation.
-    """
-    parameters = mode.size
-    pairs = list(combinations(range(parameters), 2))
-    unit = np.eye(parameters)
-    offsets = np.concatenate([unit, [unit[i] + unit[j] for i, j in pairs]]) if pairs else unit
-    steps = offsets @ basis.T
-    values = log_density(np.concatenate([mode + steps, mode - steps]))
-    up, down = values[: len(offsets)] - top, values[len(offsets) :] - top
-    inside = np.isfinite(up) & np.isfinite(down)
-    even = np.where(inside, np.add(up, down, where=inside, out=np.zeros_like(up)), -1.0)
-    odd = np.subtract(up, down, where=inside, out=np.zeros_like(up))
-    hessian = np.diag(even[:parameters])
-    for pair, (i, j) in enumerate(pairs, start=parameters):
-        if inside[pair]:
-            hessian[i, j] = hessian[j, i] = 0.5 * (even[pair] - even[i] - even[j])
-    return 0.5 * odd[:parameters], hessian

@@ -28,7 +28,9 @@ def optima(problem: Problem, start: Mapping[str, float] | None) -> list[FloatArr
         found = fit(problem)
     except FitError:
         return [problem.start]
-    return [found.vector, *(other.vector for other in found.alternatives), *_scanned(problem)]
+    # By their values: a fit with adhesion may have left out a reading, and its coordinates have its curve's scale.
+    values = [found.values, *(other.values for other in found.alternatives)]
+    return [*(problem.vector(each) for each in values), *_scanned(problem)]
 
 
 def _scanned(problem: Problem) -> list[FloatArray]:

@@ -5,7 +5,7 @@ modulus moves in ratios; all walkers of a half-ensemble are evaluated in one cal
 model. A mixture is laid along the ridges of the posterior from every optimum of the fit and frozen
 (`inference/ridge`): they start over-dispersed on it, inside the priors, and most moves propose from it. They go on
 until the chain is longer than 50 autocorrelation times, of the tails too, the rank-normalised R-hat is below 1.01
-and the quantiles are known to a tenth of a standard deviation, or the result says that it is not. Draws of the
+and every quantile is known to 0.06 standard deviations, or the result says that it is not. Draws of the
 mixture with their weights give the evidence, and a second opinion.
 """
 
@@ -23,14 +23,14 @@ import emcee
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError, UnderlayWarning
+from underlay.errors import UnderlayWarning
 from underlay.inference.problem import Problem
+from underlay.inference.sampling.arguments import check_arguments, is_weighted, seeded
 from underlay.inference.sampling.assembly import assemble_posterior
 from underlay.inference.sampling.chain_file import ChainFile, Progress, RandomState
 from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
-from underlay.inference.sampling.independence import IndependenceMove, Tallied
-from underlay.inference.sampling.moves import moves
+from underlay.inference.sampling.moves import IndependenceMove, Tallied, moves
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.progress import SamplingProgress, Told
 from underlay.inference.sampling.second_opinion import second_opinion
@@ -107,19 +107,19 @@ def sample(
     UnderlayWarning
         If it did not converge, or more than 1 % of the model evaluations failed.
     """
-    _check(problem, walkers, max_steps, backend, resume=resume)
+    check_arguments(problem, walkers, max_steps, backend, resume=resume)
     begin = time.perf_counter()
-    seed, generator = _seeded(rng)
+    seed, generator = seeded(rng)
     for_walkers, for_bands, for_mixture = generator.spawn(3)
     density = CountedDensity(problem)
     ridges = Ridges(problem, density, for_mixture)
-    if _is_weighted(method, backend):
+    if is_weighted(method, backend):
         return by_weights(ridges, start, for_bands, seed=seed, begin=begin)
     with _chain_file(problem, walkers, max_steps, backend, resume=resume) as (file, before):
         run = _Run.begin(problem, density, ridges, walkers, max_steps, for_walkers, start, file, before)
         with SamplingProgress(max_steps, shown=progress) as line:
             outcome = run.go(line)
-    outcome, importance = second_opinion(ridges, run.coords, outcome)
+    outcome, importance = second_opinion(ridges, run.coords, run.log_density, outcome)
     ridges.count()
     posterior = assemble_posterior(
         problem,
@@ -252,46 +252,6 @@ class _Run:
         self._coords[self.steps] = state.coords
         self._log_density[self.steps] = state.log_prob
         self.steps += 1
-
-
-def _is_weighted(method: str, backend: str | os.PathLike[str] | None) -> bool:
-    """Whether weighted draws alone are asked for."""
-    if method not in ("emcee", "importance"):
-        raise InputError(f"unknown method {method!r}; known: 'emcee', 'importance'")
-    if method == "importance" and backend is not None:
-        raise InputError("weighted draws are no chain and are not kept in a file: leave backend out")
-    return method == "importance"
-
-
-def _check(
-    problem: Problem, walkers: int, max_steps: int, backend: str | os.PathLike[str] | None, *, resume: bool
-) -> None:
-    improper = [name for name, prior in problem.priors.items() if not prior.proper]
-    if improper:
-        raise InputError(
-            f"the prior of {', '.join(improper)} is improper and cannot be sampled: give finite bounds or a "
-            "prior such as LogUniform(low, high) or Normal(mean, sd)"
-        )
-    # The moves take the covariance of one half of the walkers: p + 1 points span p dimensions, no fewer do.
-    least = 2 * (len(problem.names) + 1)
-    if walkers < least:
-        raise InputError(
-            f"{walkers} walkers are too few for {len(problem.names)} parameters: at least {least} are needed, "
-            "and 64 serve well"
-        )
-    if max_steps < MIN_STEPS:
-        raise InputError(f"max_steps must be at least {MIN_STEPS}; got {max_steps}")
-    if resume and backend is None:
-        raise InputError("resume=True needs backend, the file that holds the chain")
-
-
-def _seeded(rng: int | np.random.Generator) -> tuple[int | None, np.random.Generator]:
-    if isinstance(rng, np.random.Generator):
-        return None, rng
-    try:
-        return int(rng), np.random.default_rng(rng)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"rng must be a seed (an integer, 0 or more) or a Generator; got {rng!r}") from error
 
 
 @contextmanager

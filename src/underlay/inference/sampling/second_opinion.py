@@ -21,15 +21,17 @@ _SIGMAS, _SLACK = 4.0, 0.05
 _ASKED = 4096
 
 
-def second_opinion(ridges: Ridges, coords: FloatArray, outcome: Outcome) -> tuple[Outcome, Importance | None]:
+def second_opinion(
+    ridges: Ridges, coords: FloatArray, log_density: FloatArray, outcome: Outcome
+) -> tuple[Outcome, Importance | None]:
     """The verdict on a chain, with what weighted draws say; they must not differ where both are believed.
 
     Parameters
     ----------
     ridges : Ridges
         The mixture.
-    coords : FloatArray
-        Chain in scaled coordinates, (steps, walkers, parameters).
+    coords, log_density : FloatArray
+        Chain in scaled coordinates, (steps, walkers, parameters), and its log-posterior (steps, walkers).
     outcome : Outcome
         The verdict so far.
     """
@@ -38,7 +40,8 @@ def second_opinion(ridges: Ridges, coords: FloatArray, outcome: Outcome) -> tupl
         return outcome, None
     kept = coords[outcome.burn_in :].reshape(-1, coords.shape[-1])
     every = -(-len(kept) // _ASKED)
-    importance = judged(drawn, ridges.proposal, _leak(ridges, kept[::every], drawn))
+    theirs = log_density[outcome.burn_in :].ravel()[::every]
+    importance = judged(drawn, ridges.proposal, _leak(ridges, kept[::every], theirs, drawn))
     if not (outcome.converged and importance.accepted):
         return outcome, importance
     disagreement = _disagreement(ridges.problem.names, kept, outcome, drawn)
@@ -48,14 +51,14 @@ def second_opinion(ridges: Ridges, coords: FloatArray, outcome: Outcome) -> tupl
     return outcome, replace(importance, disagreement=disagreement)
 
 
-def _leak(ridges: Ridges, vectors: FloatArray, drawn: WeightedDraws) -> float:
-    """Share of the chain's draws where the mixture reaches less than it should."""
+def _leak(ridges: Ridges, vectors: FloatArray, log_density: FloatArray, drawn: WeightedDraws) -> float:
+    """Share of the chain's draws (n, p), of log-posterior (n,), where the mixture reaches less than it should."""
     z = ridges.coordinates.normal(vectors)
     near = np.isfinite(z).all(axis=1)
     if ridges.mixture is None or not near.any():
         return 1.0
-    log_weights = ridges.target(z[near]) - ridges.mixture.log_density(z[near])
-    return leak_of(log_weights, drawn)
+    target = log_density[near] - ridges.coordinates.log_slope(vectors[near], z[near])
+    return leak_of(target - ridges.mixture.log_density(z[near]), drawn)
 
 
 def _disagreement(names: tuple[str, ...], kept: FloatArray, outcome: Outcome, drawn: WeightedDraws) -> str:

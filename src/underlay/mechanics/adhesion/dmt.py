@@ -3,7 +3,8 @@
 Formula: P = P_el(w) - 2 pi R dgamma, a = a_el(w). The attraction acts across the gap of the undeformed shapes
 (Derjaguin's approximation), so that the layer does not enter. Range: tips whose apex is a paraboloid, and an
 attraction that reaches far against the elastic deformation at the edge. On a thin incompressible layer JKR's
-pull-off, up to 3 pi R dgamma, passes this one: the order known from the half-space is reversed.
+pull-off, up to 3 pi R dgamma, passes this one: the order known from the half-space is reversed. Behind a spring the
+tip is one that was pressed in and is withdrawn: it holds on until the depth is zero.
 """
 
 from __future__ import annotations

@@ -35,8 +35,9 @@ from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["ExactBatch", "thickness_derivative"]
 
-# 400 MB of products of cosines, that every set shares.
-_MOST_PRODUCTS = 50_000_000
+# Products of cosines that a batch may ask for, at some 0.1 s a set, and up to which they are kept, 16 MB, for every
+# set to share: more take longer to make and to read again than a set takes that forms its own sums.
+_MOST_PRODUCTS, _KEPT_PRODUCTS = 50_000_000, 2_000_000
 _MARGIN = 1.06
 
 
@@ -62,8 +63,10 @@ class ExactBatch:
         Nodes in r/a.
     u, weights : ndarray (wavenumbers,)
         Nodes and weights in u.
-    products : ndarray (wavenumbers, radii (nodes + 1) nodes)
-        eps cos(eps x_i u) cos(eps x_j u), with the edge x = 1 as the last i.
+    waves : ndarray (radii, wavenumbers, nodes + 1)
+        sqrt(eps) cos(eps x_i u), with the edge x = 1 as the last i.
+    products : ndarray (wavenumbers, radii (nodes + 1) nodes) or None
+        eps cos(eps x_i u) cos(eps x_j u); None where they would be too many to keep.
     """
 
     indenter: Indenter
@@ -74,7 +77,8 @@ class ExactBatch:
     rule: EvenRule
     u: FloatArray
     weights: FloatArray
-    products: FloatArray
+    waves: FloatArray
+    products: FloatArray | None
 
     @classmethod
     def compile(
@@ -123,14 +127,19 @@ class ExactBatch:
         u, weights = resolution.wavenumber_rule()
         rule = even_rule(resolution.radial)
         count = rule.nodes.size
-        if u.size * eps.size * count * (count + 1) > _MOST_PRODUCTS:
+        count_of_products = u.size * eps.size * count * (count + 1)
+        if count_of_products > _MOST_PRODUCTS:
             raise RangeError(
-                f"a batch would hold {u.size} x {eps.size} x {count} x {count + 1} products of waves, and the "
+                f"a batch would ask for {u.size} x {eps.size} x {count} x {count + 1} products of waves, and the "
                 f"most is {_MOST_PRODUCTS:.0e}: solve one set of materials at a time"
             )
-        waves = np.cos(np.multiply.outer(u, np.multiply.outer(eps, rule.with_edge)))
-        products = eps[:, None, None] * waves[..., :, None] * waves[..., None, :-1]
-        return cls(indenter, problem.measure, top, rtol, eps, rule, u, weights, products.reshape(u.size, -1))
+        waves = np.cos(np.multiply.outer(eps, np.multiply.outer(u, rule.with_edge)))
+        waves *= np.sqrt(eps)[:, None, None]
+        products = None
+        if count_of_products <= _KEPT_PRODUCTS:
+            by_wave = np.ascontiguousarray(waves.transpose(1, 0, 2))
+            products = (by_wave[..., :, None] * by_wave[..., None, :-1]).reshape(u.size, -1)
+        return cls(indenter, problem.measure, top, rtol, eps, rule, u, weights, waves, products)
 
     def curves(
         self, inner: PlaneConstants, outer: PlaneConstants | None, thickness: FloatArray | float = 1.0
@@ -160,7 +169,11 @@ class ExactBatch:
     def _punch(self, kernels: FloatArray) -> PunchSolution:
         strength = (2.0 / np.pi) * self.weights * np.atleast_2d(kernels)
         count, radii = self.rule.nodes.size, self.eps.size
-        kernel = (strength @ self.products).reshape(-1, radii, count + 1, count)
+        if self.products is not None:
+            kernel = (strength @ self.products).reshape(-1, radii, count + 1, count)
+        else:
+            sums = [self.waves.transpose(0, 2, 1) @ (self.waves[..., :-1] * one[:, None]) for one in strength]
+            kernel = np.array(sums)
         matrix = kernel[:, :, :count] * -self.rule.weights
         matrix.reshape(-1, radii, count * count)[:, :, :: count + 1] += 1.0
         sides = np.ones((*kernel.shape[:2], count, 2))

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from underlay._arrays import FloatArray
+from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.exact.gauss import EvenRule, even_legendre, legendre_rule
 from underlay.mechanics.exact.master_curve import (
@@ -23,6 +23,7 @@ from underlay.mechanics.exact.master_curve import (
 from underlay.mechanics.exact.nodes import Resolution, curve_terms, series_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
+from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, PowerLawShape, Sphere, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales
 from underlay.mechanics.plane_constants import Real
@@ -387,11 +388,16 @@ def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> F
     2 n - 2, up to n half waves squeezed by two, and takes its share of them.
     """
     count = rule.nodes.size
-    s, weights = legendre_rule(
-        (_SMOOTH_NODES if isinstance(indenter, Sphere) else _MEASURED_NODES) + 4 * count
-    )
+    nodes = (_SMOOTH_NODES if isinstance(indenter, Sphere) else _MEASURED_NODES) + 4 * count
+    fine, project = TABLES.get(("shape", nodes, count), lambda: _shape_rule(nodes, rule))
+    return indenter.abel(np.multiply.outer(lengths, fine)) @ project
+
+
+def _shape_rule(nodes: int, rule: EvenRule) -> tuple[FloatArray, FloatArray]:
+    """Nodes x (nodes,), and their weights times the projection on the rule's (nodes, rule)."""
+    s, weights = legendre_rule(nodes)
     s = 0.5 * (s + 1.0)
     fine = s**3 * (10.0 - s * (15.0 - 6.0 * s))
     weights = 15.0 * weights * (s * (1.0 - s)) ** 2
-    project = even_legendre(fine, count) @ rule.projection
-    return (indenter.abel(np.multiply.outer(lengths, fine)) * weights) @ project
+    project = even_legendre(fine, rule.nodes.size) @ rule.projection
+    return read_only(fine), read_only(weights[:, None] * project)

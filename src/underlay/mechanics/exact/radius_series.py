@@ -82,7 +82,9 @@ class RadiusSeries:
             error = np.cos(phase) @ series + np.log(chi / varpi)
             low, high = np.where(error < 0.0, chi, low), np.where(error > 0.0, chi, high)
             proposal = chi - error * chi / (1.0 + chi * slope * self.stretch.dz(chi))
-            proposal = np.where((proposal > low) & (proposal < high), proposal, 0.5 * (low + high))
+            # An end of the bracket is as good as what is inside: a step to rounding ends there, and halving the
+            # bracket would send it back out (31 steps in place of 5).
+            proposal = np.where((proposal >= low) & (proposal <= high), proposal, 0.5 * (low + high))
             step = np.abs(proposal - chi)
             chi = proposal
             if (step <= 1e-13 * chi).all():

@@ -1,0 +1,35 @@
+"""The inversion of the relation with the contact radius as the variable."""
+
+import numpy as np
+import pytest
+
+from underlay.mechanics.exact.master_curve import Stretch, chebyshev_angles, chebyshev_coefficients
+from underlay.mechanics.exact.radius_series import RadiusSeries
+
+
+def made_series(terms=30):
+    """varpi = chi exp(-0.3 chi / (1 + chi)), of which the other three logarithms are of no interest here."""
+    stretch = Stretch.to(2.0, 0.0)
+    angles = chebyshev_angles(terms)
+    chi = stretch.v(np.cos(angles))
+    values = np.zeros((terms, 4))
+    values[:, -1] = -0.3 * chi / (1.0 + chi)
+    return RadiusSeries(stretch, chebyshev_coefficients(values, angles))
+
+
+def test_newton_ends_as_soon_as_it_is_there(monkeypatch):
+    series = made_series()
+    (branch,) = series.branches()
+    steps = []
+    real = Stretch.dz
+
+    def counted(stretch, v):
+        steps.append(v)
+        return real(stretch, v)
+
+    monkeypatch.setattr(Stretch, "dz", counted)
+    varpi = np.linspace(0.02, 1.2, 200)
+    chi = series.radius(varpi, branch)
+    assert chi * np.exp(-0.3 * chi / (1.0 + chi)) == pytest.approx(varpi, rel=1e-12)
+    # From a table of 180 points: quadratic steps from 1e-4 or so, and one more to see that it stands still.
+    assert len(steps) <= 6

@@ -1,0 +1,165 @@
+"""Laws of spheres and measured tips off the tables of the flat punch, against those that are solved for."""
+
+import numpy as np
+import pytest
+
+from underlay.data.synthetic import synthesize
+from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.law_rows import TipOverPowerLaw
+from underlay.inference.problem import Problem
+from underlay.mechanics.body import RIGID, Layer
+from underlay.mechanics.contact import Contact
+from underlay.mechanics.exact import law as direct
+from underlay.mechanics.exact.curve_family import IsotropicPair, RigidBase, ratio_number
+from underlay.mechanics.exact.law import exact_law
+from underlay.mechanics.exact.punch_family import PunchCell, punch_family
+from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.tip_law import tip_laws
+from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.kernel import LayerKernel
+from underlay.mechanics.materials import Isotropic
+from underlay.mechanics.plane_constants import isotropic_constants
+from underlay.mechanics.profile import Profile
+from underlay.mechanics.solvers import Exact
+from underlay.scene.instrument import Instrument
+from underlay.scene.noise import Noise
+from underlay.scene.scene import Scene
+
+SHARES = np.linspace(0.02, 1.0, 40)
+
+
+def contact(tip, ratio, nu=0.5, thickness=1.0):
+    base = RIGID if ratio is None else Isotropic(ratio, 0.3)
+    return Contact.of(tip, Layer(Isotropic(1.0, nu), thickness), base)
+
+
+def tabulated(tip, ratio, depth, rtol, nu=0.5, thickness=1.0):
+    family = RigidBase(nu) if ratio is None else IsotropicPair(nu, 0.3)
+    ratios = None if ratio is None else [ratio]
+    return tip_laws([contact(tip, ratio, nu, thickness)], family, ratios, [depth], rtol)[0]
+
+
+def largest_error(law, reference, depth):
+    w = SHARES * depth
+    pairs = ((law.force, reference.force), (law.stiffness, reference.stiffness))
+    pairs += ((law.contact_radius, reference.contact_radius),)
+    return max(float(np.abs(one(w) / other(w) - 1.0).max()) for one, other in pairs)
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+@pytest.mark.parametrize("ratio", [None, 1e4, 10.0, 0.5, 0.03])
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-6])
+def test_a_sphere_off_the_tables_errs_by_less_than_it_says(rtol, ratio, nu):
+    for radius, share in ((0.3, 0.6), (1.0, 0.3), (1.0, 0.65), (4.0, 0.25)):
+        tip = Sphere(radius)
+        depth = float(tip.abel(np.array(share * radius)))
+        law = tabulated(tip, ratio, depth, rtol, nu)
+        assert law is not None
+        assert law.max_depth >= depth
+        assert law.error_estimate <= rtol
+        reference = exact_law(contact(tip, ratio, nu), depth, 1e-9)
+        assert largest_error(law, reference, depth) <= law.error_estimate + reference.error_estimate
+
+
+def test_where_the_tables_do_not_reach_there_is_no_law_rather_than_a_wrong_one():
+    # A contact five thicknesses wide takes more points at 1e-9 than a polynomial may have.
+    wide = Sphere(10.0)
+    assert tabulated(wide, 10.0, float(wide.abel(np.array(5.0))), 1e-9) is None
+    # And beyond the equator there is no contact at all.
+    assert tabulated(Sphere(1.0), 10.0, 20.0, 1e-3) is None
+
+
+def test_towards_the_equator_a_law_ends_where_its_points_do():
+    tip = Sphere(1.0)
+    for share in (0.75, 0.8, 0.85):
+        depth = float(tip.abel(np.array(share)))
+        law = tabulated(tip, 10.0, depth, 1e-3)
+        if law is not None:
+            reference = exact_law(contact(tip, 10.0), law.max_depth, 1e-8)
+            assert largest_error(law, reference, law.max_depth) <= law.error_estimate
+
+
+def test_the_size_of_everything_scales_out():
+    depth = 0.2
+    one = tabulated(Sphere(1.0), 10.0, depth, 1e-6)
+    other = tabulated(Sphere(5e-6), 10.0, 5e-6 * depth, 1e-6, thickness=5e-6)
+    w = SHARES * depth
+    assert other.force(5e-6 * w) == pytest.approx(25e-12 * one.force(w), rel=1e-12)
+
+
+def test_slopes_are_those_of_the_solved_law():
+    radius, ratio, depth = 1.0, 5.0, 0.25
+    law = tabulated(Sphere(radius), ratio, depth, 1e-6)
+    w, step = SHARES * depth, 1e-3
+    force, stiffness = law.force_and_stiffness(w)
+
+    def solved(R, k):
+        return exact_law(contact(Sphere(R), k), depth, 1e-10).force(w)
+
+    # The truncation of a central difference is 1e-7, that of the law's own 5e-5 of the second derivative.
+    in_ratio = (solved(radius, ratio * np.exp(step)) - solved(radius, ratio * np.exp(-step))) / (2.0 * step)
+    in_size = (solved(radius * np.exp(step), ratio) - solved(radius * np.exp(-step), ratio)) / (2.0 * step)
+    assert law.ratio_slope(w, force) == pytest.approx(in_ratio, rel=1e-3)
+    assert law.size_slope(w, force, stiffness) == pytest.approx(in_size, rel=1e-3)
+    assert (law.ratio_slope(-w, np.zeros_like(w)) == 0.0).all()
+
+
+def test_the_flat_punch_is_read_between_the_ratios_and_radii_it_was_solved_at():
+    family, ratio = IsotropicPair(0.45, 0.3), 3.0
+    table = punch_family(PunchCell(family, ratio_number(ratio), 0, 1e-6))
+    eps = np.array([0.011, 0.3, 0.77, 1.3])
+    read = table.at(np.log(np.array(ratio)), eps)
+    kernel = LayerKernel(isotropic_constants(1.0, 0.45), isotropic_constants(ratio, 0.3))
+    solved = PunchSolution.solve(kernel, eps, table.resolution)
+    for name in ("kappa", "g", "rho"):
+        assert getattr(read, name) == pytest.approx(getattr(solved, name), rel=1e-6, abs=1e-6), name
+
+
+def test_a_measured_tip_has_its_tables_too():
+    r = np.linspace(0.0, 1.0, 60)
+    tip = Profile(r, r**2 / 2.0 + 0.05 * r**4)
+    depth = float(tip.abel(np.array(0.4)))
+    law = tabulated(tip, 10.0, depth, 1e-3)
+    assert law is not None
+    assert largest_error(law, exact_law(contact(tip, 10.0), depth, 1e-7), depth) <= law.error_estimate
+
+
+def test_a_sphere_over_its_paraboloid_is_what_a_half_space_says():
+    tip, rounded = Sphere(1.0), Paraboloid(1.0)
+    depth = np.array([[-0.1, 0.0, 0.01, 0.3]])
+    over = TipOverPowerLaw(tip, rounded)
+    radius = tip.halfspace_radius(depth[0, 3])
+    assert over.stiffness(depth)[0, 3] == pytest.approx(radius / np.sqrt(0.3))
+    assert over.force(depth)[0, 3] == pytest.approx(
+        (0.3 * radius - tip.abel_moments(radius)[0]) / (2.0 / 3.0 * 0.3**1.5)
+    )
+    assert over.force(depth)[0, :2].tolist() == [1.0, 1.0]
+    assert over.force(depth)[0, 2] == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("base", [RIGID, Isotropic(3e7, 0.3)])
+def test_a_fit_of_a_sphere_solves_no_contact_of_its_own(base, monkeypatch):
+    scene = Scene(Sphere(1e-3), Layer(Isotropic(3e6, 0.5), 1e-3), base, Instrument(contact_depth=2e-5))
+    noise = Noise(force=0.002 * float(scene.force(3e-4)))
+    curve = synthesize(scene, np.linspace(-5e-5, 3e-4, 200), noise=noise, rng=0)
+    free = ("layer.E", "layer.thickness", "instrument.contact_depth")
+    start = scene.with_values({"layer.E": 9e6, "layer.thickness": 0.5e-3, "instrument.contact_depth": 0.0})
+    solved = []
+    real = direct.solve_curve
+
+    def counted(problem, top, rtol):
+        solved.append(rtol)
+        return real(problem, top, rtol)
+
+    monkeypatch.setattr(direct, "solve_curve", counted)
+    found = fit(Problem(start, curve, free, noise=noise, solver=Exact(1e-6)))
+    assert solved == []
+    for name in ("layer.E", "layer.thickness"):
+        assert abs(found.values[name] - scene.parameters[name]) < 4.0 * found.stderr[name], name
+    # The law that the tables give and the one that is solved for agree on the optimum.
+    own = found.problem.revised(scenes=found.scenes)
+    exact = [
+        member.scene_at(own.physical(own.start)).force(curve.depth, solver=Exact(1e-9))
+        for member in own.members
+    ]
+    assert curve.force - exact[0] == pytest.approx(found.residuals[0], abs=1e-5 * float(curve.force.max()))
