@@ -25,6 +25,7 @@ from support.page import (
     text_of,
     until,
     until_said,
+    wait_for,
     write,
 )
 from underlay.cli import main
@@ -46,6 +47,7 @@ async def fill_in_with_mistakes(user, folder):
     await until(user, "to-fit")
     write(user, "indenter.radius", "a lot")
     (radius,) = user.find(marker="indenter.radius").elements
+    await wait_for(lambda: radius.error)
     assert "must be given as" in radius.error
     assert ul.load_scene(folder.scene).indenter.radius == 1e-3
     write(user, "indenter.radius", "1")
