@@ -25,6 +25,7 @@ from support.page import (
     text_of,
     until,
     until_said,
+    wait_for,
     write,
 )
 from underlay.cli import main
@@ -46,6 +47,7 @@ async def fill_in_with_mistakes(user, folder):
     await until(user, "to-fit")
     write(user, "indenter.radius", "a lot")
     (radius,) = user.find(marker="indenter.radius").elements
+    await wait_for(lambda: radius.error)
     assert "must be given as" in radius.error
     assert ul.load_scene(folder.scene).indenter.radius == 1e-3
     write(user, "indenter.radius", "1")
@@ -178,10 +180,12 @@ def test_two_browsers_do_not_mix_and_a_second_window_takes_over(tmp_path):
             assert one.path != other.path
             await bring(second, SAMPLES / "gel_on_glass.csv")
             await bring(first, SAMPLES / "cartilage_on_bone.csv")
+            await until(first, "file-cartilage_on_bone.csv")
+            await until(second, "file-gel_on_glass.csv")
             assert [path.name for path in one.curve_files()] == ["cartilage_on_bone.csv"]
             assert [path.name for path in other.curve_files()] == ["gel_on_glass.csv"]
             await second.open(f"/analysis/{one.name}")
-            await until(second, "file-cartilage_on_bone.csv")
+            await until(second, "modulus-half-space")
             await bring(first, SAMPLES / "gel_on_glass.csv")
             await until_said(first, "opened in another window")
             assert [path.name for path in one.curve_files()] == ["cartilage_on_bone.csv"]

@@ -34,6 +34,8 @@ async def page(folder):
                 yield user
             finally:
                 home.close()
+                for client in list(Client.instances.values()):
+                    client.delete()
                 # What the simulation tidies away would be this package: its pages live in it.
                 Client.page_routes.clear()
     finally:
@@ -136,3 +138,12 @@ async def second_browser(user: User):
     async with other.http_client:
         await other.open(user.home.new_address())
         yield other
+
+
+async def wait_for(is_true, seconds=60.0):
+    """Wait until a condition holds."""
+    for _ in range(int(seconds / 0.05)):
+        if is_true():
+            return
+        await asyncio.sleep(0.05)
+    raise AssertionError("it never came true")

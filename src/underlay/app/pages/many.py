@@ -47,6 +47,9 @@ class ManyStep(Step):
 
     async def _go(self) -> None:
         told = await self._working.run("fit_all")
+        if not self.analysis.long.is_busy:
+            # What it was started for is done: its memory goes back before the gallery takes its own.
+            self.analysis.long.stop()
         if isinstance(told, Overview):
             await self._shown(told)
         else:
