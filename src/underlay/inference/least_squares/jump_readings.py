@@ -50,7 +50,7 @@ def determined(found: Fit, problem: Problem) -> list[NDArray[np.bool_]]:
             used = member.forward.depth_at(member.values_at(physical))
             others = np.delete(rows, begin[number] + _beside(used, place), axis=0)
             # The shortest x with J'x = slope: |x|^2 = slope' (J'J)^-1 slope, also where J'J has no inverse.
-            error = float(np.linalg.norm(np.linalg.lstsq(others.T, slope)[0]))
+            error = float(np.linalg.norm(np.linalg.lstsq(others.T, slope, rcond=None)[0]))
             depth = whole.forward.depth_at(member.values_at(physical))
             near = _beside(depth, place)
             if error < float(np.ptp(depth[near])) / _EVEN:

@@ -132,7 +132,7 @@ def noise_in(fit: Fit, curve: int, bins: Bins) -> Noise:
     for k, points in enumerate(bins.points):
         z = fit.residuals[curve][points] / sigma[points]
         design = _design(depth[points] - bins.centre[k])
-        left = z - design @ np.linalg.lstsq(design, z)[0]
+        left = z - design @ np.linalg.lstsq(design, z, rcond=None)[0]
         square += float(left @ left)
         product += float(left[1:] @ left[:-1])
         freedom += len(points) - 2
