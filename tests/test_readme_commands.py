@@ -25,7 +25,7 @@ README = PAGES[0].read_text(encoding="utf-8")
 PRINTED = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
 SAMPLES = ROOT / "data_samples"
 #: What is not run here, and why: a cluster of machines, the user's own shell, and a command that needs words.
-EXCEPTED = ("--scheduler", "--install-completion", "CURVE", "RESULT", "--program")
+EXCEPTED = ("--scheduler", "--install-completion", "CURVE", "RESULT", "--program", "app")
 #: The scene files of the doors, by the name in their first line.
 DOORS = {
     block.split()[1]: block
@@ -95,7 +95,7 @@ def folder(tmp_path, monkeypatch):
 @pytest.mark.parametrize("words", list(commands()))
 def test_readme_command_works_as_printed(words, folder, monkeypatch, capsys):
     if any(word.startswith(EXCEPTED) for word in words):
-        pytest.skip("needs other machines, the user's shell or the reader's words")
+        pytest.skip("needs other machines, a browser, the user's shell or the reader's words")
     # How often each law is timed changes nothing but the time.
     for timed in (accuracy_cost, answer_cost):
         monkeypatch.setitem(timed.__kwdefaults__, "rounds", 1)
