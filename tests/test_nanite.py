@@ -8,6 +8,9 @@ import pytest
 import underlay as ul
 from support.nanite_curves import indentation
 
+# Of a library of theirs, at versions of today's lower bounds.
+pytestmark = pytest.mark.filterwarnings("ignore:Using UFloat objects with std_dev==0:UserWarning")
+
 MODEL = Path(__file__).resolve().parents[1] / "data_samples" / "nanite" / "model_underlay_layer.py"
 SCENE = ul.Scene(
     ul.Sphere(5e-6),
