@@ -11,6 +11,7 @@ import pytest
 import underlay as ul
 from underlay.data.quality import check_quality
 from underlay.inference.least_squares import adhesive_start
+from underlay.inference.priors.densities import LogUniform
 from underlay.inference.profiles import delta_chi_square_at
 from underlay.inference.sampling.derived import derived_quantities
 from underlay.mechanics.response import History
@@ -182,6 +183,18 @@ def test_a_fit_behind_a_cantilever():
     fit = ul.fit(ul.Problem(scene, made(scene, depth), FREE))
     for path in FREE:
         assert abs(fit.values[path] - scene.parameters[path]) < 4.0 * fit.stderr[path], path
+
+
+def test_a_posterior_leaves_out_what_the_fit_does():
+    end = SCENE.contact_law(3e-6).pull_off(0.0)
+    depth = 2e-7 + end.depth + 2e-8 * (0.01 + np.arange(110, -45, -1))
+    noise = ul.Noise(force=0.01 * PULL)
+    curve = ul.synthesize(SCENE, depth, noise, rng=0)
+    free = {"layer.E": LogUniform(1e2, 1e6), "adhesion.work": LogUniform(1e-6, 1e-2)}
+    problem = ul.Problem(SCENE, curve, free, noise)
+    used = ul.sample(problem, method="importance").problem
+    assert used.n_points == problem.n_points - 1
+    assert np.array_equal(used.curves[0].depth, ul.fit(problem).curves[0].depth)
 
 
 @pytest.mark.parametrize("compliance", [0.0, 10.0], ids=["depth", "cantilever"])

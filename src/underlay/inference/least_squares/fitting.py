@@ -30,7 +30,7 @@ from underlay.inference.least_squares.stated import Statements
 from underlay.inference.problem import Problem
 from underlay.mechanics.solvers import Exact
 
-__all__ = ["fit", "quick_fit"]
+__all__ = ["determined", "fit", "quick_fit"]
 
 _MAX_REFINEMENTS = 4
 _LAW_SHARE = 1.0 / 3.0  # of a standard error that the law's own error may move a parameter by
@@ -107,6 +107,18 @@ def quick_fit(problem: Problem, *, start: str = "scan") -> Fit:
     return _fit_once(problem, None, start)
 
 
+def determined(problem: Problem) -> Problem:
+    """Return the problem without the readings beside a jump that a fit leaves out; itself where nothing sticks.
+
+    Raises as `quick_fit` does.
+    """
+    return quick_fit(problem).problem if _sticks(problem) else problem
+
+
+def _sticks(problem: Problem) -> bool:
+    return any(member.scene.adhesion is not None for member in problem.members)
+
+
 def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
     """Scan, descend, settle, judge; `Problem` has compiled."""
     began = time.perf_counter()
@@ -116,7 +128,7 @@ def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
         starts = [_inside(problem, place) for place in scan(problem)]
         places = _descend(problem, starts, robust=robust is not None) or places
     found = _settled(problem, lmfit, places, began)
-    if any(member.scene.adhesion is not None for member in problem.members):
+    if _sticks(problem):
         return _without_undetermined(found, lmfit, began)
     return found
 

@@ -24,6 +24,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import UnderlayWarning
+from underlay.inference.least_squares.fitting import determined
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.arguments import check_arguments, is_weighted, seeded
 from underlay.inference.sampling.assembly import assemble_posterior
@@ -63,7 +64,7 @@ def sample(
     Parameters
     ----------
     problem : Problem
-        With a proper prior for every free parameter.
+        With a proper prior for every free parameter. Readings beside a jump that `fit` leaves out are left out.
     walkers : int, default 64
         At least two more than twice as many as parameters: half of them span the space for the other half.
     max_steps : int, default 20000
@@ -109,6 +110,7 @@ def sample(
     """
     check_arguments(problem, walkers, max_steps, backend, resume=resume)
     begin = time.perf_counter()
+    problem = determined(problem)
     seed, generator = seeded(rng)
     for_walkers, for_bands, for_mixture = generator.spawn(3)
     density = CountedDensity(problem)
