@@ -287,8 +287,8 @@ def test_bench_refuses_a_page_without_a_place_before_it_measures(tmp_path):
     assert isinstance(missing, FileAccessError)
 
 
-def test_the_readme_has_the_place_and_its_rows_are_the_cases():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def test_the_page_has_the_place_and_its_rows_are_the_cases():
+    text = (ROOT / ".reference" / "pages" / "cost.md").read_text(encoding="utf-8")
     inside = text.partition("<!-- bench:start -->")[2].partition("<!-- bench:end -->")[0]
     for case in bench.CASES:
-        assert f"| {case.name} | " in inside, "run: underlay bench --readme README.md"
+        assert f"| {case.name} | " in inside, "run: underlay bench --readme .reference/pages/cost.md"

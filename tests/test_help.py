@@ -6,6 +6,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from functools import partial
 
 import pytest
 import typer
@@ -14,6 +15,7 @@ from support.films import write_films
 from support.populations import write_study
 from support.reports import SAMPLES, write_result
 from underlay.cli.app import app, main
+from underlay.report import bench, bench_users
 
 COMMANDS = typer.main.get_command(app).commands
 EXAMPLE = re.compile(r"`(underlay [^`]+)`")
@@ -36,7 +38,6 @@ def folder(tmp_path):
     text = text.replace("instrument.baseline = {}", 'instrument.baseline = { min = "-10 mN", max = "10 mN" }')
     text += '\n[noise]\nforce = "0.6 mN"\n\n[simulate]\nmax_depth = "0.3 mm"\npoints = 60\n'
     scene.write_text(text, encoding="utf-8")
-    shutil.copy(SAMPLES.parent / "README.md", tmp_path)
     (tmp_path / "curves").mkdir()
     for number in (1, 2):
         shutil.copy(curve, tmp_path / "curves" / f"site{number}.csv")
@@ -61,6 +62,16 @@ def test_example_works_as_written(example, folder, monkeypatch, capsys):
     if example.split()[1] == "app":
         # It would serve until Ctrl-C; tests/test_app_browser.py lets it.
         monkeypatch.setattr("underlay.app.server.serve", lambda *_, **__: None)
+    if example.split()[1] == "bench":
+        # Whole it takes minutes: one row of each table.
+        few, fits = (tuple(case for case in bench.CASES if case.is_fit is fit)[:1] for fit in (False, True))
+        monkeypatch.setattr(bench, "bench_table", partial(bench.bench_table, few, rounds=1))
+        monkeypatch.setattr(bench, "fit_table", partial(bench.fit_table, fits, rounds=1))
+        monkeypatch.setattr(bench, "depth_table", partial(bench.depth_table, (10,), rounds=1))
+        user = tuple(
+            case for case in bench_users.USER_CASES if "1000 points" in case.what and "CSV" in case.what
+        )
+        monkeypatch.setattr(bench_users, "user_table", partial(bench_users.user_table, user[:1], rounds=1))
     code = 0
     try:
         main()

@@ -34,7 +34,7 @@ def bench(
 
     How right they are is measured by `underlay benchmark`.
 
-    Example: `underlay bench --readme README.md`
+    Example: `underlay bench --output results`
     """
     from underlay._csv_text import csv_text
     from underlay.report.bench import bench_markdown, bench_table, depth_table, fit_table
