@@ -217,7 +217,9 @@ def test_the_command_prints_and_writes_the_table(tmp_path):
     assert result.exit_code == 0, result.output
     assert "finite thickness" in result.output
     text = (tmp_path / "o" / "gel.effects.csv").read_text()
-    assert text.startswith("effect,size_percent,simulated,cost_percent,note")
+    assert text.startswith(
+        "effect,size_percent,simulated,cost_percent,E_percent,h_percent,fit_cost_percent,note"
+    )
     assert (tmp_path / "o" / "gel.effects.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -9,6 +9,7 @@ import pickle
 import numpy as np
 import pytest
 
+import underlay as ul
 from support.call_counter import count_calls
 from support.laws import exact_law
 from underlay.errors import InputError, RangeError
@@ -337,3 +338,11 @@ def test_force_and_stiffness_together_are_the_two_alone(solver):
     if np.isfinite(law.max_depth):
         with pytest.raises(RangeError):
             law.force_and_stiffness(np.array([2.0 * law.max_depth]))
+
+
+@pytest.mark.parametrize("solver", [ul.Auto(), ul.Exact(), ul.Stuck()], ids=lambda solver: solver.name)
+@pytest.mark.parametrize("tip", [ul.Sphere(1e-5), ul.Paraboloid(1e-5), ul.Cone(1.0), ul.FlatPunch(1e-5)])
+def test_a_test_that_never_touches_has_a_law(solver, tip):
+    layer = ul.Layer(ul.Isotropic(2e6, 0.46), 2e-3)
+    law = ul.contact_law(tip, layer, ul.RIGID, max_depth=0.0, solver=solver)
+    assert law.force(np.array([-1e-6, 0.0])).tolist() == [0.0, 0.0]

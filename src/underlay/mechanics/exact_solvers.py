@@ -116,6 +116,11 @@ def _is_plain_layer(contact: Contact) -> bool:
     return isotropic and contact.adhesion is None and not contact.sticks
 
 
+def _no_contact(contact: Contact, name: str) -> ContactLaw:
+    """Law of a test that never touches: any law says that there is no force."""
+    return replace(halfspace_law(contact), method=name, max_depth=0.0, reason="no contact")
+
+
 @dataclass(frozen=True)
 class Exact(_ToTolerance):
     """The exact contact problem, solved to a relative error.
@@ -134,6 +139,8 @@ class Exact(_ToTolerance):
 
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Solve; see `exact_law`."""
+        if not max_depth > 0.0:
+            return _no_contact(contact, self.name)
         return exact_law(contact, max_depth, self.rtol)
 
 
@@ -155,8 +162,7 @@ class Stuck(_ToTolerance):
     def build(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Solve; see `stuck_law`."""
         if not max_depth > 0.0:
-            # No contact is asked for: any law says that there is no force.
-            return replace(halfspace_law(contact), method=self.name, max_depth=0.0, reason="no contact")
+            return _no_contact(contact, self.name)
         return stuck_law(contact, max_depth, self.rtol)
 
     def law(self, contact: Contact, max_depth: float) -> ContactLaw:

@@ -122,7 +122,7 @@ class Plan:
             return f"{self.parameter} to {error} ({share:.2g} %) {test}"
         if self.interval is None:
             return f"{self.parameter} to no better than {100.0 * _NO_FORECAST:.2g} % {test}"
-        return f"the best of this grid leaves {self.interval}, {test}"
+        return f"the best of this grid would not fix it: {self.interval}, {test}"
 
     def to_frame(self) -> pd.DataFrame:
         """Standard error (SI) by radius (rows, m) and depth (columns, m)."""
