@@ -52,7 +52,8 @@ def all_cells(words_, problem):
     facts = {"to repeat": c, f"curve 1 taken from {a}": b}
     measured = segments_part({1: a, 2: d})
     parts = {"time_part": filled("relaxation", {}), "adhesion_part": filled("adhesion", {})}
-    parts["bond_part"] = filled("bonding", {})
+    parts |= {"bond_part": filled("bonding", {}), "log_part": filled("fit_log", {})}
+    parts["pointwise_part"] = filled("pointwise", {})
     common = {"title": a, "facts": facts, "files": [b, c], **parts}
     load = Source(problem_source(problem, [c, d]))
     return (

@@ -181,6 +181,9 @@ def test_a_listed_key_is_one_that_is_accepted(tmp_path):
         "file": '"a"',
         "flip": '["force"]',
         "overrule": '["indenter.radius"]',
+        "preset": '"bioindenter"',
+        "fit_from": '"2 um"',
+        "fit_to": '"98 % of force"',
     }
     for section in ("solver", "noise", "curve"):
         for entry in scene_keys():

@@ -25,8 +25,8 @@ __all__ = ["TipLaw", "tip_laws", "tip_range"]
 # Ranges of varpi are finer than those of the tables: a sphere ends soon after it is asked.
 _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
-# Of ln k and ln h: a difference of polynomials, whose truncation is 1e-4 of the derivative and rounding 1e-12.
-_STEP = 1e-4
+# Of ln k and ln h: a difference of polynomials, whose truncation is 1e-7 of the derivative and rounding 1e-9.
+_STEP = 1e-7
 
 
 @dataclass(frozen=True, kw_only=True)
