@@ -6,7 +6,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-from functools import partial
 
 import pytest
 import typer
@@ -14,11 +13,8 @@ import typer
 from support.films import write_films
 from support.populations import write_study
 from support.reports import SAMPLES, write_result
+from support.timing import timed_once
 from underlay.cli.app import app, main
-from underlay.inference.answer_cost import answer_cost
-from underlay.inference.posterior_cost import posterior_cost
-from underlay.report import bench, bench_users
-from underlay.scene.accuracy_cost import accuracy_cost
 
 COMMANDS = typer.main.get_command(app).commands
 EXAMPLE = re.compile(r"`(underlay [^`]+)`")
@@ -65,20 +61,7 @@ def test_example_works_as_written(example, folder, monkeypatch, capsys):
     if example.split()[1] == "app":
         # It would serve until Ctrl-C; tests/test_app_browser.py lets it.
         monkeypatch.setattr("underlay.app.server.serve", lambda *_, **__: None)
-    # How often each law is timed changes nothing but the time.
-    for timed in (accuracy_cost, answer_cost):
-        monkeypatch.setitem(timed.__kwdefaults__, "rounds", 1)
-    monkeypatch.setitem(posterior_cost.__kwdefaults__, "steps", (20,))
-    if example.split()[1] == "bench":
-        # Whole it takes minutes: one row of each table.
-        few, fits = (tuple(case for case in bench.CASES if case.is_fit is fit)[:1] for fit in (False, True))
-        monkeypatch.setattr(bench, "bench_table", partial(bench.bench_table, few, rounds=1))
-        monkeypatch.setattr(bench, "fit_table", partial(bench.fit_table, fits, rounds=1))
-        monkeypatch.setattr(bench, "depth_table", partial(bench.depth_table, (10,), rounds=1))
-        user = tuple(
-            case for case in bench_users.USER_CASES if "1000 points" in case.what and "CSV" in case.what
-        )
-        monkeypatch.setattr(bench_users, "user_table", partial(bench_users.user_table, user[:1], rounds=1))
+    timed_once(monkeypatch)
     code = 0
     try:
         main()

@@ -11,12 +11,10 @@ import pytest
 import underlay as ul
 from support.populations import write_study
 from support.reports import write_result
+from support.timing import timed_once
 from test_help import examples
 from underlay.cli.app import main
 from underlay.data.curve_csv import curve_csv
-from underlay.inference.answer_cost import answer_cost
-from underlay.inference.posterior_cost import posterior_cost
-from underlay.scene.accuracy_cost import accuracy_cost
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / ".reference" / "pages").glob("*.md"))]
@@ -96,10 +94,7 @@ def folder(tmp_path, monkeypatch):
 def test_readme_command_works_as_printed(words, folder, monkeypatch, capsys):
     if any(word.startswith(EXCEPTED) for word in words):
         pytest.skip("needs other machines, a browser, the user's shell or the reader's words")
-    # How often each law is timed changes nothing but the time.
-    for timed in (accuracy_cost, answer_cost):
-        monkeypatch.setitem(timed.__kwdefaults__, "rounds", 1)
-    monkeypatch.setitem(posterior_cost.__kwdefaults__, "steps", (20,))
+    timed_once(monkeypatch)
     code, _, err = run(words, monkeypatch, capsys)
     assert code == 0, err
     for flag in ("--output", "--new-scene", "--new-notebook"):

@@ -1,0 +1,21 @@
+"""Commands that time things, made short: how often each is timed changes nothing but the time."""
+
+from functools import partial
+
+from underlay.inference.answer_cost import answer_cost
+from underlay.inference.posterior_cost import posterior_cost
+from underlay.report import bench, bench_users
+from underlay.scene.accuracy_cost import accuracy_cost
+
+
+def timed_once(monkeypatch):
+    """Let `accuracy` time each law once, and `bench` one row of each of its tables."""
+    for timed in (accuracy_cost, answer_cost):
+        monkeypatch.setitem(timed.__kwdefaults__, "rounds", 1)
+    monkeypatch.setitem(posterior_cost.__kwdefaults__, "steps", (20,))
+    few, fits = (tuple(case for case in bench.CASES if case.is_fit is fit)[:1] for fit in (False, True))
+    monkeypatch.setattr(bench, "bench_table", partial(bench.bench_table, few, rounds=1))
+    monkeypatch.setattr(bench, "fit_table", partial(bench.fit_table, fits, rounds=1))
+    monkeypatch.setattr(bench, "depth_table", partial(bench.depth_table, (10,), rounds=1))
+    user = tuple(case for case in bench_users.USER_CASES if case.what == "reading a plain CSV of 1000 points")
+    monkeypatch.setattr(bench_users, "user_table", partial(bench_users.user_table, user, rounds=1))
