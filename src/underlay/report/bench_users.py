@@ -366,8 +366,8 @@ USER_CASES = (
         ),
     ),
     UserCase("`import underlay`", "of `import lmfit`", _over_lmfit("-c", "import underlay")),
-    UserCase("`underlay fit`, 1000 points, no pictures", "of `import lmfit`", _fit_command()),
-    UserCase("`underlay fit`, 1000 points, with pictures", "of `import lmfit`", _fit_command("output")),
+    UserCase("command `fit`, 1000 points, no pictures", "of `import lmfit`", _fit_command()),
+    UserCase("command `fit`, 1000 points, with pictures", "of `import lmfit`", _fit_command("output")),
     UserCase("first fit of a process, more than the next", "ms", _first_fit),
     *(
         UserCase(f"reading a plain CSV of {points} points", "of `np.loadtxt`", _reading(points))
