@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -153,9 +154,13 @@ class Curve:
 
     def segments(self) -> NDArray[np.str_]:
         """Label of every point, (n,): the file's own, else from the motion of the depth."""
-        if self.segment is not None:
-            return self.segment
-        return segments_from_motion(self.depth, self.time, self.force)
+        return self._by_motion if self.segment is None else self.segment
+
+    @cached_property
+    def _by_motion(self) -> NDArray[np.str_]:
+        labels = segments_from_motion(self.depth, self.time, self.force)
+        labels.flags.writeable = False
+        return labels
 
     def loading(self) -> Curve:
         """Return the points where the indenter goes in."""
