@@ -79,7 +79,8 @@ class Curve:
             _set(self, "time", _column(self.time, "time", len(depth)))
         if self.segment is not None:
             _set(self, "segment", _labels(self.segment, len(depth)))
-        _set(self, "metadata", Metadata(self.metadata))
+        if not isinstance(self.metadata, Metadata):
+            _set(self, "metadata", Metadata(self.metadata))
         if self.truth is not None:
             _set(self, "truth", Metadata(self.truth))
         columns = {name: _column(values, name, len(depth)) for name, values in self.columns.items()}
@@ -146,7 +147,7 @@ class Curve:
 
     def with_metadata(self, /, **values: Any) -> Curve:
         """Return the curve with some metadata added or replaced."""
-        return replace(self, metadata=Metadata(self.metadata).updated(**values))
+        return replace(self, metadata=self._about.updated(**values))
 
     def with_truth(self, truth: Mapping[str, Any]) -> Curve:
         """Return the curve with the numbers it was made from."""
@@ -155,6 +156,11 @@ class Curve:
     def segments(self) -> NDArray[np.str_]:
         """Label of every point, (n,): the file's own, else from the motion of the depth."""
         return self._by_motion if self.segment is None else self.segment
+
+    @property
+    def _about(self) -> Metadata:
+        """The metadata as what they are since the curve was made."""
+        return self.metadata if isinstance(self.metadata, Metadata) else Metadata(self.metadata)
 
     @cached_property
     def _by_motion(self) -> NDArray[np.str_]:
@@ -204,7 +210,7 @@ class Curve:
         """
         points = equilibrium_points(self.depth, self.force, self.time, self.segments(), share=share)
         restless = [number for number, still in enumerate(points.stationary, start=1) if not still]
-        metadata = Metadata(self.metadata).updated(
+        metadata = self._about.updated(
             equilibrium_share=share,
             force_standard_error=points.force_standard_error,
             drift=points.drift,

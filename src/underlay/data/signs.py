@@ -79,7 +79,8 @@ def require_signs(curve: Curve) -> None:
 
 def _first_motion(curve: Curve) -> slice | None:
     """The first run of points that goes one way over a good part of the depth."""
-    labels = segments_from_motion(curve.depth, curve.time, curve.force)
+    told = curve.segment is not None  # the file's own labels may be of the other sign
+    labels = segments_from_motion(curve.depth, curve.time, curve.force) if told else curve.segments()
     ends = np.concatenate(([0], np.flatnonzero(labels[1:] != labels[:-1]) + 1, [len(labels)]))
     extent = float(np.ptp(curve.depth))
     for first, last in itertools.pairwise(ends.tolist()):

@@ -32,6 +32,7 @@ _MAX_PREAMBLE = 80
 #: Comments that carry a number, as in ``# indenter radius: 27.5 um``, and the SI unit of each.
 COMMENTED_NUMBERS = {"indenter_radius": "m", "spring_constant": "N/m", "instrument_reduced_modulus": "Pa"}
 _COMMENT = ("#", "%", "//")
+_NUMERIC = frozenset("0123456789+-.")
 _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 
 
@@ -64,12 +65,6 @@ def _split_all(lines: list[str], separator: str) -> Sequence[Sequence[str]]:
     return Lines(lines, separator)
 
 
-def _is_comment(line: str) -> bool:
-    """Whether a line that is not blank begins with a mark of comments, after blanks or not."""
-    # Of a million lines few are looked at twice.
-    return (line[0] in "#%/" or line[0].isspace()) and line.lstrip().startswith(_COMMENT)
-
-
 def _split_names(line: str, separator: str) -> list[str]:
     if separator == " ":
         labels = _LABEL_WITH_UNIT.findall(line)
@@ -81,10 +76,12 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     lines = lines_of(source)
     if lines and re.fullmatch(r"sep=.\s*", lines[0]):  # a line by which spreadsheets name the separator
         lines = lines[1:]
-    commented = list(filter(_is_comment, lines))
+    # Most lines begin as a number does: few are looked at twice.
+    commented = [line for line in lines if line[0] not in _NUMERIC and line.lstrip().startswith(_COMMENT)]
     comments = [line.lstrip("#%/ \t").rstrip() for line in commented]
     if commented:
-        lines = [line for line in lines if not _is_comment(line)]
+        marked = frozenset(commented)
+        lines = [line for line in lines if line not in marked]
     if not lines:
         raise FileFormatError(f"{source.name} holds no table")
     separator = _separator_of_table("\n".join(lines[: _MAX_PREAMBLE * 4]))
