@@ -12,7 +12,7 @@ from underlay.data.export import HDF5_MARK
 from underlay.data.readers._source import MAX_BYTES, Source
 from underlay.errors import FileFormatError, MissingExtraError, UnderlayError
 
-__all__ = ["HDF5_MAGIC", "is_own", "open_checked"]
+__all__ = ["HDF5_MAGIC", "check_group", "is_own", "open_checked"]
 
 #: First bytes of an HDF5 file.
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -41,7 +41,7 @@ def open_checked(source: Source) -> Iterator[Any]:
         raise MissingExtraError('reading HDF5 needs the package h5py: pip install "underlay[afm]"') from error
     try:
         with h5py.File(io.BytesIO(source.data), "r") as file:
-            _check(h5py, source, file)
+            check_group(source.name, file, tuple(file))
             yield file
     except UnderlayError:
         raise
@@ -51,30 +51,34 @@ def open_checked(source: Source) -> Iterator[Any]:
         ) from error
 
 
-def _check(h5py: Any, source: Source, file: Any) -> None:
+def check_group(where: str, root: Any, names: tuple[str, ...]) -> None:
+    """Refuse a file of which these members of a group lead elsewhere or claim more than `MAX_BYTES` together.
+
+    Raises
+    ------
+    FileFormatError
+        With the member.
+    """
+    h5py: Any = import_module("h5py")
     total = 0
     seen = 0
-    waiting = [file]
+    waiting = [(root, names)]
     while waiting:
-        group = waiting.pop()
-        for name in group:
+        group, members = waiting.pop()
+        for name in members:
             seen += 1
             if seen > _MAX_OBJECTS:
-                raise FileFormatError(f"{source.name} holds more than {_MAX_OBJECTS} objects")
+                raise FileFormatError(f"{where} holds more than {_MAX_OBJECTS} objects")
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 raise FileFormatError(
-                    f"{source.name} links to another place at {name!r:.80}; links are not followed"
+                    f"{where} links to another place at {name!r:.80}; links are not followed"
                 )
             item = group[name]
             if isinstance(item, h5py.Group):
-                waiting.append(item)
+                waiting.append((item, tuple(item)))
             elif isinstance(item, h5py.Dataset):
                 if item.external or item.is_virtual:
-                    raise FileFormatError(
-                        f"{source.name} keeps {name!r:.80} in another file; that is not followed"
-                    )
+                    raise FileFormatError(f"{where} keeps {name!r:.80} in another file; that is not followed")
                 total += int(item.nbytes)
                 if total > MAX_BYTES:
-                    raise FileFormatError(
-                        f"{source.name} claims more than {MAX_BYTES // 1_000_000} MB of numbers"
-                    )
+                    raise FileFormatError(f"{where} claims more than {MAX_BYTES // 1_000_000} MB of numbers")

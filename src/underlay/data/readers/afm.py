@@ -130,7 +130,7 @@ def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> l
 
 def _require_afmformats(source: Source, file: Any) -> None:
     """Refuse a sound HDF5 file whose layout is not known here, and say what it holds."""
-    group = file.get("0")
+    group = next((file[name] for name in file if name.isdigit()), None)
     if "software" in file.attrs and group is not None and {"force"} <= set(group):
         return
     there = names_there(file)
