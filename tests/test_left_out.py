@@ -119,6 +119,16 @@ def test_friction_widens_the_interval_to_the_truth() -> None:
     assert fit.allowed_for.allowed == ("friction",)
 
 
+def test_what_follows_from_the_parameters_is_widened_as_they_are(stated: ul.Fit) -> None:
+    """Of E alone the reduced modulus is a factor; with the stiffness the contact takes part, to first order."""
+    known = stated.interval("layer.E", model_error=True)
+    follows = stated.interval("layer.reduced_modulus", model_error=True)
+    factor = 1.0 / (1.0 - 0.49**2)
+    assert [follows.low, follows.high] == pytest.approx([factor * known.low, factor * known.high], rel=1e-9)
+    narrow, wide = (stated.interval("stiffness", model_error=word) for word in (False, True))
+    assert wide.low <= narrow.low < narrow.high <= wide.high
+
+
 def test_the_headline_holds_both_intervals(stated: ul.Fit) -> None:
     text = words.headline(stated)
     assert "from the noise; with friction and finite strain unknown " in text

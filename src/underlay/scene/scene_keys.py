@@ -50,7 +50,7 @@ _CHOICES = {
     (
         "layer",
         "bond",
-    ): "how its lower face holds to what is under it; slip: no friction; or springs, e.g. 1 GPa/m each way",
+    ): "how its lower face holds to what is under it; slip: no friction; unknown: a fit says both; or springs",
     ("substrate.layers", "bond"): "the same of this layer; further layers stand from the top down",
     ("adhesion", "model"): "how tip and surface stick; without the section they do not",
     ("substrate", "rigid"): "true for a base that does not deform, in place of its moduli",

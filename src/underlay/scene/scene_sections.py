@@ -126,7 +126,7 @@ def _bond(section: str, given: Any) -> Bond:
         return as_bond(given)
     except InputError as error:
         raise InputError(
-            f'[{section}] bond: {given!r:.60} is not known; allowed: "bonded", "slip" or '
+            f'[{section}] bond: {given!r:.60} is not known; allowed: "bonded", "slip", "unknown" or '
             '{ normal = "1 GPa/m", shear = "0 Pa/m" }'
         ) from error
 
