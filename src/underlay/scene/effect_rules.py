@@ -26,7 +26,7 @@ def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:
     All but the baseline are measured without it: a per cent of the force is one of the contact force. What the
     sample remembers acts in time and is left out: the sizes are those of a sudden depth.
     """
-    given, scene = scene, scene.elastic
+    given, scene = scene, replace(scene.elastic, discrepancy=None)
     ranged = scene
     if scene.adhesion is not None:
         # An attraction of finite range costs a thousand times as much, and is a row of its own.

@@ -20,6 +20,7 @@ from underlay.mechanics.indenters import Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import RELAXES, Relaxation
 from underlay.quantities import Part
+from underlay.scene.discrepancy import Discrepancy
 from underlay.scene.instrument import Instrument
 from underlay.scene.lever import Lever
 from underlay.scene.noise import Noise
@@ -133,6 +134,7 @@ def _all() -> Iterator[SceneKey]:
     yield from _of_class(TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu"))
     yield from _of_class(Instrument, "instrument", "")
     yield from _of_class(Lever, "lever", "")
+    yield from _of_class(Discrepancy, "discrepancy", "")
     sticky = _own(Adhesion)
     yield _choice("adhesion", "model", sorted(sticky))
     for name, adhesion in sorted(sticky.items()):
