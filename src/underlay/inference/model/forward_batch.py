@@ -79,6 +79,8 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     empty = Readings.empty(sets, forward.depth.shape[-1])
     if forward.history is not None:
         return _remembered(forward, values, empty, stiffness=stiffness)
+    if forward.left_out is not None:
+        return _with_left_out(forward, values, empty, stiffness=stiffness)
     if _is_shaped_by_lengths(forward):
         return _one_by_one(forward, values, range(sets), empty)
     return _of_this_depth(forward, values, empty, stiffness=stiffness)
@@ -117,6 +119,20 @@ def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness:
         readings = Readings(contact, empty.stiffness, force, possible)
         return _one_by_one(forward, values, left.tolist(), readings, stiffness=False)
     return _one_by_one(forward, values, range(sets), empty, stiffness=stiffness)
+
+
+def _with_left_out(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
+    """All sets of a law with what it leaves out: together where they can, else one by one."""
+    # Not loaded for a scene without it.
+    from underlay.inference.model.left_out_batch import left_out_readings  # noqa: PLC0415  see above
+
+    sets = len(empty.possible)
+    found = None if stiffness else left_out_readings(forward, values, sets, _forces)
+    return _one_by_one(forward, values, range(sets), empty) if found is None else Readings(*found)
+
+
+def _forces(forward: Forward, values: Values, sets: int) -> Readings:
+    return batched_readings(forward, values, sets, stiffness=False)
 
 
 def _is_shaped_by_lengths(forward: Forward) -> bool:
