@@ -60,7 +60,8 @@ class Hdf5MapCurve:
             If it is damaged, its group leads out of the file, or claims more than is read of one file.
         """
         alone = io.BytesIO()
-        with _hdf5(self.path) as file, import_module("h5py").File(alone, "w") as copy:
+        h5py: Any = import_module("h5py")
+        with _hdf5(self.path) as file, h5py.File(alone, "w") as copy:
             if self.group not in file:
                 raise FileFormatError(f"{self.path.name} holds no curve {self.number} any more")
             check_group(self.path.name, file, (self.group,))
