@@ -96,7 +96,8 @@ def test_every_public_name_can_be_had(name):
 
 
 def test_report_is_the_function_whatever_was_loaded_before():
-    code = "import underlay.report.plots.style, underlay as ul\nassert ul.report.__module__ == 'underlay.report.render'"
+    code = "import underlay.report.plots.style, underlay as ul"
+    code += "\nassert ul.report.__module__ == 'underlay.report.render'"
     assert loaded_after(code) >= {"matplotlib"}
 
 
