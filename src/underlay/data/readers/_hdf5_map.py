@@ -1,16 +1,13 @@
-"""HDF5 files of many curves, curve by curve: a list of what the file holds, and each curve as a file of its own.
+"""HDF5 files of many curves, curve by curve: a list of what the file holds, and each curve as a source of its own.
 
-Such a file may be larger than memory. Its root is listed once; whoever then reads a curve opens the file, copies
-the group of that curve, and hands it to the reader of single curves, which checks it as it checks any file.
+Such a file may be larger than memory. Its root is listed once; whoever then reads a curve opens the file and reads
+the group of that curve alone, in place, checked as any file is.
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -18,9 +15,7 @@ from typing import Any
 
 from underlay._door import opened
 from underlay.data.export import HDF5_MARK
-from underlay.data.readers._hdf5 import HDF5_MAGIC, check_group
-from underlay.data.readers._source import Source
-from underlay.errors import FileFormatError
+from underlay.data.readers._hdf5 import HDF5_MAGIC, GroupSource
 
 __all__ = ["Hdf5MapCurve", "curves_of_hdf5"]
 
@@ -49,25 +44,10 @@ class Hdf5MapCurve:
     group: str
     name: str
 
-    def source(self) -> Source:
-        """Read this curve as a file of its own.
-
-        Raises
-        ------
-        FileAccessError
-            If the file cannot be read.
-        FileFormatError
-            If it is damaged, its group leads out of the file, or claims more than is read of one file.
-        """
-        alone = io.BytesIO()
-        with _hdf5(self.path) as file, import_module("h5py").File(alone, "w") as copy:
-            if self.group not in file:
-                raise FileFormatError(f"{self.path.name} holds no curve {self.number} any more")
-            check_group(self.path.name, file, (self.group,))
-            for key, value in file.attrs.items():
-                copy.attrs[key] = value
-            file.copy(file[self.group], copy, name=self.group)
-        return Source(self.path, alone.getvalue(), self.sha256)
+    def source(self) -> GroupSource:
+        """What the readers take for a file of this curve alone."""
+        known = HDF5_MAGIC if self.name else HDF5_MAGIC + HDF5_MARK.encode()
+        return GroupSource(self.path, known, self.sha256, group=self.group)
 
 
 def curves_of_hdf5(path: str | os.PathLike[str]) -> list[Hdf5MapCurve]:
@@ -85,11 +65,11 @@ def curves_of_hdf5(path: str | os.PathLike[str]) -> list[Hdf5MapCurve]:
         stream.seek(0)
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     try:
-        with _hdf5(file) as content:
+        h5py: Any = import_module("h5py")
+        with opened(file) as stream, h5py.File(stream, "r") as content:
             own = bytes(content.attrs.get("format", b"")) == HDF5_MARK.encode()
             groups = [name for name in content if name.isdigit()]
-    except (ImportError, FileFormatError):
-        # Whoever reads the whole file says what is wrong with it.
+    except Exception:  # noqa: BLE001  h5py raises OSError, RuntimeError and more; whoever reads the whole file says why
         return []
     if own:
         groups.sort(key=int)
@@ -102,19 +82,3 @@ def curves_of_hdf5(path: str | os.PathLike[str]) -> list[Hdf5MapCurve]:
 
 def _name(path: Path, number: int) -> str:
     return path.stem if number == 1 else f"{path.stem}, curve {number}"
-
-
-@contextmanager
-def _hdf5(path: Path) -> Iterator[Any]:
-    """Open an HDF5 file on the disk."""
-    h5py: Any = import_module("h5py")
-    with opened(path) as stream:
-        try:
-            with h5py.File(stream, "r") as file:
-                yield file
-        except FileFormatError:
-            raise
-        except Exception as error:  # h5py raises OSError, KeyError, RuntimeError and more on damaged files
-            raise FileFormatError(
-                f"{path.name} is a damaged HDF5 file: {type(error).__name__}: {error!s:.120}"
-            ) from error
