@@ -189,6 +189,8 @@ def turns(depth: FloatArray, ripple: float) -> tuple[NDArray[np.intp], FloatArra
 
 def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Loading | Unloading | None:
     """Lee and Radok up to the last deepest point and Ting after it; None where they do not hold."""
+    if (depth[1:] >= depth[:-1]).all():
+        return Loading(depth, memory)
     at, allowed, grows = turns(depth, ripple)
     turn = int(at)
     if not grows:

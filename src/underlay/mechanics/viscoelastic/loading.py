@@ -52,25 +52,24 @@ class WayIn:
     depth: FloatArray
 
     @cached_property
-    def _moved(self) -> NDArray[np.intp]:
-        """Numbers of the steps in which a tip moves, (m,)."""
+    def _moves(self) -> tuple[NDArray[np.intp], FloatArray]:
+        """Numbers of the steps in which a tip moves, (m,), and depths (m) before and after each, (..., m + 1)."""
         moves = self.depth[..., 1:] != self.depth[..., :-1]
-        return np.flatnonzero(moves if moves.ndim == 1 else moves.any(axis=0))
+        moved = np.flatnonzero(moves if moves.ndim == 1 else moves.any(axis=0))
+        if len(moved) == moves.shape[-1]:
+            return moved, self.depth
+        return moved, np.concatenate((self.depth[..., :1], self.depth[..., 1:].take(moved, axis=-1)), axis=-1)
 
     @cached_property
-    def _points(self) -> FloatArray:
-        """Depths (m) before the first and after each of those steps, (..., m + 1)."""
-        if len(self._moved) == self.depth.shape[-1] - 1:
-            return self.depth
-        return np.concatenate((self.depth[..., :1], self.depth[..., self._moved + 1]), axis=-1)
+    def _split(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]] | None:
+        """Steps that are asked in their middle, and that are interpolated; and for which set which, (..., m).
 
-    @cached_property
-    def _split(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-        """Steps that are asked in their middle, and that are interpolated; and for which set which, (..., m)."""
-        w, count = self._points, len(self._moved)
-        across = np.zeros((*w.shape[:-1], count), dtype=bool)
-        if w.ndim == 1 and count < _MANY:
-            return np.arange(count), np.arange(0), across
+        None where all are asked.
+        """
+        moved, w = self._moves
+        if w.ndim == 1 and len(moved) < _MANY:
+            return None
+        across = np.zeros((*w.shape[:-1], len(moved)), dtype=bool)
         step = w[..., 1:] - w[..., :-1]
         before, own, after = step[..., :-2], step[..., 1:-1], step[..., 2:]
         least, most = np.minimum(before, after), np.maximum(before, after)
@@ -80,21 +79,21 @@ class WayIn:
             return np.flatnonzero(~across), np.flatnonzero(across), across
         return np.flatnonzero(~across.all(axis=0)), np.flatnonzero(across.any(axis=0)), across
 
-    @cached_property
-    def _cubic(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What the changes of the force in a step, the one before and the one after weigh in its bend.
+    def _cubic(
+        self, split: tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What the changes of the force in a step, the one before and the one after weigh in its bend, (..., q).
 
         Through the four points about a step h the cubic has, with a and c the steps beside it and s the slopes,
         bend = -h^2 [D + (D' - D) (h / 2 + a) / (a + h + c)],
         D = (s - s_before) / (a + h), D' = (s_after - s) / (h + c).
         """
-        step = self._points[..., 1:] - self._points[..., :-1]
-        among = self._split[1]
-        before, own, after = step[..., among - 1], step[..., among], step[..., among + 1]
+        (_, w), (_, among, across) = self._moves, split
+        step = w[..., 1:] - w[..., :-1]
+        before, own, after = (step.take(among + beside, axis=-1) for beside in (-1, 0, 1))
         if step.ndim > 1:
             # Where this set is not interpolated it may not even move.
-            moves = self._split[2][..., among]
-            before, own, after = (np.where(moves, part, 1.0) for part in (before, own, after))
+            before, own, after = (np.where(across[..., among], part, 1.0) for part in (before, own, after))
         late = (0.5 * own + before) / (before + own + after)
         first, last = own * (1.0 - late) / (before + own), own * late / (own + after)
         return last - first, first * own / before, -last * own / after
@@ -102,31 +101,42 @@ class WayIn:
     @cached_property
     def asked(self) -> FloatArray:
         """Depths (m) at which the elastic force is asked, (..., q)."""
-        w, exact = self._points, self._split[0]
-        return np.concatenate((w, 0.5 * (w[..., exact] + w[..., exact + 1])), axis=-1)
+        w, split = self._moves[1], self._split
+        first, second = w[..., :-1], w[..., 1:]
+        if split is not None:
+            first, second = first.take(split[0], axis=-1), second.take(split[0], axis=-1)
+        return np.concatenate((w, 0.5 * (first + second)), axis=-1)
 
     def read(self, answers: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Forces (N) at all points, (..., n), and their bend in each step (see `Memory.integrals`)."""
-        moved, (exact, among, across) = self._moved, self._split
+        moved, split, steps = self._moves[0], self._split, self.depth.shape[-1] - 1
         at, half = answers[..., : len(moved) + 1], answers[..., len(moved) + 1 :]
-        change = at[..., 1:] - at[..., :-1]
-        bends = np.empty_like(change)
-        if among.size:
-            own, before, after = self._cubic
-            found = own * change[..., among]
-            found += before * change[..., among - 1]
-            found += after * change[..., among + 1]
-            bends[..., among] = found
-        known = 4.0 * half - 2.0 * (at[..., exact] + at[..., exact + 1])
-        bends[..., exact] = known if at.ndim == 1 else np.where(across[..., exact], bends[..., exact], known)
-        if len(moved) == self.depth.shape[-1] - 1:
+        bends = (
+            4.0 * half - 2.0 * (at[..., 1:] + at[..., :-1]) if split is None else self._bends(at, half, split)
+        )
+        if len(moved) == steps:
             return at, bends
         # Where the tip rests, and before contact, the force is that of the point before.
-        last_moved = np.zeros(self.depth.shape[-1], dtype=np.intp)
-        last_moved[moved + 1] = 1
-        bend = np.zeros((*at.shape[:-1], self.depth.shape[-1] - 1))
+        held = np.zeros(steps + 1, dtype=np.intp)
+        held[moved + 1] = 1
+        bend = np.zeros((*at.shape[:-1], steps))
         bend[..., moved] = bends
-        return at[..., np.cumsum(last_moved)], bend
+        return at.take(held.cumsum(), axis=-1), bend
+
+    def _bends(
+        self,
+        at: FloatArray,
+        half: FloatArray,
+        split: tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]],
+    ) -> FloatArray:
+        """Bend in the steps that move, of which some are interpolated."""
+        exact, among, across = split
+        change, bends = at[..., 1:] - at[..., :-1], np.empty((*at.shape[:-1], at.shape[-1] - 1))
+        parts = zip(self._cubic(split), (0, -1, 1), strict=True)
+        bends[..., among] = sum(part * change.take(among + beside, axis=-1) for part, beside in parts)
+        known = 4.0 * half - 2.0 * (at.take(exact, axis=-1) + at.take(exact + 1, axis=-1))
+        bends[..., exact] = known if at.ndim == 1 else np.where(across[..., exact], bends[..., exact], known)
+        return bends
 
 
 @dataclass(frozen=True)
