@@ -306,6 +306,24 @@ def test_hayes_columns_are_those_of_their_poissons_ratio_and_drift(
     assert -drift < error[-1] < -0.9 * drift
 
 
+def test_hayes_table_to_eight_thicknesses_falls_behind_more_and_more() -> None:
+    """The longer column of nu = 0.5 in circulation, against the exact law: -0.9 % at 2, -2.5 at 4, -5.9 at 8."""
+    column = {
+        0.2: 1.281, 0.6: 2.211, 1.0: 3.609, 1.5: 5.970, 2.0: 9.069, 2.5: 13.0, 3.0: 17.86, 3.5: 23.74, 4.0: 30.75,
+        5.0: 48.47, 6.0: 71.75, 7.0: 101.27, 8.0: 137.7,
+    }  # fmt: skip
+    layer = ul.Layer(ul.Isotropic(1.0, 0.5), 1.0)
+    drift = {}
+    for a, kappa in column.items():
+        law = ul.contact_law(ul.FlatPunch(a), layer, ul.RIGID, max_depth=1.0, solver="exact")
+        drift[a] = 100.0 * (kappa / (0.75 * float(law.force(1.0)) / (2.0 * a)) - 1.0)
+    assert abs(drift[0.2]) < 0.05
+    assert (np.diff(list(drift.values())) < 0.0).all()
+    for a, said in {1.0: -0.3, 2.0: -0.9, 4.0: -2.5, 6.0: -4.2, 8.0: -5.9}.items():
+        assert drift[a] == pytest.approx(said, abs=0.05)
+        assert f"{said:.1f} % at {a:g}" in PAGE.read_text(encoding="utf-8")
+
+
 def test_the_printed_table_is_what_the_laws_say() -> None:
     rows = {
         0.3: ("+1.7", "+1.2", "+0.3", "+0.0"),
