@@ -2,15 +2,11 @@
 
 import ast
 import re
-import time
 
 import nbformat
 import pytest
 
 from support.notebooks import FOLDER, executed, notebooks
-
-# A notebook is an example, not a study: studies are commands whose results it shows.
-LONGEST = 60.0
 
 
 @pytest.mark.parametrize("path", notebooks(), ids=lambda path: path.stem)
@@ -36,11 +32,8 @@ def shown(notebook):
 
 @pytest.mark.parametrize("path", notebooks(), ids=lambda path: path.stem)
 def test_notebook_runs(path):
-    start = time.perf_counter()
     ran, committed = executed(path), nbformat.read(path, as_version=4)
     assert shown(ran) == shown(committed), "its outputs are old: run python tests/support/notebooks.py"
-    # Five times the limit: the machine may be shared with other tests.
-    assert time.perf_counter() - start < 5.0 * LONGEST
 
 
 def test_every_figure_of_the_readme_is_there():
