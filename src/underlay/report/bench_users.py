@@ -199,13 +199,20 @@ import resource, sys, time
 import underlay as ul
 def used():
     return time.process_time()
+def most():
+    # Where the system tells, since this program began: the other counts its parent's before it.
+    try:
+        lines = dict(line.split(":", 1) for line in open("/proc/self/status"))
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return int(lines["VmHWM"].split()[0]) / 1024
 scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(3e6, 0.5), 1e-3), ul.RIGID)
 began = used()
 curve = ul.read(sys.argv[1])
 judged = ul.check_quality(curve, scene)
 free = ("layer.E", "instrument.contact_depth")
 ul.fit(ul.Problem(scene, curve, free, noise=ul.Noise(force=1e-3), solver="exact"))
-print(used() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+print(used() - began, most())
 """
 
 
