@@ -328,7 +328,8 @@ def _is_settled(values: ArrayLike) -> TypeGuard[FloatArray]:
     """Whether these are numbers that stand in memory which nobody can write to."""
     if not isinstance(values, np.ndarray) or values.dtype != np.float64 or values.flags.writeable:
         return False
-    return values.base is None or (isinstance(values.base, np.ndarray) and not values.base.flags.writeable)
+    owner: object = values.base  # an array, or a buffer of somebody else's
+    return owner is None or (isinstance(owner, np.ndarray) and not owner.flags.writeable)
 
 
 def _labels(values: ArrayLike, length: int) -> NDArray[np.str_]:

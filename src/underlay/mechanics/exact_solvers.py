@@ -62,9 +62,9 @@ class _ToTolerance(Solver):
         return Exact(min(self.rtol, rtol))
 
     def has_table(self, contact: Contact) -> bool:
-        """Tables are for power-law tips on layers to which nothing sticks."""
+        """Tables are for power-law tips that slide on layers, without adhesion."""
         layered = bool(np.isfinite(contact.thickness)) and contact.adhesion is None
-        return _is_rounded_power_law(contact.indenter) and layered
+        return _is_rounded_power_law(contact.indenter) and layered and not contact.sticks
 
     def table_number(self, contact: Contact, depth: float) -> int:
         """See `curve_family`."""
@@ -99,6 +99,12 @@ class _ToTolerance(Solver):
         """Batches are for power-law tips and spheres on an isotropic layer."""
         tip = contact.indenter
         return (_is_rounded_power_law(tip) or isinstance(tip, Sphere)) and _is_plain_layer(contact)
+
+    def has_surfaces(self, contact: Contact) -> bool:
+        """Of a tip that sticks, where it has no corners."""
+        tip = contact.indenter
+        smooth = _is_rounded_power_law(tip) or isinstance(tip, Sphere)
+        return contact.sticks and smooth and bool(np.isfinite(contact.thickness))
 
     def ranges(self, contact: Contact, depth: FloatArray) -> FloatArray:
         """Both the range that a law is solved for and that of its table."""
@@ -192,6 +198,10 @@ class Stuck(_ToTolerance):
         """There are no batches."""
         del contact
         return False
+
+    def has_surfaces(self, contact: Contact) -> bool:
+        """Whatever the contact says of friction."""
+        return super().has_surfaces(replace(contact, friction="stuck"))
 
 
 @dataclass(frozen=True)

@@ -173,6 +173,11 @@ class Solver(ABC):
         del contact
         return False
 
+    def has_surfaces(self, contact: Contact) -> bool:
+        """Whether laws of contacts that differ from this one in one number are smooth in it, and dear to solve."""
+        del contact
+        return False
+
     def ranges(self, contact: Contact, depth: FloatArray) -> FloatArray:
         """Numbers of the ranges that depths (m), (sets,), belong to: those of one range share a law."""
         del contact

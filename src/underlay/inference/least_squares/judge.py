@@ -115,7 +115,7 @@ def scaled_covariance(
     """
     names = objective.problem.names
     # R of a QR has the singular values and directions of the whole, and a row for each column.
-    triangle = np.linalg.qr(jacobian, mode="r")
+    triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
     reasons = {name: f"on its {bound}: no error bar there" for name, bound in bounds_hit.items()}
     covariance = np.zeros((len(names), len(names)))
     kept = [i for i in objective.active if names[i] not in reasons]

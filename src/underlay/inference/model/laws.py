@@ -56,6 +56,7 @@ class LawStore:
     references: list[Scene] = field(default_factory=list)
     refusals: dict[tuple[object, ...], RangeError] = field(default_factory=dict)
     batches: dict[tuple[object, ...], ExactBatch | None] = field(default_factory=dict)
+    surfaces: dict[tuple[object, ...], object] = field(default_factory=dict)
     adhesion_tables: dict[tuple[object, ...], AdhesionTable | None] = field(default_factory=dict)
     built: int = 0
 
