@@ -279,6 +279,16 @@ def test_bench_replaces_the_table_and_nothing_else(tmp_path):
     assert {"machine", "processor", "python", "numpy", "lmfit"} <= said.keys()
 
 
+def test_a_row_without_its_peer_says_so():
+    absent = bench_users.UserCase("a race", "times", float, needs="no_such_package")
+    there = replace(absent, what="a walk", needs="numpy")
+    table = bench_users.user_table((absent, there), rounds=3)
+    assert bench_users.user_markdown(table).splitlines()[2:] == [
+        "| a race | not measured: no_such_package is not installed |",
+        "| a walk | 3 times |",
+    ]
+
+
 def test_bench_refuses_a_page_without_a_place_before_it_measures(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("no markers")

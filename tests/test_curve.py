@@ -27,6 +27,30 @@ def test_arrays_are_copies_and_read_only():
         curve.depth = depth
 
 
+def test_parts_and_notes_share_what_nobody_can_write_to():
+    curve = ramp()
+    whole = curve.loading().with_metadata(note="same points")
+    assert np.shares_memory(whole.depth, curve.depth)
+    assert np.shares_memory(whole.force, curve.force)
+    # A view that is read-only, of memory that is not, is a copy.
+    depth = np.linspace(0.0, 1e-6, 5)
+    view = depth[:]
+    view.flags.writeable = False
+    assert not np.shares_memory(Curve(view, view).depth, depth)
+
+
+def test_one_label_for_all_points_is_kept_once():
+    labels = ramp(1000).loading().segment
+    assert labels.strides == (0,)
+    assert labels.shape == (1000,)
+    assert (labels == "loading").all()
+    again = pickle.loads(pickle.dumps(ramp(1000).loading()))  # noqa: S301  our own
+    np.testing.assert_array_equal(again.segment, labels)
+    assert len(again.select(slice(3, 7)).segment) == 4
+    with pytest.raises(CurveError, match="segment holds 'sideways'"):
+        Curve([0.0, 1.0], [0.0, 1.0], segment=np.broadcast_to(np.array("sideways"), (2,)))
+
+
 def test_a_series_is_as_good_as_an_array():
     series = pd.Series([0.0, 1.0, 2.0], index=[5, 6, 7])
     curve = Curve(series, series * 2, time=series, segment=pd.Series(["loading", "hold", "unloading"]))

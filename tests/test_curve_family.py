@@ -124,3 +124,19 @@ def test_no_table_understates_its_error():
             reference_rtol=1e-7,
         )
         assert np.abs(law.force(depth) / solved.force(depth) - 1.0).max() <= law.error_estimate + 1e-7
+
+
+@pytest.mark.parametrize("ratio", [0.02, 0.2, 10.0, 100.0])
+def test_a_law_solved_alone_is_that_of_the_table(ratio):
+    tip = TIPS["paraboloid"]
+    table, _, depth = pair(tip, ratio, 1.1, 1e-5)
+    contact = Contact.of(tip, Layer(Isotropic(1e6, 0.45), THICKNESS), Isotropic(ratio * 1e6, 0.3))
+    alone = tabulated_law(contact, IsotropicPair(0.45, 0.3), ratio, float(depth[-1]), 1e-5, alone=True)
+    assert not isinstance(alone, type(table))
+    assert alone.max_depth == table.max_depth
+    for asked in ("force", "stiffness"):
+        both = getattr(alone, asked)(depth), getattr(table, asked)(depth)
+        np.testing.assert_allclose(*both, rtol=alone.error_estimate + table.error_estimate)
+        # Side by side in one call they are what they are one by one.
+        together = alone.side_by_side([alone, table], asked, np.stack((depth, depth)))
+        np.testing.assert_allclose(together, np.stack(both), rtol=1e-12)

@@ -9,6 +9,7 @@ import underlay as ul
 from underlay.cli.fit import fit as fit_command
 from underlay.data.signs import flipped, require_signs
 from underlay.errors import CurveError, InputError
+from underlay.inference.batch import work
 from underlay.inference.from_files import chosen_part, load_problem
 from underlay.scene.scene_file import read_scene_file
 
@@ -227,6 +228,22 @@ def test_a_map_says_the_same_of_each_curve(curve, put, tmp_path):
     assert list(table["status"]) == ["fitted", "failed", "failed"]
     assert "sign of the force is reversed" in table["reason"][1]
     assert "a unit looks wrong" in table["reason"][2]
+
+
+def test_a_map_asks_about_sizes_only_of_a_fit_in_doubt(monkeypatch):
+    """On an elastic base the engine fits: laws at the corners of the bounds would cost a third of the row."""
+    asked = []
+    monkeypatch.setattr(work, "require_sizes", asked.append)
+    scene = ul.Scene(
+        ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.Isotropic(1e7, 0.3), ul.Instrument()
+    )
+    depth = np.linspace(-1e-5, 8e-5, 200)
+    good = ul.synthesize(scene, depth, ul.Noise(force=1e-5), rng=1)
+    free = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-5e-5, 5e-5)}
+    table = ul.fit_many([good, ul.Curve(good.depth, 1e5 * good.force)], scene, free, workers=0)
+    assert table["status"][0] == "fitted"
+    assert len(asked) == 1
+    assert asked[0].curves[0].force.max() > 1e4 * good.force.max()
 
 
 def test_the_command_fits_an_unloading(curve, put, tmp_path, capsys):

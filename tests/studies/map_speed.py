@@ -1,11 +1,9 @@
-"""How fast a map is: against nanite's Hertz fit, two processes against one, and 16,384 curves end to end.
+"""How a map grows: two processes against one, and 16,384 curves end to end.
 
-    python tests/studies/map_speed.py [--nanite PYTHON] [--curves 2000] [--map 16384] [--output FILE]
+    python tests/studies/map_speed.py [--curves 4000] [--map 16384] [--output FILE]
 
-``--nanite`` names an interpreter that has nanite (it may be this one); without it that part says so and is
-left out. The times are taken in turns, a slice of the curves at a time, and the ratio is the median of the
-slices' ratios: other work on the machine then touches both sides. Results go to
-``results/map_speed.json``.
+The times are taken in turns: other work on the machine then touches both sides. Results go to
+``results/map_speed.json``. What a curve costs on one core, and nanite beside it: `underlay bench`.
 """
 
 from __future__ import annotations
@@ -21,7 +19,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -45,36 +42,6 @@ solver = { name = "exact", rtol = 1e-4 }
 [fit]
 layer.E = { min = "10 kPa", max = "100 MPa" }
 instrument.contact_depth = { min = "-50 um", max = "50 um" }
-"""
-
-# Read by an interpreter with nanite: answers each line with the seconds that those curves took.
-NANITE = """
-import sys, time
-import numpy as np
-import nanite
-from nanite.indent import Indentation
-data = np.load(sys.argv[1])
-depth, forces, radius, nu = data["depth"], data["forces"], float(data["radius"]), float(data["nu"])
-n = len(depth)
-print(nanite.__version__, flush=True)
-for line in sys.stdin:
-    start, stop = map(int, line.split())
-    seconds = cpu = 0.0
-    for k in range(start, stop):
-        test = Indentation(
-            data={"force": forces[k], "tip position": -depth, "time": np.arange(n) * 1e-3,
-                  "segment": np.zeros(n, dtype=np.uint8)},
-            metadata={"spring constant": 1.0, "imaging mode": "force-distance", "point count": n,
-                      "path": "x", "enum": k},
-        )
-        began, began_cpu = time.perf_counter(), time.process_time()
-        initial = test.get_initial_fit_parameters(model_key="hertz_para")
-        initial["R"].value, initial["nu"].value = radius, nu
-        test.fit_model(model_key="hertz_para", params_initial=initial, preprocessing=[])
-        seconds += time.perf_counter() - began
-        cpu += time.process_time() - began_cpu
-        assert test.fit_properties["success"]
-    print(seconds, cpu, flush=True)
 """
 
 # Runs a map and says its peak memory: of this process, and of the largest of its workers.
@@ -144,48 +111,6 @@ def fit_slice(
     # The truth is found: nobody times a fit that fails.
     assert np.median(np.abs(table["layer.E"] / sites.modulus[start:stop] - 1.0)) < 0.01
     return took
-
-
-def against_nanite(python: str | None, count: int, points: int, slices: int) -> dict[str, object]:
-    """Curves per second of both, on the same curves, one core each, in turns."""
-    if python is None:
-        return {"skipped": "no interpreter with nanite was named (--nanite)"}
-    sites = Sites(count, points)
-    curves = [sites.curve(k) for k in range(count)]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "curves.npz"
-        np.savez(path, depth=sites.depth, forces=[c.force for c in curves], radius=RADIUS, nu=NU)
-        other = subprocess.Popen(
-            [python, "-c", NANITE, str(path)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        )
-        assert other.stdin is not None
-        assert other.stdout is not None
-        version = other.stdout.readline().strip()
-        if not version:
-            return {"skipped": f"{python} cannot import nanite"}
-        rows = []
-        edges = np.linspace(0, count, slices + 1).astype(int).tolist()
-        for start, stop in pairwise(edges):
-            ours = fit_slice(sites, curves, start, stop, workers=0)
-            other.stdin.write(f"{start} {stop}\n")
-            other.stdin.flush()
-            theirs = tuple(map(float, other.stdout.readline().split()))
-            rows.append((*ours, *theirs, stop - start))
-        other.stdin.close()
-        other.wait()
-    return {
-        "nanite": version,
-        "curves": count,
-        "points": points,
-        "ours, curves per processor second": statistics.median(row[4] / row[1] for row in rows),
-        "nanite, curves per processor second": statistics.median(row[4] / row[3] for row in rows),
-        "ratio of times (median of slices)": statistics.median(row[2] / row[0] for row in rows),
-        "ratio of processor times (median of slices)": statistics.median(row[3] / row[1] for row in rows),
-    }
 
 
 def processor_seconds() -> float:
@@ -259,15 +184,13 @@ def end_to_end(count: int, points: int) -> dict[str, object]:
 def main() -> None:
     """Measure and write."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
-    parser.add_argument("--nanite", help="an interpreter that has nanite")
-    parser.add_argument("--curves", type=int, default=2000)
+    parser.add_argument("--curves", type=int, default=4000)
     parser.add_argument("--points", type=int, default=1000)
     parser.add_argument("--map", type=int, default=16_384, help="curves of the map; 0 leaves it out")
     parser.add_argument("--output", type=Path, default=Path(__file__).parent / "results" / "map_speed.json")
     given = parser.parse_args()
     parts: dict[str, Callable[[], dict[str, object]]] = {
-        "against nanite": lambda: against_nanite(given.nanite, given.curves, given.points, 5),
-        "two processes against one": lambda: two_against_one(2 * given.curves, given.points, 3),
+        "two processes against one": lambda: two_against_one(given.curves, given.points, 3),
         "map of an eighth": lambda: end_to_end(given.map // 8, 500),
         "map": lambda: end_to_end(given.map, 500),
     }

@@ -32,10 +32,10 @@ METHODS = ("foot", "change-point", "threshold")
 
 # Work is bounded by thinning the foot; its neighbours are correlated anyway.
 _MAX_POINTS = 2000
-# Contact depths tried on means of neighbouring points, then on all between two steps on either side of the best,
-# then between the neighbours of that; a parabola through the last three ends it.
-_COARSE, _BLOCKS = 61, 120
-_FINE = ((2, 13), (1, 9))
+# Contact depths tried on means of neighbouring points, then between two steps on either side of the best, then the
+# same on all points; a parabola through the last three ends it.
+_COARSE, _FINER, _FINE, _BLOCKS = 61, 13, 9, 120
+_REACH = 2
 # A curve that starts in contact has it in front of its first point, by up to this share of the foot.
 _BEFORE = 1.0
 # Below this share of its square a column is a multiple of others, to rounding.
@@ -198,14 +198,15 @@ def _scan(method: str, foot: Foot, shape: _Shape) -> ContactEstimate | None:
     x, force = _fitted_points(foot)
     low = x[0] - (0.0 if foot.has_baseline else _BEFORE * np.ptp(x))
     high = x[-2]
+    blocks, whole = _in_blocks(x, force), (x, force)
     tried = np.linspace(low, high, _COARSE)
-    sums = _sums_of_squares(*_in_blocks(x, force), tried, shape, foot)
-    for reach, count in _FINE:
+    sums = _sums_of_squares(*blocks, tried, shape, foot)
+    for points, count in ((blocks, _FINER), (whole, _FINE)):
         at = int(np.argmin(sums))
         if not np.isfinite(sums[at]):
             return None
-        tried = np.linspace(tried[max(at - reach, 0)], tried[min(at + reach, len(tried) - 1)], count)
-        sums = _sums_of_squares(x, force, tried, shape, foot)
+        tried = np.linspace(tried[max(at - _REACH, 0)], tried[min(at + _REACH, len(tried) - 1)], count)
+        sums = _sums_of_squares(*points, tried, shape, foot)
     best = _lowest(tried, sums)
     if best is None:
         return None

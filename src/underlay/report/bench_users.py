@@ -1,7 +1,7 @@
 """What a user waits for: start-up, reading, quality, maps, stacks and a million points, each beside its unit.
 
 Processor times, of this process or of a child of its own; of several rounds, taken in turns with the unit, the
-median ratio counts, and for seconds the shortest. A row whose peer is not installed is left out. To add a row: one
+median ratio counts, and for seconds the shortest. A row whose peer is not installed says so. To add a row: one
 line in `USER_CASES`; its call says the value.
 """
 
@@ -12,10 +12,10 @@ import platform
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -23,40 +23,21 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
-from underlay.data.curve import Curve
 from underlay.data.curve_csv import curve_csv
 from underlay.data.quality import check_quality
 from underlay.data.readers import read
-from underlay.data.synthetic import synthesize
-from underlay.inference.batch.fit_many import fit_many
-from underlay.inference.batch.options import MapOptions
 from underlay.inference.least_squares import fit
 from underlay.inference.problem import Problem
-from underlay.mechanics.body import RIGID, Base, Layer
-from underlay.mechanics.indenters import Indenter, Paraboloid, Sphere
+from underlay.mechanics.body import RIGID, Layer
+from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.kernel import StackKernel, SubstrateKernel
 from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.solvers import Exact
-from underlay.scene.noise import Noise
-from underlay.scene.scene import Scene
+from underlay.report.bench_made import made_curve, made_files, over, scene_of
+from underlay.report.bench_maps import LAYERED, map_of_files, map_over_nanite, map_over_rigid
 
 __all__ = ["USER_CASES", "UserCase", "machine", "user_markdown", "user_table"]
 
 _ROUNDS = 7
-_CURVES, _POINTS = 24, 1000
-_THICKNESS = 1e-3
-_STIFF = Isotropic(3e7, 0.3)
-_PAIRS = {"layer.E": (3e4, 3e8), "instrument.contact_depth": (-1e-4, 1e-4)}
-_SCENE_FILE = """
-indenter = { shape = "paraboloid", radius = "1 mm" }
-layer = { E = "3 MPa", nu = 0.5, thickness = "1 mm" }
-substrate = { rigid = true }
-solver = { name = "exact", rtol = 1e-4 }
-
-[fit]
-layer.E = { min = "30 kPa", max = "300 MPa" }
-instrument.contact_depth = { min = "-100 um", max = "100 um" }
-"""
 _PACKAGES = ("underlay", "numpy", "scipy", "pandas", "lmfit", "emcee", "matplotlib")
 
 
@@ -72,11 +53,14 @@ class UserCase:
         What the value is in.
     measure : callable
         Rounds to the value.
+    needs : str
+        Package that must be installed; empty if none.
     """
 
     what: str
     unit: str
     measure: Callable[[int], float]
+    needs: str = ""
 
 
 def user_table(cases: tuple[UserCase, ...] | None = None, rounds: int = _ROUNDS) -> pd.DataFrame:
@@ -85,10 +69,14 @@ def user_table(cases: tuple[UserCase, ...] | None = None, rounds: int = _ROUNDS)
     Returns
     -------
     pandas.DataFrame
-        ``what``, ``value``, ``unit``; a row that cannot be measured here (another system) is left out.
+        ``what``, ``value``, ``unit``; a row that cannot be measured here (another system) is left out, and one
+        that lacks a package has no value and says in ``unit`` which.
     """
     rows = []
     for case in USER_CASES if cases is None else cases:
+        if case.needs and find_spec(case.needs) is None:
+            rows.append((case.what, np.nan, f"not measured: {case.needs} is not installed"))
+            continue
         value = case.measure(rounds)
         if np.isfinite(value):
             rows.append((case.what, value, case.unit))
@@ -97,7 +85,10 @@ def user_table(cases: tuple[UserCase, ...] | None = None, rounds: int = _ROUNDS)
 
 def user_markdown(table: pd.DataFrame) -> str:
     """Return the table as Markdown."""
-    rows = (f"| {row.what} | {row.value:.3g} {row.unit} |" for row in table.itertuples())
+    values = ("" if np.isnan(value) else f"{value:.3g} " for value in table["value"])
+    rows = (
+        f"| {row.what} | {value}{row.unit} |" for row, value in zip(table.itertuples(), values, strict=True)
+    )
     return "\n".join(["| What a user waits for | processor time |", "|---|---:|", *rows])
 
 
@@ -170,7 +161,7 @@ def _fit_command(*further: str) -> Callable[[int], float]:
 
     def measure(rounds: int) -> float:
         with tempfile.TemporaryDirectory() as name:
-            scene, curve = _files(Path(name), 1)
+            scene, curve = made_files(Path(name), 1)
             asked = ["-m", "underlay", "fit", str(curve[0]), "--scene", str(scene)]
             output = ["--output", str(Path(name) / "out")] if further else []
             return _over_lmfit(*asked, *output)(rounds)
@@ -208,13 +199,20 @@ import resource, sys, time
 import underlay as ul
 def used():
     return time.process_time()
+def most():
+    # Where the system tells, since this program began: the other counts its parent's before it.
+    try:
+        lines = dict(line.split(":", 1) for line in open("/proc/self/status"))
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return int(lines["VmHWM"].split()[0]) / 1024
 scene = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(3e6, 0.5), 1e-3), ul.RIGID)
 began = used()
 curve = ul.read(sys.argv[1])
 judged = ul.check_quality(curve, scene)
 free = ("layer.E", "instrument.contact_depth")
 ul.fit(ul.Problem(scene, curve, free, noise=ul.Noise(force=1e-3), solver="exact"))
-print(used() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+print(used() - began, most())
 """
 
 
@@ -226,7 +224,7 @@ def _million(which: int) -> Callable[[int], float]:
         with tempfile.TemporaryDirectory() as name:
             path = Path(name) / "long.csv"
             path.write_text(
-                curve_csv(_curve(_scene(Paraboloid(1e-3), RIGID), 1_000_000)[0]), encoding="utf-8"
+                curve_csv(made_curve(scene_of(Paraboloid(1e-3), RIGID), 1_000_000)[0]), encoding="utf-8"
             )
             said = _child("-c", _MILLION, str(path))[1]
         return float(said.split()[which]) if said else np.nan
@@ -237,51 +235,16 @@ def _million(which: int) -> Callable[[int], float]:
 # --- in this process -------------------------------------------------------------------------------------------
 
 
-def _seconds(call: Callable[[], Any]) -> float:
-    began = time.process_time()
-    call()
-    return time.process_time() - began
-
-
-def _over(unit: Callable[[], Any], call: Callable[[], Any], rounds: int) -> float:
-    """Median ratio of two calls made in turns, after a round that does not count."""
-    unit(), call()
-    return float(np.median([_seconds(call) / _seconds(unit) for _ in range(rounds)]))
-
-
-def _scene(tip: Indenter, base: Base, thickness: float = _THICKNESS) -> Scene:
-    return Scene(tip, Layer(Isotropic(3e6, 0.5), thickness), base)
-
-
-def _curve(scene: Scene, points: int, seed: int = 0) -> tuple[Curve, Noise]:
-    depth = np.linspace(-5e-5, 3.6e-4, points)
-    noise = Noise(force=0.005 * float(scene.force(depth[-1], solver=Exact(1e-4))))
-    return synthesize(scene, depth, noise=noise, rng=seed), noise
-
-
-def _files(folder: Path, count: int) -> tuple[Path, list[Path]]:
-    """A scene file and so many curves as CSV."""
-    scene = folder / "scene.toml"
-    scene.write_text(_SCENE_FILE, encoding="utf-8")
-    curves = folder / "curves"
-    curves.mkdir()
-    paths = [curves / f"{number:03d}.csv" for number in range(count)]
-    for seed, path in enumerate(paths):
-        made = _curve(_scene(Paraboloid(1e-3), RIGID), _POINTS, seed)[0]
-        path.write_text(curve_csv(made), encoding="utf-8")
-    return scene, paths
-
-
 def _reading(points: int) -> Callable[[int], float]:
     """A plain CSV over numpy's reader of the same file."""
 
     def measure(rounds: int) -> float:
         with tempfile.TemporaryDirectory() as name:
             path = Path(name) / "plain.csv"
-            curve = _curve(_scene(Paraboloid(1e-3), RIGID), points)[0]
+            curve = made_curve(scene_of(Paraboloid(1e-3), RIGID), points)[0]
             columns = np.column_stack((curve.depth, curve.force))
             np.savetxt(path, columns, delimiter=",", header="depth (m),force (N)", comments="")
-            return _over(lambda: np.loadtxt(path, delimiter=",", skiprows=1), lambda: read(path), rounds)
+            return over(lambda: np.loadtxt(path, delimiter=",", skiprows=1), lambda: read(path), rounds)
 
     return measure
 
@@ -290,49 +253,16 @@ def _quality(points: int) -> Callable[[int], float]:
     """`check_quality` over the fit of modulus and contact."""
 
     def measure(rounds: int) -> float:
-        scene = _scene(Paraboloid(1e-3), RIGID)
-        curve, noise = _curve(scene, points)
+        scene = scene_of(Paraboloid(1e-3), RIGID)
+        curve, noise = made_curve(scene, points)
         free = ("layer.E", "instrument.contact_depth")
 
         def fitted() -> object:
             return fit(Problem(scene, curve, free, noise=noise, solver="exact"))
 
-        return _over(fitted, lambda: check_quality(curve, scene), max(3, rounds // (1 + points // 100_000)))
+        return over(fitted, lambda: check_quality(curve, scene), max(3, rounds // (1 + points // 100_000)))
 
     return measure
-
-
-def _map(tip: Indenter, base: Base) -> Callable[[], Any]:
-    """A map with a thickness of its own for every curve."""
-    thickness = _THICKNESS * np.linspace(0.7, 1.3, _CURVES)
-    made = [_curve(_scene(tip, base, h), _POINTS, seed) for seed, h in enumerate(thickness.tolist())]
-    names = [f"{number:03d}" for number in range(_CURVES)]
-    curves = [
-        Curve(curve.depth, curve.force, metadata={"name": name})
-        for name, (curve, _) in zip(names, made, strict=True)
-    ]
-    manifest = pd.DataFrame({"file": names, "layer.thickness": thickness})
-    options = MapOptions(noise=made[0][1], solver=Exact(1e-4))
-    return lambda: fit_many(curves, _scene(tip, base), _PAIRS, manifest, workers=0, options=options)
-
-
-def _map_over_rigid(tip: Indenter, base: Base) -> Callable[[int], float]:
-    def measure(rounds: int) -> float:
-        return _over(_map(Paraboloid(1e-3), RIGID), _map(tip, base), max(2, rounds // 2))
-
-    return measure
-
-
-def _map_of_files(rounds: int) -> float:
-    """A map from a folder of CSV, ms a curve."""
-    with tempfile.TemporaryDirectory() as name:
-        scene, paths = _files(Path(name), _CURVES)
-
-        def call() -> object:
-            return fit_many(paths[0].parent, scene, workers=0)
-
-        call()
-        return 1e3 * min(_seconds(call) for _ in range(max(2, rounds // 2))) / _CURVES
 
 
 def _stack_kernel(rounds: int) -> float:
@@ -345,14 +275,8 @@ def _stack_kernel(rounds: int) -> float:
     def many(kernel: Any) -> Callable[[], Any]:
         return lambda: [kernel.values(u) for _ in range(50)]
 
-    return _over(many(one), many(two), rounds)
+    return over(many(one), many(two), rounds)
 
-
-_LAYERED = (
-    ("base ten times stiffer", Paraboloid(1e-3), _STIFF),
-    ("true sphere, rigid base", Sphere(1e-3), RIGID),
-    ("true sphere, base ten times stiffer", Sphere(1e-3), _STIFF),
-)
 
 #: The rows of the table.
 USER_CASES = (
@@ -379,11 +303,17 @@ USER_CASES = (
     ),
     *(
         UserCase(
-            f"map with a thickness column: {name}", "of the rigid paraboloid's", _map_over_rigid(tip, base)
+            f"map with a thickness column: {name}", "of the rigid paraboloid's", map_over_rigid(tip, base)
         )
-        for name, tip, base in _LAYERED
+        for name, tip, base in LAYERED
     ),
-    UserCase("map from CSV, 1000 points", "ms a curve", _map_of_files),
+    UserCase("map from CSV, 1000 points", "ms a curve", map_of_files),
+    UserCase(
+        "map from HDF5, 1000 points",
+        "times the curves of nanite's Hertz fit",
+        map_over_nanite,
+        needs="nanite",
+    ),
     UserCase("kernel of two layers on a base, 100 wavenumbers", "of one layer's", _stack_kernel),
     UserCase("a million points: read, judged, fitted", "s", _million(0)),
     UserCase("a million points: memory at most", "MB", _million(1)),
