@@ -6,13 +6,15 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from underlay.report.labels import label
+from underlay.report.labels import label, symbol
 from underlay.report.plots.style import DIVERGING, GREY, INK
 
 __all__ = ["draw_matrix"]
 
 # Above this the colour is dark and the number on it white.
 _DARK = 0.6
+# Names of more words than this, one below the other, run into their neighbours': columns then have the letter.
+_MOST_WORDS = 3
 
 
 def draw_matrix(ax: Axes, frame: pd.DataFrame) -> None:
@@ -28,7 +30,11 @@ def draw_matrix(ax: Axes, frame: pd.DataFrame) -> None:
                 continue
             colour = "white" if abs(matrix[i, j]) > _DARK else INK
             ax.text(j, i, f"{matrix[i, j]:.2f}", ha="center", va="center", color=colour)
+    columns = [name.replace(" ", "\n") for name in names]
+    if max(len(name.split()) for name in names) > _MOST_WORDS:
+        columns = [f"${symbol(str(name))}$" for name in frame.columns]
+        names = [f"{name}, {letter}" for name, letter in zip(names, columns, strict=True)]
     ax.set_yticks(range(count), names)
-    ax.set_xticks(range(count), [name.replace(" ", "\n") for name in names])
+    ax.set_xticks(range(count), columns)
     ax.tick_params(length=0.0)
     ax.spines[:].set_visible(False)
