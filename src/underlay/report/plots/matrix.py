@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -13,8 +15,10 @@ __all__ = ["draw_matrix"]
 
 # Above this the colour is dark and the number on it white.
 _DARK = 0.6
-# Names of more words than this, one below the other, run into their neighbours': columns then have the letter.
+# A name of more words than this, one below the other, runs into its neighbours: a column then has the letter.
 _MOST_WORDS = 3
+# Letters on a line of a name beside its row.
+_WIDE = 30
 
 
 def draw_matrix(ax: Axes, frame: pd.DataFrame) -> None:
@@ -31,9 +35,10 @@ def draw_matrix(ax: Axes, frame: pd.DataFrame) -> None:
             colour = "white" if abs(matrix[i, j]) > _DARK else INK
             ax.text(j, i, f"{matrix[i, j]:.2f}", ha="center", va="center", color=colour)
     columns = [name.replace(" ", "\n") for name in names]
-    if max(len(name.split()) for name in names) > _MOST_WORDS:
-        columns = [f"${symbol(str(name))}$" for name in frame.columns]
-        names = [f"{name}, {letter}" for name, letter in zip(names, columns, strict=True)]
+    for at, name in enumerate(names):
+        if len(name.split()) > _MOST_WORDS:
+            columns[at] = f"${symbol(str(frame.columns[at]))}$"
+            names[at] = textwrap.fill(f"{name}, {columns[at]}", _WIDE)
     ax.set_yticks(range(count), names)
     ax.set_xticks(range(count), columns)
     ax.tick_params(length=0.0)
