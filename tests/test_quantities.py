@@ -140,6 +140,8 @@ def test_names_in_sentences_and_formulas():
     assert label("layer.nu.stderr") == "standard error of the Poisson's ratio of the layer"
     assert symbol("substrate.nu") == r"\nu_2"
     assert symbol("layer.E[1]") == "E^{(2)}"
+    assert symbol("layer.relaxation.fractions[1]") == "f_{2}"
+    assert symbol("layer.relaxation.times[0][1]") == r"\tau_{1}^{(2)}"
     assert declared("indenter.tip_radius").is_scale  # by the last word of its name
 
 

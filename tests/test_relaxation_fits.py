@@ -1,10 +1,12 @@
 """Fits of a relaxing layer: derivatives, fractions solved for, moduli that follow, what the record tells."""
 
+import itertools
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -17,6 +19,7 @@ from underlay.inference.least_squares.fractions import Fractions
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.noise_estimate import first_noises
 from underlay.inference.least_squares.objective import Objective
+from underlay.inference.model.forward import Forward
 from underlay.inference.sampling.derived import derived_quantities
 from underlay.mechanics.viscoelastic import history
 from underlay.mechanics.viscoelastic.bed import Bed
@@ -24,6 +27,7 @@ from underlay.mechanics.viscoelastic.history import Viscoelastic
 from underlay.mechanics.viscoelastic.loading import Loading
 from underlay.mechanics.viscoelastic.unloading import Unloading
 from underlay.report import plots, tables, words
+from underlay.report.scene_tables import scene_table
 
 STUDIES = Path(__file__).parent / "studies"
 sys.path.insert(0, str(STUDIES))
@@ -233,6 +237,20 @@ def test_they_stand_in_tables_sentences_and_files(fitted, tmp_path):
     assert '"layer.equilibrium_modulus"' in fitted.to_json(tmp_path / "fit.json").read_text()
 
 
+def test_lists_and_long_names_can_be_read(fitted):
+    """The numbers of a relaxation stand in the table of the scene; the columns of a matrix do not overlap."""
+    rows = scene_table(SCENE).set_index("quantity")["value"]
+    assert rows["fractions"] == "0.4, 0.3"
+    assert rows["times"] == "0.2 s, 3 s"
+    panel = plots.correlations(fitted)
+    panel.figure.canvas.draw()
+    boxes = sorted((text.get_window_extent() for text in panel.get_xticklabels()), key=lambda box: box.x0)
+    assert all(left.x1 < right.x0 for left, right in itertools.pairwise(boxes))
+    letters = [text.get_text() for text in panel.get_xticklabels()]
+    assert len(set(letters)) == len(letters)
+    plt.close("all")
+
+
 def test_an_elastic_layer_has_none_of_it():
     elastic = SCENE.elastic
     curve = ul.synthesize(elastic, LOADING, NOISE, rng=1, time=TIME)
@@ -297,6 +315,33 @@ def test_many_sets_at_once_are_each_its_own(depth):
         square = np.sum(((model - problem.curves[0].force) / NOISE.force) ** 2)
         normal = len(model) * np.log(NOISE.force * np.sqrt(2.0 * np.pi))
         assert density == pytest.approx(-0.5 * square - normal, rel=1e-5)
+
+
+def test_cycles_of_many_sets_share_one_pass(monkeypatch):
+    """Contact before the record and within it; what no closed construction holds for goes alone."""
+    single = count_calls(monkeypatch, Forward, "reading")
+    cycle = np.interp(TIME, (0.0, 0.5, 8.5, 12.0), (0.0, 1e-4, 1e-4, -3e-5))
+    problem = problem_of(cycle, start={})
+    sets = np.tile(problem.start, (5, 1))
+    sets[:, problem.names.index("layer.relaxation.times[0]")] += np.linspace(-1.0, 1.0, 5)
+    entry = problem.names.index("instrument.contact_depth")
+    for row, contact in zip(sets, (-1.5e-5, -1e-6, 0.0, 5e-6, 1.5e-5), strict=True):
+        row[entry] = problem.vector({"instrument.contact_depth": contact})[entry]
+    single.calls = 0
+    together = problem.log_likelihood(sets)
+    assert single.calls == 0
+    assert together == pytest.approx(np.array([problem.log_likelihood(row) for row in sets]), rel=1e-12)
+    for row, density in zip(sets, together, strict=True):
+        square = np.sum(
+            ((problem.members[0].model(problem.physical(row)) - problem.curves[0].force) / NOISE.force) ** 2
+        )
+        assert density == pytest.approx(
+            -0.5 * square - len(TIME) * np.log(NOISE.force * np.sqrt(2.0 * np.pi)), rel=1e-5
+        )
+    again = problem_of(np.interp(TIME, (0.0, 2.0, 4.0, 12.0), (0.0, 1e-4, 5e-5, 1e-4)), start={})
+    single.calls = 0
+    again.log_likelihood(np.tile(again.start, (5, 1)))
+    assert single.calls == 5
 
 
 # --- what the record tells ---------------------------------------------------------------------------------

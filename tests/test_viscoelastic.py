@@ -13,7 +13,10 @@ from underlay.mechanics.response import Remembered
 from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.mechanics.viscoelastic import history
 from underlay.mechanics.viscoelastic.bed import Bed
+from underlay.mechanics.viscoelastic.equal_radius import equal_radius
 from underlay.mechanics.viscoelastic.history import Viscoelastic
+from underlay.mechanics.viscoelastic.loading import WayIn
+from underlay.mechanics.viscoelastic.memory import Memory
 from underlay.report import plots
 
 #: Depth at which a paraboloid of radius h reaches a = h, by Poisson's ratio (lengths in h, theta = 1).
@@ -194,6 +197,76 @@ def test_integral_by_quadrature(laws):
     )
     time = np.linspace(0.0, end, 161)
     assert Viscoelastic(SOLID).force(law.force, peak * time, time)[-1] == pytest.approx(value, rel=1e-8)
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+@pytest.mark.parametrize("span", [4.0, 3e4])
+def test_integrals_over_the_past_obey_their_recursion(uneven, span):
+    """z_{n+1} = e^-x z_n + d g1 + c g2, step by step, in records of 4 and of 30,000 of the shortest times."""
+    rng = np.random.default_rng(0)
+    time = np.linspace(0.0, span, 401)
+    if uneven:
+        time = np.sort(np.append(time[[0, -1]], rng.uniform(0.0, span, 399)))
+    memory = Memory(ul.Prony((0.2, 0.3, 0.1), (1.0, 0.02 * span, 30.0 * span)).modes(0.0, span), time)
+    values, bend = rng.standard_normal(401), rng.standard_normal(400)
+    found = memory.integrals(values, bend)
+    for row, tau in zip(found, memory.modes.times, strict=True):
+        z = values[0]
+        for n, x in enumerate(np.diff(time) / tau):
+            g1 = -np.expm1(-x) / x
+            if n == 30:
+                break
+            g2 = 2.0 * integrate.quad(lambda s, x=x: s * np.exp(-s * x), 0.0, 1.0)[0] - g1
+            z = np.exp(-x) * z + g1 * (values[n + 1] - values[n]) + g2 * bend[n]
+            assert row[n + 1] == pytest.approx(z, rel=1e-9, abs=1e-9)
+
+
+def test_middles_of_steps_are_asked_only_where_they_count():
+    """Many even steps: the bend of w^(3/2) against the force in the middle, and how often that is asked."""
+    depth = np.linspace(0.0, 1.0, 401)
+    way_in = WayIn(depth)
+    assert len(way_in.asked) < 410
+    force, bend = way_in.read(way_in.asked**1.5)
+    assert force == pytest.approx(depth**1.5, abs=1e-15)
+    exact = 4.0 * (0.5 * (depth[1:] + depth[:-1])) ** 1.5 - 2.0 * (depth[1:] ** 1.5 + depth[:-1] ** 1.5)
+    assert bend[:5] == pytest.approx(exact[:5], rel=1e-9)
+    assert bend[5:] == pytest.approx(exact[5:], rel=5e-3)
+    assert bend[20:] == pytest.approx(exact[20:], rel=4e-4)
+    # Rests, steps back and uneven steps do not matter, and of many sets each is as alone.
+    rough = np.maximum.accumulate(np.random.default_rng(0).uniform(0.0, 1.0, 900))
+    paths = np.maximum(np.linspace(-0.1, 1.0, 900) - np.array([[0.0], [0.05], [-0.2]]), 0.0)
+    for path in (rough, *paths):
+        alone = WayIn(path)
+        assert alone.read(alone.asked**1.5)[0] == pytest.approx(path**1.5, abs=1e-15)
+    all_of_them = WayIn(paths)
+    values, bends = all_of_them.read(all_of_them.asked**1.5)
+    for number in range(3):
+        one = WayIn(paths[number : number + 1])
+        value, turned = one.read(one.asked**1.5)
+        assert np.array_equal(values[number], value[0])
+        assert np.array_equal(bends[number], turned[0])
+
+
+@pytest.mark.parametrize("points", [12, 120, 6000])
+def test_equal_radius_solves_its_condition(points):
+    """Ways out with rests, of few and many points: int_{t1}^t e(t - s) dw(s) = 0 by the record itself."""
+    time = np.sort(
+        np.append(np.random.default_rng(1).uniform(0.0, 9.0, points), (0.0, 3.0, 4.0, 5.0, 5.5, 9.0))
+    )
+    depth = np.interp(time, (0.0, 3.0, 4.0, 5.0, 5.5, 9.0), (0.0, 1.0, 1.0, 0.8, 0.8, -0.2))
+    turn = int(np.flatnonzero(time == 4.0)[-1])
+    modes = ul.Prony((0.3, 0.2, 0.1), (0.01, 0.5, 20.0)).modes(0.0, 9.0)
+    found = equal_radius(depth, Memory(modes, time), turn)
+    assert found.held[0]
+    for number in np.flatnonzero(found.held)[:: max(points // 30, 1)]:
+        now = time[turn + 1 + number]
+        corners = np.append(found.time[number], time[(time > found.time[number]) & (time <= now)])
+        w = np.interp(corners, time, depth)
+        lags, steps = now - corners, np.diff(w) / np.diff(corners)
+        # The integral of an exponential over a step along which w is linear.
+        parts = modes.times * (np.exp(-lags[1:, None] / modes.times) - np.exp(-lags[:-1, None] / modes.times))
+        total = modes.constant * (w[-1] - w[0]) + float(modes.weights @ (steps @ parts))
+        assert abs(total) < 1e-9
 
 
 # --- limits and laws ---------------------------------------------------------------------------------------

@@ -48,12 +48,15 @@ def _part(place: str) -> str:
 def symbol(name: str) -> str:
     """Return the letter of a parameter in a formula (TeX); its path where it has none.
 
-    The substrate's letters carry a 2, as the paper's do, and those of a single curve its number.
+    The substrate's letters carry a 2, as the paper's do, those of a list its number, and those of a single curve
+    that of the curve.
     """
     path, curve = path_of(name), curve_of(name)
-    letter = declared(path).symbol
+    letter, number = declared(path).symbol, _INDEX.search(path)
     if not letter:
         letter = r"\mathrm{" + _FOREIGN.sub("?", path).replace("_", r"\_") + "}"
+    elif number:
+        letter = f"{letter}_{{{int(number[1]) + 1}}}"
     elif path.startswith("substrate."):
         letter = f"{letter}_2"
     return letter if curve is None else f"{letter}^{{({curve + 1})}}"

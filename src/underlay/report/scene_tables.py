@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 __all__ = ["effects_table", "scene_table"]
 
+# Numbers of a list that a table shows; more are counted.
+_LISTED = 6
+
 
 def scene_table(*scenes: Scene) -> pd.DataFrame:
     """Return scenes, one row per number: part, quantity, and the value in each of them."""
@@ -73,12 +76,15 @@ def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
         return []
     rows = []
     for field in fields(owner):
-        value, kind = getattr(owner, field.name), quantity_of(field).kind
+        value, known = getattr(owner, field.name), quantity_of(field)
+        kind = known.kind
         name = {"E": "Young's modulus E", "nu": "Poisson's ratio"}.get(
             field.name, field.name.replace("_", " ")
         )
         if isinstance(value, float):
             text = f"{math.degrees(value):.4g} deg" if kind == "angle" else format_quantity(value, kind)
+        elif known.many and len(value) <= _LISTED:
+            text = ", ".join(format_quantity(one, kind) for one in value)
         else:
             text = value.replace("_", " ") if isinstance(value, str) else f"{np.size(value)} values"
         rows.append({"part": part, "quantity": name, "value": text})
