@@ -71,10 +71,10 @@ class _ToTolerance(Solver):
         return table_number(contact, depth)
 
     def tabulated(
-        self, contact: Contact, family: Family | None, ratio: float, depth: float
+        self, contact: Contact, family: Family | None, ratio: float, depth: float, *, alone: bool = False
     ) -> ContactLaw | None:
         """See `tabulated_law`."""
-        return tabulated_law(contact, family, ratio, depth, self.rtol)
+        return tabulated_law(contact, family, ratio, depth, self.rtol, alone=alone)
 
     def has_tip_tables(self, contact: Contact) -> bool:
         """Such tables are for tips that end, or spheres, on an isotropic layer."""

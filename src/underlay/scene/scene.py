@@ -289,6 +289,8 @@ class Scene:
         ParameterError
             If the scene has no such path; names the nearest one.
         """
+        if not values:
+            return self
         for path in values:
             if path not in self._numbers:
                 raise unknown_parameter(path, self._numbers)

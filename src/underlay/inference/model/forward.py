@@ -53,7 +53,7 @@ class Forward:
     similarity : Similarity
         Compiled from the scene.
     depth : FloatArray
-        Depth readings (m), (n,).
+        Depth readings (m), (n,); or, for a batch alone, those of every set, (sets, n).
     laws : LawSource
         Where its laws come from.
     history : History or None
@@ -106,6 +106,10 @@ class Forward:
         """Return the same for other depth readings (m) and their force readings (N), (n,)."""
         lever = self.similarity.scene.lever
         return replace(self, depth=depth, bending=None if lever is None else lever.bending(force))
+
+    def of_set(self, row: int) -> Forward:
+        """Return the same for the depths of one set, where every set has its own, (sets, n)."""
+        return self if self.depth.ndim == 1 else replace(self, depth=self.depth[row])
 
     def depth_at(self, values: Mapping[str, Any]) -> FloatArray:
         """Depth readings (m) by the lever's sensitivity in `values`: (n,), or (sets, n) of numbers (sets, 1)."""

@@ -78,7 +78,7 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     Readings
         A set without a law does not exist; its row is zero.
     """
-    empty = Readings.empty(sets, len(forward.depth))
+    empty = Readings.empty(sets, forward.depth.shape[-1])
     if forward.history is not None:
         return _remembered(forward, values, empty, stiffness=stiffness)
     if forward.left_out is not None:
@@ -114,7 +114,10 @@ def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness:
     sets = len(empty.possible)
     together = None if stiffness else remembered_readings(forward, values, sets, batched_readings)
     if together is not None:
-        return Readings(*together)
+        contact, force, possible, left = together
+        possible[left] = False
+        readings = Readings(contact, empty.stiffness, force, possible)
+        return _one_by_one(forward, values, left.tolist(), readings, stiffness=False)
     return _one_by_one(forward, values, range(sets), empty, stiffness=stiffness)
 
 
@@ -143,7 +146,7 @@ def _one_by_one(
     """Put the readings of some sets into `readings`; a set without a law is left out."""
     for row in rows:
         try:
-            one = forward.reading(values_of(values, row), stiffness=stiffness)
+            one = forward.of_set(row).reading(values_of(values, row), stiffness=stiffness)
         except InputError:
             continue
         readings.contact[row], readings.stiffness[row] = one.contact, one.stiffness
@@ -158,7 +161,7 @@ def _sticking(forward: Forward, values: Values, sets: int) -> Readings:
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
     table, work, ratio = _adhesion_table(asked)
     if table is None:
-        return _one_by_one(forward, values, range(sets), Readings.empty(sets, len(forward.depth)))
+        return _one_by_one(forward, values, range(sets), Readings.empty(sets, forward.depth.shape[-1]))
     b, c = asked.factors
     compliance = np.broadcast_to(b * c * values[Frame.path], (sets,))
     found = table.readings(work, b[:, None] * asked.tip, compliance, ratio)
@@ -195,7 +198,7 @@ def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[Floa
 
 def _by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:
     """All sets through one law, another only where the range it needs belongs to another span."""
-    readings = Readings.empty(asked.sets, len(asked.forward.depth))
+    readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     b, c = asked.factors
     depth = b * asked.deepest
     spans = asked.forward.laws.spans(depth)
@@ -252,7 +255,7 @@ def _has_exact_batches(asked: ParameterSets) -> bool:
 
 def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
     """All sets through compiled batches of the exact law."""
-    readings = Readings.empty(asked.sets, len(asked.forward.depth))
+    readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     inner = isotropic_constants(asked.column("layer.E"), asked.column("layer.nu"))
     theta = np.asarray(inner.theta)[:, 0]
     outer, hardness = None, np.full(asked.sets, np.inf)
@@ -287,7 +290,7 @@ def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
 
 def _in_stack_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
     """All sets of a stack through compiled batches of the exact law."""
-    readings = Readings.empty(asked.sets, len(asked.forward.depth))
+    readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     thickness = np.ascontiguousarray(asked.column("layer.thickness")[:, 0])
     abel = asked.abel_coefficients()
     alone: list[int] = []
