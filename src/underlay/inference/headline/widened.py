@@ -6,7 +6,7 @@ that moves no parameter by a tenth of its standard error is not carried along: t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,7 +59,8 @@ def widened(fit: Fit) -> Widened:
     unknown = [words for part in parts for words in part.unknown]
     declared = [words for part in parts for words in part.declared]
     if len(held) == len(fit.names) or fit.statistics.robust != "none":
-        return Widened(None, AllowedFor(unknown=(*errors, *_once(unknown)), declared=_once(declared)))
+        said = (*_told(errors.values()), *unknown)
+        return Widened(None, AllowedFor(unknown=_once(said), declared=_once(declared)))
     for error in errors.values():
         try:
             (acting if _acts(fit, held, error) else negligible).append(error)
@@ -67,13 +68,13 @@ def widened(fit: Fit) -> Widened:
             unknown.append(f"{error.words} is beyond what is known here ({reason})")
     found = _averaged(fit, held, acting) if acting else None
     if acting and found is None:
-        unknown += [error.words for error in acting]
+        unknown += _told(acting)
         acting = []
     return Widened(
         found,
         AllowedFor(
-            tuple(error.words for error in acting),
-            tuple(error.words for error in negligible),
+            _once(_told(acting)),
+            _once([words for words in _told(negligible) if words not in _told(acting)]),
             _once(unknown),
             _once(declared),
         ),
@@ -147,6 +148,11 @@ def _sizes(fit: Fit) -> Sizes:
     if any(member.noise.correlation for member in members):
         return Sizes(drifts=(), jumps=(), exact=1.0, smooth=1.0)
     return Sizes(shares=(), drifts=(), jumps=(), white=1.0, exact=1.0, smooth=1.0)
+
+
+def _told(errors: Iterable[KnownError]) -> list[str]:
+    """What people are told of errors."""
+    return [words for error in errors for words in error.told or (error.words,)]
 
 
 def _once(words: Sequence[str]) -> tuple[str, ...]:

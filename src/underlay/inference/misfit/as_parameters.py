@@ -28,7 +28,8 @@ def free_model_error(problem: Problem) -> Problem:
     Problem
         The same with ``discrepancy.friction``, the share of full friction, and ``discrepancy.finite_strain``, over
         that of a neo-Hookean layer, as parameters, shared by all curves, with the priors of
-        ``fit.interval(name, model_error=True)``: Normal(0.5, 0.35) and Normal(1, 0.5).
+        ``fit.interval(name, model_error=True)``: Normal(0.5, 0.35) and Normal(1, 0.5). What friction adds in large
+        strains alone, for which that interval allows too, is no parameter.
 
     Raises
     ------
@@ -49,7 +50,7 @@ def free_model_error(problem: Problem) -> Problem:
         for scene, curve in zip(problem.base_scenes, problem.curves, strict=True)
     ]
     # What is unknown of one curve alone is not known of the specimen: only what all have is freed.
-    known = set.intersection(*({error.words for error in part.errors} for part in parts))
+    known = set(_PATHS).intersection(*({error.words for error in part.errors} for part in parts))
     errors = {error.words: error for error in parts[0].errors if error.words in known}
     if not errors:
         why = dict.fromkeys(words for part in parts for words in (*part.unknown, *part.declared))

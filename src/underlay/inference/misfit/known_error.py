@@ -82,6 +82,8 @@ class KnownError:
         Force (N) at amplitude one, (n,), of a `Pressed`.
     mean, deviation : float
         Of the normal prior of the amplitude; the deviation positive.
+    told : tuple of str
+        What people are told that it is part of; by default its words.
 
     Raises
     ------
@@ -93,6 +95,7 @@ class KnownError:
     column: Column
     mean: float = 0.0
     deviation: float = 1.0
+    told: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse a prior that is none."""
