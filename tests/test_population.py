@@ -104,7 +104,7 @@ def test_evidence_is_that_of_the_multivariate_normal():
     scaled = (
         joint + np.log(errors * math.sqrt(2.0 * math.pi)).sum() + math.log(big * math.sqrt(2.0 * math.pi))
     )
-    found = model._log_evidence(tuple(np.array([spread]) for spread in spreads))
+    found = model.log_evidence(tuple(np.array([spread]) for spread in spreads))
     assert found.item() == pytest.approx(scaled, abs=1e-4)  # of order variance / big^2
 
 
