@@ -33,6 +33,8 @@ _FINE, _COARSE, _GROWTH = 1.0, 8.0, 1.12
 _PLACES = 801
 _FAR = 9.0
 _NEGLIGIBLE = 30.0
+# Share of the largest below which a place of a mean holds nothing.
+_NOTHING = 1e-10
 
 
 @dataclass(frozen=True)
@@ -81,13 +83,21 @@ class Density:
         places = np.where(shares < below[0], -np.inf, places)
         return np.where(shares > below[-2], np.inf, places)
 
+    @property
+    def _held(self) -> tuple[FloatArray, FloatArray]:
+        """Places from the first to the last that holds anything, and their shares."""
+        some = np.flatnonzero(self.shares > _NOTHING * self.shares.max())
+        held = slice(some[0], some[-1] + 1)
+        return self.x[held], self.shares[held]
+
     def minus(self, other: Density) -> Density:
         """Density of the difference of two independent ones."""
-        low, high = self.x[0] - other.x[-1], self.x[-1] - other.x[0]
+        (mine, own), (theirs, others) = self._held, other._held
+        low, high = mine[0] - theirs[-1], mine[-1] - theirs[0]
         at = np.linspace(low, high, 2 * _PLACES)
-        differences = (self.x[:, None] - other.x[None, :]).ravel()
+        differences = (mine[:, None] - theirs[None, :]).ravel()
         cells = np.rint((differences - low) / (at[1] - at[0])).astype(int)
-        shares = np.bincount(cells, np.outer(self.shares, other.shares).ravel(), minlength=len(at))
+        shares = np.bincount(cells, np.outer(own, others).ravel(), minlength=len(at))
         return Density(at, np.asarray(shares, dtype=np.float64))
 
 

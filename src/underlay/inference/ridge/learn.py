@@ -28,9 +28,9 @@ _FAR_BELOW, _ONE_PLACE, _ON_RIDGE = 12.0, 1.0, 2.5
 _INSIDE = FARTHEST - 2.5
 # A place of a scan is looked at if it is farther than this from all that was walked, in standard deviations of
 # the prior, and its likelihood is not so far below the best that no ridge passes near it. So many are, and each
-# climbs so many steps at a time until it is on a ridge that is known.
-_APART, _HOPELESS = 0.7, 25.0
-_MOST_PLACES, _AT_A_TIME, _TIMES = 8, 6, 6
+# climbs so many steps: onto a ridge, and not yet along it to a top that is known.
+_APART, _HOPELESS = 0.3, 25.0
+_MOST_PLACES, _ONTO_RIDGE = 8, 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,22 +171,10 @@ def _walk_from_places(density: Density, places: Sequence[FloatArray], ridges: li
         if np.linalg.norm(known - inside[row], axis=1).min() < _APART:
             continue
         looked += 1
-        top = _new_top(density, inside[row], ridges)
-        if top is not None and top.log_mass > heaviest - _FAR_BELOW:
-            ridges.append(march(density, top))
-
-
-def _new_top(density: Density, start: FloatArray, ridges: Sequence[Ridge]) -> Slice | None:
-    """Return the top above a start; None where the climb comes to a ridge that is known."""
-    place, basis = start, small_basis(len(start))
-    for _ in range(_TIMES):
-        top = climb(density, place, basis, max_steps=_AT_A_TIME)
-        if top is None or _is_on(top.place, ridges):
-            return None
-        if np.array_equal(top.place, place):
-            return top
-        place, basis = top.place, top.basis
-    return top
+        start = climb(density, inside[row], small_basis(inside.shape[1]), max_steps=_ONTO_RIDGE)
+        if start is None or start.log_mass < heaviest - _FAR_BELOW or _is_on(start.place, ridges):
+            continue
+        ridges.append(march(density, start))
 
 
 def _is_on(place: FloatArray, ridges: Sequence[Ridge]) -> bool:
