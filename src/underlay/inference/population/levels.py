@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,7 +132,7 @@ class GroupModel:
         self._normal = np.array([curve.is_normal for curve in self.curves])
         self._priors = (BETWEEN,) * len(self.units.names) + (WITHIN,)
         self._cells = cells
-        self._rough = lambda: GroupModel(curves, labels, outliers=outliers, cells=_LARGER)
+        self._rough = partial(GroupModel, curves, labels, outliers=outliers, cells=_LARGER)
         self._known: dict[str, tuple[tuple[bytes, ...], Messages]] = {}
 
     @cached_property

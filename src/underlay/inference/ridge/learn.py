@@ -121,7 +121,7 @@ def learn(
     )
     try:
         trial = trial.adapted()
-        if not trial.is_good:
+        if not trial.is_usable:
             trial, inside = _with_sheets(density, ridges, trial)
             ends += inside
     except OutOfTimeError:
