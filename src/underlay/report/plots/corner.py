@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -136,13 +136,13 @@ def _pair(cell: Axes, across: _Column, up: _Column) -> None:
 
 
 def _ticks(cell: Axes, across: _Column, up: _Column, *, i: int, j: int, last: int) -> None:
-    _scaled(cell.xaxis, across)
+    _scaled(cell.xaxis, cell.set_xscale, across)
     cell.set_xlim(across.window)
     if i == j:
         cell.set_yticks([])
         cell.spines["left"].set_visible(False)
     else:
-        _scaled(cell.yaxis, up)
+        _scaled(cell.yaxis, cell.set_yscale, up)
         cell.set_ylim(up.window)
         cell.grid(color=GREY, lw=0.3, alpha=0.5)
     if i == last:
@@ -156,12 +156,12 @@ def _ticks(cell: Axes, across: _Column, up: _Column, *, i: int, j: int, last: in
         cell.tick_params(labelleft=False)
 
 
-def _scaled(axis: Axis, column: _Column) -> None:
+def _scaled(axis: Axis, set_scale: Callable[[str], None], column: _Column) -> None:
     """A few plain numbers along an axis, even or in decades."""
     if column.scale == "linear":
         axis.set_major_locator(MaxNLocator(3, prune="both"))
         return
-    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    set_scale("log")
     axis.set_major_locator(LogLocator(numticks=4))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
