@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay.inference.population.density import Density
 from underlay.inference.population.likelihood import CurveLikelihood
 from underlay.inference.population.messages import Grid, IntArray, Messages, blurred, gathered
 from underlay.inference.population.spreads import BETWEEN, WITHIN, SpreadGrid, weighted_grid
 
-__all__ = ["Density", "GroupModel", "Units"]
+__all__ = ["GroupModel", "Units"]
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
 # A tenth of the curves may come from a step five times as wide, where outliers are allowed for.
@@ -30,11 +31,8 @@ _WIDEST, _NARROWEST = 0.05, 0.01
 _LARGER = 2.5
 # The fine part of a grid goes this far beyond the middles of the curves, the coarse one far beyond that.
 _FINE, _COARSE, _GROWTH = 1.0, 8.0, 1.12
-_PLACES = 801
-_FAR = 9.0
-_NEGLIGIBLE = 30.0
-# Share of the largest below which a place of a mean holds nothing.
-_NOTHING = 1e-10
+# Places of a mean, how many of its standard deviations they reach, and what is left out below the largest.
+_PLACES, _FAR, _NEGLIGIBLE = 801, 9.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -66,39 +64,6 @@ class Units:
             names.append(tuple(distinct))
             below = distinct
         return cls(tuple(names[::-1]), tuple(parents[::-1])), order
-
-
-@dataclass(frozen=True)
-class Density:
-    """Posterior density of ln of a mean over places (x,), and its share per cell."""
-
-    x: FloatArray
-    shares: FloatArray
-
-    def quantile(self, shares: FloatArray) -> FloatArray:
-        """Quantiles, same shape as `shares`; infinite where the density still stands at the end of the places."""
-        below = np.cumsum(self.shares)
-        edges = np.concatenate([0.5 * (self.x[1:] + self.x[:-1]), [self.x[-1]]])
-        places = np.interp(shares, below, edges)
-        places = np.where(shares < below[0], -np.inf, places)
-        return np.where(shares > below[-2], np.inf, places)
-
-    @property
-    def _held(self) -> tuple[FloatArray, FloatArray]:
-        """Places from the first to the last that holds anything, and their shares."""
-        some = np.flatnonzero(self.shares > _NOTHING * self.shares.max())
-        held = slice(some[0], some[-1] + 1)
-        return self.x[held], self.shares[held]
-
-    def minus(self, other: Density) -> Density:
-        """Density of the difference of two independent ones."""
-        (mine, own), (theirs, others) = self._held, other._held
-        low, high = mine[0] - theirs[-1], mine[-1] - theirs[0]
-        at = np.linspace(low, high, 2 * _PLACES)
-        differences = (mine[:, None] - theirs[None, :]).ravel()
-        cells = np.rint((differences - low) / (at[1] - at[0])).astype(int)
-        shares = np.bincount(cells, np.outer(own, others).ravel(), minlength=len(at))
-        return Density(at, np.asarray(shares, dtype=np.float64))
 
 
 class GroupModel:
