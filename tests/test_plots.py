@@ -4,6 +4,7 @@ import itertools
 import struct
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from types import SimpleNamespace
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -160,6 +161,28 @@ def test_scene_before_contact_can_be_drawn():
     test = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.RIGID)
     ax = ul.plots.scene(test, depth=-1e-5)
     assert not [line for line in ax.get_lines() if line.get_marker() == "o"]
+    plt.close("all")
+
+
+def test_a_quantity_over_decades_has_an_axis_in_decades():
+    wide = SimpleNamespace(
+        names=("layer.E", "layer.thickness"),
+        of={
+            "layer.E": np.geomspace(1e5, 1e8, 400)[:, None],
+            "layer.thickness": np.linspace(1e-3, 2e-3, 400)[:, None],
+        }.__getitem__,
+        prior_quantiles=np.column_stack([np.geomspace(1e5, 1e8, 101), np.linspace(1e-3, 2e-3, 101)]),
+        truth={},
+    )
+    cells = ul.plots.corner(wide).get_figure().axes[1:]
+    assert [(cell.get_xscale(), cell.get_yscale()) for cell in cells] == [
+        ("log", "linear"),
+        ("log", "linear"),
+        ("linear", "linear"),
+    ]
+    # Even in decades, as the prior is: every bar as high as the next.
+    heights = cells[0].patches[0].get_data().values
+    assert np.ptp(heights[2:-2]) < 0.01
     plt.close("all")
 
 

@@ -102,6 +102,14 @@ def test_verdicts_on_normal_posteriors(shift, ratio, verdict):
     assert answer.informed == verdict
 
 
+def test_an_order_of_magnitude_is_told_by_its_logarithm():
+    """The upper half, in decades, of four decades."""
+    prior = 10.0 ** (4.0 * prior_levels(1001))
+    draws = 10.0 ** np.random.default_rng(0).uniform(2.0, 4.0, size=(2000, 20))
+    # The shortest interval of a flat density is anywhere: its width is known to 1 / sqrt(40,000).
+    assert compare_with_prior(draws, prior).narrowing == pytest.approx(0.5, abs=0.02)
+
+
 def test_few_draws_do_not_claim_information():
     prior = stats.norm.ppf(prior_levels(1001))
     few = np.random.default_rng(0).normal(size=(12, 4))

@@ -20,6 +20,7 @@ from support.posterior_cases import (
     halfspace_problem,
 )
 from support.posterior_quadrature import reference
+from support.random_posteriors import random_problem
 from underlay.errors import FileFormatError, FitError, InputError, UnderlayWarning
 from underlay.inference.priors.densities import HalfNormal, LogNormal, LogUniform, Normal, Uniform
 from underlay.inference.ridge.budget import Budget
@@ -165,6 +166,27 @@ def test_a_top_that_no_start_leads_to_is_missed_and_not_noticed():
     """What neither k-hat nor the leak can see: the reason for many starts, and for the chain's other moves."""
     _, _, told = found(two_tops, [np.full(2, -1.0)])
     assert told.log_evidence == pytest.approx(np.log(0.8), abs=0.05)
+
+
+def test_a_place_that_lies_on_no_ridge_is_climbed_from():
+    target = Known(two_tops)
+    places = [np.array([1.1, 1.2]), np.array([-1.2, -1.1])]
+    proposal = learn(target, [np.full(2, -1.0)], np.random.default_rng(0), Budget(60.0), places=places)
+    assert proposal.optima == 2
+    drawn = produced(target, proposal, np.random.default_rng(1), Budget(60.0))
+    value, error = drawn.log_evidence
+    assert abs(value) < 4.0 * error + 1e-6
+
+
+def test_an_arm_that_no_optimum_leads_to_is_found_by_the_scan():
+    """A thin layer whose contact is at the end of its prior: 2.7 % of the mass, behind a saddle."""
+    problem = random_problem(7)
+    ridges = Ridges(problem, CountedDensity(problem), np.random.default_rng(0))
+    ridges.seek(None)
+    thickness = problem.names.index("layer.thickness")
+    z = ridges.mixture.places[:, thickness]
+    # By quadrature 2.6 % of the posterior are thinner than the saddle, at z = -0.8.
+    assert ridges.mixture.weights[z < -0.8].sum() > 0.01
 
 
 def test_the_leak_tells_of_a_mixture_that_leaves_a_part_out():
@@ -346,7 +368,7 @@ def test_the_independent_move_yields_the_distribution_whatever_the_mixture():
     at = coordinates.normal(np.array([problem.vector({"instrument.baseline": mean + sd})]))
     # Beside the posterior and twice as wide.
     mixture = Mixture(np.ones(1), at, np.full((1, 1, 1), 2.0 * sd / 1e-5))
-    move = IndependenceMove(coordinates, mixture)
+    move = IndependenceMove(coordinates, mixture, CountedDensity(problem))
     exact = stats.norm(mean, sd)
     draws = chain_of(move, problem)
     statistic = stats.kstest(draws.ravel(), exact.cdf).statistic
@@ -361,11 +383,13 @@ def test_the_independent_move_yields_the_distribution_whatever_the_mixture():
 def test_what_is_cut_away_is_proposed_to_nobody():
     problem = baseline_problem()
     coordinates = PriorNormal(problem)
-    far = IndependenceMove(coordinates, Mixture(np.ones(1), np.full((1, 1), 9.0), np.full((1, 1, 1), 1e-3)))
-    walkers = np.zeros((4, 1))
-    proposals, factors = far._proposed(walkers, np.random.RandomState(0))
-    np.testing.assert_array_equal(proposals, walkers)
-    assert (factors == -np.inf).all()
+    mixture = Mixture(np.ones(1), np.full((1, 1), 9.0), np.full((1, 1, 1), 1e-3))
+    far = IndependenceMove(coordinates, mixture, CountedDensity(problem))
+    state = emcee.State(np.zeros((4, 1)), log_prob=np.full(4, -1e300))
+    state, accepted = far.propose(SimpleNamespace(random=np.random.RandomState(0)), state)
+    np.testing.assert_array_equal(state.coords, 0.0)
+    assert len(accepted) >= 4
+    assert not accepted.any()
 
 
 # --- what a user sees -------------------------------------------------------------------------------------
@@ -548,7 +572,7 @@ def test_a_mixture_that_is_no_good_costs_the_evidence_and_not_the_chain(monkeypa
 
 def test_without_a_mixture_the_chain_is_the_old_one(monkeypatch):
     monkeypatch.setattr(opinions, "judged", None)
-    monkeypatch.setattr("underlay.inference.sampling.weighted.learn", lambda *_: None)
+    monkeypatch.setattr("underlay.inference.sampling.weighted.learn", lambda *_, **__: None)
     posterior = sample(halfspace_problem(), walkers=16)
     assert posterior.converged
     assert posterior.diagnostics.importance is None

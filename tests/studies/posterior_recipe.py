@@ -2,6 +2,7 @@
 
     python tests/studies/posterior_recipe.py benchmark       # results/posterior_benchmark.json
     python tests/studies/posterior_recipe.py random --count 60   # results/posterior_random.csv; stop it any time
+    python tests/studies/posterior_recipe.py far        # results/posterior_far.csv
 
 The benchmark is the posterior of E, thickness, E2 and contact point of a layer on an elastic base, 500 points. The
 moves of before (`moves()` without the mixture), the chain with it and weighted draws alone take turns in one
@@ -10,6 +11,9 @@ from quadrature (`support/posterior_quadrature.py`, no chain and no draws), in s
 
 The random posteriors have two to five free parameters; each is sampled as anybody would, and every 2.5, 50 and
 97.5 % quantile compared with quadrature. A row is written as it is made.
+
+Far: what a density costs (us) in batches of 64 near the scene's values, at 512 draws of the prior, whose tables are
+not there yet, and at the same again.
 """
 
 import argparse
@@ -32,7 +36,9 @@ from sampling_speed import layered  # noqa: E402  # after the path is set
 from support.posterior_quadrature import LEVELS, reference  # noqa: E402
 from support.random_posteriors import random_problem  # noqa: E402
 from underlay.errors import FitError, UnderlayError  # noqa: E402
+from underlay.inference.ridge.coordinates import PriorNormal  # noqa: E402
 from underlay.inference.sampling.convergence import tail_size  # noqa: E402
+from underlay.inference.sampling.counted import CountedDensity  # noqa: E402
 from underlay.inference.sampling.run import sample  # noqa: E402
 from underlay.inference.sampling.weighted import Ridges  # noqa: E402
 
@@ -83,10 +89,13 @@ def timed(function, *arguments, **options):
     return result, time.process_time() - begin
 
 
-def benchmark(points, old_steps, rounds):
+def benchmark(old_steps, rounds):
     sample(layered(), max_steps=100)  # what is loaded once
-    answer = reference(layered(), points)
-    table = {"load before": os.getloadavg()[0], "quadrature": {"log_evidence": answer.log_evidence}}
+    answer = reference(layered())
+    table = {
+        "load before": os.getloadavg()[0],
+        "quadrature": vars(answer) | {"quantiles": {n: q.tolist() for n, q in answer.quantiles.items()}},
+    }
     kinds = {
         f"moves of before, {old_steps} steps": lambda p: without_mixture(p, old_steps),
         "chain with the mixture": sample,
@@ -111,14 +120,14 @@ def benchmark(points, old_steps, rounds):
 
 COLUMNS = (
     "seed", "parameters", "free", "converged", "steps", "seconds", "evaluations", "accepted", "k_hat", "optima",
-    "worst", "where", "log_evidence_off", "log_evidence_error", "reason",
+    "worst", "where", "reference_error", "independent", "log_evidence_off", "log_evidence_error", "reason",
 )  # fmt: skip
 
 
 def one(seed):
     problem = random_problem(seed)
     posterior, seconds = timed(sample, problem)
-    answer = reference(problem, 36)
+    answer = reference(problem)
     rows = off(posterior, answer)
     worst = max(rows, key=lambda name: np.abs(rows[name]).max())
     d, told = posterior.diagnostics, posterior.log_evidence
@@ -136,6 +145,8 @@ def one(seed):
         "optima": found.optima if found else "",
         "worst": round(float(np.abs(rows[worst]).max()), 3),
         "where": worst,
+        "reference_error": round(answer.error, 4),
+        "independent": round(d.moves.get("IndependenceMove", float("nan")), 3),
         "log_evidence_off": round(told.value - answer.log_evidence, 3) if told else "",
         "log_evidence_error": round(told.error, 3) if told else "",
         "reason": (found.refused if found else "no mixture") or d.reason,
@@ -159,17 +170,41 @@ def random(count, first):
         print(row, flush=True)  # a command
 
 
+def far(count):
+    rows = []
+    for seed in range(count):
+        problem = random_problem(seed)
+        density, coordinates = CountedDensity(problem), PriorNormal(problem)
+        rng = np.random.default_rng(seed)
+        places = {
+            "near": problem.start + 1e-3 * rng.standard_normal((512, coordinates.size)),
+            "over the prior": coordinates.scaled(rng.standard_normal((512, coordinates.size))),
+        }
+        places["over the prior again"] = places["over the prior"]
+        density.peek(places["near"][:64])
+        row = {"seed": seed, "free": " ".join(problem.names)}
+        for name, vectors in places.items():
+            begin = time.process_time()
+            for part in np.split(vectors, 8):
+                density.peek(part)
+            row[name] = round((time.process_time() - begin) / 512.0 * 1e6, 1)
+        rows.append(row)
+    pd.DataFrame(rows).to_csv(RESULTS / "posterior_far.csv", index=False)
+    print(pd.DataFrame(rows).to_string())  # a command
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["benchmark", "random"])
+    parser.add_argument("what", choices=["benchmark", "random", "far"])
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--points", type=int, default=72)
     parser.add_argument("--old-steps", type=int, default=6000)
     parser.add_argument("--rounds", type=int, default=1)
     arguments = parser.parse_args()
     if arguments.what == "benchmark":
-        benchmark(arguments.points, arguments.old_steps, arguments.rounds)
+        benchmark(arguments.old_steps, arguments.rounds)
+    elif arguments.what == "far":
+        far(arguments.count)
     else:
         random(arguments.count, arguments.first)
 

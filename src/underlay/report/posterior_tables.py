@@ -11,7 +11,7 @@ from underlay.report.labels import label
 from underlay.report.tables import facts_table, labelled_table
 from underlay.report.words import quantity_with_interval
 from underlay.scene.parameters import kind_of
-from underlay.units import format_quantity
+from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from underlay.inference.sampling.posterior import Posterior
 
 __all__ = ["posterior_diagnostics_table", "posterior_table", "prior_table"]
+
+
+# Ends farther apart than this have each a unit of its own.
+_ONE_UNIT = 1e-3
 
 
 def posterior_table(posterior: Posterior) -> pd.DataFrame:
@@ -42,7 +46,10 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
 
 
 def _span(low: float, high: float, kind: str) -> str:
-    return f"{format_quantity(low, kind)} to {format_quantity(high, kind)}"
+    unit, factor = human_unit(min(low, high, key=abs), kind)
+    if not abs(low) > _ONE_UNIT * abs(high):
+        return f"{format_quantity(low, kind)} to {format_quantity(high, kind)}"
+    return f"{low / factor:.4g} to {high / factor:.4g} {unit}".strip()
 
 
 def prior_table(posterior: Posterior) -> pd.DataFrame:
@@ -65,7 +72,7 @@ def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
     """Return how the sampling went, as text."""
     d = posterior.diagnostics
     chain = {
-        "steps, walkers": f"{d.steps}, {d.walkers} ({d.burn_in} dropped, every {d.thin}th kept)",
+        "steps, walkers": f"{d.steps}, {d.walkers} ({d.burn_in} dropped, {_every(d.thin)} kept)",
         "autocorrelation time": ", ".join(f"{t:.0f}" for t in d.autocorrelation_time) + " steps",
         "R-hat": ", ".join(f"{r:.4f}" for r in d.rhat),
         "acceptance": f"{100.0 * d.acceptance:.0f} %{_by_move(d.moves)}",
@@ -86,6 +93,10 @@ def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
         "time": f"{d.seconds:.1f} s",
     }
     return facts_table(rows)
+
+
+def _every(thin: int) -> str:
+    return "all others" if thin == 1 else f"one in {thin}"
 
 
 def _by_move(moves: Mapping[str, float]) -> str:

@@ -12,8 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.least_squares.adhesive_start import adhesive_starts
@@ -26,7 +29,11 @@ from underlay.inference.least_squares.scan_curve import (
     GridFit,
     ScanCurve,
 )
-from underlay.inference.model.coordinates import Coordinate
+from underlay.inference.least_squares.scan_values import (
+    tried_base_moduli,
+    tried_contacts,
+    tried_thicknesses,
+)
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
@@ -34,17 +41,12 @@ from underlay.inference.problem import Problem
 from underlay.mechanics.indenters import FlatPunch, Paraboloid, Sphere
 from underlay.scene.scene import Scene
 
-__all__ = ["scan"]
+__all__ = ["Landscape", "scan"]
 
 _SCAN_RTOL = 1e-2
 _BLOCKS = 16  # enough to tell a contact to a grid step
-# Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
-_RADIUS_RATIOS = (0.06, 4.6)
-_SHARES = np.linspace(0.0, 1.0, 9)
-# Base over layer; the contact is looked for with the middle one first.
-_MODULUS_RATIOS = np.array([0.02, 0.2, 1.5, 10.0, 100.0])
+# Base over layer with which the contact is looked for first.
 _FIRST_RATIO = 10.0
-_CONTACT_STEPS = np.linspace(-0.2, 0.9, 12)
 # For the other ratios: about the contacts of all thicknesses with the first one.
 _FEWER_CONTACTS = 6
 # ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
@@ -73,30 +75,66 @@ def scan(problem: Problem, count: int = 3) -> list[FloatArray]:
     """
     if any(member.scene.adhesion for member in problem.members):
         return adhesive_starts(problem, count)
-    curves = [_scanned(member, problem) for member in problem.members]
-    radii = [_radius_scale(m.scene, curve.blocks) for m, curve in zip(problem.members, curves, strict=True)]
-    grids = [
-        _grid_of(member, curve, problem, (min(radii), max(radii)))
-        for member, curve in zip(problem.members, curves, strict=True)
-    ]
-    total = np.sum([grid.misfit for grid in grids], axis=0)
-    minima = np.isfinite(total)
-    for axis in (0, 1):
-        beyond = np.full_like(np.take(total, [0], axis), np.inf)
-        padded = np.concatenate((beyond, total, beyond), axis)
-        before, after = np.delete(padded, [-1, -2], axis), np.delete(padded, [0, 1], axis)
-        minima &= (total <= before) & (total <= after)
-    # The thin end of the grid is a minimum only if it is the lowest: else the curve is only falling there.
-    if len(total) > 1:
-        minima[0] &= total[0] == total.min()
-    places = np.argwhere(minima)
-    ranked = places[np.argsort(total[minima], kind="stable")][:count]
-    chosen = [(int(i), int(j)) for i, j in ranked]
-    # With the base's modulus free the two basins are one valley.
-    one_base = not any(BASE_MODULUS in member.entries for member in problem.members)
-    if one_base and THICKNESS in grids[0].values:
-        chosen += _beside(total, np.log(grids[0].values[THICKNESS].max(axis=1)), chosen)
-    return [_vector(problem, curves, grids, place) for place in chosen]
+    landscape = Landscape.of(problem)
+    return [landscape.vector(place) for place in landscape.minima(count)]
+
+
+@dataclass(frozen=True)
+class Landscape:
+    """The grid of a problem, and what each of its curves says to it."""
+
+    problem: Problem
+    curves: tuple[ScanCurve, ...]
+    grids: tuple[_Grid, ...]
+
+    @classmethod
+    def of(cls, problem: Problem) -> Self:
+        """Scan the curves of a problem in which nothing sticks."""
+        curves = tuple(_scanned(member, problem) for member in problem.members)
+        radii = [
+            _radius_scale(m.scene, curve.blocks) for m, curve in zip(problem.members, curves, strict=True)
+        ]
+        grids = tuple(
+            _grid_of(member, curve, problem, (min(radii), max(radii)))
+            for member, curve in zip(problem.members, curves, strict=True)
+        )
+        return cls(problem, curves, grids)
+
+    @cached_property
+    def misfit(self) -> FloatArray:
+        """Sum of squares (N^2) of all curves, (thicknesses, moduli); inf where there is no law."""
+        return np.asarray(np.sum([grid.misfit for grid in self.grids], axis=0))
+
+    def minima(self, count: int) -> list[tuple[int, int]]:
+        """At most `count` local minima, best first, and places thinner and thicker than the best."""
+        total = self.misfit
+        minima = np.isfinite(total)
+        for axis in (0, 1):
+            beyond = np.full_like(np.take(total, [0], axis), np.inf)
+            padded = np.concatenate((beyond, total, beyond), axis)
+            before, after = np.delete(padded, [-1, -2], axis), np.delete(padded, [0, 1], axis)
+            minima &= (total <= before) & (total <= after)
+        # The thin end of the grid is a minimum only if it is the lowest: else the curve is only falling there.
+        if len(total) > 1:
+            minima[0] &= total[0] == total.min()
+        chosen = self._ranked(minima)[:count]
+        # With the base's modulus free the two basins are one valley.
+        one_base = not any(BASE_MODULUS in member.entries for member in self.problem.members)
+        if one_base and THICKNESS in self.grids[0].values:
+            chosen += _beside(total, np.log(self.grids[0].values[THICKNESS].max(axis=1)), chosen)
+        return chosen
+
+    def places(self) -> list[tuple[int, int]]:
+        """All places that have a law, best first."""
+        return self._ranked(np.isfinite(self.misfit))
+
+    def vector(self, place: tuple[int, int]) -> FloatArray:
+        """Scaled vector (k,) of a place."""
+        return _vector(self.problem, self.curves, self.grids, place)
+
+    def _ranked(self, which: NDArray[np.bool_]) -> list[tuple[int, int]]:
+        ranked = np.argwhere(which)[np.argsort(self.misfit[which], kind="stable")]
+        return [(int(i), int(j)) for i, j in ranked]
 
 
 def _beside(
@@ -145,16 +183,16 @@ def _scanned(member: Member, problem: Problem) -> ScanCurve:
         forward = Forward.compile(rounded, blocks.depth, tuple(member.entries), solver, LawStore())
     forward = replace(forward, laws=replace(forward.laws, scattered=True))
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
-    return ScanCurve(forward, blocks, free, _contacts(free, blocks, member.base[CONTACT]), scales, tip)
+    return ScanCurve(forward, blocks, free, tried_contacts(free, blocks, member.base[CONTACT]), scales, tip)
 
 
 def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[float, float]) -> _Grid:
     """Best of one curve for every place of the shared grid."""
     alone = len(problem.members) == 1
-    thicknesses = _thicknesses(curve.free, radii)
+    thicknesses = tried_thicknesses(curve.free, radii)
     moduli_are_shared = alone or not {MODULUS, BASE_MODULUS}.isdisjoint(problem.shared)
     # A grid that curves share is laid about the values of the first of them.
-    bases = _base_moduli(curve.free, problem.members[0].base if moduli_are_shared else member.base)
+    bases = tried_base_moduli(curve.free, problem.members[0].base if moduli_are_shared else member.base)
     base_is_known = bases.size > 0 and BASE_MODULUS not in curve.free
     asked = replace(curve, scales=True) if base_is_known else curve
     shape = (max(bases.size, 1), max(thicknesses.size, 1))
@@ -252,48 +290,3 @@ def _radius_scale(scene: Scene, blocks: Blocks) -> float:
     if np.isfinite(limit) and not isinstance(scene.indenter, FlatPunch):
         travel = np.minimum(travel, scene.indenter.abel(np.array([limit])))
     return float(scene.indenter.halfspace_radius(travel)[0])
-
-
-def _contacts(free: Mapping[str, Coordinate], blocks: Blocks, known: float) -> FloatArray:
-    if CONTACT not in free:
-        return np.array([known])
-    coordinate = free[CONTACT]
-    grid = blocks.depth[0] + _CONTACT_STEPS * float(np.ptp(blocks.depth))
-    low, high = coordinate.low, coordinate.high
-    if np.isfinite(low) and np.isfinite(high) and high - low < np.ptp(grid):
-        grid = np.linspace(low, high, len(grid))
-    inside = grid[(grid >= low) & (grid <= high)]
-    # Bounds beside the curve leave none: then the scene's own value is all there is to try.
-    return inside if len(inside) > 1 else np.array([coordinate.reference])
-
-
-def _thicknesses(free: Mapping[str, Coordinate], radii: tuple[float, float]) -> FloatArray:
-    """Thicknesses (m) to try, ascending; empty where it is not free."""
-    if THICKNESS not in free:
-        return np.zeros(0)
-    coordinate = free[THICKNESS]
-    lowest, highest = radii[0] / _RADIUS_RATIOS[1], radii[1] / _RADIUS_RATIOS[0]
-    low, high = coordinate.low, coordinate.high
-    narrow = low > 0.0 and np.isfinite(high) and high / low < highest / lowest
-    first, last = (low, high) if narrow else (lowest, highest)
-    grid = first * (last / first) ** _SHARES
-    inside = grid[(grid >= low) & (grid <= high)]
-    # The scene's own is one more, but not where a fit is hopeless: the law of so thin a layer is dear.
-    own = coordinate.reference
-    return np.unique(np.append(inside, own)) if own >= lowest or not inside.size else inside
-
-
-def _base_moduli(free: Mapping[str, Coordinate], base: Mapping[str, float]) -> FloatArray:
-    """Moduli (Pa) of the base to try under the scene's layer, ascending; empty where no ratio is free."""
-    if BASE_MODULUS not in base or not {MODULUS, BASE_MODULUS} & free.keys():
-        return np.zeros(0)
-    (softest, hardest), (lowest, highest) = (
-        (free[path].low, free[path].high) if path in free else (base[path], base[path])
-        for path in (MODULUS, BASE_MODULUS)
-    )
-    # No ratio but those that the bounds leave.
-    low, high = lowest / hardest, highest / softest if softest > 0.0 else np.inf
-    ratios, own = np.clip(_MODULUS_RATIOS, low, high), base[BASE_MODULUS] / base[MODULUS]
-    # The scene's own is one more where the others do not reach.
-    beyond = not ratios[0] <= own <= ratios[-1]
-    return base[MODULUS] * np.unique(np.append(ratios, own) if beyond else ratios)

@@ -6,19 +6,20 @@ and the mean analytically or cell by cell (`messages`), so there is no chain and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay.inference.population.density import Density
 from underlay.inference.population.likelihood import CurveLikelihood
 from underlay.inference.population.messages import Grid, IntArray, Messages, blurred, gathered
 from underlay.inference.population.spreads import BETWEEN, WITHIN, SpreadGrid, weighted_grid
 
-__all__ = ["Density", "GroupModel", "Units"]
+__all__ = ["GroupModel", "Units"]
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
 # A tenth of the curves may come from a step five times as wide, where outliers are allowed for.
@@ -26,11 +27,12 @@ _OUTLIERS, _WIDER = 0.1, 5.0
 # Cells are at most this wide in ln, at least this, and else half of the narrowest message: that adds two per cent
 # to its variance.
 _WIDEST, _NARROWEST = 0.05, 0.01
+# While it is looked for where the spreads are, this much wider.
+_LARGER = 2.5
 # The fine part of a grid goes this far beyond the middles of the curves, the coarse one far beyond that.
 _FINE, _COARSE, _GROWTH = 1.0, 8.0, 1.12
-_PLACES = 801
-_FAR = 9.0
-_NEGLIGIBLE = 30.0
+# Places of a mean, how many of its standard deviations they reach, and what is left out below the largest.
+_PLACES, _FAR, _NEGLIGIBLE = 801, 9.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -64,31 +66,6 @@ class Units:
         return cls(tuple(names[::-1]), tuple(parents[::-1])), order
 
 
-@dataclass(frozen=True)
-class Density:
-    """Posterior density of ln of a mean over places (x,), and its share per cell."""
-
-    x: FloatArray
-    shares: FloatArray
-
-    def quantile(self, shares: FloatArray) -> FloatArray:
-        """Quantiles, same shape as `shares`; infinite where the density still stands at the end of the places."""
-        below = np.cumsum(self.shares)
-        edges = np.concatenate([0.5 * (self.x[1:] + self.x[:-1]), [self.x[-1]]])
-        places = np.interp(shares, below, edges)
-        places = np.where(shares < below[0], -np.inf, places)
-        return np.where(shares > below[-2], np.inf, places)
-
-    def minus(self, other: Density) -> Density:
-        """Density of the difference of two independent ones."""
-        low, high = self.x[0] - other.x[-1], self.x[-1] - other.x[0]
-        at = np.linspace(low, high, 2 * _PLACES)
-        differences = (self.x[:, None] - other.x[None, :]).ravel()
-        cells = np.rint((differences - low) / (at[1] - at[0])).astype(int)
-        shares = np.bincount(cells, np.outer(self.shares, other.shares).ravel(), minlength=len(at))
-        return Density(at, np.asarray(shares, dtype=np.float64))
-
-
 class GroupModel:
     """Posterior of one group.
 
@@ -100,10 +77,17 @@ class GroupModel:
         Of every curve its labels, outermost first (animal, site); empty tuples where curves are independent.
     outliers : bool
         Whether a tenth of the curves may come from steps five times as wide.
+    cells : float, default 1
+        How much wider the cells of tables are than a result asks for: for the search of the spreads.
     """
 
     def __init__(
-        self, curves: Sequence[CurveLikelihood], labels: Sequence[tuple[str, ...]], *, outliers: bool = False
+        self,
+        curves: Sequence[CurveLikelihood],
+        labels: Sequence[tuple[str, ...]],
+        *,
+        outliers: bool = False,
+        cells: float = 1.0,
     ) -> None:
         self.units, order = Units.of(labels)
         self.curves = [curves[i] for i in order]
@@ -112,11 +96,14 @@ class GroupModel:
         self._errors = np.array([curve.error for curve in self.curves])
         self._normal = np.array([curve.is_normal for curve in self.curves])
         self._priors = (BETWEEN,) * len(self.units.names) + (WITHIN,)
+        self._cells = cells
+        self._rough = partial(GroupModel, curves, labels, outliers=outliers, cells=_LARGER)
+        self._known: dict[str, tuple[tuple[bytes, ...], Messages]] = {}
 
     @cached_property
     def spreads(self) -> SpreadGrid:
         """Posterior of the spreads: of each level of units, outermost first, and of curves."""
-        return weighted_grid(self._log_evidence, self._priors)
+        return weighted_grid(self.log_evidence, self._priors, self._rough().log_evidence)
 
     @cached_property
     def mean(self) -> Density:
@@ -156,7 +143,7 @@ class GroupModel:
         centre, variance = self._as_normal(self._messages(nodes))
         return centre.reshape(-1), variance.reshape(-1)
 
-    def _log_evidence(self, nodes: tuple[FloatArray, ...]) -> FloatArray:
+    def log_evidence(self, nodes: tuple[FloatArray, ...]) -> FloatArray:
         """Logarithm of the likelihood of every combination of spreads, the mean summed out."""
         top = self._top(nodes)
         if not len(top.tabulated):
@@ -167,16 +154,33 @@ class GroupModel:
         widths = self._grid.widths
         return np.asarray(largest + np.log((np.exp(whole - largest[..., None]) * widths).sum(axis=-1)))
 
+    def _once(
+        self, what: str, nodes: tuple[FloatArray, ...], make: Callable[[tuple[FloatArray, ...]], Messages]
+    ) -> Messages:
+        """What is made at some nodes: evidence, mean and units' values ask for the same, one after the other."""
+        asked = tuple(each.tobytes() for each in nodes)
+        if what not in self._known or self._known[what][0] != asked:
+            self._known[what] = asked, make(nodes)
+        return self._known[what][1]
+
     def _top(self, nodes: tuple[FloatArray, ...]) -> Messages:
         """Message to the mean of the group."""
+        return self._once("top", nodes, self._gathered)
+
+    def _messages(self, nodes: tuple[FloatArray, ...]) -> Messages:
+        """Messages of the outermost units, each before its own spread; `nodes` of all levels below."""
+        return self._once("units", nodes, self._carried)
+
+    def _gathered(self, nodes: tuple[FloatArray, ...]) -> Messages:
+        """The messages of the outermost units, blurred by their spread and multiplied."""
         units = blurred(self._messages(nodes[1:]), nodes[0], self._grid) if self.units.names else None
         if units is None:
             units = self._seen_curves(nodes[0])
         count = units.precision.shape[-1]
         return gathered(units, np.zeros(count, dtype=int), 1)
 
-    def _messages(self, nodes: tuple[FloatArray, ...]) -> Messages:
-        """Messages of the outermost units, each before its own spread; `nodes` of all levels below."""
+    def _carried(self, nodes: tuple[FloatArray, ...]) -> Messages:
+        """The messages of the curves, carried up to the outermost units."""
         units = self._seen_curves(nodes[-1])
         inward = list(zip(self.units.names, self.units.parents, strict=True))[::-1]
         for number, (names, parents) in enumerate(inward):
@@ -221,14 +225,14 @@ class GroupModel:
                 -0.5 * off**2 / variance[:, None] + np.log(errors[normal] / np.sqrt(variance))[:, None]
             )
         if not normal.all():
-            tables[~normal] = np.log(self._open_values @ self._grid.kernel(within).T)
+            tables[~normal] = self._grid.blurred(self._open_logarithms, within)
         return tables
 
     @cached_property
-    def _open_values(self) -> FloatArray:
-        """Likelihoods on the grid of the curves that are not normal, as they are, (curves, x)."""
+    def _open_logarithms(self) -> FloatArray:
+        """Log-likelihoods on the grid of the curves that are not normal, as they are, (curves, x)."""
         open_ones = np.flatnonzero(~self._normal)
-        return np.array([np.exp(self.curves[i].log_at(self._grid.x)) for i in open_ones])
+        return np.array([self.curves[i].log_at(self._grid.x) for i in open_ones])
 
     @cached_property
     def _grid(self) -> Grid:
@@ -239,7 +243,7 @@ class GroupModel:
         if self.units.names:
             weights = 1.0 / (np.minimum(self._errors, 1.0) ** 2 + 0.05**2)
             finest = 0.5 / np.sqrt(np.bincount(self.units.parents[-1], weights).max())
-        step = float(np.clip(finest, _NARROWEST, _WIDEST))
+        step = self._cells * float(np.clip(finest, _NARROWEST, _WIDEST))
         low, high = self._middles.min() - _FINE, self._middles.max() + _FINE
         count = int(np.ceil((high - low) / step)) + 1
         further = int(np.ceil(np.log1p(_COARSE * (_GROWTH - 1.0) / step) / np.log(_GROWTH)))

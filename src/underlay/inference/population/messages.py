@@ -18,7 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
+from scipy import interpolate, special
 
 from underlay._arrays import FloatArray
 
@@ -27,6 +27,9 @@ __all__ = ["Grid", "IntArray", "Messages", "blurred", "gathered"]
 IntArray: TypeAlias = NDArray[np.intp]
 # Of a table's largest value: what lies further down is as good as nothing, and its logarithm stays finite.
 _NOTHING = 1e-290
+# So far below its table's largest a cell counts for nothing; distance between places that are computed, in standard
+# deviations of the normal.
+_NEGLIGIBLE, _APART = 300.0, 0.25
 
 
 @dataclass(frozen=True)
@@ -60,22 +63,42 @@ class Grid:
         widths: FloatArray = np.gradient(self.x)
         return widths
 
-    def kernel(self, spread: float) -> FloatArray:
-        """Share of a normal density about each place (rows) that falls into each cell (columns), (x, x)."""
-        edges = 0.5 * (self.x[1:] + self.x[:-1])
+    def blurred(self, logarithms: FloatArray, spread: float) -> FloatArray:
+        """Logarithm of exp(logarithms), (..., x), under a normal of standard deviation `spread`.
+
+        Only cells that hold something are summed, and where the normal is wide beside the cells only some of the
+        even places are computed: the logarithm of what it smoothed is a spline between them.
+        """
+        largest = logarithms.max(axis=-1, keepdims=True)
+        off = logarithms - largest
+        held = np.flatnonzero((off > -_NEGLIGIBLE).reshape(-1, len(self.x)).any(axis=0))
+        columns = slice(int(held[0]), int(held[-1]) + 1)
+        stride = max(int(_APART * spread / self.step), 1)
+        outer, last = len(self.outside), len(self.outside) + self.count - 1
+        rows = np.unique(np.r_[:outer, outer : last + 1 : stride, last : len(self.x)])
+        share = np.exp(off[..., columns]) @ self.kernel(spread, rows, columns).T
+        found: FloatArray = np.log(np.maximum(share, _NOTHING)) + largest
+        if stride == 1:
+            return found
+        return np.asarray(interpolate.CubicSpline(self.x[rows], found, axis=-1)(self.x))
+
+    def kernel(self, spread: float, rows: IntArray | None = None, columns: slice | None = None) -> FloatArray:
+        """Share of a normal density about each place (rows) that falls into each cell (columns), all or some."""
         size, outer, count = len(self.x), len(self.outside), self.count
-        below = np.empty((size, size + 1))
-        below[:, 0], below[:, -1] = 0.0, 1.0
-        rows = np.r_[:outer, outer + count : size]
-        below[rows, 1:-1] = special.ndtr((edges - self.x[rows, None]) / spread)
-        even = slice(outer, outer + count)
-        left, right = np.arange(outer), np.arange(outer + count - 1, size - 1)
-        columns = np.concatenate([left, right])
-        below[even, columns + 1] = special.ndtr((edges[columns] - self.x[even, None]) / spread)
+        rows = np.arange(size) if rows is None else rows
+        columns = slice(0, size) if columns is None else columns
+        marks = np.arange(columns.start, columns.stop + 1)
+        edges = np.concatenate([[-np.inf], 0.5 * (self.x[1:] + self.x[:-1]), [np.inf]])[marks]
+        below = np.empty((len(rows), len(marks)))
+        is_even = (rows >= outer) & (rows < outer + count)
+        between_even = (marks > outer) & (marks < outer + count)
+        below[~is_even] = special.ndtr((edges - self.x[rows[~is_even], None]) / spread)
+        here = self.x[rows[is_even], None]
+        below[np.ix_(is_even, ~between_even)] = special.ndtr((edges[~between_even] - here) / spread)
         # Among even places only the distance counts.
-        steps = special.ndtr((np.arange(-count + 1, count) + 0.5) * self.step / spread)
-        windows = np.lib.stride_tricks.sliding_window_view(steps[:-1], count - 1)[::-1]
-        below[even, outer + 1 : outer + count] = windows
+        steps = special.ndtr((np.arange(-count, count) + 0.5) * self.step / spread)
+        away = marks[between_even] - 1 - rows[is_even][:, None]
+        below[np.ix_(is_even, between_even)] = steps[away + count]
         share: FloatArray = np.diff(below, axis=1)
         return share
 
@@ -117,11 +140,7 @@ def blurred(units: Messages, spreads: FloatArray, grid: Grid) -> Messages:
         - 0.5 * units.precision[..., of, None] * (grid.x - units.centre[..., of, None]) ** 2
         + units.tables
     )
-    largest = whole.max(axis=-1, keepdims=True)
-    values = np.exp(whole - largest)
-    tables = np.stack(
-        [np.log(np.maximum(values @ grid.kernel(float(s)).T, _NOTHING)) + largest for s in spreads]
-    )
+    tables = np.stack([grid.blurred(whole, float(s)) for s in spreads])
     # All of such a unit is in its table now.
     precision, constant = precision.copy(), constant.copy()
     precision[..., of], constant[..., of] = 0.0, 0.0

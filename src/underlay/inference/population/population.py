@@ -19,7 +19,8 @@ from scipy import special
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.population.levels import Density, GroupModel
+from underlay.inference.population.density import Density
+from underlay.inference.population.levels import GroupModel
 from underlay.inference.population.result import Comparison, Group, Population, Spread
 from underlay.inference.population.selection import (
     Labelled,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from underlay.inference.population.levels import Density
+from underlay.inference.population.density import Density
 from underlay.inference.population.selection import LeftOut
 
 if TYPE_CHECKING:

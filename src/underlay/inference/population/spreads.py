@@ -84,7 +84,9 @@ class SpreadGrid:
 
 
 def weighted_grid(
-    log_likelihood: Callable[[tuple[FloatArray, ...]], FloatArray], priors: Sequence[SpreadPrior]
+    log_likelihood: Callable[[tuple[FloatArray, ...]], FloatArray],
+    priors: Sequence[SpreadPrior],
+    rough: Callable[[tuple[FloatArray, ...]], FloatArray],
 ) -> SpreadGrid:
     """Find where the posterior of the spreads lies, and its weights there.
 
@@ -94,11 +96,13 @@ def weighted_grid(
         Of a tuple of nodes per level: the logarithm of the likelihood at all combinations.
     priors : sequence of SpreadPrior
         One per level, outermost first.
+    rough : callable
+        The same as `log_likelihood`, to a log unit or so: for the search.
     """
     windows = [(np.log(_SMALLEST), np.log(_LARGEST))] * len(priors)
     for _ in range(_PASSES):
         log_nodes = [np.linspace(low, high, _FIRST) for low, high in windows]
-        found = _log_posterior(log_likelihood, log_nodes, priors)
+        found = _log_posterior(rough, log_nodes, priors)
         narrowed = [_window(found, axis, log_nodes[axis]) for axis in range(len(priors))]
         shrunk = any(
             high - low < 0.6 * (b - a) for (low, high), (a, b) in zip(narrowed, windows, strict=True)

@@ -15,7 +15,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.inference.ridge.budget import Budget, OutOfTimeError
 from underlay.inference.ridge.climb import Density, Slice, climb, small_basis
-from underlay.inference.ridge.coordinates import FARTHEST, Target
+from underlay.inference.ridge.coordinates import FARTHEST, Target, log_normal
 from underlay.inference.ridge.march import Node, Ridge, march, march_inside
 from underlay.inference.ridge.mixture import Mixture
 from underlay.inference.ridge.trial import Trial
@@ -26,6 +26,11 @@ __all__ = ["Proposal", "learn"]
 _FAR_BELOW, _ONE_PLACE, _ON_RIDGE = 12.0, 1.0, 2.5
 # A search begins inside the prior, with room for differences.
 _INSIDE = FARTHEST - 2.5
+# A place of a scan is looked at if it is farther than this from all that was walked, in standard deviations of
+# the prior, and its likelihood is not so far below the best that no ridge passes near it. So many are, and each
+# climbs so many steps: onto a ridge, and not yet along it to a top that is known.
+_APART, _HOPELESS = 0.3, 25.0
+_MOST_PLACES, _ONTO_RIDGE = 8, 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +71,12 @@ class Proposal:
 
 
 def learn(
-    target: Target, starts: Sequence[FloatArray], rng: np.random.Generator, budget: Budget
+    target: Target,
+    starts: Sequence[FloatArray],
+    rng: np.random.Generator,
+    budget: Budget,
+    *,
+    places: Sequence[FloatArray] = (),
 ) -> Proposal | None:
     """Find a mixture for a posterior.
 
@@ -80,6 +90,8 @@ def learn(
         Draws the pilots.
     budget : Budget
         Processor time it may take.
+    places : sequence of FloatArray
+        (p,) each: where else a ridge may be, though no optimum is; those on none that was walked are looked at.
 
     Returns
     -------
@@ -95,8 +107,9 @@ def learn(
     open_end = ""
     try:
         for top in _tops(density, starts):
-            if not any(_distance(top.place, node) < _ON_RIDGE for ridge in ridges for node in ridge.nodes):
+            if not _is_on(top.place, ridges):
                 ridges.append(march(density, top))
+        _walk_from_places(density, places, ridges)
     except OutOfTimeError:
         open_end = "the processor time for walking was used up"
     ridges = [ridge for ridge in ridges if ridge.slices]
@@ -108,7 +121,7 @@ def learn(
     )
     try:
         trial = trial.adapted()
-        if not trial.is_good:
+        if not trial.is_usable:
             trial, inside = _with_sheets(density, ridges, trial)
             ends += inside
     except OutOfTimeError:
@@ -135,6 +148,38 @@ def _tops(density: Density, starts: Sequence[FloatArray]) -> list[Slice]:
             tops.append(top)
     tops.sort(key=lambda top: -top.log_mass)
     return [top for top in tops if top.log_mass > tops[0].log_mass - _FAR_BELOW]
+
+
+def _walk_from_places(density: Density, places: Sequence[FloatArray], ridges: list[Ridge]) -> None:
+    """Add to `ridges` those above places that lie on none of them.
+
+    A ridge that bends back on itself, or has a second arm behind a saddle, is left by the walk that came first.
+    """
+    if not (places and any(ridge.slices for ridge in ridges)):
+        return
+    inside = np.clip(places, -_INSIDE, _INSIDE)
+    # A scan knows no prior: of its places the likelihood tells how near they are to what explains the data.
+    likelihood = density(inside) - log_normal(inside)
+    walked = [entry for ridge in ridges for entry in ridge.slices]
+    best = max(entry.log_density - float(log_normal(entry.place)) for entry in walked)
+    heaviest = max(entry.log_mass for entry in walked)
+    looked = 0
+    for row in np.argsort(-likelihood):
+        if looked == _MOST_PLACES or not likelihood[row] > best - _HOPELESS:
+            return
+        known = np.array([entry.place for ridge in ridges for entry in ridge.slices])
+        if np.linalg.norm(known - inside[row], axis=1).min() < _APART:
+            continue
+        looked += 1
+        start = climb(density, inside[row], small_basis(inside.shape[1]), max_steps=_ONTO_RIDGE)
+        if start is None or start.log_mass < heaviest - _FAR_BELOW or _is_on(start.place, ridges):
+            continue
+        ridges.append(march(density, start))
+
+
+def _is_on(place: FloatArray, ridges: Sequence[Ridge]) -> bool:
+    """Whether a place is on one of the ridges."""
+    return any(_distance(place, node) < _ON_RIDGE for ridge in ridges for node in ridge.nodes)
 
 
 def _steps(place: FloatArray, top: Slice) -> float:

@@ -18,7 +18,10 @@ from underlay.inference.ridge.weights import WeightedDraws
 __all__ = ["Trial", "weigh"]
 
 _PILOT = 2000
-_GOOD_INDEX, _GOOD_SHARE = 0.5, 0.15
+# A mixture that needs no mending, and one that needs more than that. A round of mending costs a fiftieth of a
+# chain; a proposal of uneven weights keeps a chain in its tails for long.
+_GOOD_INDEX, _GOOD_SHARE = 0.3, 0.5
+_USABLE_INDEX, _USABLE_SHARE = 0.5, 0.15
 _ROUNDS = 6
 # Components that every round puts at the heaviest draws, apart by half a standard deviation at least, each as wide
 # as the nearest twentieth of the draws; and the weight they begin with.
@@ -74,8 +77,13 @@ class Trial:
 
     @property
     def is_good(self) -> bool:
-        """Whether its weights have a tail that allows an answer, and are not too uneven."""
+        """Whether its weights have a light tail and are nearly even."""
         return self.pilot.k_hat < _GOOD_INDEX and self.share > _GOOD_SHARE
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether its weights have a tail that allows an answer, and are not too uneven."""
+        return self.pilot.k_hat < _USABLE_INDEX and self.share > _USABLE_SHARE
 
     @property
     def share(self) -> float:
@@ -85,7 +93,7 @@ class Trial:
     @property
     def score(self) -> float:
         """How good it is: its share of effective draws, less its tail's index where that is too large."""
-        return self.share if self.pilot.k_hat < _GOOD_INDEX else self.share - self.pilot.k_hat
+        return self.share if self.pilot.k_hat < _USABLE_INDEX else self.share - self.pilot.k_hat
 
     def adapted(self) -> Trial:
         """Itself if it is good; else the best of what its wider twin learns in rounds from all draws so far."""

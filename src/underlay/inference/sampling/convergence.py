@@ -103,7 +103,7 @@ def quantile_error(chain: FloatArray, level: float) -> float:
     """
     halves = _split(chain)
     size = _effective_size((halves <= np.quantile(halves, level)).astype(np.float64))
-    low, high = stats.beta(level * size + 1.0, (1.0 - level) * size + 1.0).ppf(special.ndtr([-1.0, 1.0]))
+    low, high = special.betaincinv(level * size + 1.0, (1.0 - level) * size + 1.0, special.ndtr([-1.0, 1.0]))
     draws = np.sort(halves, axis=None)
     below = int(np.floor(low * draws.size))
     above = min(int(np.ceil(high * draws.size)), draws.size - 1)

@@ -28,6 +28,8 @@ NOT_INFORMED = "not informed by these data"
 # half a standard deviation beside it, 0.2.
 _NOTHING = 0.1
 _LITTLE = 0.2
+# Ratio of the ends of a positive prior above which it is one over orders of magnitude.
+_DECADES = 20.0
 # 95 % point of the Kolmogorov distribution: what the noise of the draws alone makes of identical ones.
 _KOLMOGOROV_95 = 1.358
 
@@ -67,7 +69,8 @@ def compare_with_prior(draws: FloatArray, prior_quantiles: FloatArray) -> Inform
     Returns
     -------
     Information
-        ``narrowing`` is 1 minus the ratio of the 68 % widths; ``distance`` the Kolmogorov distance of the two
+        ``narrowing`` is 1 minus the ratio of the 68 % widths, those of the logarithm where the prior of a positive
+        parameter spans more than a factor of 20; ``distance`` the Kolmogorov distance of the two
         distributions, 0 for equal ones and 1 for disjoint ones. Below 0.1, or what the noise of the draws
         explains, the verdict is "not informed by these data", below 0.2 "weakly informed".
     """
@@ -81,8 +84,7 @@ def compare_with_prior(draws: FloatArray, prior_quantiles: FloatArray) -> Inform
         verdict = NOT_INFORMED
     else:
         verdict = WEAKLY_INFORMED if distance < _LITTLE else INFORMED
-    prior68 = np.subtract(*highest_density_interval(prior_quantiles, 0.68)[::-1])
-    posterior68 = np.subtract(*highest_density_interval(ordered, 0.68)[::-1])
+    prior68, posterior68 = _widths(prior_quantiles, ordered)
     prior95 = highest_density_interval(prior_quantiles, 0.95)
     posterior95 = highest_density_interval(ordered, 0.95)
     return Information(
@@ -94,3 +96,13 @@ def compare_with_prior(draws: FloatArray, prior_quantiles: FloatArray) -> Inform
         distance=distance,
         informed=verdict,
     )
+
+
+def _widths(prior: FloatArray, posterior: FloatArray) -> tuple[float, float]:
+    """Widths of the 68 % intervals; on an even axis one over decades is as wide as its upper end is high."""
+    low, high = np.quantile(prior, (0.025, 0.975))
+    if low > 0.0 and high / low > _DECADES and posterior[0] > 0.0:
+        prior, posterior = np.log(prior), np.log(posterior)
+    ends = (highest_density_interval(draws, 0.68) for draws in (prior, posterior))
+    first, second = (high - low for low, high in ends)
+    return first, second

@@ -193,7 +193,8 @@ class _Run:
             before = None
             if file is not None and ridges.proposal is not None:
                 file.propose(ridges.proposal.numbers)
-        independent = None if ridges.mixture is None else IndependenceMove(ridges.coordinates, ridges.mixture)
+        mixture = ridges.mixture
+        independent = None if mixture is None else IndependenceMove(ridges.coordinates, mixture, density)
         tallies = [(Tallied(move), weight) for move, weight in moves(independent)]
         sampler = emcee.EnsembleSampler(walkers, len(problem.names), density, moves=tallies, vectorize=True)
         return cls(sampler, density, state, max_steps, file, before, [tally for tally, _ in tallies])

@@ -66,13 +66,19 @@ class Ridges:
         InputError
             If the start is outside the priors.
         """
-        found = optima(self.problem, start)
+        found, places = optima(self.problem, start)
         if start is None:
             low, *_, high = prior_marks(self.problem)
             found = [np.clip(vector, low, high) for vector in found]
         checked_start(self.problem, self.density, found[0])
-        places = list(self.coordinates.normal(np.array(found)))
-        self.proposal = learn(self.target, places, self._for_pilots, Budget(_TO_LEARN))
+        starts = self.coordinates.normal(np.array(found + places))
+        self.proposal = learn(
+            self.target,
+            list(starts[: len(found)]),
+            self._for_pilots,
+            Budget(_TO_LEARN),
+            places=list(starts[len(found) :]),
+        )
         self.count()
         return found[0]
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.axis import Axis
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from scipy import ndimage
 
 from underlay._arrays import FloatArray
@@ -28,6 +29,8 @@ _LETTERS = 15
 _MASSES = (0.95, 0.68)
 # Standard deviation, in bins, of the smoothing that makes contours of a finite number of draws.
 _SMOOTHING = 1.0
+# Ratio of the ends of a positive quantity above which its axis is in decades.
+_DECADES = 20.0
 _MARGIN = 0.003  # share of the draws left out of the picture on either side
 
 
@@ -46,7 +49,8 @@ def corner(posterior: Posterior, *, names: Sequence[str] | None = None, ax: Axes
     Returns
     -------
     matplotlib Axes
-        The divided axes. Priors are orange, true values (of made data) dashed.
+        The divided axes. Priors are orange, true values (of made data) dashed; a quantity that spans more than a
+        factor of 20 has an axis in decades, where its bins are too.
 
     Raises
     ------
@@ -90,33 +94,33 @@ class _Column:
         true = posterior.truth.get(name)
         self.truth = None if true is None else true / self.factor
         low, high = np.quantile(self.draws, (_MARGIN, 1.0 - _MARGIN))
-        room = 0.05 * (high - low)
-        self.window = (float(low - room), float(high + room))
+        # A quantity known to its order of magnitude at best is one spike on an even axis.
+        self.scale = "log" if low > 0.0 and high / low > _DECADES else "linear"
+        if self.scale == "log":
+            room = (high / low) ** 0.05
+            self.window = (float(low / room), float(high * room))
+            self.edges = np.geomspace(*self.window, _BINS + 1)
+        else:
+            room = 0.05 * (high - low)
+            self.window = (float(low - room), float(high + room))
+            self.edges = np.linspace(*self.window, _BINS + 1)
 
     def draw(self, cell: Axes) -> None:
         """Histogram, prior, median and truth."""
-        heights, _, _ = cell.hist(
-            self.draws,
-            bins=_BINS,
-            range=self.window,
-            density=True,
-            histtype="stepfilled",
-            color=FIT,
-            alpha=0.8,
-        )
+        shares = np.histogram(self.draws, self.edges)[0] / len(self.draws)
+        cell.stairs(shares, self.edges, fill=True, color=FIT, alpha=0.8)
         if self.prior is not None:
             # Each quantile stands for an equal share of the prior, most of which may lie outside the picture.
-            edges = np.linspace(*self.window, _BINS + 1)
-            below = np.interp(edges, self.prior, (np.arange(len(self.prior)) + 0.5) / len(self.prior))
-            cell.stairs(np.diff(below) / np.diff(edges), edges, color=YELLOW, lw=1.2, baseline=None)
+            below = np.interp(self.edges, self.prior, (np.arange(len(self.prior)) + 0.5) / len(self.prior))
+            cell.stairs(np.diff(below), self.edges, color=YELLOW, lw=1.2, baseline=None)
         cell.axvline(float(np.median(self.draws)), color="white", lw=0.8)
         if self.truth is not None:
             cell.axvline(self.truth, color=REFERENCE, ls="--", lw=1.0)
-        cell.set_ylim(0.0, 1.1 * float(np.max(heights)))
+        cell.set_ylim(0.0, 1.1 * float(np.max(shares)))
 
 
 def _pair(cell: Axes, across: _Column, up: _Column) -> None:
-    counts, x, y = np.histogram2d(across.draws, up.draws, bins=_BINS, range=(across.window, up.window))
+    counts, x, y = np.histogram2d(across.draws, up.draws, bins=(across.edges, up.edges))
     smooth = ndimage.gaussian_filter(counts.T, _SMOOTHING)
     ordered = np.sort(smooth, axis=None)[::-1]
     mass = np.cumsum(ordered) / ordered.sum()
@@ -132,14 +136,14 @@ def _pair(cell: Axes, across: _Column, up: _Column) -> None:
 
 
 def _ticks(cell: Axes, across: _Column, up: _Column, *, i: int, j: int, last: int) -> None:
+    _scaled(cell.xaxis, cell.set_xscale, across)
     cell.set_xlim(across.window)
-    cell.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
     if i == j:
         cell.set_yticks([])
         cell.spines["left"].set_visible(False)
     else:
+        _scaled(cell.yaxis, cell.set_yscale, up)
         cell.set_ylim(up.window)
-        cell.yaxis.set_major_locator(MaxNLocator(3, prune="both"))
         cell.grid(color=GREY, lw=0.3, alpha=0.5)
     if i == last:
         cell.set_xlabel(across.label)
@@ -150,3 +154,14 @@ def _ticks(cell: Axes, across: _Column, up: _Column, *, i: int, j: int, last: in
         cell.set_ylabel(up.label)
     else:
         cell.tick_params(labelleft=False)
+
+
+def _scaled(axis: Axis, set_scale: Callable[[str], None], column: _Column) -> None:
+    """A few plain numbers along an axis, even or in decades."""
+    if column.scale == "linear":
+        axis.set_major_locator(MaxNLocator(3, prune="both"))
+        return
+    set_scale("log")
+    axis.set_major_locator(LogLocator(numticks=4))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
