@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.stated import StatedInterval, Verdict
@@ -22,18 +22,20 @@ _POSSIBLE, _NAMED = 0.05, 0.05
 # Probability of a level baseline, and of white noise, below which these are given up; and the share of the force
 # from which on a curve with such a baseline or noise is one to be looked at.
 _LEVEL, _WHITE, _LARGE = 0.1, 0.1, 0.015
+# Logarithm of the largest factor by which a drift is said to move a parameter.
+_FACTOR = 2.0
 # Half of an interval of ln E that fixes nothing.
 _WIDE = 0.5
 # Warnings of the fit that make its numbers doubtful. Correlated residuals do not where they are averaged over.
 _DOUBTS = ("not-converged", "bound", "law-range", "too-deep", "file", "over-whitened")
 
 
-def verdict(fit: Fit, averaged: Averaged | None, intervals: Mapping[str, StatedInterval]) -> Verdict:
-    """Verdict of a fit, with the reasons."""
+def verdict(fit: Fit, averaged: Averaged | None, interval: Callable[[str], StatedInterval]) -> Verdict:
+    """Verdict of a fit, with the reasons; `interval` gives that of a parameter, which may be a walk."""
     wrong = [] if averaged is None else _of_the_law(averaged)
     doubts = [] if averaged is None else [*_of_the_contact(averaged), *_of_the_baseline(averaged)]
     doubts += [] if averaged is None or wrong else _of_the_shape(fit, averaged)
-    doubts += _of_the_intervals(fit, intervals)
+    doubts += _of_the_intervals(fit, interval)
     counted = _DOUBTS if averaged is not None else (*_DOUBTS, "correlated-residuals")
     if fit.alternatives:
         doubts.append("other values explain the data as well, or nearly")
@@ -58,12 +60,18 @@ def _of_the_shape(fit: Fit, averaged: Averaged) -> list[str]:
     for name in shape_parameters(fit.problem):
         index = fit.names.index(name)
         if fit.problem.coordinates[index].scale is None and index not in averaged.blocked.held:
-            moved = 100.0 * math.expm1(averaged.moved_by(index, _NAMED))
             reasons.append(
                 f"{name} is read off the shape of the curve: a law {100.0 * _NAMED:g} % stiffer at full depth, "
-                f"which these data do not exclude, would move it by {moved:+.2g} %"
+                f"which these data do not exclude, would move it by {_in_words(averaged.moved_by(index, _NAMED))}"
             )
     return reasons
+
+
+def _in_words(moved: float) -> str:
+    """A change of a logarithm, to first order: beyond a factor of 7 the first order says nothing but that."""
+    if abs(moved) > _FACTOR:
+        return f"a factor of {math.exp(_FACTOR):.0f} or more"
+    return f"{100.0 * math.expm1(moved):+.2g} %"
 
 
 def _of_the_contact(averaged: Averaged) -> list[str]:
@@ -84,12 +92,12 @@ def _of_the_baseline(averaged: Averaged) -> list[str]:
     return reasons
 
 
-def _of_the_intervals(fit: Fit, intervals: Mapping[str, StatedInterval]) -> list[str]:
+def _of_the_intervals(fit: Fit, interval: Callable[[str], StatedInterval]) -> list[str]:
     reasons = []
     for coordinate in fit.problem.coordinates:
         if coordinate.scale is not None or coordinate.name.startswith(("noise.", "instrument.", "lever.")):
             continue
-        known = intervals[coordinate.name]
+        known = interval(coordinate.name)
         if known.is_open:
             reasons.append(f"{coordinate.name} is not fixed: the data leave it open")
         elif 0.5 * math.log(known.high / known.low) > _WIDE:
