@@ -6,9 +6,10 @@ Everything a fit or a sampler asks is a pure function of one vector of scaled co
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from functools import cached_property
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 
@@ -24,7 +25,10 @@ from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["Given", "Problem"]
+__all__ = ["Given", "Likelihood", "Problem"]
+
+#: Log-density of the data, (sets,), at physical vectors (sets, k), SI; -inf where no law exists.
+Likelihood: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
 class Problem:
@@ -126,6 +130,8 @@ class Problem:
         self.store = LawStore()
         self.members, self.coordinates = compile_members(tests, self.free, shared, noise, solver, self.store)
         self.space = ScaledSpace.of(self.coordinates)
+        #: What stands in place of the noise model's likelihood; see `with_likelihood`.
+        self.likelihood: Likelihood | None = None
         #: Entries of a vector that are numbers of the noise.
         self.noise_entries = frozenset(i for member in self.members for i in member.noise_entries.values())
 
@@ -147,6 +153,12 @@ class Problem:
             self.noise if noise is None else noise,
             solver=self.solver if solver is None else solver,
         )
+
+    def with_likelihood(self, likelihood: Likelihood) -> Self:
+        """Return the same problem with another log-density of its data; `revised` forgets it."""
+        changed = copy(self)
+        changed.likelihood = likelihood
+        return changed
 
     # --- what it is made of ---------------------------------------------------------------------------
 
@@ -274,6 +286,8 @@ class Problem:
         return posterior.reshape(q.shape[:-1])
 
     def _likelihood_at(self, physical: FloatArray) -> FloatArray:
+        if self.likelihood is not None:
+            return self.likelihood(physical)
         total = np.zeros(len(physical))
         for member in self.members:
             total = total + member.log_likelihood(physical)

@@ -31,6 +31,7 @@ from underlay.inference.sampling.assembly import assemble_posterior
 from underlay.inference.sampling.chain_file import ChainFile, Progress, RandomState
 from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
+from underlay.inference.sampling.marginalised import marginalised
 from underlay.inference.sampling.moves import IndependenceMove, Tallied, moves
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.progress import SamplingProgress, Told
@@ -110,7 +111,7 @@ def sample(
     """
     check_arguments(problem, walkers, max_steps, backend, resume=resume)
     begin = time.perf_counter()
-    problem = determined(problem)
+    problem = marginalised(determined(problem))
     seed, generator = seeded(rng)
     for_walkers, for_bands, for_mixture = generator.spawn(3)
     density = CountedDensity(problem)
