@@ -6,10 +6,10 @@ Everything a fit or a sampler asks is a pure function of one vector of scaled co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from functools import cached_property
-from typing import Self, TypeAlias
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -27,8 +27,20 @@ from underlay.scene.scene import Scene
 
 __all__ = ["Given", "Likelihood", "Problem"]
 
-#: Log-density of the data, (sets,), at physical vectors (sets, k), SI; -inf where no law exists.
-Likelihood: TypeAlias = Callable[[FloatArray], FloatArray]
+
+class Likelihood(Protocol):
+    """A log-density of the data that stands in place of a noise model's."""
+
+    def __call__(self, physical: FloatArray) -> FloatArray:
+        """Log-density (sets,) at physical vectors (sets, k), SI; -inf where no law exists."""
+
+    @property
+    def about(self) -> tuple[FloatArray, FloatArray]:
+        """Normal distributions of the scaled vector that together look like it: (m, k), covariances (m, k, k).
+
+        What a sampler proposes from beside what it finds itself; none where there is nothing to say.
+        """
+
 
 
 class Problem:

@@ -32,6 +32,8 @@ __all__ = ["MarginalLikelihood"]
 
 # Combinations that together weigh less are left out: an end of a 95 % interval moves by 1 % of a standard deviation.
 _LEFT_OUT = 1e-3
+# Distance in standard deviations, and in the logarithm of these, within which one combination does for another.
+_ALIKE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,11 +112,14 @@ class MarginalLikelihood:
         The combinations that weigh something, noise by noise.
     means : sequence of FloatArray
         Of each curve: what its known errors are expected to add, over the scatter, (n,).
+    about : (FloatArray, FloatArray)
+        Middles (m, k) and covariances (m, k, k) of the scaled vector under combinations that differ.
     """
 
     blocked: Blocked
     noises: Sequence[_UnderOneNoise]
     means: Sequence[FloatArray]
+    about: tuple[FloatArray, FloatArray]
 
     @classmethod
     def of(cls, averaged: Averaged) -> MarginalLikelihood:
@@ -139,7 +144,7 @@ class MarginalLikelihood:
             noises.append(_UnderOneNoise.of(model, columns, noise, sizes[rows], own))
         expected = np.array([error.mean for error in blocked.errors])
         means = [part.jacobian[:, known:] @ expected for part in model.parts]
-        return cls(blocked, noises, means)
+        return cls(blocked, noises, means, _unlike(averaged, kept))
 
     def __call__(self, physical: FloatArray) -> FloatArray:
         """Log-density (sets,)."""
@@ -169,6 +174,22 @@ def _heaviest(weights: FloatArray) -> NDArray[np.intp]:
     order = np.argsort(-weights)
     count = int(np.searchsorted(np.cumsum(weights[order]), 1.0 - _LEFT_OUT)) + 1
     return order[:count]
+
+
+def _unlike(averaged: Averaged, kept: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+    """Middles and covariances of the combinations, heaviest first, those left out that are like a heavier one."""
+    k, competition = len(averaged.vector), averaged.competition
+    free = [i for i in range(k) if i not in averaged.blocked.held]
+    middles = averaged.vector + competition.shift[kept, :k]
+    covariances = competition.covariance[kept][:, :k, :k]
+    deviations = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    chosen: list[int] = []
+    for row in range(len(kept) if len(free) == k else 0):
+        apart = np.abs(middles[chosen] - middles[row]) / deviations[row]
+        wider = np.abs(np.log(deviations[chosen] / deviations[row]))
+        if not ((apart < _ALIKE) & (wider < _ALIKE)).all(axis=1).any():
+            chosen.append(row)
+    return middles[chosen], covariances[chosen]
 
 
 def _columns(model: Linearised, known: int) -> list[FloatArray]:

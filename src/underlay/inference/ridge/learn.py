@@ -24,6 +24,8 @@ __all__ = ["Proposal", "learn"]
 
 # Optima this far below the best one's evidence say nothing; two this near are one; so near a ridge is on it.
 _FAR_BELOW, _ONE_PLACE, _ON_RIDGE = 12.0, 1.0, 2.5
+# Share of components that were known beforehand.
+_KNOWN = 0.5
 # A search begins inside the prior, with room for differences.
 _INSIDE = FARTHEST - 2.5
 
@@ -66,7 +68,11 @@ class Proposal:
 
 
 def learn(
-    target: Target, starts: Sequence[FloatArray], rng: np.random.Generator, budget: Budget
+    target: Target,
+    starts: Sequence[FloatArray],
+    rng: np.random.Generator,
+    budget: Budget,
+    known: tuple[FloatArray, FloatArray] | None = None,
 ) -> Proposal | None:
     """Find a mixture for a posterior.
 
@@ -80,6 +86,8 @@ def learn(
         Draws the pilots.
     budget : Budget
         Processor time it may take.
+    known : (FloatArray, FloatArray), optional
+        Components that look like the posterior: places (m, p) and factors (m, p, p).
 
     Returns
     -------
@@ -103,9 +111,10 @@ def learn(
     if not ridges:
         return None
     ends = [open_end, *(ridge.open_end for ridge in ridges)]
-    trial = Trial.of(
-        density, target.coordinates, Mixture.along([n for ridge in ridges for n in ridge.nodes]), rng
-    )
+    mixture = Mixture.along([n for ridge in ridges for n in ridge.nodes])
+    if known is not None and len(known[0]):
+        mixture = mixture.with_more(*known, _KNOWN)
+    trial = Trial.of(density, target.coordinates, mixture, rng)
     try:
         trial = trial.adapted()
         if not trial.is_good:

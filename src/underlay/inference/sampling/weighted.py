@@ -72,9 +72,16 @@ class Ridges:
             found = [np.clip(vector, low, high) for vector in found]
         checked_start(self.problem, self.density, found[0])
         places = list(self.coordinates.normal(np.array(found)))
-        self.proposal = learn(self.target, places, self._for_pilots, Budget(_TO_LEARN))
+        self.proposal = learn(self.target, places, self._for_pilots, Budget(_TO_LEARN), self._known)
         self.count()
         return found[0]
+
+    @property
+    def _known(self) -> tuple[FloatArray, FloatArray] | None:
+        """What the problem's likelihood looks like, places (m, p) and factors (m, p, p) in z; None where unknown."""
+        if self.problem.likelihood is None:
+            return None
+        return self.coordinates.factors(*self.problem.likelihood.about)
 
     def count(self) -> None:
         """Count what was asked of the density here since the last time among its evaluations."""
