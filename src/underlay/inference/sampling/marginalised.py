@@ -30,6 +30,7 @@ def marginalised(problem: Problem) -> Problem:
 
     Examples
     --------
+    >>> import numpy as np
     >>> from underlay import Isotropic, Layer, LogUniform, Noise, Paraboloid, RIGID, Scene, synthesize
     >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.45), 1e-3), RIGID)
     >>> curve = synthesize(scene, np.linspace(-1e-5, 5e-5, 100), Noise(force=2e-4), rng=1)
