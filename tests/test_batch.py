@@ -490,7 +490,9 @@ def test_posteriors_have_their_own_seeds_whatever_the_number_of_workers(curves):
         assert (one[f"{path}.low"] < one[path]).all()
         assert (one[path] < one[f"{path}.high"]).all()
         assert (np.abs(one[path] - best[path]) < 3.0 * best[f"{path}.stderr"]).all()
-    other = run(curves[:1], workers=0, sampling=ul.Sampling(walkers=8, max_steps=120, seed=4), noise=ul.Noise())
+    other = run(
+        curves[:1], workers=0, sampling=ul.Sampling(walkers=8, max_steps=120, seed=4), noise=ul.Noise()
+    )
     assert other.loc[0, "layer.E"] != one.loc[0, "layer.E"]
 
 
@@ -500,7 +502,9 @@ def test_intervals_and_verdicts_are_those_of_single_fits(curves):
         alone = ul.fit(ul.Problem(SCENE, curve, FREE, solver=SOLVER))
         for path in FREE:
             known = alone.interval(path)
-            assert [row[f"{path}.low"], row[f"{path}.high"]] == pytest.approx([known.low, known.high], rel=1e-3)
+            assert [row[f"{path}.low"], row[f"{path}.high"]] == pytest.approx(
+                [known.low, known.high], rel=1e-3
+            )
         assert (row["verdict"] == "good") == (alone.verdict.word == "good")
         assert all(reason in row["reason"] for reason in alone.verdict.reasons)
     with pytest.raises(InputError, match="intervals or for sampling"):

@@ -1,4 +1,4 @@
-"""Errors that all readings of a curve share: their algebra against dense matrices, and a smooth error of the law."""
+"""Errors that all readings of a curve share: their algebra by dense matrices, and a smooth error of the law."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Posteriors of a curve whose noise nobody stated: the density against dense matrices, its intervals by quadrature."""
+"""Posteriors of curves whose noise nobody stated: the density by dense matrices, its intervals by quadrature."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,8 @@ def dense_densities(problem, vectors):
 @pytest.mark.parametrize("world", ["clean", "AR(1) and white", "adhesion"])
 def test_the_density_is_that_of_dense_covariances(world):
     problem = posed(world)
-    vectors = ul.fit(problem).vector + np.array([[0.0], [0.002], [-0.004]])
+    fit = ul.fit(problem)
+    vectors = fit.vector + np.sqrt(fit.scaled_covariance[0, 0]) * np.array([[0.0], [1.0], [-2.0]])
     own = ul.marginalised(problem).log_likelihood(vectors)
     # Combinations that weigh less than a thousandth together are left out: 1 % of a density of a tenth of the top.
     expected = dense_densities(problem, vectors)

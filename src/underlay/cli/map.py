@@ -53,7 +53,9 @@ def map_curves(
     sample: Annotated[bool, typer.Option("--sample", help="Sample the posterior of every curve.")] = False,
     intervals: Annotated[
         bool,
-        typer.Option("--intervals", help="Intervals and verdict of every curve as a fit by itself states them."),
+        typer.Option(
+            "--intervals", help="Intervals and verdict of every curve as a fit by itself states them."
+        ),
     ] = False,
     max_steps: Annotated[int, typer.Option(help="Most steps of each sampling.")] = 20_000,
     seed: Seed = 0,

@@ -42,7 +42,6 @@ class Likelihood(Protocol):
         """
 
 
-
 class Problem:
     """One scene and one curve, with some numbers of the scene free.
 

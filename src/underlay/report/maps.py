@@ -72,11 +72,13 @@ def map_summary(table: pd.DataFrame) -> str:
     # What a single fit weighs (see `Fit.interval`) costs a map two to ten times its fits.
     cheap = (
         "Errors and verdicts of a map are the quick ones: standard errors of white noise, and doubts of the fit. "
-        "A map that is asked for intervals, or a site that is fitted by itself, averages over correlated noise and a "
-        "wrong law."
+        "A map that is asked for intervals, or a site that is fitted by itself, averages over correlated noise "
+        "and a wrong law."
     )
     if any(column.endswith(".low") for column in table.columns):
-        cheap = "Intervals are those that a fit of the site by itself states; errors are those of white noise."
+        cheap = (
+            "Intervals are those that a fit of the site by itself states; errors are those of white noise."
+        )
     if doubtful:
         counts += f", {doubtful} of them with reservations"
     return "\n\n".join([" ".join(sentences), f"{counts}.", cheap])

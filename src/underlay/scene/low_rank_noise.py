@@ -1,7 +1,7 @@
 """Noise with errors that all readings of a curve share: known shapes, unknown sizes.
 
-The reading at point k is F_k + sigma_k (z_k + sum_j C_kj u_j), z as `Noise` has it and u_j ~ N(0, 1): the variance is
-D (R + C C') D. An error that is smooth along a curve does not average away with the number of points, as noise does.
+The reading at point k is F_k + sigma_k (z_k + sum_j C_kj u_j), z as `Noise` has it and u_j ~ N(0, 1): the variance
+is D (R + C C') D. An error that is smooth along a curve does not average away with the number of points.
 Whitened is z's own whitening, then each point less what those before it say of u,
 
     e_k = (y_k - a_k' M_k^-1 b_k) / s_k,   M_k = 1 + sum_{i<k} a_i a_i',   b_k = sum_{i<k} a_i y_i,
@@ -118,5 +118,5 @@ class LowRankNoise(Noise):
         rows = super().whiten(self.columns.T, time).T
         before = np.cumsum(rows[:, :, None] * rows[:, None, :], axis=0)
         before = np.concatenate((np.zeros_like(before[:1]), before[:-1])) + np.eye(rows.shape[1])
-        gain = np.linalg.solve(before, rows[:, :, None])[..., 0]
-        return rows, gain, np.sqrt(1.0 + np.einsum("nm,nm->n", rows, gain))
+        gain: FloatArray = np.asarray(np.linalg.solve(before, rows[:, :, None])[..., 0], dtype=np.float64)
+        return rows, gain, np.asarray(np.sqrt(1.0 + np.einsum("nm,nm->n", rows, gain)))

@@ -145,7 +145,7 @@ class BlockedCurve:
         return replace(self, forward=replace(self.forward, laws=laws), is_coarse=True)
 
     def _jacobian(self, values: Mapping[str, float]) -> tuple[Reading, FloatArray]:
-        """Model and its derivatives in the entries of the curve; of coarse laws together where that is less work."""
+        """Model and its derivatives in the curve's entries; of coarse laws together where that is less work."""
         paths = tuple(self.member.entries)
         if self.is_coarse and not self.forward.is_tabulated(values):
             together = batched_jacobian(self.forward, values, paths)

@@ -1,8 +1,8 @@
 """The likelihood of a posterior, noise and misfit averaged over as the intervals of a fit are (`competition.py`).
 
 Every combination of noise, drift, jump and creeping baseline that the fit gives some weight is a Gaussian with a
-covariance of low rank beside that of its noise: with r the residuals of the blocks over their scatter, X the columns
-of drift, jump, baseline and known errors where the fit has them, D their sizes over s,
+covariance of low rank beside that of its noise: with r the residuals of the blocks over their scatter, X the
+columns of drift, jump, baseline and known errors where the fit has them, D their sizes over s,
 
     V = V0 + X D^2 X',   r'V^-1 r = r'V0^-1 r - b'D (1 + D G D)^-1 D b,   b = X'V0^-1 r,   G = X'V0^-1 X,
     p(data | theta) = sum_c prior_c |V_c|^(-1/2) (r'V_c^-1 r)^(-n/2),
@@ -30,7 +30,7 @@ from underlay.inference.model.forward_batch import batched_readings
 
 __all__ = ["MarginalLikelihood"]
 
-# Combinations that together weigh less are left out: an end of a 95 % interval moves by 1 % of a standard deviation.
+# Combinations that together weigh less are left out: an end of a 95 % interval moves by 1 % of a deviation.
 _LEFT_OUT = 1e-3
 # Distance in standard deviations, and in the logarithm of these, within which one combination does for another.
 _ALIKE = 0.5

@@ -67,7 +67,8 @@ class PriorNormal:
         inside = np.isfinite(ends).all(axis=(0, 2)) & (np.abs(ends) < FARTHEST).all(axis=(0, 2))
         slopes = ((ends[2] - ends[0]) / (2.0 * reach))[inside]
         scaled = slopes[:, :, None] * covariances[inside] * slopes[:, None, :]
-        return ends[1][inside], np.linalg.cholesky(scaled)
+        lower: FloatArray = np.asarray(np.linalg.cholesky(scaled), dtype=np.float64)
+        return ends[1][inside], lower
 
     def log_slope(self, vectors: FloatArray, z: FloatArray) -> FloatArray:
         """ln |dz/dq| (m,) at scaled vectors (m, p), whose coordinates are `z`."""

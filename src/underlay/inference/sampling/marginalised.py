@@ -15,8 +15,8 @@ def marginalised(problem: Problem) -> Problem:
     """Return the problem with noise and misfit averaged over in its likelihood.
 
     `sample` does this itself; a sampler of one's own takes `log_posterior` of what this returns. Correlated noise,
-    a law that drifts with depth, a force at contact and a baseline that creeps take part by their weights, on blocks
-    of the curves, as they do in the intervals of `fit`.
+    a law that drifts with depth, a force at contact and a baseline that creeps take part by their weights, on
+    blocks of the curves, as they do in the intervals of `fit`.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
         makes the estimate unreliable), ``model_error``, the relative error of the force the contact law
         itself admits; and, nan where a posterior's evidence is not known, ``log_evidence`` with
         ``log_evidence_error`` and ``probability``, that of the model among those with an evidence, where all were
-        as probable before. Evidences compare only where the noise is stated in the same way, if only as ``Noise()``.
+        as probable before. Evidences compare only where the noise is stated alike, if only as ``Noise()``.
 
     Raises
     ------
@@ -154,8 +154,8 @@ def pointwise_log_likelihood(problem: Problem, physical: FloatArray) -> FloatArr
 def with_model_error(problem: Problem, model_error: float) -> Problem:
     """Return the problem with the error of its contact law as an error that all readings share.
 
-    A law that is off by up to a share of the force is off smoothly: along the contact radius a, from contact (x = 0)
-    to the deepest point (x = 1), the share is taken as
+    A law that is off by a share of the force is off smoothly: along the contact radius, from contact (x = 0) to the
+    deepest point (x = 1), the share is taken as
 
         model_error (u_0 + u_1 cos(pi x) + u_2 sin(pi x)) / sqrt(2),   u ~ N(0, 1),
 

@@ -78,7 +78,7 @@ class Ridges:
 
     @property
     def _known(self) -> tuple[FloatArray, FloatArray] | None:
-        """What the problem's likelihood looks like, places (m, p) and factors (m, p, p) in z; None where unknown."""
+        """What the likelihood looks like, places (m, p) and factors (m, p, p) in z; None where unknown."""
         if self.problem.likelihood is None:
             return None
         return self.coordinates.factors(*self.problem.likelihood.about)
