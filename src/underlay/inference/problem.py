@@ -58,7 +58,8 @@ class Problem:
     noise : Noise or another NoiseModel, optional
         What disturbs the force. Without it, or with ``Noise()``, the noise is white (or AR(1)) of unknown size: a
         fit estimates it, and the likelihood has it integrated out under 1/sigma. ``Noise()`` states that it is
-        white, and intervals rest on that; without any, they are averaged over what else the residuals may be.
+        white, and intervals and posteriors rest on that; without any, both are averaged over what else the
+        residuals may be (`marginalised`).
     solver : Solver or str, default "auto"
         What builds the contact law; see `contact_law`.
 

@@ -66,6 +66,7 @@ def sample(
     ----------
     problem : Problem
         With a proper prior for every free parameter. Readings beside a jump that `fit` leaves out are left out.
+        Where no noise is stated, noise and misfit are averaged over as in the intervals of `fit` (`marginalised`).
     walkers : int, default 64
         At least two more than twice as many as parameters: half of them span the space for the other half.
     max_steps : int, default 20000
