@@ -20,8 +20,8 @@ _EXACT, _SMOOTH = 0.01, 0.1
 # Probability of a drift from which on what is read off the shape of the curve is in doubt, and the drift named.
 _POSSIBLE, _NAMED = 0.05, 0.05
 # Probability of white noise on a level baseline below which these are given up (a line and a slow noise share the
-# evidence of either), and the share of the force from which on such a curve is one to be looked at: of random walks
-# by 3 to 6 % of the force 2 of 25 stay below it, of curves with white noise none is above (tests/studies/quality.py).
+# evidence of either), and the share of the force from which on such a curve is one to be looked at: of 25 random
+# walks by 3 to 6 % of the force 2 stay below it, of 25 curves with white noise none is above.
 _STEADY, _LARGE = 0.1, 0.01
 # Logarithm of the largest factor by which a drift is said to move a parameter.
 _FACTOR = 2.0
