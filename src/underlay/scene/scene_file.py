@@ -192,6 +192,7 @@ _SECTIONS = (
     "history",
     "adhesion",
     "lever",
+    "discrepancy",
     "fit",
     "solver",
     "noise",
