@@ -476,7 +476,7 @@ def test_parquet_holds_the_same_table(curves, manifest, serial, tmp_path):
 
 def test_posteriors_have_their_own_seeds_whatever_the_number_of_workers(curves):
     """Too few steps to converge: said in the row, and the same draws from a worker and from this process."""
-    options = {"sampling": ul.Sampling(walkers=8, max_steps=120, seed=3)}
+    options = {"sampling": ul.Sampling(walkers=8, max_steps=120, seed=3), "noise": ul.Noise()}
     one = run(curves[:3], workers=0, **options)
     two = run(curves[2::-1], workers=1, **options)
     pd.testing.assert_frame_equal(
@@ -490,5 +490,22 @@ def test_posteriors_have_their_own_seeds_whatever_the_number_of_workers(curves):
         assert (one[f"{path}.low"] < one[path]).all()
         assert (one[path] < one[f"{path}.high"]).all()
         assert (np.abs(one[path] - best[path]) < 3.0 * best[f"{path}.stderr"]).all()
-    other = run(curves[:1], workers=0, sampling=ul.Sampling(walkers=8, max_steps=120, seed=4))
+    other = run(
+        curves[:1], workers=0, sampling=ul.Sampling(walkers=8, max_steps=120, seed=4), noise=ul.Noise()
+    )
     assert other.loc[0, "layer.E"] != one.loc[0, "layer.E"]
+
+
+def test_intervals_and_verdicts_are_those_of_single_fits(curves):
+    table = run(curves[:2], intervals=True)
+    for row, curve in zip(table.to_dict("records"), curves, strict=False):
+        alone = ul.fit(ul.Problem(SCENE, curve, FREE, solver=SOLVER))
+        for path in FREE:
+            known = alone.interval(path)
+            assert [row[f"{path}.low"], row[f"{path}.high"]] == pytest.approx(
+                [known.low, known.high], rel=1e-3
+            )
+        assert (row["verdict"] == "good") == (alone.verdict.word == "good")
+        assert all(reason in row["reason"] for reason in alone.verdict.reasons)
+    with pytest.raises(InputError, match="intervals or for sampling"):
+        ul.MapOptions(intervals=True, sampling=True)

@@ -130,6 +130,17 @@ def test_a_wide_interval_is_carried_along_the_profile_and_may_stay_open():
     assert made.layer.material.E in fit.interval(E)
 
 
+def test_a_thickness_that_a_touch_says_nothing_of_is_said_so():
+    # 1 nm into 1 mm: the base stiffens the contact by a ten-thousandth, and 5 % would move the thickness by e^500.
+    touched = ul.Scene(ul.Sphere(1e-5), ul.Layer(ul.Isotropic(1e4, 0.45), 1e-3), ul.RIGID)
+    data = ul.synthesize(touched, np.linspace(-3e-10, 1e-9, 60), ul.Noise(force=1e-15), 1)
+    fit = ul.fit(ul.Problem(touched, data, [E, H, C]))
+    known = fit.interval(H)
+    assert known.is_open
+    assert np.isfinite(known.value)
+    assert "by a factor of 7 or more" in str(fit.verdict)
+
+
 def test_two_optima_are_inside_one_interval():
     fit = ul.fit(ambiguous(noise=None))
     (other,) = fit.alternatives

@@ -59,7 +59,6 @@ def test_the_right_model_wins_and_its_error_is_stated():
 def test_a_stated_model_error_widens_the_interval():
     curve = synthesize(LAYERED, DEPTH, NOISE, 1)
     problem = Problem(LAYERED, curve, {"layer.E": LogUniform(1e4, 1e8)}, Noise(force=2e-4, relative=0.003))
-    assert with_model_error(problem, 0.004).members[0].noise.relative == pytest.approx(0.005)
     wider = with_model_error(problem, 0.03)
     widths = [sample(p, walkers=16).samples["layer.E"].std() for p in (problem, wider)]
     assert widths[1] > 1.5 * widths[0]

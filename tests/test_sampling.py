@@ -89,7 +89,7 @@ def variance_errors(move, correlation, dimensions=4, steps=3000):
 def test_unknown_noise_is_integrated_out():
     """A mean with unknown noise has Student's distribution."""
     curve = halfspace_curve(points=9)
-    problem = Problem(halfspace_scene(), curve, {"instrument.baseline": Uniform(-1e-2, 1e-2)})
+    problem = Problem(halfspace_scene(), curve, {"instrument.baseline": Uniform(-1e-2, 1e-2)}, Noise())
     # Student's tails at 8 degrees of freedom and a normal's are told apart by some tens of thousands of draws.
     posterior = sample(problem, walkers=256)
     residual = curve.force - halfspace_scene().with_values({"instrument.baseline": 0.0}).force(curve.depth)

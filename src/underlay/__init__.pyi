@@ -75,6 +75,7 @@ from .inference.profiles import profile as profile
 from .inference.design.second_test import remedy as remedy
 from .inference.recipe import steps_to_ours as steps_to_ours
 from .inference.sampling.from_chain import posterior_from_chain as posterior_from_chain
+from .inference.sampling.marginalised import marginalised as marginalised
 from .inference.sampling.model_comparison import (
     compare_models as compare_models,
     with_model_error as with_model_error,
@@ -154,6 +155,7 @@ from .scene.effect import Effect as Effect
 from .scene.fit_range import FitRange as FitRange
 from .scene.instrument import Instrument as Instrument
 from .scene.lever import Lever as Lever
+from .scene.low_rank_noise import LowRankNoise as LowRankNoise
 from .scene.noise import Noise as Noise
 from .scene.noise_model import NoiseModel as NoiseModel
 from .scene.program import Program as Program

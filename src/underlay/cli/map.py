@@ -51,6 +51,12 @@ def map_curves(
     ] = None,
     check: Annotated[bool, typer.Option("--check", help="Judge the quality of every curve first.")] = False,
     sample: Annotated[bool, typer.Option("--sample", help="Sample the posterior of every curve.")] = False,
+    intervals: Annotated[
+        bool,
+        typer.Option(
+            "--intervals", help="Intervals and verdict of every curve as a fit by itself states them."
+        ),
+    ] = False,
     max_steps: Annotated[int, typer.Option(help="Most steps of each sampling.")] = 20_000,
     seed: Seed = 0,
     solver: SolverName = None,
@@ -76,6 +82,8 @@ def map_curves(
     from underlay.inference.batch.results_table import write_frame
     from underlay.scene.scene_file import read_scene_file
 
+    if intervals and sample:
+        raise InputError("--sample gives intervals of its own: leave --intervals out")
     decided = None if decisions is None else read_decisions(decisions)
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
@@ -97,6 +105,7 @@ def map_curves(
                 solver=wanted,
                 quality=check,
                 sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
+                intervals=intervals,
                 resume=resume,
                 folders=labels,
             ),

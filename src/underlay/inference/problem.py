@@ -7,8 +7,9 @@ Everything a fit or a sampler asks is a pure function of one vector of scaled co
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from functools import cached_property
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -24,7 +25,21 @@ from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["Given", "Problem"]
+__all__ = ["Given", "Likelihood", "Problem"]
+
+
+class Likelihood(Protocol):
+    """A log-density of the data that stands in place of a noise model's."""
+
+    def __call__(self, physical: FloatArray) -> FloatArray:
+        """Log-density (sets,) at physical vectors (sets, k), SI; -inf where no law exists."""
+
+    @property
+    def about(self) -> tuple[FloatArray, FloatArray]:
+        """Normal distributions of the scaled vector that together look like it: (m, k), covariances (m, k, k).
+
+        What a sampler proposes from beside what it finds itself; none where there is nothing to say.
+        """
 
 
 class Problem:
@@ -43,7 +58,8 @@ class Problem:
     noise : Noise or another NoiseModel, optional
         What disturbs the force. Without it, or with ``Noise()``, the noise is white (or AR(1)) of unknown size: a
         fit estimates it, and the likelihood has it integrated out under 1/sigma. ``Noise()`` states that it is
-        white, and intervals rest on that; without any, they are averaged over what else the residuals may be.
+        white, and intervals and posteriors rest on that; without any, both are averaged over what else the
+        residuals may be (`marginalised`).
     solver : Solver or str, default "auto"
         What builds the contact law; see `contact_law`.
 
@@ -126,6 +142,8 @@ class Problem:
         self.store = LawStore()
         self.members, self.coordinates = compile_members(tests, self.free, shared, noise, solver, self.store)
         self.space = ScaledSpace.of(self.coordinates)
+        #: What stands in place of the noise model's likelihood; see `with_likelihood`.
+        self.likelihood: Likelihood | None = None
         #: Entries of a vector that are numbers of the noise.
         self.noise_entries = frozenset(i for member in self.members for i in member.noise_entries.values())
 
@@ -147,6 +165,12 @@ class Problem:
             self.noise if noise is None else noise,
             solver=self.solver if solver is None else solver,
         )
+
+    def with_likelihood(self, likelihood: Likelihood) -> Self:
+        """Return the same problem with another log-density of its data; `revised` forgets it."""
+        changed = copy(self)
+        changed.likelihood = likelihood
+        return changed
 
     # --- what it is made of ---------------------------------------------------------------------------
 
@@ -274,6 +298,8 @@ class Problem:
         return posterior.reshape(q.shape[:-1])
 
     def _likelihood_at(self, physical: FloatArray) -> FloatArray:
+        if self.likelihood is not None:
+            return self.likelihood(physical)
         total = np.zeros(len(physical))
         for member in self.members:
             total = total + member.log_likelihood(physical)

@@ -69,11 +69,16 @@ def map_summary(table: pd.DataFrame) -> str:
     sentences = [f"**{_sentence(name, fitted[name])}**" for name in sample_parameters(table) if len(fitted)]
     doubtful = int((fitted["verdict"] == "doubtful").sum())
     counts = f"{len(fitted)} of {len(table)} curves were fitted"
-    # What a single fit weighs (see `Fit.interval`) would cost a map three times its fits.
+    # What a single fit weighs (see `Fit.interval`) costs a map two to ten times its fits.
     cheap = (
         "Errors and verdicts of a map are the quick ones: standard errors of white noise, and doubts of the fit. "
-        "Fit a site by itself for the interval that averages over correlated noise and a wrong law."
+        "A map that is asked for intervals, or a site that is fitted by itself, averages over correlated noise "
+        "and a wrong law."
     )
+    if any(column.endswith(".low") for column in table.columns):
+        cheap = (
+            "Intervals are those that a fit of the site by itself states; errors are those of white noise."
+        )
     if doubtful:
         counts += f", {doubtful} of them with reservations"
     return "\n\n".join([" ".join(sentences), f"{counts}.", cheap])

@@ -115,12 +115,14 @@ class Noise(NoiseModel):
 
     def whiten(self, standardised: FloatArray, time: FloatArray | None = None) -> FloatArray:
         """Independent unit-variance residuals (..., n) from `standardised` ones; see `ar1_whiten`."""
-        return standardised if not self.correlation else ar1_whiten(standardised, time, self.correlation_time)
+        if _is_off(self.correlation_time):
+            return standardised
+        return ar1_whiten(standardised, time, self.correlation_time)
 
     def log_deviations(self, sigma: FloatArray, time: FloatArray | None = None) -> FloatArray:
         """log sigma_k, and log(1 - rho_k^2) / 2 more for every point but the first, (..., n)."""
         own = np.log(sigma)
-        if self.correlation:
+        if not _is_off(self.correlation_time):
             _, spread = ar1_coefficients(time, self.correlation_time)
             own = np.array(np.broadcast_to(own, np.broadcast_shapes(own.shape, (*spread.shape[:-1], 1))))
             own[..., 1:] += np.log(spread)
@@ -206,7 +208,7 @@ class Noise(NoiseModel):
                 "noise.force is zero: points before contact, where relative and depth noise vanish, would count "
                 "as exact; give the white noise of the force reading (N)"
             )
-        if self.correlation or "correlation_time" in free:
+        if not _is_off(self.correlation_time) or "correlation_time" in free:
             ar1_coefficients(time, self.correlation_time or 1.0)
 
 

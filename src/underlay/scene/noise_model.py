@@ -19,6 +19,7 @@ from copy import copy
 from typing import ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, PerSet
 from underlay.errors import InputError
@@ -136,6 +137,11 @@ class NoiseModel(Part, ABC):
         """Refuse, by InputError, what no curve of so many points at `time` can have; `free` are its numbers."""
         del free
         self.whiten(np.zeros(points), time)
+
+    def of_readings(self, kept: NDArray[np.bool_]) -> Self:
+        """Return the model for some of a curve's readings, (n,); itself where it does not know their number."""
+        del kept
+        return self
 
     def at(self, numbers: Mapping[str, PerSet]) -> Self:
         """Return the model with some numbers replaced, each a float or an array (sets, 1).

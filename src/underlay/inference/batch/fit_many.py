@@ -144,6 +144,7 @@ def fit_many(
         labels=labels,
         derived=derived,
         sampled=model.sampling is not None,
+        intervals=model.intervals,
     )
     with _table(output) as table:
         identity = _identity(model, places, layout)

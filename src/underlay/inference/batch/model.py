@@ -44,6 +44,8 @@ class BatchModel:
         Whether each curve is judged by `check_quality` before it is fitted.
     sampling : Sampling or None
         Whether the posterior is sampled after the fit.
+    intervals : bool
+        Whether the fit states its intervals and its verdict.
     """
 
     scene: Scene
@@ -53,6 +55,7 @@ class BatchModel:
     file: SceneFile | None = None
     quality: bool = False
     sampling: Sampling | None = None
+    intervals: bool = False
 
     def problem(self, scene: Scene, curve: Curve) -> Problem:
         """Build the problem of one curve."""
@@ -93,7 +96,7 @@ class BatchModel:
             "noise": _hash(self.noise),
             "solver": _hash(self.solver),
             "curve section": _hash(None if file is None else (sorted(file.curve.items()), file.left_out)),
-            "sampling": _hash(self.sampling, self.quality),
+            "sampling": _hash(self.sampling, self.quality, *([self.intervals] if self.intervals else [])),
         }
 
 
@@ -126,7 +129,9 @@ def batch_model(
         )
     paths = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     wanted = Auto() if solver is None else as_solver(solver)
-    model = BatchModel(scene, paths, noise, wanted, file, options.quality, options.how_sampled)
+    model = BatchModel(
+        scene, paths, noise, wanted, file, options.quality, options.how_sampled, options.intervals
+    )
     template = model.template
     if model.sampling is not None:
         _require_proper(template.priors)

@@ -52,6 +52,9 @@ class MapOptions:
     sampling : Sampling or bool, default False
         Sample the posterior of every curve. The table then holds medians, standard deviations and the ends
         of 95 % intervals.
+    intervals : bool, default False
+        Give every curve the 95 % intervals and the verdict that `Fit.interval` and `Fit.verdict` state, averaged
+        over noise and misfit where no noise is stated. It takes two to ten times as long as the fits alone.
     resume : bool, default False
         Continue the run in the output; rows that were written are not computed again.
     folders : sequence of str, default ()
@@ -77,6 +80,7 @@ class MapOptions:
     solver: AnySolver | None = None
     quality: bool = False
     sampling: Sampling | bool = False
+    intervals: bool = False
     resume: bool = False
     time_limit: float | None = None
     timeout: float = 10.0
@@ -94,6 +98,8 @@ class MapOptions:
         for name, value in (("time_limit", self.time_limit), ("timeout", self.timeout)):
             if value is not None and not value > 0.0:
                 raise InputError(f"{name} must be positive (s); got {value!r}")
+        if self.intervals and self.sampling:
+            raise InputError("posteriors have intervals of their own: ask for intervals or for sampling")
         if self.solver is not None:
             as_solver(self.solver)
 

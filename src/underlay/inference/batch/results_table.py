@@ -89,12 +89,13 @@ class Layout:
         labels: Sequence[str] = (),
         derived: Sequence[str] = (),
         sampled: bool,
+        intervals: bool = False,
     ) -> Layout:
         """Columns for fitted `parameters`, of the manifest `given` ones and `labels`, and what is `derived`.
 
         A map with labels is one of a population: it keeps the likelihood of the modulus too.
         """
-        ends = ("", ".stderr", ".low", ".high") if sampled else ("", ".stderr")
+        ends = ("", ".stderr", ".low", ".high") if sampled or intervals else ("", ".stderr")
         fitted = [(f"{path}{end}", _NUMBER) for path in parameters for end in ends]
         known = [(path, _NUMBER) for path in given if path not in parameters]
         known += [(name, _NUMBER) for name in derived]

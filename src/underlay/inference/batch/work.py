@@ -212,7 +212,7 @@ class CurveFitter:
         return {path: value for path, value in outcome.values.items() if path in self._base}
 
     def _fast(self, place: CurvePlace, curve: Curve) -> _Found | None:
-        if self._separable is None or self._model.sampling is not None:
+        if self._separable is None or self._model.sampling is not None or self._model.intervals:
             return None
         values = {**self._base, **place.values}
         contact_is_free = any(c.path == "instrument.contact_depth" for c in self._separable.coordinates)
@@ -261,6 +261,11 @@ class CurveFitter:
             tuple(str(warning) for warning in found.warnings if warning.code != "jump"),
             {},
         )
+        if self._model.intervals:
+            from underlay.inference.batch.stated import stated_interval_ends, stated_reasons  # noqa: PLC0415
+
+            notes = (*stated_reasons(found), *outcome.notes)
+            return replace(outcome, notes=notes, more=stated_interval_ends(found))
         return (
             outcome
             if self._model.sampling is None

@@ -82,6 +82,9 @@ def _of_the_profile_alone(fit: Fit, averaged: Averaged, index: int, level: float
 
 def _stated(fit: Fit, index: int, level: float, q: FloatArray, kind: str) -> StatedInterval:
     name = fit.names[index]
+    if not abs(q[1] - fit.vector[index]) <= FARTHEST:
+        # Half of a mixture that wide lies where no curve says anything; the fit's own value is as good.
+        q = np.array([q[0], fit.vector[index], q[2]])
     # Further than a profile is walked an end of a linearised model means nothing: that side is open.
     q = np.where(np.abs(q - q[1]) > FARTHEST, [-np.inf, q[1], np.inf], q)
     inside = np.where(np.isfinite(q), q, q[1])

@@ -106,7 +106,7 @@ class Headline(Statements):
     @cached_property
     def verdict(self) -> Verdict:
         """Whether the fit is to be believed."""
-        return verdict(self.fit, self.averaged, {name: self.interval(name, 0.95) for name in self.fit.names})
+        return verdict(self.fit, self.averaged, lambda name: self.interval(name, 0.95))
 
     @cached_property
     def sensitivity(self) -> Mapping[str, Mapping[str, float]]:

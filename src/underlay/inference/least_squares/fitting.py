@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError
@@ -29,6 +30,7 @@ from underlay.inference.least_squares.settle import Optimum, confirmed, settle
 from underlay.inference.least_squares.stated import Statements
 from underlay.inference.problem import Problem
 from underlay.mechanics.solvers import Exact
+from underlay.scene.noise_model import NoiseModel
 
 __all__ = ["determined", "fit", "quick_fit"]
 
@@ -153,7 +155,8 @@ def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> 
             break
         used = kept
         left = problem.revised(
-            curves=[curve.select(keep) for curve, keep in zip(problem.curves, kept, strict=True)]
+            curves=[curve.select(keep) for curve, keep in zip(problem.curves, kept, strict=True)],
+            noise=_of_readings(problem, kept),
         )
         values = [found.values, *(other.values for other in found.alternatives)]
         found = _settled(left, lmfit, [left.vector(each) for each in values], began)
@@ -162,6 +165,13 @@ def _without_undetermined(found: Fit, lmfit: Minimiser | None, began: float) -> 
         warnings=(*found.warnings, *about_left_out(problem, used)),
         statistics=for_all_readings(found.statistics, problem.n_points),
     )
+
+
+def _of_readings(problem: Problem, kept: Sequence[NDArray[np.bool_]]) -> list[NoiseModel] | None:
+    """Noise of the readings that are kept; None where nobody stated any."""
+    if not problem.noise_is_stated:
+        return None
+    return [member.noise.of_readings(keep) for member, keep in zip(problem.members, kept, strict=True)]
 
 
 def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatArray], began: float) -> Fit:

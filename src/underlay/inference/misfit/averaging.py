@@ -167,14 +167,9 @@ class Averaged:
         return float(self.shares @ [competition.no_jump for _, competition in self.optima])
 
     @property
-    def level(self) -> float:
-        """Probability that the baseline does not creep."""
-        return float(self.shares @ [competition.level for _, competition in self.optima])
-
-    @property
-    def white(self) -> float:
-        """Probability that the noise is white."""
-        return float(self.shares @ [competition.white for _, competition in self.optima])
+    def steady(self) -> float:
+        """Probability that the noise is white and the baseline does not creep."""
+        return float(self.shares @ [competition.steady for _, competition in self.optima])
 
 
 def average(

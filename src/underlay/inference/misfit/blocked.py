@@ -18,7 +18,8 @@ from underlay.errors import InputError
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.linearised import Linearised, Part, drift_columns, jump_columns, ramp_column
-from underlay.inference.model.forward import Forward
+from underlay.inference.model.batched_slopes import batched_jacobian
+from underlay.inference.model.forward import Forward, Reading
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
@@ -111,6 +112,7 @@ class BlockedCurve:
     forward: Forward
     force: FloatArray
     time: FloatArray
+    is_coarse: bool = False
 
     @classmethod
     def of(cls, member: Member, physical: FloatArray) -> BlockedCurve:
@@ -140,7 +142,16 @@ class BlockedCurve:
         """Return the same with laws of a tenth of a thousandth of the force, of its own store."""
         laws = self.forward.laws
         laws = replace(laws, solver=laws.solver.with_tolerance(_COARSE), store=LawStore())
-        return replace(self, forward=replace(self.forward, laws=laws))
+        return replace(self, forward=replace(self.forward, laws=laws), is_coarse=True)
+
+    def _jacobian(self, values: Mapping[str, float]) -> tuple[Reading, FloatArray]:
+        """Model and its derivatives in the curve's entries; of coarse laws together where that is less work."""
+        paths = tuple(self.member.entries)
+        if self.is_coarse and not self.forward.is_tabulated(values):
+            together = batched_jacobian(self.forward, values, paths)
+            if together is not None:
+                return together
+        return self.forward.jacobian(values, paths, rough=True)
 
     def _law_by(self, values: Mapping[str, float], deepest: float, solver: Solver) -> ContactLaw:
         """Law of another solver at `values` up to `deepest` (m), from the same store."""
@@ -150,7 +161,7 @@ class BlockedCurve:
         """Model about a physical vector (k,), whose slopes are dx/dq (k,); raises InputError without a law."""
         values = self.member.values_at(physical)
         entries = list(self.member.entries.values())
-        reading, own = self.forward.jacobian(values, tuple(self.member.entries), rough=True)
+        reading, own = self._jacobian(values)
         columns = np.zeros((len(self.force), len(physical) + len(errors)))
         columns[:, entries] = own * slopes[entries]
         bent = values["instrument.compliance"] * reading.contact

@@ -133,6 +133,11 @@ class Competition:
         return float(self.weights[self.amounts[:, 2] == 0.0].sum())
 
     @property
+    def steady(self) -> float:
+        """Probability that the noise is white and the baseline does not creep."""
+        return float(self.weights[(self.places[:, 0] == 0) & (self.amounts[:, 2] == 0.0)].sum())
+
+    @property
     def mixture(self) -> Mixture:
         """Distribution of coordinates and amplitudes, the combinations averaged by their weights."""
         variances = np.diagonal(self.covariance, axis1=-2, axis2=-1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,10 @@ from underlay.inference.misfit.sizes import Sizes
 __all__ = ["Combination", "Place", "descend"]
 
 _MOST_STEPS = 12
-# A step below this share of a standard deviation moves no interval: z by a four-hundredth.
+# A step that gains less than the square of this share of a standard deviation is the last: z by a four-hundredth.
 _SETTLED = 0.1
+# Within so many standard deviations the linear model says where the optimum is and how low; nothing is asked there.
+_SHORT = 0.3
 # No step goes further than this in a scaled coordinate: a factor of 7.
 _FARTHEST = 2.0
 # Curvature of a coordinate that does not act, as a share of the largest: keeps it where it is.
@@ -84,6 +86,12 @@ class Place:
         """By how much a step should lower S, in s^2."""
         return float(-(2.0 * self.gradient + self.normal @ step) @ step) / self.variance
 
+    def moved(self, vector: FloatArray) -> Place:
+        """Return the place at a vector near by, as the linear model has it."""
+        step = vector - self.vector
+        square = self.square - self.gain(step) * self.variance
+        return replace(self, vector=vector, gradient=self.gradient + self.normal @ step, square=square)
+
 
 def descend(
     blocked: Blocked,
@@ -107,10 +115,10 @@ def descend(
         if held is not None:
             free[held] = False
         target = np.clip(here.vector + here.step(damping, free), low, high)
+        if 0.0 <= here.gain(target - here.vector) < _SHORT**2:
+            return here.moved(target)
         there = _exists(blocked, target, combination)
         if there is None or not there.square < here.square:
-            if here.gain(target - here.vector) < _SETTLED**2:
-                break
             damping = max(10.0 * damping, 1e-3)
             continue
         settled = here.square - there.square < _SETTLED**2 * here.variance

@@ -30,6 +30,8 @@ FARTHEST = 5.0
 # A law that nothing tabulates costs some 50 ms: so many places on the way, and steps of a descent to each.
 _MOST_STEPS, _DESCENT = 10, 6
 _SHORTEST = 0.02
+# Shares of a step that went too far.
+_LEAST, _MOST = 0.2, 0.7
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,7 @@ class Valley:
         vectors, heights = [self.optimum.vector], [0.0]
         tangent = self._tangent(index)
         step = min(_STEP * self._deviation(index), _FIRST)
+        beyond: tuple[FloatArray, float] | None = None
         for _ in range(_MOST_STEPS):
             gone = abs(float(vectors[-1][index]) - here)
             step = min(step, room - gone)
@@ -95,18 +98,27 @@ class Valley:
                 break
             begin = _ahead(vectors, index, step) if gone else vectors[0] + direction * step * tangent
             place = self.held(index, here + direction * (gone + step), begin)
-            height = 0.0 if place is None else max(self.z(place), heights[-1])
-            if place is None or (height - heights[-1] > _STEEPEST and step > _SHORTEST):
-                if step < _SHORTEST:
-                    break
-                step *= 0.3
+            height = math.inf if place is None else max(self.z(place), heights[-1])
+            if height - heights[-1] > _STEEPEST and step > _SHORTEST:
+                # What was found too far ahead serves where the path comes near it.
+                beyond = beyond if place is None else (place.vector, height)
+                step *= max(_LEAST, min(_STEP / (height - heights[-1]), _MOST))
                 continue
+            if place is None:
+                break
             vectors.append(place.vector)
             heights.append(height)
-            if height >= highest:
+            if beyond is not None and beyond[1] - height <= _STEEPEST:
+                vectors.append(beyond[0])
+                heights.append(max(beyond[1], height))
+                beyond = None
+            if heights[-1] >= highest:
                 break
+            step = abs(float(vectors[-1][index] - vectors[-2][index]))
             slope = (heights[-1] - heights[-2]) / step
             step = min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
+            if beyond is not None:
+                step = min(step, _MOST * abs(float(beyond[0][index] - vectors[-1][index])))
         return np.array([vector[index] for vector in vectors]), np.array(heights)
 
     @cached_property

@@ -142,6 +142,13 @@ class Forward:
         depths = [self.similarity.factors(one)[0] * self._deepest(Chain.of(one), one) for one in values]
         self.laws.laws_of([self.similarity.reduced(one) for one in values], depths)
 
+    def is_tabulated(self, values: Mapping[str, float]) -> bool:
+        """Whether the law at `values` is read off a table, and says its derivatives itself."""
+        b, _ = self.similarity.factors(values)
+        return self.laws.is_tabulated(
+            self.similarity.reduced(values), b * self._deepest(Chain.of(values), values)
+        )
+
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
         """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
         b, _ = self.similarity.factors(values)

@@ -41,7 +41,7 @@ from underlay.mechanics.indenters import PowerLawShape
 from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
 from underlay.scene.chain import Frame
 
-__all__ = ["Readings", "batched_pull_offs", "batched_readings"]
+__all__ = ["Readings", "batched_pull_offs", "batched_readings", "has_batches"]
 
 
 class Readings(NamedTuple):
@@ -86,6 +86,15 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     if _is_shaped_by_lengths(forward):
         return _one_by_one(forward, values, range(sets), empty)
     return _of_this_depth(forward, values, empty, stiffness=stiffness)
+
+
+def has_batches(forward: Forward, values: Values, sets: int) -> bool:
+    """Whether sets of a sample without memory or adhesion go through compiled batches of the exact law."""
+    elsewhere = forward.history is not None or forward.similarity.energies or forward.laws.table is not None
+    if elsewhere or _is_shaped_by_lengths(forward) or np.any(values[Frame.path]):
+        return False
+    asked = ParameterSets(forward, values, sets)
+    return asked.shared is None and _has_exact_batches(asked)
 
 
 def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:

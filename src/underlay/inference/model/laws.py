@@ -150,6 +150,14 @@ class LawSource:
             law = self._of_tips(self.tips, [reduced], [depth])[0]
         return law if law is not None else self._solved(reduced, depth)
 
+    def is_tabulated(self, reduced: tuple[float, ...], depth: float) -> bool:
+        """Whether the law with these ratios for depths up to `depth` (m) is read off a table."""
+        if self.table is not None:
+            return self._from_table(self.table, reduced, depth) is not None
+        if self.tips is None or not depth > 0.0:
+            return False
+        return self._of_tips(self.tips, [reduced], [depth])[0] is not None
+
     def laws_of(self, reduced: Sequence[tuple[float, ...]], depths: Sequence[float]) -> None:
         """Make ready the laws with these ratios for depths (m), where all at once are less work."""
         asked = [pair for pair in zip(reduced, depths, strict=True) if pair[1] > 0.0]

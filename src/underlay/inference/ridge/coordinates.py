@@ -55,6 +55,21 @@ class PriorNormal:
         shares = [prior.probability_below(values[:, i]) for i, prior in enumerate(self._priors)]
         return np.asarray(special.ndtri(np.column_stack(shares)))
 
+    def factors(self, vectors: FloatArray, covariances: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Places z (m, p) and lower factors (m, p, p) there of covariances (m, p, p) of scaled vectors (m, p).
+
+        Those that reach beyond the priors are left out.
+        """
+        reach = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+        if not len(vectors):
+            return vectors, covariances
+        ends = [self.normal(vectors + side * reach) for side in (-1.0, 0.0, 1.0)]
+        inside = np.isfinite(ends).all(axis=(0, 2)) & (np.abs(ends) < FARTHEST).all(axis=(0, 2))
+        slopes = ((ends[2] - ends[0]) / (2.0 * reach))[inside]
+        scaled = slopes[:, :, None] * covariances[inside] * slopes[:, None, :]
+        lower: FloatArray = np.asarray(np.linalg.cholesky(scaled), dtype=np.float64)
+        return ends[1][inside], lower
+
     def log_slope(self, vectors: FloatArray, z: FloatArray) -> FloatArray:
         """ln |dz/dq| (m,) at scaled vectors (m, p), whose coordinates are `z`."""
         # The part of a prior beyond what is physically possible is a constant factor, alike everywhere.

@@ -24,6 +24,8 @@ __all__ = ["Proposal", "learn"]
 
 # Optima this far below the best one's evidence say nothing; two this near are one; so near a ridge is on it.
 _FAR_BELOW, _ONE_PLACE, _ON_RIDGE = 12.0, 1.0, 2.5
+# Share of components that were known beforehand.
+_KNOWN = 0.5
 # A search begins inside the prior, with room for differences.
 _INSIDE = FARTHEST - 2.5
 # A place of a scan is looked at if it is farther than this from all that was walked, in standard deviations of
@@ -77,6 +79,7 @@ def learn(
     budget: Budget,
     *,
     places: Sequence[FloatArray] = (),
+    known: tuple[FloatArray, FloatArray] | None = None,
 ) -> Proposal | None:
     """Find a mixture for a posterior.
 
@@ -92,6 +95,8 @@ def learn(
         Processor time it may take.
     places : sequence of FloatArray
         (p,) each: where else a ridge may be, though no optimum is; those on none that was walked are looked at.
+    known : (FloatArray, FloatArray), optional
+        Components that look like the posterior: places (m, p) and factors (m, p, p).
 
     Returns
     -------
@@ -116,9 +121,10 @@ def learn(
     if not ridges:
         return None
     ends = [open_end, *(ridge.open_end for ridge in ridges)]
-    trial = Trial.of(
-        density, target.coordinates, Mixture.along([n for ridge in ridges for n in ridge.nodes]), rng
-    )
+    mixture = Mixture.along([n for ridge in ridges for n in ridge.nodes])
+    if known is not None and len(known[0]):
+        mixture = mixture.with_more(*known, _KNOWN)
+    trial = Trial.of(density, target.coordinates, mixture, rng)
     try:
         trial = trial.adapted()
         if not trial.is_usable:

@@ -20,7 +20,8 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
     """Return what a chain of any sampler says, judged, summed up and reported as a chain of `sample` is.
 
     A sampler of one's own needs two things of a problem: `Problem.log_posterior` of many scaled vectors at once,
-    and a place to begin, such as `Fit.vector` with `Fit.scaled_covariance`.
+    and a place to begin, such as `Fit.vector` with `Fit.scaled_covariance`. Where no noise is stated, the problem
+    that `marginalised` returns is the one that `sample` would take.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import ModuleType
 from typing import Any
 
@@ -21,13 +21,15 @@ from scipy import special
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
+from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.inference.ridge.importance import LogEvidence
 from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.posterior import Posterior
+from underlay.scene.chain import ContactDepth
+from underlay.scene.low_rank_noise import LowRankNoise
 from underlay.scene.noise import Noise
-from underlay.scene.noise_model import NoiseModel
 
 __all__ = ["compare_models", "pointwise_log_likelihood", "with_model_error"]
 
@@ -54,7 +56,7 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
         makes the estimate unreliable), ``model_error``, the relative error of the force the contact law
         itself admits; and, nan where a posterior's evidence is not known, ``log_evidence`` with
         ``log_evidence_error`` and ``probability``, that of the model among those with an evidence, where all were
-        as probable before.
+        as probable before. Evidences compare only where the noise is stated alike, if only as ``Noise()``.
 
     Raises
     ------
@@ -111,9 +113,11 @@ def _evidences(models: Sequence[tuple[Problem, Posterior]]) -> dict[str, FloatAr
     """Columns of the evidences and of the probabilities that follow from them."""
     told = [posterior.log_evidence or LogEvidence(np.nan, np.nan) for _, posterior in models]
     value = np.array([entry.value for entry in told])
-    # Noise of unknown size has an improper prior: its evidence compares with none that states the size.
+    # Noise of unknown size has an improper prior: its evidence compares with none that states the size. Blocks are
+    # taken about each model's own contact: they are not the same data.
     unknown = [[member.scale_is_unknown for member in problem.members] for problem, _ in models]
-    if any(entry != unknown[0] for entry in unknown):
+    averaged = any(posterior.problem.likelihood is not None for _, posterior in models if posterior.problem)
+    if averaged or any(entry != unknown[0] for entry in unknown):
         value = np.full(len(value), np.nan)
     known = np.isfinite(value)
     probability = np.full(len(value), np.nan)
@@ -148,16 +152,20 @@ def pointwise_log_likelihood(problem: Problem, physical: FloatArray) -> FloatArr
 
 
 def with_model_error(problem: Problem, model_error: float) -> Problem:
-    """Return the problem with the error of its contact law as a term of the noise.
+    """Return the problem with the error of its contact law as an error that all readings share.
 
-    A law that is off by a share `model_error` of the force adds that share to the proportional noise, in
-    squares: the statement that the residuals may be that large for no fault of the data. (It is a stated
-    term, not an estimate: errors of a law are smooth, and a smooth error of this size is within it.)
+    A law that is off by a share of the force is off smoothly: along the contact radius, from contact (x = 0) to the
+    deepest point (x = 1), the share is taken as
+
+        model_error (u_0 + u_1 cos(pi x) + u_2 sin(pi x)) / sqrt(2),   u ~ N(0, 1),
+
+    of standard deviation `model_error` everywhere, alike at neighbouring depths, independent from one end to the
+    other. It does not average away with the number of points. (A stated term, not an estimate.)
 
     Parameters
     ----------
     problem : Problem
-        What is fitted or sampled with an approximate law.
+        What is fitted or sampled with an approximate law; its noise is stated.
     model_error : float
         Relative error of the force (dimensionless), e.g. `Fit.statistics.law_error`,
         ``posterior.diagnostics.model_error`` or the ``error`` of `accuracy_cost`.
@@ -165,34 +173,57 @@ def with_model_error(problem: Problem, model_error: float) -> Problem:
     Returns
     -------
     Problem
-        The same with the wider noise.
+        The same with that error in its noise, shaped by the force of a fit.
 
     Raises
     ------
     InputError
-        If `model_error` is negative, or the noise is of another model than `Noise`.
+        If `model_error` is negative, the noise is of another model than `Noise`, or its numbers are not all given.
+    FitError
+        If nothing can be fitted.
 
     Examples
     --------
-    >>> from underlay import Isotropic, Layer, Noise, Paraboloid, RIGID, Scene, simulate
+    >>> from underlay import Isotropic, Layer, Noise, Paraboloid, RIGID, Scene, fit, simulate
     >>> scene = Scene(Paraboloid(1e-3), Layer(Isotropic(1e6, 0.45), 1e-3), RIGID)
     >>> curve = simulate(scene, np.linspace(0.0, 1e-5, 50))
-    >>> problem = Problem(scene, curve, ["layer.E"], Noise(force=1e-5, relative=0.003), solver="dimitriadis2002")
-    >>> with_model_error(problem, 0.004).noise[0].relative
-    0.005
+    >>> problem = Problem(scene, curve, ["layer.E"], Noise(force=1e-9))
+    >>> wider = fit(with_model_error(problem, 0.01))
+
+    E is known to about the error of the law, however little noise there is:
+
+    >>> 0.002 < wider.stderr["layer.E"] / wider.values["layer.E"] < 0.01
+    True
     """
     if not model_error >= 0.0:
         raise InputError(f"model_error is a share of the force, zero or more; got {model_error!r}")
-    widened = [_widened(member.noise, model_error) for member in problem.members]
-    return problem.revised(noise=widened)
+    # Checked before a fit that may take seconds.
+    for member in problem.members:
+        _require_stated(member)
+    physical = problem.physical(quick_fit(problem).vector)
+    return problem.revised(noise=[_widened(member, physical, model_error) for member in problem.members])
 
 
-def _widened(noise: NoiseModel, model_error: float) -> Noise:
-    if not isinstance(noise, Noise):
+def _require_stated(member: Member) -> None:
+    if not isinstance(member.noise, Noise):
         raise InputError(
-            f"a model's error is added to the proportional part of a Noise; {type(noise).__name__} has none"
+            f"a model's error is added to a Noise; {type(member.noise).__name__} has its own ways to hold one"
         )
-    return replace(noise, relative=float(np.hypot(noise.relative, model_error)))
+    if member.noise_entries or member.scale_is_unknown:
+        raise InputError("a model's error stands beside a noise that is known: state noise.force (N)")
+
+
+def _widened(member: Member, physical: FloatArray, model_error: float) -> LowRankNoise:
+    """The noise of one curve with the error of its law."""
+    reading, noise = member.reading(physical), member.noise
+    sigma = member.sigma(reading, noise)
+    travel = member.curve.depth - member.values_at(physical)[ContactDepth.path]
+    along = np.pi * np.sqrt(np.maximum(travel, 0.0) / max(float(travel.max()), np.finfo(float).tiny))
+    shapes = np.column_stack((np.ones_like(along), np.cos(along), np.sin(along))) / np.sqrt(2.0)
+    columns = model_error * (reading.contact / sigma)[:, None] * shapes
+    given = {entry.name: getattr(noise, entry.name) for entry in fields(Noise)}
+    before = noise.columns if isinstance(noise, LowRankNoise) else np.zeros((len(columns), 0))
+    return LowRankNoise(**given, columns=np.hstack((before, columns)))
 
 
 def _score(arviz: ModuleType, data: Any) -> Any:

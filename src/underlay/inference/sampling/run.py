@@ -31,6 +31,7 @@ from underlay.inference.sampling.assembly import assemble_posterior
 from underlay.inference.sampling.chain_file import ChainFile, Progress, RandomState
 from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
+from underlay.inference.sampling.marginalised import marginalised
 from underlay.inference.sampling.moves import IndependenceMove, Tallied, moves
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.progress import SamplingProgress, Told
@@ -65,6 +66,7 @@ def sample(
     ----------
     problem : Problem
         With a proper prior for every free parameter. Readings beside a jump that `fit` leaves out are left out.
+        Where no noise is stated, noise and misfit are averaged over as in the intervals of `fit` (`marginalised`).
     walkers : int, default 64
         At least two more than twice as many as parameters: half of them span the space for the other half.
     max_steps : int, default 20000
@@ -110,7 +112,7 @@ def sample(
     """
     check_arguments(problem, walkers, max_steps, backend, resume=resume)
     begin = time.perf_counter()
-    problem = determined(problem)
+    problem = marginalised(determined(problem))
     seed, generator = seeded(rng)
     for_walkers, for_bands, for_mixture = generator.spawn(3)
     density = CountedDensity(problem)

@@ -78,9 +78,17 @@ class Ridges:
             self._for_pilots,
             Budget(_TO_LEARN),
             places=list(starts[len(found) :]),
+            known=self._known,
         )
         self.count()
         return found[0]
+
+    @property
+    def _known(self) -> tuple[FloatArray, FloatArray] | None:
+        """What the likelihood looks like, places (m, p) and factors (m, p, p) in z; None where unknown."""
+        if self.problem.likelihood is None:
+            return None
+        return self.coordinates.factors(*self.problem.likelihood.about)
 
     def count(self) -> None:
         """Count what was asked of the density here since the last time among its evaluations."""

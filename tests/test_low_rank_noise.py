@@ -1,0 +1,118 @@
+"""Errors that all readings of a curve share: their algebra by dense matrices, and a smooth error of the law."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import underlay as ul
+from underlay.errors import InputError
+
+RNG = np.random.default_rng(4)
+SCENE = ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45)))
+
+
+def dense(noise, sigma, time):
+    n = len(sigma)
+    R = np.eye(n)
+    if noise.correlation_time:
+        R = np.exp(-np.abs(time[:, None] - time) / noise.correlation_time)
+    return sigma[:, None] * (R + noise.columns @ noise.columns.T) * sigma
+
+
+@pytest.mark.parametrize("correlation_time", [0.0, 0.7])
+@pytest.mark.parametrize("size", [0.01, 1.0, 300.0])
+def test_whitening_is_the_inverse_of_the_cholesky_factor(correlation_time, size):
+    n = 30
+    time = np.cumsum(RNG.uniform(0.1, 0.5, n))
+    columns = size * RNG.standard_normal((n, 3))
+    noise = ul.LowRankNoise(force=2.0, correlation_time=correlation_time, columns=columns)
+    sigma = RNG.uniform(1.0, 3.0, n)
+    V = dense(noise, sigma, time)
+    residuals = RNG.standard_normal((4, n))
+    # A whitening that only looks back, with a positive diagonal, is that of Cholesky and no other.
+    expected = np.linalg.solve(np.linalg.cholesky(V), residuals.T).T
+    lost = n * np.finfo(float).eps * np.linalg.cond(V)
+    assert noise.whiten(residuals / sigma, time) == pytest.approx(expected, abs=lost * np.abs(expected).max())
+    assert noise.log_determinant(sigma, time) == pytest.approx(0.5 * np.linalg.slogdet(V)[1], abs=1e-9 + lost)
+
+
+def test_the_density_of_a_problem_is_that_of_the_normal_distribution():
+    curve = ul.synthesize(SCENE, np.linspace(0.0, 1e-5, 12), ul.Noise(force=1e-5), rng=1)
+    noise = ul.LowRankNoise(force=1e-5, columns=RNG.standard_normal((12, 2)))
+    problem = ul.Problem(SCENE, curve, {"layer.E": None}, noise)
+    V = dense(noise, np.full(12, 1e-5), None)
+    for density, shift in zip(problem.log_likelihood(np.array([[0.0], [0.02]])), (0.0, 0.02), strict=True):
+        model = SCENE.with_values({"layer.E": 1e6 * np.exp(shift)}).force(curve.depth)
+        assert density == pytest.approx(stats.multivariate_normal.logpdf(curve.force, model, V), rel=1e-9)
+
+
+def test_draws_have_the_covariance():
+    columns = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]])
+    noise = ul.LowRankNoise(force=1.0, correlation_time=1.0, columns=columns)
+    time, sigma = np.arange(3.0), np.array([1.0, 2.0, 1.0])
+    draws = noise.sample(np.random.default_rng(0), np.tile(sigma, (20_000, 1)), time)
+    V = dense(noise, sigma, time)
+    # The standard deviation of a sample covariance is at most sqrt(2 V_ii V_jj / draws).
+    allowed = 5.0 * np.sqrt(2.0 * np.outer(np.diag(V), np.diag(V)) / 20_000)
+    assert (np.abs(np.cov(draws.T) - V) < allowed).all()
+
+
+def test_what_does_not_fit_is_refused():
+    noise = ul.LowRankNoise(force=1e-6, columns=np.ones((5, 1)))
+    with pytest.raises(InputError, match="a curve with 5 readings; got 4"):
+        noise.whiten(np.zeros(4))
+    assert noise.of_readings(np.arange(5) != 2).columns.shape == (4, 1)
+    curve = ul.synthesize(SCENE, np.linspace(0.0, 1e-5, 9), ul.Noise(force=1e-6), rng=1)
+    with pytest.raises(InputError, match="cannot be fitted beside shared errors"):
+        ul.Problem(SCENE, curve, ["layer.E", "noise.force"], noise)
+    with pytest.raises(InputError, match=r"\(readings, errors\)"):
+        ul.LowRankNoise(force=1e-6, columns=np.ones(5))
+
+
+# --- the smooth error of a law -------------------------------------------------------------------------------
+
+
+def stated(points, model_error=0.02, rng=1):
+    curve = ul.synthesize(SCENE, np.linspace(0.0, 1e-5, points), ul.Noise(force=1e-7), rng=rng)
+    problem = ul.Problem(SCENE, curve, {"layer.E": None}, ul.Noise(force=1e-7))
+    return problem, ul.with_model_error(problem, model_error)
+
+
+def test_a_smooth_error_does_not_average_away():
+    few, many = (ul.fit(stated(points)[1]) for points in (40, 1000))
+    errors = [found.stderr["layer.E"] / found.values["layer.E"] for found in (few, many)]
+    # The best estimate under three known shapes is better than any one point, which is off by 2 %, and no better
+    # than their common part; noise of 1e-7 N on 1e-4 N adds nothing to that.
+    assert errors[1] == pytest.approx(errors[0], rel=0.1)
+    assert 0.002 < errors[1] < 0.02
+
+
+def test_a_law_that_is_smoothly_wrong_is_covered_and_noise_in_proportion_does_not():
+    problem, wider = stated(200)
+    depth, force = problem.curves[0].depth, problem.curves[0].force
+    x = np.pi * np.sqrt(depth / depth.max())
+    rng, held = np.random.default_rng(2), []
+    for _ in range(40):
+        u = rng.standard_normal(3)
+        share = 0.02 * (u[0] + u[1] * np.cos(x) + u[2] * np.sin(x)) / np.sqrt(2.0)
+        wrong = ul.Curve(depth, force * (1.0 + share))
+        fits = [
+            ul.fit(p.revised(curves=[wrong]))
+            for p in (wider, problem.revised(noise=ul.Noise(force=1e-7, relative=0.02)))
+        ]
+        held.append([1e6 in found.interval("layer.E") for found in fits])
+    # 40 of a coverage of 95 % show fewer than 33 once in a thousand times.
+    assert np.sum(held, axis=0)[0] >= 33
+    assert np.sum(held, axis=0)[1] < 25
+
+
+def test_a_model_error_needs_a_noise_that_is_known():
+    problem, wider = stated(20)
+    with pytest.raises(InputError, match="zero or more"):
+        ul.with_model_error(problem, -0.1)
+    with pytest.raises(InputError, match=r"state noise\.force"):
+        ul.with_model_error(problem.revised(noise=ul.Noise()), 0.1)
+    # A second error stands beside the first: their variances add.
+    twice = ul.with_model_error(wider, 0.02)
+    errors = [ul.fit(p).stderr["layer.E"] for p in (wider, twice)]
+    assert errors[1] == pytest.approx(np.sqrt(2.0) * errors[0], rel=0.05)
