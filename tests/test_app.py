@@ -24,11 +24,11 @@ from support.page import (
     stranger,
     text_of,
     until,
-    until_done,
     until_said,
     wait_for,
     write,
 )
+from underlay.app.work import Worker
 from underlay.cli import main
 from underlay.inference.batch.decisions import read_decisions
 from underlay.inference.batch.map_table import read_map
@@ -196,10 +196,12 @@ def test_two_browsers_do_not_mix_and_a_second_window_takes_over(tmp_path):
     run(persons())
 
 
-def test_a_posterior_tells_how_far_it_is_and_stops_when_it_is_told(tmp_path):
+def test_a_posterior_tells_how_far_it_is_stops_when_told_and_is_there_again(tmp_path):
     async def person():
         async with page(tmp_path) as user:
             folder = await begin(user)
+            analysis = user.home.analysis(folder.name)
+            analysis.long = Worker("support.worker_tasks:Waiting", str(folder.path))
             await bring(user, SAMPLES / "gel_on_glass.csv")
             press(user, "step-2")
             press(user, "preset-gel_on_glass")
@@ -209,14 +211,25 @@ def test_a_posterior_tells_how_far_it_is_and_stops_when_it_is_told(tmp_path):
             press(user, "step-5")
             write(user, "most", 2_000)
             press(user, "sample")
-            # Past the length below which there is no posterior yet; each count is on the page for a moment only.
-            await until_done(user, "sample", 120)
+            await until(user, content="120 of about")
             press(user, "stop-sample")
             await until(user, "posterior-headline")
-            assert "Layer modulus" in text_of(user, "posterior-headline")
+            said = text_of(user, "posterior-headline")
+            assert "Layer modulus" in said
             await until(user, content="interrupted after")
             posterior = ul.Posterior.load(folder.results / "gel_on_glass.posterior.npz")
             assert not posterior.converged
+            await user.open(f"/analysis/{folder.name}")
+            await until(user, "modulus-half-space")
+            press(user, "step-5")
+            await until(user, "posterior-headline")
+            assert text_of(user, "posterior-headline") == said
+            assert "old-posterior" not in seen(user)
+            press(user, "step-3")
+            await until(user, "modulus-half-space")
+            write(user, "contact", 300)
+            press(user, "step-5")
+            await until(user, "old-posterior")
 
     run(person())
 

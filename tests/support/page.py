@@ -123,17 +123,6 @@ async def changed(user: User, marker, before, seconds=60.0):
     raise AssertionError(f"{marker} is still {before}")
 
 
-async def until_done(user: User, task, steps, seconds=60.0):
-    """Wait until a task tells at least so many steps; each count is on the page for a moment only."""
-    for _ in range(int(seconds / 0.02)):
-        await asyncio.sleep(0.02)
-        with contextlib.suppress(AssertionError):
-            told = text_of(user, f"progress-{task}").split()
-            if told and told[0].isdigit() and int(told[0]) >= steps:
-                return
-    raise AssertionError(f"{task} never told {steps} steps")
-
-
 def stranger(user: User):
     """Somebody on this machine who was not given an address."""
     client = httpx.AsyncClient(transport=httpx.ASGITransport(core.app), base_url=f"http://{HOST}")

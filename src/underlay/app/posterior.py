@@ -5,6 +5,7 @@ from __future__ import annotations
 from underlay._csv_text import csv_text
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder
+from underlay.app.kept import keep
 from underlay.app.results import fingerprint, rows_of, stem_of
 from underlay.app.shown import Progress, Sampled
 from underlay.app.work import Tell
@@ -18,7 +19,7 @@ from underlay.report.posterior_tables import posterior_table
 from underlay.report.words import posterior_summary
 from underlay.scene.scene_file import SceneFile
 
-__all__ = ["sample_posterior"]
+__all__ = ["sample_posterior", "sampled_name"]
 
 _WALKERS, _EVERY = 64, 10
 
@@ -48,4 +49,12 @@ def sample_posterior(folder: AnalysisFolder, file: SceneFile, curve: Curve, most
     summary = csv_text(posterior.summary().rename_axis("parameter"))
     write_atomic(folder.result(f"{stem}.posterior.csv"), summary)
     words = posterior_summary(posterior).replace("**", "").split("\n\n")
-    return Sampled((*words, *map(spoken, notes)), rows_of(posterior_table(posterior)), tuple(pictures))
+    said = (*words, *map(spoken, notes))
+    sampled = Sampled(of, said, rows_of(posterior_table(posterior)), tuple(pictures))
+    keep(folder, sampled_name(stem), sampled)
+    return sampled
+
+
+def sampled_name(stem: str) -> str:
+    """Name of the file in which what is shown of a posterior is kept."""
+    return f"{stem}.sampled.json"

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterator
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from underlay._csv_text import csv_text
-from underlay._documents import parse_json
-from underlay._door import FileKind, read_text, sha256_of, understood
+from underlay._door import sha256_of
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder
+from underlay.app.kept import keep
 from underlay.app.shown import Found, Row
 from underlay.app.work import Tell
 from underlay.cli.fit import quality_doubts, reservations, write_fit
@@ -33,9 +31,7 @@ from underlay.report.words import headline, stands_on, verdict_sentence
 from underlay.scene.effects import effects_table
 from underlay.scene.scene_file import SceneFile
 
-__all__ = ["fingerprint", "found_before", "rows_of", "stem_of", "tell_found"]
-
-_KIND = FileKind("a result of the page", 5_000_000, "press Fit again")
+__all__ = ["fingerprint", "found_name", "rows_of", "stem_of", "tell_found"]
 
 
 def stem_of(file: SceneFile) -> str:
@@ -61,7 +57,7 @@ def tell_found(
         parts |= more
         tell(Found(**parts))
     found = Found(**parts)
-    write_atomic(folder.result(f"{stem}.shown.json"), json.dumps(asdict(found), indent=1))
+    keep(folder, found_name(stem), found)
     return found
 
 
@@ -110,16 +106,9 @@ def _by_depth(
     yield {"depths": spoken(pointwise_sentence(found))}
 
 
-def found_before(folder: AnalysisFolder, stem: str) -> Found | None:
-    """Return what was found before; None where nothing was, or the file is not what was written."""
-    path = folder.result(f"{stem}.shown.json")
-    if not path.is_file():
-        return None
-    try:
-        with understood(path, _KIND):
-            return Found(**parse_json(read_text(path, _KIND)))
-    except UnderlayError:
-        return None
+def found_name(stem: str) -> str:
+    """Name of the file in which what is shown of a fit is kept."""
+    return f"{stem}.shown.json"
 
 
 def rows_of(frame: pd.DataFrame) -> tuple[Row, ...]:

@@ -152,6 +152,8 @@ class Overview:
         Columns by which curves may be grouped.
     is_old : bool
         Whether files or scene were changed since.
+    is_whole : bool
+        Whether the run came to its end.
     """
 
     sentences: tuple[str, ...] = ()
@@ -161,6 +163,7 @@ class Overview:
     pictures: tuple[str, ...] = ()
     labels: tuple[str, ...] = ()
     is_old: bool = False
+    is_whole: bool = True
 
 
 @dataclass(frozen=True)
@@ -216,6 +219,10 @@ class Together:
 
     Parameters
     ----------
+    of : str
+        Fingerprint of the map and of what was decided by hand.
+    by, group : str
+        Labels that say which curves belong together, and what is compared; empty for none.
     sentences : tuple of str
         In words.
     groups, ratios : tuple of Row
@@ -224,6 +231,9 @@ class Together:
         Name of a file; empty where there is none.
     """
 
+    of: str
+    by: str = ""
+    group: str = ""
     sentences: tuple[str, ...] = ()
     groups: tuple[Row, ...] = ()
     ratios: tuple[Row, ...] = ()
@@ -236,6 +246,8 @@ class Sampled:
 
     Parameters
     ----------
+    of : str
+        Fingerprint of the curve and scene that it is of.
     sentences : tuple of str
         In words, with whether it converged.
     table : tuple of Row
@@ -244,6 +256,7 @@ class Sampled:
         Names of files.
     """
 
+    of: str
     sentences: tuple[str, ...] = ()
     table: tuple[Row, ...] = ()
     pictures: tuple[str, ...] = ()

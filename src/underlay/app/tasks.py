@@ -13,9 +13,10 @@ import numpy as np
 from underlay._door import sha256_of
 from underlay.app import many, takeaway
 from underlay.app.folder import AnalysisFolder
+from underlay.app.kept import kept
 from underlay.app.labels import read_labels, set_label, take_manifest
-from underlay.app.posterior import sample_posterior
-from underlay.app.results import fingerprint, found_before, stem_of, tell_found
+from underlay.app.posterior import sample_posterior, sampled_name
+from underlay.app.results import fingerprint, found_name, stem_of, tell_found
 from underlay.app.shown import Found, Gallery, Look, Overview, Reading, Sampled, Together
 from underlay.app.work import Tell
 from underlay.cli.console import gathered_warnings
@@ -27,6 +28,7 @@ from underlay.data.readers import read_all
 from underlay.data.recorded import recorded
 from underlay.data.signs import flipped
 from underlay.errors import InputError, UnderlayError
+from underlay.inference.file_facts import settle
 from underlay.inference.from_files import chosen_part, problem_from, read_whole
 from underlay.inference.held_contact import laws_at_contact
 from underlay.inference.least_squares import Fit
@@ -36,6 +38,7 @@ from underlay.report import plots
 from underlay.report.plots.laws import canvas
 from underlay.report.plots.style import drawn, unit_for
 from underlay.report.reading import format_name, reading_table
+from underlay.scene.default_depth import default_depth
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import format_quantity
 
@@ -94,7 +97,11 @@ class Analyst:
     def scene(self, _tell: Tell) -> bytes:
         """Draw the test to scale, at the depth of the curve or of a default."""
         file = read_scene_file(self._folder.scene)
-        return drawn(plots.scene(file.draft, depth=self._deepest(file), solver=file.solver))
+        test = file.draft
+        if file.left_out and file.curve_path is not None:
+            # The tip that the file of the curve says; a stand-in is never drawn.
+            test = test.with_values(settle(test, self._curve(file), left_out=file.left_out).values)
+        return drawn(plots.scene(test, depth=self._deepest(file), solver=file.solver))
 
     def look(self, contact: float | None, low: float | None, high: float | None, _tell: Tell) -> Look:
         """Draw the curve with both laws at a contact point; where none is given, at the one that is found."""
@@ -133,13 +140,19 @@ class Analyst:
     def found(self, _tell: Tell) -> tuple[Found | None, bool]:
         """What was found on this curve before, and whether the scene is still the same."""
         file = read_scene_file(self._folder.scene)
-        before = found_before(self._folder, stem_of(file))
+        before = kept(self._folder, found_name(stem_of(file)), Found)
         return before, before is not None and before.of == fingerprint(file)
 
     def sample(self, most: int, tell: Tell) -> Sampled:
         """Sample the posterior of the curve."""
         file = read_scene_file(self._folder.scene)
         return sample_posterior(self._folder, file, chosen_part(self._curve(file), file.curve), most, tell)
+
+    def sampled(self, _tell: Tell) -> tuple[Sampled | None, bool]:
+        """The posterior of this curve that was sampled before, and whether the scene is still the same."""
+        file = read_scene_file(self._folder.scene)
+        before = kept(self._folder, sampled_name(stem_of(file)), Sampled)
+        return before, before is not None and before.of == fingerprint(file)
 
     def fit_all(self, tell: Tell) -> Overview:
         """Fit every curve."""
@@ -173,6 +186,10 @@ class Analyst:
         """Say what all curves tell of a population."""
         return many.show_population(self._folder, by, group)
 
+    def together(self, _tell: Tell) -> tuple[Together | None, bool]:
+        """What all curves told of a population before, and whether map and decisions are still the same."""
+        return many.population_before(self._folder)
+
     def archive(self, _tell: Tell) -> bytes:
         """The analysis as files that repeat it."""
         return takeaway.analysis_archive(self._folder, read_scene_file(self._folder.scene))
@@ -180,7 +197,7 @@ class Analyst:
     def script(self, _tell: Tell) -> str:
         """The analysis as Python."""
         file = read_scene_file(self._folder.scene)
-        found = found_before(self._folder, stem_of(file))
+        found = kept(self._folder, found_name(stem_of(file)), Found)
         return takeaway.script(file, {} if found is None else found.values)
 
     def excel(self, _tell: Tell) -> bytes:
@@ -228,14 +245,15 @@ class Analyst:
         return self._read[1]
 
     def _deepest(self, file: SceneFile) -> float:
-        from underlay.cli.expected import deepest_point  # noqa: PLC0415  it prints, where there is a terminal
-
+        """Depth reading (m) to which a test is drawn: of its curve, of ``[simulate]``, else a default."""
         if file.curve_path is not None:
             try:
                 return float(self._curve(file).depth.max())
             except UnderlayError:
                 pass
-        return deepest_point(file, None) + file.draft.instrument.contact_depth
+        if file.simulate is not None:
+            return file.simulate.max_depth
+        return default_depth(file.scene) + file.draft.instrument.contact_depth
 
 
 def _spoken(*messages: str) -> tuple[str, ...]:

@@ -11,13 +11,14 @@ from underlay.app.pages.step import Step, Window, data_address, message_list
 from underlay.app.shown import Look
 from underlay.units import format_quantity, printed
 
-__all__ = ["FitStep"]
+__all__ = ["GREEN", "GREY", "FitStep"]
 
 _CONTACT = "instrument.contact_depth"
 _STEPS = 1000
 # A handle is taken from this far (pixels of the picture).
 _REACH = 14.0
-_BLUE, _GREY = "#009e73", "#6b6b6b"
+#: Of the handles: the contact point, and the ends of the range.
+GREEN, GREY = "#009e73", "#404040"
 
 
 class FitStep(Step):
@@ -41,7 +42,8 @@ class FitStep(Step):
                     ui.interactive_image(
                         size=(936, 507),
                         on_mouse=self._drag,
-                        events=["mousedown", "mousemove", "mouseup", "mouseleave"],
+                        # Pointers are mice, fingers and pens.
+                        events=["pointerdown", "pointermove", "pointerup", "pointerleave", "pointercancel"],
                     )
                     .classes("picture handle")
                     .mark("curve")
@@ -54,7 +56,7 @@ class FitStep(Step):
                 with ui.row().classes("slide"):
                     ui.label("Fit range").classes("slide-name")
                     self._range_slide = ui.range(min=0, max=_STEPS, step=1, on_change=self._slid)
-                    self._range_slide.props('color=grey-7 aria-label="fit range"').mark("range")
+                    self._range_slide.props('color=grey-9 aria-label="fit range"').mark("range")
                     self._range_words = ui.label().classes("slide-value")
             with ui.column().classes("side"):
                 ui.label("At this contact point").classes("heading")
@@ -140,16 +142,16 @@ class FitStep(Step):
             self._write()
 
     async def _drag(self, event: events.MouseEventArguments) -> None:
-        """Move the handle that the mouse took."""
+        """Move the handle that mouse or finger took."""
         if self._look is None:
             return
         picture = self._look.picture
         at = picture.low + (event.image_x - picture.left) / (picture.right - picture.left) * (
             picture.high - picture.low
         )
-        if event.type == "mousedown":
+        if event.type == "pointerdown":
             self._held = self._nearest(event.image_x)
-        elif event.type == "mousemove" and self._held and event.buttons:
+        elif event.type == "pointermove" and self._held and event.buttons:
             self._move(min(max(at, picture.low), picture.high))
             await self._follow()
         elif self._held:
@@ -204,13 +206,13 @@ class FitStep(Step):
             for a, b in ((picture.left, low), (high, picture.right))
         )
         handles = "".join(
-            f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{top}" y2="{bottom}" stroke="{colour}" stroke-width="{width}" '
-            f'stroke-dasharray="{dash}"/><rect x="{x - 5:.1f}" y="{bottom - 26}" width="10" height="26" rx="4" '
-            f'fill="{colour}"/>'
-            for x, colour, width, dash in (
-                (low, _GREY, 1.5, "4 4"),
-                (high, _GREY, 1.5, "4 4"),
-                (contact, _BLUE, 2, "none"),
+            f'<g class="{name}"><line x1="{x:.1f}" x2="{x:.1f}" y1="{top}" y2="{bottom}" stroke="{colour}" '
+            f'stroke-width="{width}" stroke-dasharray="{dash}"/>'
+            f'<rect x="{x - 5:.1f}" y="{bottom - 26}" width="10" height="26" rx="4" fill="{colour}"/></g>'
+            for name, x, colour, width, dash in (
+                ("low", low, GREY, 1.5, "4 4"),
+                ("high", high, GREY, 1.5, "4 4"),
+                ("contact", contact, GREEN, 2, "none"),
             )
         )
         self._picture.set_content(shade + handles)

@@ -7,10 +7,12 @@ from typing import Any
 
 from nicegui import ui
 
-from underlay.app.form import ADVANCED, BASES, PRESETS, Draft, Field, apart, preset, problem_with
+from underlay.app.form import Draft, Field, apart, preset, problem_with
+from underlay.app.form_words import ADVANCED, BASES, PRESETS
 from underlay.app.pages.free import FreeTable
+from underlay.app.pages.scene_text import SceneText
 from underlay.app.pages.step import Step, data_address
-from underlay.scene.scene_keys import TOP, SceneKey
+from underlay.scene.scene_keys import SceneKey
 
 __all__ = ["SceneStep"]
 
@@ -37,6 +39,9 @@ class SceneStep(Step):
                 self._form = ui.column().classes("wide form")
             with ui.column().classes("main"):
                 self._drawing = ui.column().classes("wide")
+                # Not made again with every drawing: who stands on it with the keyboard stays there.
+                self._next = ui.button("Next: the fit", on_click=lambda: self.window.go("Fit")).mark("to-fit")
+                self._next.props("unelevated no-caps").set_visibility(False)
                 self._free = FreeTable(self.window, self._changed)
 
     async def show(self) -> None:
@@ -56,12 +61,11 @@ class SceneStep(Step):
                 self._fields("substrate")
                 self._axial("substrate")
             for section, words in ADVANCED.items():
-                with (
-                    ui.expansion(words, value=bool(section not in (TOP, "solver") and draft.peek(section)))
-                    .props("dense")
-                    .classes("wide")
-                ):
+                # Every sample says its accuracy; the others are open where something stands in them.
+                is_open = section != "solver" and any(field.text for field in draft.fields(section))
+                with ui.expansion(words, value=is_open).props("dense").classes("wide"):
                     self._fields(section)
+            SceneText(self.window, self.show)
         await self._draw()
         self._free.show()
 
@@ -183,12 +187,10 @@ class SceneStep(Step):
         """Draw the scene, or say what it lacks."""
         drawn = await self.window.try_to(self.analysis.quick, "scene")
         self._drawing.clear()
+        self._next.set_visibility(isinstance(drawn, bytes))
         with self._drawing:
             if isinstance(drawn, bytes):
                 ui.image(data_address(drawn)).classes("drawing").props('alt="the test, drawn to scale"')
-                ui.button("Next: the fit", on_click=lambda: self.window.go("Fit")).props(
-                    "unelevated no-caps"
-                ).mark("to-fit")
             else:
                 ui.label(str(drawn)).classes("bad").mark("scene-problem")
 
