@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
+from support.films import write_films
 from support.page import (
     begin,
     bring,
@@ -30,8 +31,10 @@ from support.page import (
 )
 from underlay.app.work import Worker
 from underlay.cli import main
+from underlay.cli.film import film_table, fit_film
 from underlay.inference.batch.decisions import read_decisions
 from underlay.inference.batch.map_table import read_map
+from underlay.scene.scene_file import read_scene_file
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"
 
@@ -94,9 +97,9 @@ def test_from_a_dropped_file_to_a_number_that_python_repeats(tmp_path):
             press(user, "step-5")
             await until(user, "script")
             press(user, "take-archive")
-            archive = zipfile.ZipFile(io.BytesIO((await user.download.next(timeout=60.0)).content))
+            archive = zipfile.ZipFile(io.BytesIO((await user.download.next(timeout=240.0)).content))
             press(user, "take-excel")
-            excel = (await user.download.next(timeout=60.0)).content
+            excel = (await user.download.next(timeout=240.0)).content
             await come_back(user, folder)
         assert excel[:2] == b"PK"
         return archive, shown["values"]
@@ -167,6 +170,16 @@ def test_many_curves_are_fitted_decided_and_taken_together(tmp_path):
             write(user, "by", "animal")
             press(user, "together")
             await until(user, content="geometric mean")
+            # Reopened, all of it is there; what a new decision makes old says so.
+            await user.open(f"/analysis/{folder.name}")
+            await until(user, "fit")
+            press(user, "step-4")
+            await until(user, "decided-animal0-site0.csv")
+            await until(user, content="geometric mean")
+            assert "old-population" not in seen(user)
+            assert text_of(user, "known-animal") == "animal: animal0 (2), animal1 (2), animal2-site4.csv (1)"
+            press(user, "accept-animal1-site2.csv")
+            await until(user, "old-population")
         judged = read_map(folder.results / "judged.csv")
         assert list(judged["status"]) == ["refused by hand", *["fitted"] * 3, "failed"]
         assert set(judged["animal"]) == {"animal0", "animal1", "animal2-site4.csv"}
@@ -225,13 +238,54 @@ def test_a_posterior_tells_how_far_it_is_stops_when_told_and_is_there_again(tmp_
             await until(user, "posterior-headline")
             assert text_of(user, "posterior-headline") == said
             assert "old-posterior" not in seen(user)
-            press(user, "step-3")
+            await user.open(f"/analysis/{folder.name}")
             await until(user, "modulus-half-space")
             write(user, "contact", 300)
             press(user, "step-5")
             await until(user, "old-posterior")
 
     run(person())
+
+
+def test_a_film_by_its_stiffness_and_a_test_written_as_text(tmp_path):
+    async def person():
+        made = tmp_path / "made"
+        made.mkdir()
+        film, base, scene = write_films(made)
+        async with page(tmp_path / "home") as user:
+            folder = await begin(user)
+            await bring(user, film, base)
+            await until(user, "tests")
+            press(user, "step-2")
+            await until(user, "to-fit")
+            before = folder.scene_text()
+            write(user, "scene-text", scene.read_text() + '\n[curve]\nfile = "../../scene.toml"\n')
+            press(user, "use-text")
+            await until_said(user, "one of the files of step 1")
+            assert folder.scene_text() == before
+            write(user, "scene-text", scene.read_text() + f'\n[curve]\nfile = "{film.name}"\n')
+            press(user, "use-text")
+            await wait_for(lambda: "berkovich" in folder.scene_text() or "cone" in folder.scene_text())
+            press(user, "step-3")
+            await until(user, "film-base")
+            write(user, "film-base", base.name)
+            press(user, "film")
+            await until_said(user, "the known sample needs its modulus")
+            write(user, "film-modulus", "165 GPa")
+            press(user, "film")
+            await until(user, content="left of the trend")
+            return folder
+
+    folder = run(person())
+    shown = json.loads((folder.results / "oxide.film.json").read_text())
+    found = fit_film(
+        read_scene_file(folder.scene),
+        folder.curves / "oxide.xls",
+        folder.curves / "silicon.xls",
+        "165 GPa",
+        ("0 nm", "1 m"),
+    )
+    assert shown["table"] == film_table(found).astype(str).to_dict("records")
 
 
 def test_without_the_extra_the_command_says_the_line_to_install_it(monkeypatch, capsys):

@@ -15,6 +15,8 @@ from underlay.app.server import prepare
 from underlay.app.state import Home
 
 HOST = "test"
+# How long (s) is waited for what comes; only a failure takes it.
+PATIENCE = 240.0
 
 
 @contextlib.asynccontextmanager
@@ -44,7 +46,7 @@ async def page(folder):
     assert not [words for words in complaints if not words.startswith("Could not cancel")], complaints
 
 
-async def until(user: User, marker=None, seconds=60.0, **what):
+async def until(user: User, marker=None, seconds=PATIENCE, **what):
     """Wait until what has a mark is seen, or another `content`."""
     said = len(user.notify.messages)
     for _ in range(int(seconds / 0.1)):
@@ -94,7 +96,7 @@ def write(user: User, marker, text):
             element.set_value(text)
 
 
-async def until_said(user: User, words, seconds=60.0):
+async def until_said(user: User, words, seconds=PATIENCE):
     """Wait for a message with these words."""
     for _ in range(int(seconds / 0.1)):
         if any(words in message for message in user.notify.messages):
@@ -113,7 +115,7 @@ def seen(user: User):
     return {mark for element in user.client.elements.values() if element.visible for mark in element._markers}
 
 
-async def changed(user: User, marker, before, seconds=60.0):
+async def changed(user: User, marker, before, seconds=PATIENCE):
     """Wait until a text is another one."""
     for _ in range(int(seconds / 0.05)):
         await asyncio.sleep(0.05)
@@ -140,7 +142,7 @@ async def second_browser(user: User):
         yield other
 
 
-async def wait_for(is_true, seconds=60.0):
+async def wait_for(is_true, seconds=PATIENCE):
     """Wait until a condition holds."""
     for _ in range(int(seconds / 0.05)):
         if is_true():

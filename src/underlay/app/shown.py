@@ -9,6 +9,7 @@ from underlay.report.canvas import Canvas
 
 __all__ = [
     "Card",
+    "Film",
     "Found",
     "Gallery",
     "Look",
@@ -67,6 +68,8 @@ class Look:
         Verdict on the curve.
     notes : tuple of str
         What speaks against it, and what a law refused.
+    has_stiffness : bool
+        Whether its contact stiffness S(h) was measured, so that `underlay film` has something to fit.
     """
 
     picture: Canvas
@@ -76,6 +79,7 @@ class Look:
     moduli: dict[str, str] = field(default_factory=dict)
     quality: str = ""
     notes: tuple[str, ...] = ()
+    has_stiffness: bool = False
 
 
 @dataclass(frozen=True)
@@ -117,6 +121,28 @@ class Found:
     values: dict[str, str] = field(default_factory=dict)
     pictures: tuple[str, ...] = ()
     depths: str = ""
+
+
+@dataclass(frozen=True)
+class Film:
+    """What the contact stiffness says of a film.
+
+    Parameters
+    ----------
+    of : str
+        Fingerprint of the curve and scene that it is of.
+    notes : tuple of str
+        In words.
+    table : tuple of Row
+        A row per modulus.
+    picture : str
+        Name of a file.
+    """
+
+    of: str
+    notes: tuple[str, ...] = ()
+    table: tuple[Row, ...] = ()
+    picture: str = ""
 
 
 @dataclass(frozen=True)

@@ -5,19 +5,21 @@ Results are plain values, so that they travel through a pipe: texts, numbers, an
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from underlay._door import sha256_of
 from underlay.app import many, takeaway
+from underlay.app.film import film_name, film_of
 from underlay.app.folder import AnalysisFolder
 from underlay.app.kept import kept
 from underlay.app.labels import read_labels, set_label, take_manifest
 from underlay.app.posterior import sample_posterior, sampled_name
 from underlay.app.results import fingerprint, found_name, stem_of, tell_found
-from underlay.app.shown import Found, Gallery, Look, Overview, Reading, Sampled, Together
+from underlay.app.shown import Film, Found, Gallery, Look, Overview, Reading, Sampled, Together
 from underlay.app.work import Tell
 from underlay.cli.console import gathered_warnings
 from underlay.cli.wording import spoken
@@ -46,6 +48,7 @@ __all__ = ["Analyst"]
 
 _READING = ("format", "columns", "calibration")
 _CONTACT = "instrument.contact_depth"
+_Of = TypeVar("_Of", Film, Found, Sampled)
 
 
 class Analyst:
@@ -113,7 +116,7 @@ class Analyst:
         if contact is None:
             quality, notes = _quality(curve, file)
             contact = _first_contact(curve, file)
-        unit = unit_for(curve.depth, "length")[1]
+        unit, has_stiffness = unit_for(curve.depth, "length")[1], "contact_stiffness" in curve.columns
         ends = max(low, float(curve.depth.min())), min(high, float(curve.depth.max()))
         try:
             with gathered_warnings() as told:
@@ -121,12 +124,14 @@ class Analyst:
         except UnderlayError as error:
             used = chosen_part(curve, {**file.curve, "min_depth": low, "max_depth": high})
             bare = canvas(plots.laws(curve, used, {}), unit)
-            return Look(bare, contact, *ends, quality=quality, notes=_spoken(*notes, str(error)))
+            said = _spoken(*notes, str(error))
+            return Look(bare, contact, *ends, {}, quality, said, has_stiffness)
         moduli = {name: format_quantity(value, "pressure") for name, value in held.moduli.items()}
         refused = [f"{name}: {reason}" for name, reason in held.refused.items()]
         lines = {f"{name}, {moduli[name]}": line for name, line in held.lines.items()}
         picture = canvas(plots.laws(curve, held.used, lines), unit)
-        return Look(picture, contact, *ends, moduli, quality, _spoken(*notes, *refused, *told))
+        said = _spoken(*notes, *refused, *told)
+        return Look(picture, contact, *ends, moduli, quality, said, has_stiffness)
 
     def fit(self, tell: Tell) -> Found:
         """Fit the curve as the scene says; what is there already is told on the way."""
@@ -139,9 +144,16 @@ class Analyst:
 
     def found(self, _tell: Tell) -> tuple[Found | None, bool]:
         """What was found on this curve before, and whether the scene is still the same."""
+        return self._before(found_name, Found)
+
+    def film(self, base: str, modulus: str, low: str, high: str, _tell: Tell) -> Film:
+        """Fit the contact stiffness of the curve."""
         file = read_scene_file(self._folder.scene)
-        before = kept(self._folder, found_name(stem_of(file)), Found)
-        return before, before is not None and before.of == fingerprint(file)
+        return film_of(self._folder, file, base, modulus, (low, high))
+
+    def film_before(self, _tell: Tell) -> tuple[Film | None, bool]:
+        """What was found of the film before, and whether the scene is still the same."""
+        return self._before(film_name, Film)
 
     def sample(self, most: int, tell: Tell) -> Sampled:
         """Sample the posterior of the curve."""
@@ -150,9 +162,7 @@ class Analyst:
 
     def sampled(self, _tell: Tell) -> tuple[Sampled | None, bool]:
         """The posterior of this curve that was sampled before, and whether the scene is still the same."""
-        file = read_scene_file(self._folder.scene)
-        before = kept(self._folder, sampled_name(stem_of(file)), Sampled)
-        return before, before is not None and before.of == fingerprint(file)
+        return self._before(sampled_name, Sampled)
 
     def fit_all(self, tell: Tell) -> Overview:
         """Fit every curve."""
@@ -212,6 +222,12 @@ class Analyst:
         """The fit as a page."""
         file = read_scene_file(self._folder.scene)
         return takeaway.report_page(self._folder, self._fitted(), stem_of(file))
+
+    def _before(self, name_of: Callable[[str], str], kind: type[_Of]) -> tuple[_Of | None, bool]:
+        """What was found on this curve before, and whether the scene is still the same."""
+        file = read_scene_file(self._folder.scene)
+        before = kept(self._folder, name_of(stem_of(file)), kind)
+        return before, before is not None and before.of == fingerprint(file)
 
     def _fitted(self) -> Fit:
         """The fit of the scene as it is; made again where this process did not make it."""

@@ -6,6 +6,7 @@ import math
 
 from nicegui import events, ui
 
+from underlay.app.pages.film import FilmPart
 from underlay.app.pages.outcome import Outcome
 from underlay.app.pages.step import Step, Window, data_address, message_list
 from underlay.app.shown import Look
@@ -66,6 +67,7 @@ class FitStep(Step):
                 )
                 self._notes = ui.column().classes("wide")
         self._outcome = Outcome(self.window, self._fill_in)
+        self._film = FilmPart(self.window)
 
     async def show(self) -> None:
         """Look at the curve as the scene says."""
@@ -74,9 +76,11 @@ class FitStep(Step):
         self._empty.set_visibility(not there)
         if there:
             self._look = None
+            self._moduli.clear()
             await self._take(None, None, None)
             self._fill_in()
             await self._outcome.show()
+        await self._film.show(has_stiffness=there and self._look is not None and self._look.has_stiffness)
 
     async def _take(self, contact: float | None, low: float | None, high: float | None) -> None:
         look = await self.window.try_to(self.analysis.quick, "look", contact, low, high)
@@ -138,8 +142,9 @@ class FitStep(Step):
             self._range, changed = (depth(ends["min"]), depth(ends["max"])), True
         if changed:
             self._overlay()
-            await self._follow()
+            # Kept before it is drawn: another step that is opened meanwhile knows of it.
             self._write()
+            await self._follow()
 
     async def _drag(self, event: events.MouseEventArguments) -> None:
         """Move the handle that mouse or finger took."""
