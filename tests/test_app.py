@@ -93,7 +93,7 @@ def test_from_a_dropped_file_to_a_number_that_python_repeats(tmp_path):
             press(user, "fit")
             await until(user, content="What acts in this test, and how much")
             assert "Layer modulus" in text_of(user, "headline")
-            shown = json.loads((folder.results / "cartilage_on_bone.shown.json").read_text())
+            shown = json.loads((folder.results / "cartilage_on_bone.found.shown.json").read_text())
             press(user, "step-5")
             await until(user, "script")
             press(user, "take-archive")
@@ -277,7 +277,7 @@ def test_a_film_by_its_stiffness_and_a_test_written_as_text(tmp_path):
             return folder
 
     folder = run(person())
-    shown = json.loads((folder.results / "oxide.film.json").read_text())
+    shown = json.loads((folder.results / "oxide.film.shown.json").read_text())
     found = fit_film(
         read_scene_file(folder.scene),
         folder.curves / "oxide.xls",

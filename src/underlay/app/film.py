@@ -14,7 +14,7 @@ from underlay.errors import InputError
 from underlay.report import plots
 from underlay.scene.scene_file import SceneFile
 
-__all__ = ["film_name", "film_of"]
+__all__ = ["film_of"]
 
 
 def film_of(folder: AnalysisFolder, file: SceneFile, base: str, modulus: str, ends: tuple[str, str]) -> Film:
@@ -53,10 +53,5 @@ def film_of(folder: AnalysisFolder, file: SceneFile, base: str, modulus: str, en
         for note in film_notes(found, perfect=not base)
     )
     film = Film(fingerprint(file), notes, rows_of(film_table(found)), f"{stem}.film.png")
-    keep(folder, film_name(stem), film)
+    keep(folder, stem, film)
     return film
-
-
-def film_name(stem: str) -> str:
-    """Name of the file in which what is shown of a film is kept."""
-    return f"{stem}.film.json"

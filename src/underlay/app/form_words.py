@@ -24,7 +24,7 @@ BASES: Mapping[str, str] = {
 #: Sections that most tests do without, and what they are called.
 ADVANCED: Mapping[str, str] = {
     "curve": "Which part of the curve is fitted",
-    TOP: "Friction and large strain",
+    TOP: "Title, friction and large strain",
     "layer.relaxation": "A sample that relaxes",
     "adhesion": "A tip that sticks",
     "instrument": "The instrument",

@@ -12,20 +12,23 @@ from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder
 from underlay.errors import UnderlayError
 
-__all__ = ["keep", "kept"]
+__all__ = ["SHOWN", "keep", "kept"]
+
+#: How the names of these files end; what is taken away leaves them out.
+SHOWN = ".shown.json"
 
 _KIND = FileKind("a result of the page", 5_000_000, "press the button again that made it")
 _Shown = TypeVar("_Shown")
 
 
-def keep(folder: AnalysisFolder, name: str, shown: Any) -> None:
-    """Write what is shown, a dataclass of plain values, among the results."""
-    write_atomic(folder.result(name), json.dumps(asdict(shown), indent=1))
+def keep(folder: AnalysisFolder, stem: str, shown: Any) -> None:
+    """Write what is shown, a dataclass of plain values, among the results of a curve or of all."""
+    write_atomic(folder.result(_name(stem, type(shown))), json.dumps(asdict(shown), indent=1))
 
 
-def kept(folder: AnalysisFolder, name: str, kind: type[_Shown]) -> _Shown | None:
+def kept(folder: AnalysisFolder, stem: str, kind: type[_Shown]) -> _Shown | None:
     """Read what was shown; None where nothing was, or the file is not what was written."""
-    path = folder.result(name)
+    path = folder.result(_name(stem, kind))
     if not path.is_file():
         return None
     try:
@@ -33,3 +36,7 @@ def kept(folder: AnalysisFolder, name: str, kind: type[_Shown]) -> _Shown | None
             return kind(**parse_json(read_text(path, _KIND)))
     except UnderlayError:
         return None
+
+
+def _name(stem: str, kind: type[object]) -> str:
+    return f"{stem}.{kind.__name__.lower()}{SHOWN}"

@@ -38,7 +38,7 @@ __all__ = ["decide", "gallery", "judged_table", "overview", "population_before",
 _KIND = FileKind("the gallery of a map", 1_000_000_000, "fit the curves again")
 #: Curves on a page of the gallery.
 PER_PAGE = 24
-_TOGETHER = "population.shown.json"
+_TOGETHER = "population"
 
 
 def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:

@@ -19,7 +19,7 @@ from underlay.report.posterior_tables import posterior_table
 from underlay.report.words import posterior_summary
 from underlay.scene.scene_file import SceneFile
 
-__all__ = ["sample_posterior", "sampled_name"]
+__all__ = ["sample_posterior"]
 
 _WALKERS, _EVERY = 64, 10
 
@@ -51,10 +51,5 @@ def sample_posterior(folder: AnalysisFolder, file: SceneFile, curve: Curve, most
     words = posterior_summary(posterior).replace("**", "").split("\n\n")
     said = (*words, *map(spoken, notes))
     sampled = Sampled(of, said, rows_of(posterior_table(posterior)), tuple(pictures))
-    keep(folder, sampled_name(stem), sampled)
+    keep(folder, stem, sampled)
     return sampled
-
-
-def sampled_name(stem: str) -> str:
-    """Name of the file in which what is shown of a posterior is kept."""
-    return f"{stem}.sampled.json"

@@ -26,12 +26,13 @@ from underlay.report import plots
 from underlay.report.model_limits import model_limits
 from underlay.report.open_ends import advice, rivals
 from underlay.report.pointwise_tables import pointwise_of, pointwise_sentence
+from underlay.report.scene_tables import ledger_in_words
 from underlay.report.tables import interval_table
 from underlay.report.words import headline, stands_on, verdict_sentence
 from underlay.scene.effects import effects_table
 from underlay.scene.scene_file import SceneFile
 
-__all__ = ["fingerprint", "found_name", "rows_of", "stem_of", "tell_found"]
+__all__ = ["fingerprint", "rows_of", "stem_of", "tell_found"]
 
 
 def stem_of(file: SceneFile) -> str:
@@ -57,7 +58,7 @@ def tell_found(
         parts |= more
         tell(Found(**parts))
     found = Found(**parts)
-    keep(folder, found_name(stem), found)
+    keep(folder, stem, found)
     return found
 
 
@@ -91,7 +92,7 @@ def _parts(
     except UnderlayError:
         # A scene that the ledger has no rows for: the fit stands without it.
         return
-    yield {"effects": rows_of(effects)}
+    yield {"effects": rows_of(ledger_in_words(effects))}
 
 
 def _by_depth(
@@ -104,11 +105,6 @@ def _by_depth(
         write_atomic(folder.result(f"{stem}.depths.csv"), csv_text(found.table))
         yield {"pictures": (*pictures, f"{stem}.depths.png")}
     yield {"depths": spoken(pointwise_sentence(found))}
-
-
-def found_name(stem: str) -> str:
-    """Name of the file in which what is shown of a fit is kept."""
-    return f"{stem}.shown.json"
 
 
 def rows_of(frame: pd.DataFrame) -> tuple[Row, ...]:

@@ -5,7 +5,6 @@ Results are plain values, so that they travel through a pipe: texts, numbers, an
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,12 +12,12 @@ import numpy as np
 
 from underlay._door import sha256_of
 from underlay.app import many, takeaway
-from underlay.app.film import film_name, film_of
+from underlay.app.film import film_of
 from underlay.app.folder import AnalysisFolder
 from underlay.app.kept import kept
 from underlay.app.labels import read_labels, set_label, take_manifest
-from underlay.app.posterior import sample_posterior, sampled_name
-from underlay.app.results import fingerprint, found_name, stem_of, tell_found
+from underlay.app.posterior import sample_posterior
+from underlay.app.results import fingerprint, stem_of, tell_found
 from underlay.app.shown import Film, Found, Gallery, Look, Overview, Reading, Sampled, Together
 from underlay.app.work import Tell
 from underlay.cli.console import gathered_warnings
@@ -64,10 +63,6 @@ class Analyst:
         self._folder = AnalysisFolder(Path(path))
         self._read: tuple[object, Curve] | None = None
         self._fit: tuple[str, Fit] | None = None
-
-    def ready(self, _tell: Tell) -> bool:
-        """Say that the process is there, with what it needs loaded."""
-        return True
 
     def read(self, name: str, _tell: Tell) -> Reading:
         """Read a file as the scene says, and say how."""
@@ -142,27 +137,21 @@ class Analyst:
         self._fit = (fingerprint(file), result)
         return tell_found(self._folder, file, problem, result, notes, tell)
 
-    def found(self, _tell: Tell) -> tuple[Found | None, bool]:
-        """What was found on this curve before, and whether the scene is still the same."""
-        return self._before(found_name, Found)
+    def before(self, kind: type[_Of], _tell: Tell) -> tuple[_Of | None, bool]:
+        """What of this kind was found on this curve before, and whether the scene is still the same."""
+        file = read_scene_file(self._folder.scene)
+        found = kept(self._folder, stem_of(file), kind)
+        return found, found is not None and found.of == fingerprint(file)
 
     def film(self, base: str, modulus: str, low: str, high: str, _tell: Tell) -> Film:
         """Fit the contact stiffness of the curve."""
         file = read_scene_file(self._folder.scene)
         return film_of(self._folder, file, base, modulus, (low, high))
 
-    def film_before(self, _tell: Tell) -> tuple[Film | None, bool]:
-        """What was found of the film before, and whether the scene is still the same."""
-        return self._before(film_name, Film)
-
     def sample(self, most: int, tell: Tell) -> Sampled:
         """Sample the posterior of the curve."""
         file = read_scene_file(self._folder.scene)
         return sample_posterior(self._folder, file, chosen_part(self._curve(file), file.curve), most, tell)
-
-    def sampled(self, _tell: Tell) -> tuple[Sampled | None, bool]:
-        """The posterior of this curve that was sampled before, and whether the scene is still the same."""
-        return self._before(sampled_name, Sampled)
 
     def fit_all(self, tell: Tell) -> Overview:
         """Fit every curve."""
@@ -207,7 +196,7 @@ class Analyst:
     def script(self, _tell: Tell) -> str:
         """The analysis as Python."""
         file = read_scene_file(self._folder.scene)
-        found = kept(self._folder, found_name(stem_of(file)), Found)
+        found = kept(self._folder, stem_of(file), Found)
         return takeaway.script(file, {} if found is None else found.values)
 
     def excel(self, _tell: Tell) -> bytes:
@@ -222,12 +211,6 @@ class Analyst:
         """The fit as a page."""
         file = read_scene_file(self._folder.scene)
         return takeaway.report_page(self._folder, self._fitted(), stem_of(file))
-
-    def _before(self, name_of: Callable[[str], str], kind: type[_Of]) -> tuple[_Of | None, bool]:
-        """What was found on this curve before, and whether the scene is still the same."""
-        file = read_scene_file(self._folder.scene)
-        before = kept(self._folder, name_of(stem_of(file)), kind)
-        return before, before is not None and before.of == fingerprint(file)
 
     def _fitted(self) -> Fit:
         """The fit of the scene as it is; made again where this process did not make it."""

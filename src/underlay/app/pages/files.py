@@ -14,7 +14,7 @@ from underlay.errors import UnderlayError
 
 __all__ = ["FilesStep"]
 
-# Names listed at once; with more there is a field to find one.
+# Names listed at once; with more than a few there is a field to find one, and a table turns pages.
 _LISTED, _FEW = 100, 8
 _AUTO = "as its content says"
 
@@ -147,9 +147,11 @@ class FilesStep(Step):
                     ui.label(value)
         columns = [{"name": key, "label": key, "field": key, "align": "left"} for key in told.tests[0]]
         table = ui.table(
-            columns=columns, rows=[dict(row) for row in told.tests], row_key="test", pagination=8
+            columns=columns, rows=[dict(row) for row in told.tests], row_key="test", pagination=_FEW
         )
         table.props("flat dense").classes("wide").mark("tests")
+        if len(told.tests) <= _FEW:
+            table.props("hide-pagination")
         if len(told.tests) > 1:
             table.set_selection("single")
             table.selected = [dict(row) for row in told.tests if row["test"] == str(self._test)]

@@ -57,7 +57,7 @@ class FilmPart:
         others = [path.name for path in analysis.folder.curve_files() if path.name != analysis.curve_name]
         kept = self._base.value if self._base.value in others else _PERFECT
         self._base.set_options([_PERFECT, *others], value=kept)
-        before = await self._window.try_to(analysis.quick, "film_before")
+        before = await self._window.try_to(analysis.quick, "before", Film)
         if isinstance(before, tuple) and before[0] is not None:
             self._shown(before[0], is_old=not before[1])
 

@@ -17,6 +17,8 @@ from underlay.scene.scene_keys import SceneKey
 __all__ = ["SceneStep"]
 
 _CHOOSES = ("shape", "model")
+# Keys that every sample says.
+_SAID = ("title", "rtol")
 # What a scene says of its curve that stays when another sample is begun with.
 _OF_THE_FILE = ("file", "test", "format", "columns", "flip", "calibration")
 
@@ -61,8 +63,8 @@ class SceneStep(Step):
                 self._fields("substrate")
                 self._axial("substrate")
             for section, words in ADVANCED.items():
-                # Every sample says its accuracy; the others are open where something stands in them.
-                is_open = section != "solver" and any(field.text for field in draft.fields(section))
+                # Open where something stands in it that not every sample says.
+                is_open = any(field.text for field in draft.fields(section) if field.key.name not in _SAID)
                 with ui.expansion(words, value=is_open).props("dense").classes("wide"):
                     self._fields(section)
             SceneText(self.window, self.show)
@@ -118,7 +120,7 @@ class SceneStep(Step):
         units = field.units
         many = "," in field.text
         number, unit = (field.text, "") if many else apart(field.text, units)
-        with ui.row(wrap=False).classes("amount"):
+        with ui.row(wrap=False).classes("amount" if field.key.kind else "wide"):
             entry = ui.input(
                 field.label, value=number, placeholder="" if field.required else field.key.default
             )
@@ -126,6 +128,9 @@ class SceneStep(Step):
                 field.key.meaning
             )
             entry.mark(_mark(field))
+            if not field.key.kind:
+                # Of words there is no example in a unit: what may stand there is said under it.
+                entry.props["hint"] = field.key.meaning
             picked = None
             if any(units) and not many:
                 picked = ui.select(list(dict.fromkeys([*units, unit])), value=unit)

@@ -13,8 +13,8 @@ from underlay.errors import UnderlayError
 __all__ = ["SceneText"]
 
 _WORDS = (
-    "What has no field above is written here: springs as a bond, tips by their profile in many points, several "
-    "layers at once, the prior 'found'. `underlay keys` lists every key."
+    'What has no field is written here: springs under a layer, bond = { normal = "1 GPa/m" }, and the prior '
+    '"found" of the contact point. The command underlay keys lists every key.'
 )
 
 

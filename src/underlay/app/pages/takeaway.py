@@ -102,7 +102,7 @@ class TakeAwayStep(Step):
 
     async def _show_posterior(self) -> None:
         """Show what was sampled before."""
-        before = await self.window.try_to(self.analysis.quick, "sampled")
+        before = await self.window.try_to(self.analysis.quick, "before", Sampled)
         self._posterior.clear()
         if not isinstance(before, tuple) or before[0] is None:
             return
