@@ -42,11 +42,12 @@ def words(tab, name):
     )
 
 
-def modulus(tab):
-    """What the half-space says at this contact point."""
-    return tab.evaluate(
-        "[...document.querySelectorAll('.fact')].find(e => e.innerText.startsWith('half-space')).innerText"
+def modulus(tab, before=""):
+    """What the half-space says at this contact point, when it is there and another than before."""
+    there = (
+        "([...document.querySelectorAll('.fact')].find(e => e.innerText.startsWith('half-space'))?.innerText)"
     )
+    return until(tab, f"{there} !== {before!r} && {there}")
 
 
 def said_of_the_test(folder):
@@ -61,13 +62,12 @@ def first_analysis_by_keyboard(tab, taken):
     enter(tab, "Next: the test")
     enter(tab, "Cartilage on bone")
     enter(tab, "Next: the fit")
-    until(tab, says("half-space"))
-    before = words(tab, "Contact"), modulus(tab)
+    before = modulus(tab), words(tab, "Contact")
     tab_to(tab, CONTACT)
     for _ in range(30):
         key(tab, "ArrowRight")
-    until(tab, f"!{says(before[1])}")
-    assert words(tab, "Contact") != before[0]
+    modulus(tab, before[0])
+    assert words(tab, "Contact") != before[1]
     for _ in range(30):
         key(tab, "ArrowLeft")
     enter(tab, "Fit")
@@ -92,7 +92,7 @@ def move(tab, handle, by, folder, *key_path):
     x, y = middle(tab, handle)
     before = modulus(tab)
     drag(tab, (x, y), (x + by, y))
-    until(tab, f"!{says(before)}")
+    modulus(tab, before)
     after = middle(tab, handle)[0]
     # A whole pixel of the window, and half one of the picture.
     assert after == pytest.approx(x + by, abs=2.0)
@@ -104,7 +104,7 @@ def move(tab, handle, by, folder, *key_path):
 
 def handles_follow_the_mouse(tab, folder):
     press(tab, "3")
-    until(tab, says("half-space"))
+    modulus(tab)
     contact = move(tab, "contact", 60, folder, "instrument", "contact_depth")
     low = move(tab, "low", 120, folder, "curve", "min_depth")
     high = move(tab, "high", -90, folder, "curve", "max_depth")
@@ -126,6 +126,26 @@ def many_and_a_decision(tab):
     until(tab, "document.querySelector('.q-dialog input').value === 'air bubble'")
     press(tab, "Refuse", ".q-dialog button")
     until(tab, says("decided: refuse air bubble"))
+
+
+def nothing_is_cut_off(tab):
+    """At the width of a small screen, and of a tablet both ways, there is nothing to scroll sideways."""
+    for width, height in ((1180, 820), (820, 1180), (1280, 800)):
+        tab.resize(width, height)
+        until(tab, f"innerWidth === {width}")
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def listens_here_only(address):
+    """No other machine reaches the page."""
+    port = int(address.split(":")[2].split("/")[0])
+    lines = [
+        line.split()
+        for table in ("tcp", "tcp6")
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()
+    ]
+    listening = [line[1] for line in lines if line[3] == "0A" and int(line[1].split(":")[1], 16) == port]
+    assert listening == [f"0100007F:{port:04X}"]
 
 
 def a_page_of_another_site_gets_nothing(tab, port):
@@ -157,8 +177,11 @@ def test_by_keyboard_and_mouse_from_drop_to_report_and_a_decision_that_outlives_
             press(tab, "The page")
             assert "Layer modulus 0.6" in downloaded(taken, ".html").read_text()
             (folder,) = home.iterdir()
+            nothing_is_cut_off(tab)
             handles_follow_the_mouse(tab, folder)
             many_and_a_decision(tab)
+            nothing_is_cut_off(tab)
+            listens_here_only(address)
             kill(process)
         (decision,) = read_decisions(folder / "decisions.csv").by_curve.values()
         assert (decision.accepted, decision.reason) == (False, "air bubble")

@@ -9,7 +9,7 @@ import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-PATIENCE = float(os.environ.get("A23_PATIENCE", "240"))
+PATIENCE = 240.0
 # Name, virtual key code and what it writes.
 KEYS = {
     "Tab": (9, ""),
