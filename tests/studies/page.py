@@ -1,18 +1,20 @@
 """What the page costs: memory with many files, and the time from a moved handle to the new picture.
 
-    python tests/studies/page.py [--files 200] [--points 2000] [--moves 40] [--output FILE]
+    python tests/studies/page.py [memory] [speed] [--files 200] [--points 2000] [--moves 40] [--output FILE]
 
 `underlay app` runs as people start it, in front of a headless Chromium. Memory is the proportional set size (a page
 of memory that several processes share counts once) of the server and all its processes, without the browser, read
 twenty times a second; the largest of each stage is kept. Times are of the browser's own clock on the curve of the
-demo at 1280 x 800: from the key, or the move of the mouse, to the picture with both laws being there. Results go to
-``results/page.json``. Needs Linux and Chromium.
+demo at 1280 x 800: from the key, or the move of the mouse, to the picture with both laws; beside them stands the
+load of the machine (processes that want one of its processors) before and after. Without a name both are measured;
+results go to ``results/page.json``, where what was not measured stays. Needs Linux and Chromium.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import platform
 import statistics
 import sys
@@ -154,7 +156,8 @@ def memory(tab, folder: Path, files: int, points: int) -> dict[str, object]:
         time.sleep(5.0)
         scale.end()
     peak = max(entry["MB"] for entry in scale.peaks.values())
-    return {"peak_MB": peak, "target_MB": TARGET_MB, "stages": scale.peaks}
+    whole = {"files": files, "points": points, "python": platform.python_version()}
+    return {"peak_MB": peak, "target_MB": TARGET_MB, **whole, "stages": scale.peaks}
 
 
 def new_pictures(tab, act, count: int) -> list[float]:
@@ -169,6 +172,7 @@ def new_pictures(tab, act, count: int) -> list[float]:
 
 def speed(tab, folder: Path, moves: int) -> dict[str, object]:
     """Move slider and handle of the demo's curve and time the pictures."""
+    before = os.getloadavg()[0]
     with server(folder / "demo") as (_process, address):
         tab.open(address, width=1280, height=800, scheme="light")
         press(tab, "New analysis")
@@ -210,6 +214,8 @@ def speed(tab, folder: Path, moves: int) -> dict[str, object]:
             after.append(float(tab.evaluate("window.waits[window.waits.length - 1]")))
     return {
         "target_ms": TARGET_MS,
+        "load": [round(before, 1), round(os.getloadavg()[0], 1)],
+        "processors": os.cpu_count(),
         "slider_by_key_ms": _summary(by_key),
         "handle_by_mouse_ms": _summary(by_mouse),
         "end_of_a_quick_drag_ms": _summary(after),
@@ -228,19 +234,19 @@ def _summary(times: list[float]) -> dict[str, float]:
 def main() -> None:
     """Measure and write."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("parts", nargs="*", choices=["memory", "speed"], default=["memory", "speed"])
     options.add_argument("--files", type=int, default=200)
     options.add_argument("--points", type=int, default=2000)
     options.add_argument("--moves", type=int, default=40)
     options.add_argument("--output", type=Path, default=HERE / "results" / "page.json")
     given = options.parse_args()
     with tempfile.TemporaryDirectory(prefix="underlay-page-study-") as place, browser() as tab:
-        found = {
-            "made by": f"python tests/studies/page.py --files {given.files} --points {given.points} "
-            f"--moves {given.moves}",
-            "python": platform.python_version(),
-            "memory": memory(tab, Path(place), given.files, given.points),
-            "speed": speed(tab, Path(place), given.moves),
-        }
+        found = json.loads(given.output.read_text()) if given.output.exists() else {}
+        found["made by"] = "python tests/studies/page.py"
+        if "memory" in given.parts:
+            found["memory"] = memory(tab, Path(place), given.files, given.points)
+        if "speed" in given.parts:
+            found["speed"] = speed(tab, Path(place), given.moves)
     given.output.write_text(json.dumps(found, indent=1) + "\n")
     print(json.dumps(found, indent=1))
 

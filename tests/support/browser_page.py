@@ -67,13 +67,20 @@ def kill(process):
             os.kill(number, signal.SIGKILL)
 
 
-def until(tab, expression):
-    """Wait until an expression is true in the page; return its value."""
+def eventually(ask):
+    """Ask until the answer is true; return it, or None where it never was."""
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
-        if value := tab.evaluate(expression):
+        if value := ask():
             return value
         time.sleep(0.05)
+    return None
+
+
+def until(tab, expression):
+    """Wait until an expression is true in the page; return its value."""
+    if value := eventually(lambda: tab.evaluate(expression)):
+        return value
     raise AssertionError(f"{expression} never came: {tab.evaluate('document.body.innerText')[:3000]}")
 
 
@@ -164,10 +171,6 @@ def drag(tab, start, end, steps=8):
 
 def downloaded(folder, ending):
     """Wait for a file to be there whole."""
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        for path in folder.iterdir():
-            if path.name.endswith(ending):
-                return path
-        time.sleep(0.1)
-    raise AssertionError(f"no {ending} among {[path.name for path in folder.iterdir()]}")
+    found = eventually(lambda: next(folder.glob(f"*{ending}"), None))
+    assert found, f"no {ending} among {[path.name for path in folder.iterdir()]}"
+    return found
