@@ -3,10 +3,15 @@
 import sys
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 import underlay as ul
 from support.reports import SAMPLES, joint_fit, small_posterior
 from underlay.cli.app import main
+
+# A busy machine is no fault of the code: no test of a property depends on the clock.
+settings.register_profile("no clock", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("no clock")
 
 
 @pytest.fixture(scope="session")

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from underlay import units
 from underlay.errors import InputError, UnitError
-from underlay.units import KINDS, format_quantity, human_unit, kind_of, parse_quantity, unit_factor
+from underlay.units import KINDS, format_quantity, human_unit, kind_of, parse_quantity, reading, unit_factor
 
 
 @pytest.mark.parametrize(
@@ -149,10 +148,12 @@ def test_kinds_of_units():
     assert kind_of("") == "dimensionless"
 
 
-@pytest.mark.parametrize("prefix", sorted(units._PREFIXES))
-@pytest.mark.parametrize("text", [*units._BASES, "N/m", "m/N", "m/s", "N/s", "m/V", "m/A", "um/nN", "nm/kN"])
+@pytest.mark.parametrize("prefix", sorted(reading._PREFIXES))
+@pytest.mark.parametrize(
+    "text", [*reading._BASES, "N/m", "m/N", "m/s", "N/s", "m/V", "m/A", "um/nN", "nm/kN"]
+)
 def test_the_small_table_reads_what_pint_reads(prefix, text):
-    fast, full = units._parse_simple(prefix + text), units._parse_any(prefix + text)
+    fast, full = reading._parse_simple(prefix + text), reading._parse_any(prefix + text)
     known = text != "A" and not (prefix and text in {"um/nN", "nm/kN"})  # no current, no second prefix
     assert (fast is not None) == known
     if fast is not None:
@@ -164,7 +165,7 @@ def test_the_small_table_reads_what_pint_reads(prefix, text):
 def test_every_unit_for_people_is_in_the_small_table():
     for kind, of in KINDS.items():
         for unit in of.units:
-            assert units._parse_simple(unit)[0] == kind
+            assert reading._parse_simple(unit)[0] == kind
 
 
 def test_mechanics_does_not_import_pint():

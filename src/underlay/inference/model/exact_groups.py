@@ -15,7 +15,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.inference.model.parameter_sets import ParameterSets
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.exact.contact_problem import depth_measure
 from underlay.mechanics.halfspace import largest_halfspace_depth
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.mechanics.plane_constants import isotropic_constants

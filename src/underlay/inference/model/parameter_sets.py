@@ -10,7 +10,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
-from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.exact.contact_problem import depth_measure
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.scene.chain import Chain
 

@@ -17,7 +17,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.model.parameter_sets import ParameterSets
 from underlay.mechanics.exact.batch import ExactBatch
-from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.exact.contact_problem import depth_measure
 from underlay.mechanics.kernel import StackKernel
 from underlay.mechanics.kernel.recursion import Recursion
 from underlay.mechanics.kernel.stack import sheets_of

@@ -40,7 +40,7 @@ from underlay.mechanics.adhesion.radius_relation import (
 from underlay.mechanics.adhesion.range_limit import range_limit
 from underlay.mechanics.contact import Adhesion, AdhesionTable, BuildsElastic, Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.exact.contact_problem import depth_measure
 from underlay.mechanics.exact.law import ExactPunchLaw, exact_punch_law
 from underlay.mechanics.indenters import FlatPunch
 from underlay.quantities import one_of, quantity

@@ -29,7 +29,7 @@ from underlay.mechanics.adhesion.adhesive_law import in_touch
 from underlay.mechanics.adhesion.punch_nodes import Columns, PunchNodes, Quantity, Span
 from underlay.mechanics.adhesion.radius_relation import largest_radius
 from underlay.mechanics.contact import AdhesionTable, AdhesiveReadings, Contact
-from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.exact.contact_problem import depth_measure
 from underlay.mechanics.indenters import PowerLawShape
 
 __all__ = ["JKRTable"]

@@ -13,12 +13,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
-from underlay.mechanics.exact.contact_curve import (
-    SHARE_OF_NODES,
-    ContactProblem,
-    contact_factors,
-    solve_curve,
-)
+from underlay.mechanics.exact.contact_curve import SHARE_OF_NODES, solve_curve
+from underlay.mechanics.exact.contact_problem import ContactProblem, contact_factors
 from underlay.mechanics.exact.curve_batch import CurveBatch, curves_through
 from underlay.mechanics.exact.gauss import EvenRule, even_rule
 from underlay.mechanics.exact.master_curve import (

@@ -1,4 +1,4 @@
-"""From a shape, a thickness and a kernel to the master curve: places the radii and checks the errors."""
+"""From a contact problem to its master curve: places the radii and checks the errors."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Self
 
 import numpy as np
 
-from underlay._arrays import FloatArray, read_only
-from underlay.errors import InputError, RangeError
-from underlay.mechanics.exact.gauss import EvenRule, even_legendre, legendre_rule
+from underlay._arrays import FloatArray
+from underlay.errors import RangeError
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -21,35 +21,16 @@ from underlay.mechanics.exact.master_curve import (
     chebyshev_coefficients,
 )
 from underlay.mechanics.exact.nodes import Resolution, curve_terms, series_terms
-from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
-from underlay.mechanics.exact.tables import TABLES
-from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, PowerLawShape, Sphere, abel_factor
-from underlay.mechanics.kernel import Kernel, Scales
-from underlay.mechanics.plane_constants import Real
+from underlay.mechanics.indenters import abel_factor
+from underlay.mechanics.kernel import Scales
 
-__all__ = [
-    "LARGEST_EPS",
-    "SHARE_OF_NODES",
-    "UNEVEN",
-    "ContactProblem",
-    "RadiusGuess",
-    "SolvedCurve",
-    "contact_factors",
-    "depth_measure",
-    "solve_curve",
-]
-
-#: Largest contact radius over thickness that is solved for.
-LARGEST_EPS = 20.0
+__all__ = ["SHARE_OF_NODES", "RadiusGuess", "SolvedCurve", "solve_curve"]
 
 # The node counts of `exact_nodes` keep their share of the error, measured: a tenth of rtol where the fit is
 # tightest, three tenths claimed.
 SHARE_OF_NODES = 0.3
 _SHARE_OF_CURVE = 0.6
-# Towards a sphere's equator the coefficients fall unevenly, and a pole is near: up to 8 times the
-# estimate was measured, over layers of R/3 to 10 R on bases of 0.03 of the layer's modulus to rigid.
-UNEVEN = 8.0
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
 # Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
@@ -61,81 +42,6 @@ _MOST_SERIES_TERMS = 400
 # rounding.
 _LARGEST_GAIN = 30.0
 _FINEST = 1e-12
-# Gauss nodes of int H p dx for a shape that is not a power law: the sphere's H is analytic, a measured tip's
-# has corners in its derivatives.
-_SMOOTH_NODES, _MEASURED_NODES = 40, 240
-
-
-@dataclass(frozen=True)
-class ContactProblem:
-    """A shape over a thickness, on a body.
-
-    Parameters
-    ----------
-    indenter : Indenter
-        Any shape but the flat punch.
-    measure : PowerLawShape
-        Power law that measures depth: varpi is its half-space radius over the thickness.
-    thickness : float
-        Of the layer (m).
-    kernel : Kernel
-        Of the body.
-    scales : Scales
-        Its own: what the node counts depend on.
-    """
-
-    indenter: Indenter
-    measure: PowerLawShape
-    thickness: float
-    kernel: Kernel
-    scales: Scales
-
-    @classmethod
-    def of(cls, indenter: Indenter, thickness: float, kernel: Kernel) -> Self:
-        """Build the problem."""
-        return cls(indenter, depth_measure(indenter), thickness, kernel, kernel.scales)
-
-    @property
-    def end(self) -> float:
-        """Largest chi: a/h = 20, or the end of the shape."""
-        return self.chi(min(self.indenter.max_radius / self.thickness, LARGEST_EPS))
-
-    @property
-    def unevenness(self) -> float:
-        """Factor on estimated truncation errors."""
-        return 1.0 if self.indenter is self.measure else UNEVEN
-
-    def chi(self, eps: float) -> float:
-        """Radius over thickness at which the measure has the half-space depth H(a) of the indenter.
-
-        It stands for the contact radius in every expansion: where a sphere's H grows without bound, chi does
-        too, and varpi(chi) stays smooth.
-        """
-        if self.indenter is self.measure:
-            return eps
-        depth = self.indenter.abel(np.array([eps * self.thickness]))
-        return float(self.measure.halfspace_radius(depth)[0]) / self.thickness
-
-    def eps(self, chi: FloatArray) -> FloatArray:
-        """Contact radius over thickness at `chi`, within the shape."""
-        if self.indenter is self.measure:
-            return chi
-        deepest = self.indenter.abel(np.array(self.indenter.max_radius))
-        depth = np.minimum(self.measure.abel(chi * self.thickness), deepest)
-        return np.minimum(self.indenter.halfspace_radius(depth), self.indenter.max_radius) / self.thickness
-
-    def guess(self, chi: float, rtol: float) -> Resolution:
-        """Nodes for radii up to `chi`, as they were fitted to one layer on a base."""
-        return Resolution.choose(self.scales, float(self.eps(np.array([chi]))[0]), rtol)
-
-    def resolution(self, chi: float, rtol: float) -> Resolution:
-        """Nodes for radii up to `chi`, proved where they were not fitted to bodies of this kind."""
-        return proved_resolution(self.kernel, float(self.eps(np.array([chi]))[0]), rtol)
-
-    def solve(self, chi: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
-        """Varpi (radii,) and the logarithms of the three factors (radii, 3) at radii `chi`."""
-        punch = PunchSolution.solve(self.kernel, self.eps(chi), resolution)
-        return contact_factors(punch, self.indenter, self.measure, self.thickness)
 
 
 @dataclass(frozen=True)
@@ -190,32 +96,6 @@ def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, 
     error = gain * (SHARE_OF_NODES * fine + uneven * series.error_estimate) + uneven * curve.error_estimate
     eps = float(problem.eps(np.array([last]))[0])
     return SolvedCurve(curve, resolution, series.coefficients.shape[0], eps, error)
-
-
-def contact_factors(
-    punch: PunchSolution, indenter: Indenter, measure: PowerLawShape, thickness: Real
-) -> tuple[FloatArray, FloatArray]:
-    """Varpi (..., radii) and the logarithms of the three factors (..., radii, 3).
-
-    `thickness` (m) is a float, or (batch, 1) with a batch of solutions.
-    """
-    exponent = measure.exponent
-    factors = np.empty((*punch.kappa.shape, len(Factor)))
-    factors[..., Factor.STIFFNESS] = punch.kappa
-    if indenter is measure:
-        depth, force = punch.depth_and_force(punch.rule.power_weights(exponent))
-        swell = depth ** (1.0 / exponent)
-        factors[..., Factor.RADIUS] = 1.0 / swell
-        factors[..., Factor.FORCE] = (1.0 + 1.0 / exponent) * force / (depth * swell)
-        return punch.eps * swell, np.log(factors, out=factors)
-    lengths = punch.eps * thickness
-    shape = indenter.abel(lengths)
-    depth, force = punch.depth_and_force(_shape_weights(indenter, punch.rule, lengths) / shape[..., None])
-    depth = depth * shape
-    radius = measure.halfspace_radius(depth)
-    factors[..., Factor.RADIUS] = lengths / radius
-    factors[..., Factor.FORCE] = (1.0 + 1.0 / exponent) * force * shape * lengths / (depth * radius)
-    return radius / thickness, np.log(factors, out=factors)
 
 
 @dataclass(frozen=True)
@@ -354,50 +234,3 @@ def _check_reach(problem: ContactProblem, top: float, rtol: float) -> None:
         f"depth {asked:.6g} m is beyond the largest that works here, {deepest:.6g} m: {why}",
         max_depth=deepest,
     )
-
-
-def depth_measure(indenter: Indenter) -> PowerLawShape:
-    """Power law whose half-space radius measures depth: the indenter itself, or the apex of another shape.
-
-    Raises
-    ------
-    InputError
-        If the shape is no power law and never ends: nothing says how near its apex is.
-    """
-    if isinstance(indenter, PowerLawShape):
-        return indenter
-    if isinstance(indenter, Sphere):
-        return Paraboloid(indenter.radius)
-    if not np.isfinite(indenter.max_radius):
-        name = type(indenter).__name__
-        raise InputError(
-            f"{name}.max_radius is {indenter.max_radius!r}, and {name} is no power law: the exact law measures "
-            "such a shape up to its largest contact radius. Give the class a finite max_radius (m), e.g. the "
-            "radius at which the shank begins, or derive it from PowerLawShape"
-        )
-    near, far = indenter.abel(indenter.max_radius * np.array([1e-6, 2e-6])).tolist()
-    exponent = max(1.0, round(float(np.log2(far / near))))
-    deepest = float(indenter.abel(np.array(indenter.max_radius)))
-    return PowerLaw(exponent, deepest / (abel_factor(exponent) * indenter.max_radius**exponent))
-
-
-def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> FloatArray:
-    """Weights (..., radii, nodes) of int_0^1 H(a x) p(x) dx for any shape, at contact radii `lengths` (m).
-
-    A smooth step bunches the nodes at both ends, where H may be |x|^lambda or nearly singular; p has degree
-    2 n - 2, up to n half waves squeezed by two, and takes its share of them.
-    """
-    count = rule.nodes.size
-    nodes = (_SMOOTH_NODES if isinstance(indenter, Sphere) else _MEASURED_NODES) + 4 * count
-    fine, project = TABLES.get(("shape", nodes, count), lambda: _shape_rule(nodes, rule))
-    return indenter.abel(np.multiply.outer(lengths, fine)) @ project
-
-
-def _shape_rule(nodes: int, rule: EvenRule) -> tuple[FloatArray, FloatArray]:
-    """Nodes x (nodes,), and their weights times the projection on the rule's (nodes, rule)."""
-    s, weights = legendre_rule(nodes)
-    s = 0.5 * (s + 1.0)
-    fine = s**3 * (10.0 - s * (15.0 - 6.0 * s))
-    weights = 15.0 * weights * (s * (1.0 - s)) ** 2
-    project = even_legendre(fine, rule.nodes.size) @ rule.projection
-    return read_only(fine), read_only(weights[:, None] * project)

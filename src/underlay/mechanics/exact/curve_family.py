@@ -22,7 +22,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.exact.contact_curve import ContactProblem, SolvedCurve, solve_curve
+from underlay.mechanics.exact.contact_curve import SolvedCurve, solve_curve
+from underlay.mechanics.exact.contact_problem import ContactProblem
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,

@@ -12,7 +12,8 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.contact_curve import ContactProblem, SolvedCurve, solve_curve
+from underlay.mechanics.exact.contact_curve import SolvedCurve, solve_curve
+from underlay.mechanics.exact.contact_problem import ContactProblem
 from underlay.mechanics.exact.curve_batch import CurveBatch
 from underlay.mechanics.exact.curve_family import (
     Cell,

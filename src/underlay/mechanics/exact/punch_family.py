@@ -19,7 +19,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError
-from underlay.mechanics.exact.contact_curve import LARGEST_EPS, SHARE_OF_NODES
+from underlay.mechanics.exact.contact_curve import SHARE_OF_NODES
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS
 from underlay.mechanics.exact.curve_family import first_ratios, range_end, ratio_span
 from underlay.mechanics.exact.gauss import EvenRule, even_rule
 from underlay.mechanics.exact.master_curve import (

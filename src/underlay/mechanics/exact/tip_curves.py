@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
-from underlay.mechanics.exact.contact_curve import (
+from underlay.mechanics.exact.contact_curve import SHARE_OF_NODES, solve_curve
+from underlay.mechanics.exact.contact_problem import (
     LARGEST_EPS,
-    SHARE_OF_NODES,
     UNEVEN,
     ContactProblem,
     contact_factors,
     depth_measure,
-    solve_curve,
 )
 from underlay.mechanics.exact.curve_batch import CurveBatch, curves_through
 from underlay.mechanics.exact.curve_family import Cell, curve_family, range_end, range_number

@@ -11,7 +11,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.exact.contact_curve import depth_measure
+from underlay.mechanics.exact.contact_problem import depth_measure
 from underlay.mechanics.exact.curve_batch import CurveBatch
 from underlay.mechanics.exact.curve_family import range_number, ratio_number
 from underlay.mechanics.exact.law import ExactLaw

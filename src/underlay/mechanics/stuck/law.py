@@ -18,7 +18,8 @@ from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.contact_curve import LARGEST_EPS, ContactProblem, RadiusGuess
+from underlay.mechanics.exact.contact_curve import RadiusGuess
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem
 from underlay.mechanics.exact.law import ExactLaw, ExactPunchLaw
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,

@@ -1,73 +1,16 @@
-"""Numbers with units, at the borders only: ``"1.5 mm"`` <-> ``1.5e-3``.
-
-Scene files, readers, the command line and tables speak in units; everything inside is SI floats. A
-quantity is always asked for by its *kind* ("length", "pressure", ...), so a length where a pressure belongs
-is an error that names both.
-"""
+"""From numbers with units to SI floats: ``"1.5 mm"`` -> ``1.5e-3``."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 from underlay.errors import UnitError
+from underlay.units.kinds import KINDS, Kind, kind_named
 
-__all__ = [
-    "KINDS",
-    "format_quantity",
-    "human_unit",
-    "kind_of",
-    "parse_quantity",
-    "printed",
-    "printed_unit",
-    "unit_factor",
-]
+__all__ = ["kind_of", "parse_quantity", "unit_factor"]
 
-
-@dataclass(frozen=True)
-class Kind:
-    """One kind of quantity.
-
-    Parameters
-    ----------
-    si : str
-        The unit of the floats inside.
-    units : tuple of str
-        Units for people, smallest first; the ones an error message offers.
-    example : str
-        What a caller may write.
-    """
-
-    si: str
-    units: tuple[str, ...]
-    example: str
-
-
-#: The kinds of quantity underlay speaks of.
-KINDS: Mapping[str, Kind] = MappingProxyType(
-    {
-        "length": Kind("m", ("nm", "um", "mm", "m"), "1.5 mm"),
-        "pressure": Kind("Pa", ("Pa", "kPa", "MPa", "GPa"), "0.4 MPa"),
-        "force": Kind("N", ("pN", "nN", "uN", "mN", "N"), "20 uN"),
-        "angle": Kind("rad", ("deg",), "35 deg"),
-        "stiffness": Kind("N/m", ("mN/m", "N/m", "kN/m", "MN/m"), "0.019 N/m"),
-        "stiffness per area": Kind("Pa/m", ("Pa/m", "kPa/m", "MPa/m", "GPa/m"), "10 GPa/m"),
-        "compliance": Kind("m/N", ("nm/N", "um/N", "mm/N", "m/N"), "0.5 um/N"),
-        "time": Kind("s", ("us", "ms", "s"), "2 s"),
-        "speed": Kind("m/s", ("nm/s", "um/s", "mm/s", "m/s"), "5 um/s"),
-        "frequency": Kind("Hz", ("Hz", "kHz", "MHz"), "10 Hz"),
-        "loading rate": Kind("N/s", ("pN/s", "nN/s", "uN/s", "mN/s", "N/s"), "1 uN/s"),
-        "voltage": Kind("V", ("mV", "V"), "2 V"),
-        "sensitivity": Kind("m/V", ("nm/V", "um/V", "m/V"), "60 nm/V"),
-        "current sensitivity": Kind("m/A", ("nm/nA", "um/nA"), "60 nm/nA"),
-        "surface energy": Kind("J/m^2", ("uJ/m^2", "mJ/m^2", "J/m^2"), "5 mJ/m^2"),
-        "dimensionless": Kind("", ("",), "0.45"),
-    }
-)
 
 # The units that scene files and instruments nearly always use are read by this small table: a decimal prefix, a
 # base unit, and at most one division. pint, which knows all others, takes longer to load than a fit takes.
@@ -115,8 +58,7 @@ _DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+(?:[eE][+-]?\d{1,3})?(?:\s*[^\d\
 # Exponents of a unit: one digit is more than any quantity here needs, and bounds pint's work.
 _POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d+(?:\.\d+)?\)?")
 _SHORT_POWER = re.compile(r"(?:\*\*|\^)\s*\(?-?\d(?:\.\d{1,6})?\)?")
-# A typed micro before a unit, behind a number.
-_TYPED = re.compile(r"(?<=[\d.)] )u(?=[mNsVJ](?![A-Za-z]))")
+
 _ANGLE_UNITS = frozenset({"degree", "radian", "turn", "arcminute", "arcsecond", "grade"})
 
 
@@ -183,13 +125,6 @@ def _match_kind(registry: Any, parsed: Any) -> tuple[str, float] | None:
     return None
 
 
-def _kind(name: str) -> Kind:
-    try:
-        return KINDS[name]
-    except KeyError:
-        raise UnitError(f"no kind of quantity {name!r}; there are {', '.join(KINDS)}") from None
-
-
 def kind_of(unit: str) -> str | None:
     """Kind of quantity that `unit` measures, or None if the unit is unknown.
 
@@ -222,7 +157,7 @@ def unit_factor(unit: str, kind: str) -> float:
     >>> unit_factor("gf", "force")
     0.00980665
     """
-    wanted = _kind(kind)
+    wanted = kind_named(kind)
     known = _parse_unit(unit)
     if known is None:
         same = [name for name in wanted.units if name.casefold() == unit.strip().casefold()]
@@ -274,7 +209,7 @@ def parse_quantity(value: str | float, kind: str) -> float:
     >>> parse_quantity("0.5 gf", "force")
     0.004903325
     """
-    wanted = _kind(kind)
+    wanted = kind_named(kind)
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise UnitError(f"{_article(kind)} must be given as {wanted.example!r}; got {value!r:.80}")
     matched = _NUMBER.fullmatch(value) if isinstance(value, str) else None
@@ -306,79 +241,3 @@ def _scaled(number: float, unit: str, kind: str) -> float:
     inverse = round(1.0 / factor) if 0.0 < factor < 1.0 else 0
     exact = inverse and math.isclose(inverse * factor, 1.0, rel_tol=1e-15)
     return number / inverse if exact else number * factor
-
-
-def human_unit(value: float, kind: str) -> tuple[str, float]:
-    """Return the unit in which people would write `value` (SI), and the SI value of one such unit.
-
-    The largest unit of the kind in which the number is at least 0.1; zero gets the middle one.
-
-    Examples
-    --------
-    >>> human_unit(4.2e5, "pressure")
-    ('MPa', 1000000.0)
-    """
-    units = _kind(kind).units
-    magnitude = abs(value)
-    if not (0.0 < magnitude < math.inf):
-        unit = units[len(units) // 2]
-        return unit, unit_factor(unit, kind) if unit else 1.0
-    chosen = units[0]
-    for unit in units:
-        # 1 - 1e-12: a tenth of a unit is still written in that unit after rounding.
-        if unit and magnitude >= 0.1 * unit_factor(unit, kind) * (1.0 - 1e-12):
-            chosen = unit
-    return chosen, unit_factor(chosen, kind) if chosen else 1.0
-
-
-def printed_unit(unit: str) -> str:
-    """Return a unit as it is printed: the micro sign in place of the u that is typed.
-
-    Examples
-    --------
-    >>> printed_unit("um"), printed_unit("uN/m"), printed_unit("MPa")
-    ('\u00b5m', '\u00b5N/m', 'MPa')
-    """
-    return re.sub(r"\bu(?=[mNsVJ])", "\u00b5", unit)
-
-
-def printed(text: str) -> str:
-    """Return a text for people in which units behind numbers are printed, as in a picture or on a page.
-
-    Examples
-    --------
-    >>> printed("a tip of 25 um, 0.4 to 0.5 uN deep")
-    'a tip of 25 \u00b5m, 0.4 to 0.5 \u00b5N deep'
-    """
-    return _TYPED.sub("\u00b5", text)
-
-
-def format_quantity(value: float, kind: str, uncertainty: float | None = None) -> str:
-    """Write an SI value for people, in a unit of its size.
-
-    Parameters
-    ----------
-    value : float
-        In SI.
-    kind : str
-        One of `KINDS`.
-    uncertainty : float, optional
-        Standard error in the same SI unit; sets the digits shown (two of its own).
-
-    Examples
-    --------
-    >>> format_quantity(4.2e5, "pressure")
-    '0.42 MPa'
-    >>> format_quantity(1.5034e-3, "length", 2.1e-5)
-    '1.503 ± 0.021 mm'
-    """
-    unit, factor = human_unit(value, kind)
-    scaled = value / factor
-    suffix = f" {unit}" if unit else ""
-    if uncertainty is None or not math.isfinite(uncertainty) or uncertainty <= 0.0:
-        return f"{scaled:.4g}{suffix}"
-    error = uncertainty / factor
-    decimals = max(0, 1 - math.floor(math.log10(error)))
-    if decimals > 12:
-        return f"{scaled:.12g} ± {error:.2g}{suffix}"
-    return f"{scaled:.{decimals}f} ± {error:.{decimals}f}{suffix}"
