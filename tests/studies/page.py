@@ -138,10 +138,11 @@ def memory(tab, folder: Path, files: int, points: int) -> dict[str, object]:
         press(tab, "Fit all curves")
         until(tab, "document.querySelectorAll('article.card').length > 20")
         scale.stage("gallery turned page by page")
-        for page in range(2, -(-files // 24) + 1):
-            press(tab, str(page), ".q-pagination button")
-            until(tab, f"document.querySelector('.q-pagination [aria-current=true]').innerText == '{page}'")
-            time.sleep(0.5)
+        first = "document.querySelector('article.card .card-name')?.innerText"
+        for page in ("2", "3", "4"):
+            before = tab.evaluate(first)
+            press(tab, page, ".q-pagination button")
+            until(tab, f"{first} && {first} !== {before!r}")
         scale.stage("population")
         press(tab, "Mean and spread")
         until(tab, "Boolean(document.querySelector('.more'))")

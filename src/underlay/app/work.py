@@ -31,7 +31,7 @@ Tell = Callable[[Any], None]
 
 # Forking is safe on Linux only: system libraries of macOS do not survive it, Windows has none.
 _START = "forkserver" if sys.platform == "linux" else "spawn"
-_LOADED = ("underlay.app.tasks",)
+_LOADED = ("underlay.app.tasks", "underlay.app.preloaded")
 _STOPPED = "stopped; what was finished is kept"
 _SAID, _DONE, _REFUSED, _FAILED = "said", "done", "refused", "failed"
 

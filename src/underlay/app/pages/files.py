@@ -76,9 +76,10 @@ class FilesStep(Step):
         with self._list:
             if not names:
                 ui.label(f"Read are {', '.join(entry.name for entry in all_formats())}.").classes("quiet")
-            with ui.list().props("dense separator").classes("files"):
-                for name in shown[:_LISTED]:
-                    self._entry(name)
+            else:
+                with ui.list().props("dense separator").classes("files"):
+                    for name in shown[:_LISTED]:
+                        self._entry(name)
             if len(shown) > _LISTED:
                 ui.label(f"and {len(shown) - _LISTED} more").classes("quiet")
 
@@ -117,10 +118,12 @@ class FilesStep(Step):
             ui.label(name).classes("heading")
             if told is None:
                 return
-            ui.button("Next: the test", on_click=lambda: self.window.go("Test")).props("unelevated no-caps")
             if told.refused:
                 ui.label(told.refused).classes("bad").mark("refused")
             else:
+                ui.button("Next: the test", on_click=lambda: self.window.go("Test")).props(
+                    "unelevated no-caps"
+                )
                 self._told(told)
             self._how()
         if not told.refused:

@@ -42,6 +42,7 @@ class FilmPart:
             with ui.row().classes("actions"):
                 self._working = Working(window, "Fit the stiffness", self._go, mark="film")
             self._place = ui.column().classes("wide")
+        self._whole.set_visibility(False)
 
     def _entry(self, words: str, example: str, mark: str) -> ui.input:
         entry = ui.input(words, placeholder=example)
@@ -62,7 +63,7 @@ class FilmPart:
             self._shown(before[0], is_old=not before[1])
 
     async def _go(self) -> None:
-        base = "" if self._base.value == _PERFECT else str(self._base.value)
+        base = "" if self._base.value in (None, _PERFECT) else str(self._base.value)
         low, high = (str(entry.value or entry.props["placeholder"]) for entry in (self._low, self._high))
         told = await self._working.run("film", base, str(self._modulus.value or ""), low, high)
         if isinstance(told, Film):
