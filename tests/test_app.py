@@ -67,6 +67,18 @@ async def drag_the_contact(user):
     await changed(user, "modulus-layer-and-base", before[0])
 
 
+def everything_is_told(shown):
+    """Both intervals, verdict, pictures with residuals, the modulus by depth, what it stands on, effects."""
+    assert "from the noise" in shown["headline"]
+    assert "with friction and finite strain unknown" in shown["headline"]
+    assert shown["verdict"].startswith("Verdict: ")
+    assert {"cartilage_on_bone.fit.png", "cartilage_on_bone.depths.png"} <= set(shown["pictures"])
+    assert "depths" in shown["depths"]
+    assert any(words.startswith("What layer modulus stands on") for words in shown["more"])
+    assert [row["parameter"] for row in shown["table"]][:2] == ["layer modulus", "layer thickness"]
+    assert "finite thickness" in {row["effect"] for row in shown["effects"]}
+
+
 async def come_back(user, folder):
     """What was found is there again; it says so when the test is another one."""
     await user.open(f"/analysis/{folder.name}")
@@ -94,6 +106,7 @@ def test_from_a_dropped_file_to_a_number_that_python_repeats(tmp_path):
             await until(user, content="What acts in this test, and how much")
             assert "Layer modulus" in text_of(user, "headline")
             shown = json.loads((folder.results / "cartilage_on_bone.found.shown.json").read_text())
+            everything_is_told(shown)
             press(user, "step-5")
             await until(user, "script")
             press(user, "take-archive")

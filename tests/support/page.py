@@ -16,7 +16,7 @@ from underlay.app.state import Home
 
 HOST = "test"
 # How long (s) is waited for what comes; only a failure takes it.
-PATIENCE = 80.0
+PATIENCE = 240.0
 
 
 @contextlib.asynccontextmanager
