@@ -316,7 +316,7 @@ def test_a_law_that_ends_where_its_depth_turns_is_inverted_up_to_there():
 
 
 @given(laws)
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_force_radius_and_stiffness_agree(case):
     law = build(case)
     top = min(law.max_depth, law.max_radius_depth, 0.3)
@@ -334,7 +334,7 @@ def test_force_radius_and_stiffness_agree(case):
 
 
 @given(laws, st.floats(-6.0, 12.0), st.floats(-9.0, 3.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_only_the_scaled_depth_matters(case, log_E, log_h):
     """P/(theta h^2) depends on w/h alone for a shape scaled with h."""
     E, h = 10.0**log_E, 10.0**log_h
@@ -351,7 +351,7 @@ def test_only_the_scaled_depth_matters(case, log_E, log_h):
 
 
 @given(st.floats(0.2, 0.5), st.floats(0.1, 1.0))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_a_thicker_layer_on_a_rigid_base_is_softer(nu, fraction):
     depth = 0.02 * fraction
     forces = [

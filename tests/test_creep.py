@@ -11,7 +11,6 @@ from underlay.mechanics.response import Remembered
 from underlay.mechanics.viscoelastic.bed import depth_under
 from underlay.mechanics.viscoelastic.creep import Creep
 from underlay.mechanics.viscoelastic.history import Viscoelastic
-from underlay.mechanics.viscoelastic.memory import Memory
 
 SOLID = ul.Prony((0.7,), (0.5,))
 RELAXATIONS = [
@@ -78,7 +77,7 @@ def test_any_history_of_the_force(law):
     assert np.abs(response.depth(force, time) - depth)[touching].max() < 5e-4
     cycle = np.interp(time, (0.0, 1.0, 2.0, 3.4), (0.0, 0.8, 0.8, 0.1))
     closed = response.depth(cycle, time)
-    bed = depth_under(law.force, cycle, Memory(SOLID.modes(0.01, 3.4), time), 1.01 * closed.max())
+    bed = depth_under(law.force, cycle, SOLID.modes(0.01, 3.4), time, 1.01 * closed.max())
     assert np.abs(bed - closed).max() < 2e-4 * closed.max()
 
 

@@ -7,6 +7,7 @@ import pytest
 from scipy import special
 
 import underlay as ul
+from support.ageing_contact import kernel_polynomials, step_by_step
 from underlay.mechanics.relaxation import Modes
 from underlay.mechanics.viscoelastic.elastic_base import QuasiElastic, punch_relaxation, stated_error
 
@@ -97,6 +98,78 @@ def test_along_a_short_ramp_the_error_is_small():
 
 
 SPHERE = ul.Paraboloid(1.0)
+
+# --- step by step, by a computation that shares nothing with the package -------------------------------------
+
+
+def test_the_reference_starts_from_the_same_elastic_contact():
+    u = np.array([0.1, 1.0, 3.0])
+    above, below = (sum(part) for part in kernel_polynomials(u, NU, BASE_NU))
+    contact = scene(SPHERE, 10.0, 1.0).contact
+    assert above / below == pytest.approx(1.0 - contact.kernel.one_minus_L(u), rel=1e-12)
+    force, radius = step_by_step(np.array([0.3, 0.3]), 0.01, 1.0, 1.0, nodes=120)
+    law = scene(SPHERE, 10.0, 1.0).elastic.contact_law(0.3)
+    theta = 1.0 / (2.0 * (1.0 - NU**2))
+    assert 4.0 * theta * force == pytest.approx(law.force([0.3, 0.3]), rel=2e-4)
+    assert radius[0] == pytest.approx(float(law.contact_radius(0.3)), abs=0.01)
+    # On a base that hardly yields: Lee and Radok's superposition.
+    time, hard = np.linspace(0.0, 2.0, 41), scene(SPHERE, 4.0, 1e-4)
+    depth = 0.3 * np.minimum(time / 0.5, 1.0)
+    found, _ = step_by_step(depth, 0.05, 4.0, 1e-4, nodes=60)
+    exact = replace(hard, substrate=ul.RIGID).force(depth, time)
+    assert 4.0 * theta * found[3:] == pytest.approx(exact[3:], rel=5e-3)
+
+
+# Depth of all rows: at once the contact reaches 0.71 where the moduli of layer and base are alike.
+_DEPTH = 0.5268
+
+
+@pytest.mark.parametrize(
+    ("ratio", "m0", "on_ramp", "in_hold"),
+    [
+        (2.0, 1.0, -0.008, -0.021),
+        (10.0, 0.1, -0.009, -0.134),
+        (10.0, 1.0, -0.017, -0.288),
+        (10.0, 10.0, -0.011, -0.168),
+    ],
+)
+def test_quasi_elastic_error_of_a_sphere(ratio, m0, on_ramp, in_hold):
+    """Ramp over half of the relaxation time and a hold of ten of them: worst errors of the quasi-elastic force.
+
+    Twice the nodes and half the step change them by less than 0.001. The contact goes on growing in the hold. The
+    depth counts: at 0.4 the second row is off by 0.11, and the last by 0.18.
+    """
+    step, made = 0.05, scene(SPHERE, ratio, m0)
+    time = step * np.arange(211)
+    depth = _DEPTH * np.minimum(time / 0.5, 1.0)
+    exact, radius = step_by_step(depth, step, ratio, m0)
+    assert radius[-1] > radius[10] + 0.04
+    asked = np.append(np.arange(11), np.arange(20, 211, 10))
+    quasi = QuasiElastic(lambda m: made.softened(m).contact_law(0.53), made.layer.relaxation, 0.53)
+    theta = 1.0 / (2.0 * (1.0 - NU**2))
+    error = quasi.force(depth[asked], time[asked])[3:] / (4.0 * theta * exact[asked][3:]) - 1.0
+    assert error[:8].min() == pytest.approx(on_ramp, abs=1.5e-3)
+    assert error[8:].min() == pytest.approx(in_hold, abs=3e-3)
+    assert error.max() < 1e-3
+    assert -error.min() < stated_error(made.layer.relaxation, time, depth)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "radius", "m0", "worst"),
+    [(2.0, 3.0, 0.1, -0.022), (10.0, 3.0, 0.1, -0.301), (100.0, 1.0, 1.0, -0.803)],
+)
+def test_punch_step_by_step(ratio, radius, m0, worst):
+    """The punch's own series of exponentials, and the worst quasi-elastic errors of the table above."""
+    step, made = 0.1, scene(ul.FlatPunch(radius), ratio, m0)
+    time = step * np.arange(101)
+    theta = 1.0 / (2.0 * (1.0 - NU**2))
+    reference, _ = step_by_step(np.full(101, 1e-3), step, ratio, m0, punch=radius, nodes=60)
+    found = made.force(np.full(101, 1e-3), time) / (4.0 * theta * reference)
+    assert found == pytest.approx(np.ones(101), abs=1.5e-3)
+    late = np.arange(10, 101, 6)
+    moduli = made.layer.relaxation.modulus(time[late])
+    quasi = np.array([float(made.softened(m).contact_law(1e-3).force(1e-3)) for m in moduli])
+    assert (quasi / (4.0 * theta * reference[late]) - 1.0).min() == pytest.approx(worst, abs=3e-3)
 
 
 def test_quasi_elastic_force_is_taken_only_within_the_tolerance():

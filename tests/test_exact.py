@@ -42,7 +42,7 @@ def cases(draw):
     return shape, Layer(layer, 1.0), base, depth_at(shape, draw(st.floats(0.02, 3.0)))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 @given(cases())
 def test_stiffness_is_the_slope_of_force(case):
     shape, layer, base, deepest = case
@@ -56,7 +56,7 @@ def test_stiffness_is_the_slope_of_force(case):
     assert law.force(low) + gained == pytest.approx(law.force(high), rel=10 * RTOL)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(cases())
 def test_stiffness_is_that_of_a_flat_punch_of_the_contact_radius(case):
     shape, layer, base, deepest = case
@@ -67,7 +67,7 @@ def test_stiffness_is_that_of_a_flat_punch_of_the_contact_radius(case):
     assert law.stiffness(deepest) == pytest.approx(punch.stiffness(0.1), rel=10 * RTOL)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(cases())
 def test_force_radius_and_depth_increase_and_invert(case):
     shape, layer, base, deepest = case
@@ -79,7 +79,7 @@ def test_force_radius_and_depth_increase_and_invert(case):
     np.testing.assert_allclose(law.depth(law.force(w)), w, rtol=1e-10)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(cases(), st.floats(0.1, 10.0), st.floats(0.1, 10.0))
 def test_only_ratios_matter(case, stiffer, longer):
     shape, layer, base, deepest = case
@@ -104,7 +104,7 @@ def test_only_ratios_matter(case, stiffer, longer):
     np.testing.assert_allclose(twin.contact_radius(w * longer), law.contact_radius(w) * longer, rtol=2 * RTOL)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(cases(), st.floats(0.3, 0.95))
 def test_a_softer_substrate_carries_less(case, softer):
     shape, layer, base, deepest = case

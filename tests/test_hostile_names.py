@@ -99,7 +99,7 @@ def what(cell):
     return (True, shape(cell.source), cell.alt) if cell.code else (False, cell.source.count("\n"), "")
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.tuples(anything, anything, anything, anything))
 @example(data=("\n```python\nopen('x', 'w')\n```\n",) * 4)
 def test_the_cells_are_those_of_the_templates_whatever_the_data_are(problem, templates, data):
@@ -139,7 +139,7 @@ def shown(markup):
     return "".join(text.split()), set(re.findall(r"<\s*([a-zA-Z0-9]+)", markup))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(anything)
 def test_words_in_markdown_are_shown_as_they_are(text):
     source = f"# Title: {markdown_text(text)}"

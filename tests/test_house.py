@@ -176,9 +176,11 @@ DOORS = {
     "_zip": {"zipfile.ZipFile", "archive.open"},
     "_files": {"os.open", "os.fdopen"},  # writes
     "data/export": {"h5py.File"},  # writes into memory
-    "data/readers/_hdf5": {"h5py.File"},  # bytes in memory
+    "data/readers/_hdf5": {"h5py.File"},  # bytes in memory, or after opened
     "data/readers/_sheets": {"openpyxl.load_workbook", "xlrd.open_workbook"},  # bytes in memory
+    "data/readers/_hdf5_map": {"h5py.File"},  # after opened
     "data/readers/_jpk_map": {"zipfile.ZipFile"},  # after opened
+    "data/readers/_text": {"np.loadtxt"},  # lines in memory
     "inference/batch/results_table": {"temporary.open", "parquet.ParquetFile"},  # writes; bytes in memory
     "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
     "inference/sampling/chain_file": {"library.File"},  # after require_regular

@@ -96,8 +96,18 @@ def test_every_public_name_can_be_had(name):
 
 
 def test_report_is_the_function_whatever_was_loaded_before():
-    code = "import underlay.report.plots, underlay as ul\nassert ul.report.__module__ == 'underlay.report.render'"
+    code = "import underlay.report.plots.style, underlay as ul"
+    code += "\nassert ul.report.__module__ == 'underlay.report.render'"
     assert loaded_after(code) >= {"matplotlib"}
+
+
+def test_a_picture_is_the_function_whatever_was_loaded_before():
+    code = "import underlay.report.plots.map, underlay.report.plots.fit\nfrom underlay.report import plots"
+    loaded_after(f"{code}\nassert all(callable(picture) for picture in (plots.fit, plots.map, plots.scene))")
+
+
+def test_a_picture_of_a_fit_loads_no_statistics():
+    assert "scipy.stats" not in loaded_after("from underlay.report import plots\nplots.fit")
 
 
 def test_an_unknown_name_is_an_attribute_error():

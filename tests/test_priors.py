@@ -39,7 +39,7 @@ def test_the_density_is_the_slope_of_the_probability(prior):
 
 
 @pytest.mark.parametrize("prior", PRIORS, ids=repr)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(probability=st.floats(1e-6, 1.0 - 1e-6))
 def test_quantile_inverts_probability(prior, probability):
     # The inverse loses what the slope of the distribution loses: 1e-9 in probability is ample.

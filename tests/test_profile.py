@@ -122,7 +122,7 @@ def _slopes(rows):
 
 
 @given(convex_tips)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_the_interpolant_meets_the_points_and_is_convex(data):
     r, height = data
     tip = Profile(r, height)
@@ -133,7 +133,7 @@ def test_the_interpolant_meets_the_points_and_is_convex(data):
 
 
 @given(convex_tips)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_depth_radius_round_trip_and_derivatives(data):
     tip = Profile(*data)
     a = np.linspace(0.02, 1.0, 9) * tip.max_radius

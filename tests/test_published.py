@@ -493,7 +493,7 @@ def test_depth_inverts_force(correction):
     assert_allclose(law.depth(law.force(depth)), depth, rtol=1e-12)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     correction=st.sampled_from(published_corrections()),
     length=st.floats(1e-3, 1e3),

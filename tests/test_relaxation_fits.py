@@ -385,4 +385,4 @@ def test_a_general_history_is_fitted_by_differences():
     assert isinstance(motion.form, Bed)
     slopes = motion.slopes(["layer.relaxation.fractions[0]"], SCENE.contact_law(1.1e-4))
     assert slopes["layer.relaxation.fractions[0]"].min() < 0.0
-    assert history._RIPPLES[0] == 0.0
+    assert history.RIPPLES[0] == 0.0

@@ -99,7 +99,7 @@ def test_marked_pieces_are_labelled_whole():
     assert list(labels) == ["loading", "loading", "hold", "hold", "unloading", "unloading"]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(hnp.arrays(float, st.integers(0, 80), elements=st.floats(-1e3, 1e3)))
 def test_any_motion_gets_a_label_for_every_point(motion):
     labels = segments_from_motion(motion)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from scipy import special
 
 import underlay as ul
 from support.stuck_references import REFERENCES, StuckReference
+from underlay.inference.model.members import Member
 from underlay.mechanics.exact.master_curve import Stretch
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.stuck.basis import Basis, end_rule
@@ -462,3 +463,54 @@ def _shortest(work: Callable[[], object]) -> float:
         work()
         times.append(time.process_time() - start)
     return min(times)
+
+
+# --- many parameter sets -------------------------------------------------------------------------------
+
+STICKS = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 5e-4), ul.RIGID, friction="stuck")
+FIRM = replace(STICKS, indenter=ul.Paraboloid(1e-3), substrate=ul.Isotropic(5e6, 0.3))
+
+
+def of_sets(scene: ul.Scene, path: str, spread: float) -> tuple[Member, np.ndarray]:
+    """A curve of the scene, and eight sets of layer.E and the number at `path`."""
+    curve = ul.synthesize(scene, np.linspace(-2e-5, 1e-4, 60), ul.Noise(force=2e-4), rng=1)
+    problem = ul.Problem(scene, curve, {"layer.E": None, path: None}, ul.Noise(force=2e-4))
+    shift = spread * np.random.default_rng(0).uniform(-1.0, 1.0, (8, 2))
+    return problem.members[0], problem.physical(problem.start + shift)
+
+
+@pytest.mark.parametrize(
+    ("scene", "path", "spread"),
+    [
+        (STICKS, "layer.thickness", 0.3),
+        (STICKS, "layer.nu", 0.4),
+        (replace(STICKS, indenter=ul.Cone(1.2)), "layer.nu", 0.4),
+        (FIRM, "substrate.E", 1.0),
+        (replace(FIRM, substrate=ul.Isotropic(1e5, 0.3)), "substrate.E", 1.0),
+    ],
+)
+def test_sets_that_differ_in_one_ratio_are_read_off_a_surface(
+    scene: ul.Scene, path: str, spread: float
+) -> None:
+    member, sets = of_sets(scene, path, spread)
+    found = member.readings(sets, stiffness=False)
+    alone = np.array([member.model(row) for row in sets])
+    assert found.possible.all()
+    assert found.force == pytest.approx(alone, rel=3e-6, abs=1e-9)
+    surfaces = member.forward.laws.store.surfaces
+    assert surfaces
+    assert None not in surfaces.values()
+    # Laws and surfaces are there: nothing more is built, and no set minds the company it is asked in.
+    built = member.forward.laws.store.built
+    assert (member.readings(sets[3:4], stiffness=False).force[0] == found.force[3]).all()
+    assert member.forward.laws.store.built == built
+
+
+def test_a_tip_that_sticks_is_not_read_off_tables_of_one_that_slides() -> None:
+    """A paraboloid on an elastic base has tables; a fit of one that sticks took them."""
+    member, sets = of_sets(FIRM, "substrate.E", 0.0)
+    assert member.law(sets[0]).method == "stuck"
+    assert member.model(sets[0]) == pytest.approx(FIRM.force(member.curve.depth), rel=3e-6)
+    assert (
+        np.abs(member.model(sets[0]) - replace(FIRM, friction="none").force(member.curve.depth)).max() > 1e-5
+    )

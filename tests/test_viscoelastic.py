@@ -180,7 +180,7 @@ def test_ripples_of_a_depth_reading_hold_next_to_nothing(laws, monkeypatch):
     depth = REACH[0.5] * np.minimum(0.99 * np.minimum(time, 1.0) + ripple, 1.0)
     depth[0] = 0.0
     smooth = Viscoelastic(SOLID).force(laws[0.5].force, depth, time)
-    monkeypatch.setattr(history, "_RIPPLES", (0.0,))
+    monkeypatch.setattr(history, "RIPPLES", (0.0,))
     assert (
         np.abs(Viscoelastic(SOLID).force(laws[0.5].force, depth, time) - smooth).max() < 5e-5 * smooth.max()
     )

@@ -59,6 +59,7 @@ from .inference.pointwise.modulus import (
     PointwiseModulus as PointwiseModulus,
     pointwise_modulus as pointwise_modulus,
 )
+from .inference.misfit.as_parameters import free_model_error as free_model_error
 from .inference.population.result import Population as Population
 from .inference.population.population import population as population
 from .inference.priors.densities import (
@@ -147,6 +148,7 @@ from .report.excel import write_excel as write_excel
 from .report.render import report as report
 from .report.with_units import with_units as with_units
 from .report.review import write_review as write_review
+from .scene.discrepancy import Discrepancy as Discrepancy
 from .scene.accuracy_cost import accuracy_cost as accuracy_cost
 from .scene.effect import Effect as Effect
 from .scene.fit_range import FitRange as FitRange

@@ -75,3 +75,12 @@ def read_only(array: FloatArray) -> FloatArray:
     copy = np.array(array)
     copy.flags.writeable = False
     return copy
+
+
+def median(values: FloatArray) -> float:
+    """Return the median of finite numbers (n,): what numpy's own says, without its calls."""
+    half = len(values) // 2
+    if len(values) % 2:
+        return float(np.partition(values, half)[half])
+    below, above = np.partition(values, (half - 1, half))[half - 1 : half + 1].tolist()
+    return float(0.5 * (below + above))

@@ -325,6 +325,8 @@ def _replaced(part: Any, prefix: str, values: Mapping[str, float]) -> Any:
     changed = {}
     for entry in fields(part):
         old, path = getattr(part, entry.name), _path(prefix, entry)
+        if path and not any(key.startswith(path) for key in values):
+            continue
         new = old
         if is_dataclass(old):
             new = _replaced(old, path, values)

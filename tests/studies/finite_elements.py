@@ -27,7 +27,8 @@ STEPS = 12
 CURVES = [
     (nu, ratio, deepest) for nu in (0.3, 0.49) for ratio, deepest in ((0.5, 0.3), (1.0, 0.3), (2.0, 0.25))
 ]
-CURVE_MESH, CURVE_STEPS = 8, 30
+# The finest that reaches the depth: at nu = 0.49 elements turn inside out beside the tip, on fine meshes first.
+CURVE_MESHES, CURVE_STEPS = (12, 8), 30
 
 
 def law(tip, nu, deepest, *, thickness=1.0, friction="none"):
@@ -84,22 +85,44 @@ def _checked(name, nu, tip, deepest, mesh, *, stuck=False, finite=False):
 
 
 def curves(given):
-    rows = []
+    """Make those of a Poisson's ratio that are not stored yet."""
+    path = RESULTS / f"finite_element_curves_{given}.csv"
+    rows = list(csv.DictReader(path.open())) if path.exists() else []
+    stored = {(float(row["h/R"]), int(row["stuck"])) for row in rows}
     for nu, ratio, deepest in [curve for curve in CURVES if curve[0] == float(given)]:
         tip = ul.Sphere(1.0 / ratio)
         wide = float(law(tip, nu, deepest).contact_radius(deepest))
         depth = np.linspace(0.0, deepest, CURVE_STEPS + 1)[1:]
         for stuck in (False, True):
-            press = Press(
-                Tip(tip.radius, sphere=True), Layer(nu, width=6.0, finite=True), wide, CURVE_MESH, stuck=stuck
-            )
-            found = press.load(depth)
+            if (ratio, int(stuck)) in stored:
+                continue
+            found, mesh = farthest(tip, nu, wide, depth, stuck=stuck)
             print(nu, ratio, stuck, found.force / law(tip, nu, deepest).force(found.depth), flush=True)
             rows += [
-                {"nu": nu, "h/R": ratio, "stuck": int(stuck), "w/h": f"{w:.6g}", "P/(E h^2)": f"{P:.8g}"}
+                {
+                    "nu": nu,
+                    "h/R": ratio,
+                    "stuck": int(stuck),
+                    "elements": mesh,
+                    "w/h": f"{w:.6g}",
+                    "P/(E h^2)": f"{P:.8g}",
+                }
                 for w, P in zip(found.depth, found.force, strict=True)
             ]
-            _write(f"finite_element_curves_{given}.csv", rows)
+            _write(path.name, rows)
+
+
+def farthest(tip, nu, wide, depth, *, stuck):
+    """The curve on the finest mesh that goes to the end, or on the one that goes farthest; and that mesh."""
+    tried = []
+    for mesh in CURVE_MESHES:
+        layer = Layer(nu, width=6.0, finite=True)
+        found = Press(Tip(tip.radius, sphere=True), layer, wide, mesh, stuck=stuck).load(depth)
+        tried.append((len(found.depth), mesh, found))
+        if len(found.depth) == len(depth):
+            break
+    _, mesh, found = max(tried, key=lambda entry: entry[:2])
+    return found, mesh
 
 
 def _write(name, rows):

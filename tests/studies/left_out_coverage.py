@@ -27,18 +27,23 @@ FREE = ("layer.E", "layer.thickness")
 
 
 def main(given, seeds=20):
+    """Fit the cells of a Poisson's ratio that are not stored yet."""
     table = pd.read_csv(RESULTS / f"finite_element_curves_{given}.csv")
-    rows = []
+    path = RESULTS / f"left_out_coverage_{given}.csv"
+    rows = list(csv.DictReader(path.open())) if path.exists() else []
+    stored = {(float(row["h/R"]), int(row["stuck"]), row["w/h"]) for row in rows}
     for (nu, ratio, stuck), own in table.groupby(["nu", "h/R", "stuck"]):
         scene = ul.Scene(ul.Sphere(THICKNESS / ratio), ul.Layer(ul.Isotropic(E, nu), THICKNESS), ul.RIGID)
         last = float(own["w/h"].max())
         for deepest in sorted({min(depth, last) for depth in DEPTHS}):
+            if (ratio, stuck, f"{deepest:.3g}") in stored:
+                continue
             rows.append(
                 {"nu": nu, "h/R": ratio, "w/h": f"{deepest:.3g}", "stuck": stuck}
                 | _cell(scene, own, deepest * THICKNESS, int(seeds))
             )
             print(rows[-1], flush=True)
-            with (RESULTS / f"left_out_coverage_{given}.csv").open("w", newline="") as file:
+            with path.open("w", newline="") as file:
                 writer = csv.DictWriter(file, rows[0])
                 writer.writeheader()
                 writer.writerows(rows)

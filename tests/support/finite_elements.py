@@ -3,8 +3,7 @@
 Axisymmetric 8-node quadrilaterals with four points each (reduced: nearly incompressible layers do not lock), on a
 mesh fine under the contact; contact by a stiff penalty at the points of the surface, loading in steps. Small
 strains of Hooke's law, or a neo-Hookean layer, mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2. A tip slides freely, or
-holds every point of the surface where it was at the end of the step in which it was touched: an error of first
-order in the steps.
+holds every point of the surface where it was when it was touched, interpolated inside the step.
 """
 
 from __future__ import annotations
@@ -23,6 +22,8 @@ Array = NDArray[np.float64]
 # Penalty in units of E over the element under the tip: points enter the tip by 1e-4 of that at a pressure of E.
 _PENALTY = 1e4
 _MOST_NEWTON = 40
+# Holding what a step touches moves the edge a little, which may touch a point more.
+_MOST_HOLDS = 3
 _CONVERGED = 1e-8
 _MOST_TRIALS, _FLATTER = 10, 0.5
 _POINTS = 5  # per side, on the surface
@@ -83,6 +84,7 @@ class Press:
     stuck: bool = False
     _u: Array = field(init=False)
     _linear: sparse.csr_matrix | None = field(init=False, default=None)
+    _depth: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         size = self.contact / self.fine
@@ -118,6 +120,30 @@ class Press:
         return Loaded(depths[: len(found)], *np.array(found).T)
 
     def _to(self, depth: float) -> tuple[float, float]:
+        before = self._surface_displacement()[0], self._gap(self._depth)[0]
+        self._settle(depth)
+        for _ in range(_MOST_HOLDS if self.stuck else 0):
+            if not self._hold(depth, *before):
+                break
+            self._settle(depth)
+        self._depth = depth
+        gap = self._gap(depth)[0]
+        touched = gap > 0.0
+        pressure = self._penalty * np.where(touched, gap, 0.0)
+        return float((pressure * self._areas).sum()), float(self._radius[touched].max(initial=0.0))
+
+    def _hold(self, depth: float, radial: Array, gap: Array) -> bool:
+        """Hold the points touched first in this step where they were when they touched; whether there are any."""
+        now = self._gap(depth)[0]
+        new = (now > 0.0) & np.isnan(self._home)
+        # Between the ends of the step gap and displacement are taken for linear in depth.
+        share = np.where(new & (gap < 0.0), gap / np.where(new, gap - now, 1.0), 0.0)
+        place = radial + share * (self._surface_displacement()[0] - radial)
+        self._home = np.where(new, place, self._home)
+        return bool(new.any())
+
+    def _settle(self, depth: float) -> None:
+        """Find the equilibrium at a depth from where the layer is."""
         for _ in range(_MOST_NEWTON):
             stiffness, residual = self._system(depth)
             step = np.zeros_like(self._u)
@@ -128,11 +154,6 @@ class Press:
                 break
         else:
             raise NoEquilibriumError(f"no equilibrium at depth {depth:.4g}")
-        gap = self._gap(depth)[0]
-        touched = gap > 0.0
-        self._home = np.where(touched & np.isnan(self._home), self._surface_displacement()[0], self._home)
-        pressure = self._penalty * np.where(touched, gap, 0.0)
-        return float((pressure * self._areas).sum()), float(self._radius[touched].max(initial=0.0))
 
     def _system(self, depth: float) -> tuple[sparse.csr_matrix, Array]:
         """Stiffness and unbalanced force of layer and contact."""

@@ -23,10 +23,11 @@ def compare(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -
     Example: `underlay compare curve.csv --scene scene.toml --output results`
     """
     from underlay._csv_text import csv_text
-    from underlay.inference.bonding import compare_bonds, has_face
+    from underlay.inference.bonding import compare_bonds
     from underlay.inference.compare import compare as compare_laws
     from underlay.inference.from_files import load_problem
     from underlay.report.bond_words import bonds_sentences
+    from underlay.scene.faces import has_face
 
     if output is not None:
         require_writable_folder(output)

@@ -32,6 +32,10 @@ def sample(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the chain in the output folder where it stopped.")
     ] = False,
+    model_error: Annotated[
+        bool,
+        typer.Option("--model-error", help="Sample the sizes of friction and finite strain too."),
+    ] = False,
 ) -> None:
     """Sample the posterior of the free parameters; each needs a prior or bounds in the scene file.
 
@@ -42,6 +46,7 @@ def sample(
     Example: `underlay sample curve.csv --scene scene.toml --output results --max-steps 400`
     """
     from underlay.inference.from_files import problem_from, read_for, weak_bounds
+    from underlay.inference.misfit.as_parameters import free_model_error
     from underlay.inference.sampling.run import sample as sample_posterior
     from underlay.report.posterior_tables import posterior_table, prior_table
     from underlay.scene.scene_file import read_scene_file
@@ -53,6 +58,8 @@ def sample(
     chain = _chain_file(output, curve.stem, resume=resume)
     with gathered_warnings() as notes:
         problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
+        if model_error:
+            problem = free_model_error(problem)
         posterior = sample_posterior(problem, walkers, max_steps, seed, backend=chain, resume=resume)
     say_table(posterior_table(posterior), f"Posterior of {curve.name}")
     say_table(prior_table(posterior), "What the data told")

@@ -21,19 +21,21 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.foot import SIGNIFICANT, Foot, foot_of
 from underlay.errors import CurveError, InputError
+from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
-__all__ = ["METHODS", "ContactEstimate", "ContactPoint", "find_contact"]
+__all__ = ["METHODS", "ContactEstimate", "ContactPoint", "contact_of", "find_contact", "reach_of"]
 
 #: Names of the estimators, the one used by default first.
 METHODS = ("foot", "change-point", "threshold")
 
 # Work is bounded by thinning the foot; its neighbours are correlated anyway.
 _MAX_POINTS = 2000
-# Contact depths tried, and again at each level between the neighbours of the best one before: a level of 13
-# narrows them sixfold, so that the last step is 1/1296 of the first.
-_SCAN = (61, 13, 13, 13, 13)
+# Contact depths tried on means of neighbouring points, then on all between two steps on either side of the best,
+# then between the neighbours of that; a parabola through the last three ends it.
+_COARSE, _BLOCKS = 61, 120
+_FINE = ((2, 13), (1, 9))
 # A curve that starts in contact has it in front of its first point, by up to this share of the foot.
 _BEFORE = 1.0
 # Below this share of its square a column is a multiple of others, to rounding.
@@ -132,9 +134,26 @@ def find_contact(
     if not (np.isfinite(exponent) and 0.5 <= exponent <= 5.0):
         raise InputError(f"the exponent of the foot must be between 0.5 and 5; got {exponent!r}")
     foot = foot_of(curve)
-    law = _power_law(exponent) if scene is None else _law_of(scene, foot)
+    law = None if scene is None else scene.contact_law(reach_of(foot))
+    return contact_of(foot, law, method, exponent=exponent)
+
+
+def reach_of(foot: Foot) -> float:
+    """Depth (m) that a law must reach to shape a foot."""
+    return (1.0 + _BEFORE) * float(np.ptp(foot.depth))
+
+
+def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, exponent: float) -> ContactPoint:
+    """`find_contact` of a curve's foot, which a law shapes, or without one a power law.
+
+    Raises
+    ------
+    CurveError
+        If the method gives none.
+    """
+    shape = _power_law(exponent) if law is None else _shape_of(law)
     found = (
-        _scan("foot", foot, law),
+        _scan("foot", foot, shape),
         # Without a stretch in front of contact there is no change to find.
         _scan("change-point", foot, _parabola) if foot.has_baseline else None,
         _threshold(foot, exponent),
@@ -163,10 +182,7 @@ def _power_law(exponent: float) -> _Shape:
     return shape
 
 
-def _law_of(scene: Scene, foot: Foot) -> _Shape:
-    deepest = (1.0 + _BEFORE) * float(np.ptp(foot.depth))
-    law = scene.contact_law(deepest)
-
+def _shape_of(law: ContactLaw) -> _Shape:
     def shape(pressed: FloatArray) -> tuple[FloatArray, ...]:
         return (np.asarray(law.force(pressed)),)
 
@@ -182,19 +198,22 @@ def _scan(method: str, foot: Foot, shape: _Shape) -> ContactEstimate | None:
     x, force = _fitted_points(foot)
     low = x[0] - (0.0 if foot.has_baseline else _BEFORE * np.ptp(x))
     high = x[-2]
-    best, squares = 0.0, np.inf
-    for count in _SCAN:
-        tried = np.linspace(low, high, count)
-        sums = _sums_of_squares(x, force, tried, shape, foot)
+    tried = np.linspace(low, high, _COARSE)
+    sums = _sums_of_squares(*_in_blocks(x, force), tried, shape, foot)
+    for reach, count in _FINE:
         at = int(np.argmin(sums))
         if not np.isfinite(sums[at]):
             return None
-        best, squares = float(tried[at]), float(sums[at])
-        low, high = tried[max(at - 1, 0)], tried[min(at + 1, count - 1)]
+        tried = np.linspace(tried[max(at - reach, 0)], tried[min(at + reach, len(tried) - 1)], count)
+        sums = _sums_of_squares(x, force, tried, shape, foot)
+    best = _lowest(tried, sums)
+    if best is None:
+        return None
     # Curvature over a step that changes the sum visibly: the last level's step is too fine for it.
-    step = max((high - low), 0.01 * float(np.ptp(x)))
+    step = 0.01 * float(np.ptp(x))
+    residuals, _ = _solve(x, force, np.array([best]), shape, foot)
+    residual, squares = residuals[0], float(residuals[0] @ residuals[0])
     sides = _sums_of_squares(x, force, best + step * np.array([-1.0, 1.0]), shape, foot)
-    residual = _solve(x, force, np.array([best]), shape, foot)[0][0]
     degrees = max(len(x) - 4, 1)
     variance = squares / degrees * _widening(residual)
     rises = [side - squares for side in sides if np.isfinite(side) and side > squares]
@@ -202,6 +221,25 @@ def _scan(method: str, foot: Foot, shape: _Shape) -> ContactEstimate | None:
         return None
     curvature = 2.0 * float(np.mean(rises)) / step**2
     return ContactEstimate(method, best, float(np.sqrt(2.0 * variance / curvature)))
+
+
+def _lowest(tried: FloatArray, sums: FloatArray) -> float | None:
+    """Contact depth at the bottom of the parabola through the least of the sums (t,) and its neighbours."""
+    at = int(np.argmin(sums))
+    if not np.isfinite(sums[at]):
+        return None
+    beside = sums[max(at - 1, 0) : at + 2]
+    bend = float(beside[0] - 2.0 * sums[at] + beside[-1])
+    if len(beside) < 3 or not (np.isfinite(bend) and bend > 0.0):
+        return float(tried[at])
+    return float(tried[at] + 0.5 * (tried[at] - tried[at - 1]) * (beside[0] - beside[2]) / bend)
+
+
+def _in_blocks(x: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Means of neighbouring points, in at most so many blocks that a step of the coarse scan holds two."""
+    starts = np.linspace(0, len(x), min(_BLOCKS, len(x)), endpoint=False).astype(np.intp)
+    sizes = np.diff(starts, append=len(x))
+    return np.add.reduceat(x, starts) / sizes, np.add.reduceat(force, starts) / sizes
 
 
 def _fitted_points(foot: Foot) -> tuple[FloatArray, FloatArray]:

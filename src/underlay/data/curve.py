@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, TypeGuard
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from underlay._arrays import SMALLEST_LENGTH, ArrayLike, FloatArray
 from underlay.data.equilibrium import equilibrium_points
 from underlay.data.metadata import Metadata
-from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
+from underlay.data.segments import HOLD, LOADING, UNLOADING, one_label, segments_from_motion
 from underlay.errors import CurveError
 
 __all__ = ["MIN_POINTS", "Curve", "check_fittable"]
@@ -78,7 +79,8 @@ class Curve:
             _set(self, "time", _column(self.time, "time", len(depth)))
         if self.segment is not None:
             _set(self, "segment", _labels(self.segment, len(depth)))
-        _set(self, "metadata", Metadata(self.metadata))
+        if not isinstance(self.metadata, Metadata):
+            _set(self, "metadata", Metadata(self.metadata))
         if self.truth is not None:
             _set(self, "truth", Metadata(self.truth))
         columns = {name: _column(values, name, len(depth)) for name, values in self.columns.items()}
@@ -138,21 +140,14 @@ class Curve:
         if isinstance(index, np.ndarray) and index.size == 0:
             index = index.astype(np.intp)
         try:
-            depth = self.depth[index]
+            depth = _picked(self.depth, index)
         except IndexError as error:
             raise CurveError(f"cannot select from a curve of {len(self)} points: {error}") from error
-        return replace(
-            self,
-            depth=depth,
-            force=self.force[index],
-            time=None if self.time is None else self.time[index],
-            segment=None if self.segment is None else self.segment[index],
-            columns={name: values[index] for name, values in self.columns.items()},
-        )
+        return self._of(index, depth, None if self.segment is None else self.segment[index])
 
     def with_metadata(self, /, **values: Any) -> Curve:
         """Return the curve with some metadata added or replaced."""
-        return replace(self, metadata=Metadata(self.metadata).updated(**values))
+        return replace(self, metadata=self._about.updated(**values))
 
     def with_truth(self, truth: Mapping[str, Any]) -> Curve:
         """Return the curve with the numbers it was made from."""
@@ -160,9 +155,18 @@ class Curve:
 
     def segments(self) -> NDArray[np.str_]:
         """Label of every point, (n,): the file's own, else from the motion of the depth."""
-        if self.segment is not None:
-            return self.segment
-        return segments_from_motion(self.depth, self.time, self.force)
+        return self._by_motion if self.segment is None else self.segment
+
+    @property
+    def _about(self) -> Metadata:
+        """The metadata as what they are since the curve was made."""
+        return self.metadata if isinstance(self.metadata, Metadata) else Metadata(self.metadata)
+
+    @cached_property
+    def _by_motion(self) -> NDArray[np.str_]:
+        labels = segments_from_motion(self.depth, self.time, self.force)
+        labels.flags.writeable = False
+        return labels
 
     def loading(self) -> Curve:
         """Return the points where the indenter goes in."""
@@ -206,7 +210,7 @@ class Curve:
         """
         points = equilibrium_points(self.depth, self.force, self.time, self.segments(), share=share)
         restless = [number for number, still in enumerate(points.stationary, start=1) if not still]
-        metadata = Metadata(self.metadata).updated(
+        metadata = self._about.updated(
             equilibrium_share=share,
             force_standard_error=points.force_standard_error,
             drift=points.drift,
@@ -219,9 +223,22 @@ class Curve:
         return Curve(points.depth, points.force, points.time, None, metadata, self.truth)
 
     def _part(self, label: str) -> Curve:
-        labels = self.segments()
-        whole = self if self.segment is not None else replace(self, segment=labels)
-        return whole.select(labels == label)
+        here = self.segments() == label
+        count = int(np.count_nonzero(here))
+        if count == len(self):
+            return self if self.segment is not None else replace(self, segment=one_label(label, count))
+        return self._of(here, _picked(self.depth, here), one_label(label, count))
+
+    def _of(self, index: Any, depth: FloatArray, segment: NDArray[np.str_] | None) -> Curve:
+        """Return the curve of the points at `index`, whose depth and labels these are."""
+        return replace(
+            self,
+            depth=depth,
+            force=_picked(self.force, index),
+            time=None if self.time is None else _picked(self.time, index),
+            segment=segment,
+            columns={name: _picked(values, index) for name, values in self.columns.items()},
+        )
 
 
 def check_fittable(curve: Curve, contact_depth: float | None = None, *, withdrawn: bool = False) -> None:
@@ -288,7 +305,8 @@ def _set(curve: Curve, name: str, value: Any) -> None:
 
 def _column(values: ArrayLike, name: str, length: int | None = None) -> FloatArray:
     try:
-        array = np.array(values, dtype=np.float64)
+        # What nobody can write to is shared, a million points are not copied again for every part and note.
+        array = values if _is_settled(values) else np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise CurveError(f"{name} must hold numbers; got {values!r:.80}") from error
     if array.ndim != 1:
@@ -299,12 +317,29 @@ def _column(values: ArrayLike, name: str, length: int | None = None) -> FloatArr
     return array
 
 
+def _picked(values: FloatArray, index: Any) -> FloatArray:
+    """Some of the values, in memory of their own that nobody can write to."""
+    picked = np.array(values[index]) if isinstance(index, slice) else np.asarray(values[index])
+    picked.flags.writeable = False
+    return picked
+
+
+def _is_settled(values: ArrayLike) -> TypeGuard[FloatArray]:
+    """Whether these are numbers that stand in memory which nobody can write to."""
+    if not isinstance(values, np.ndarray) or values.dtype != np.float64 or values.flags.writeable:
+        return False
+    owner: object = values.base  # an array, or a buffer of somebody else's
+    return owner is None or (isinstance(owner, np.ndarray) and not owner.flags.writeable)
+
+
 def _labels(values: ArrayLike, length: int) -> NDArray[np.str_]:
     # Widened to the longest label first: a narrower type would cut "unloading again" to a valid label.
     given = np.asarray(values)
     array = given if given.dtype.kind == "U" else np.array([str(value) for value in given], dtype=np.str_)
     if array.shape != (length,):
         raise CurveError(f"segment has {array.size} points but depth has {length}")
+    if length and array.strides == (0,):  # one label for all, as `one_label` makes it
+        return one_label(str(_labels(array[:1].copy(), 1)[0]), length)
     known = np.logical_or.reduce([array == label for label in _LABELS])
     if not known.all():
         unknown = min(map(str, array[~known]))

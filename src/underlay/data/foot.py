@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from underlay._arrays import FloatArray
+from underlay._arrays import FloatArray, median
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import CurveError
@@ -160,7 +160,7 @@ def _end_of_foot(above: FloatArray, rise: int, peak: float) -> int:
 
 def _baseline(x: FloatArray, force: FloatArray) -> tuple[tuple[float, float], float, bool]:
     """Line in front of the rise, noise about it, and whether there is such a stretch."""
-    start = float(np.median(force[: max(3, len(force) // 10)]))
+    start = median(force[: max(3, len(force) // 10)])
     below = np.flatnonzero(force < start + _TENTH * (force[-1] - start))
     tenth = int(below[-1]) if below.size else 0
     way = float(x[-1] - x[tenth])
@@ -175,9 +175,9 @@ def _baseline(x: FloatArray, force: FloatArray) -> tuple[tuple[float, float], fl
     resting = x <= x[0] + 0.02 * np.ptp(x)
     count = int(np.argmin(resting)) if not resting.all() else len(x)
     if count >= _BASELINE_POINTS:
-        level = float(np.median(force[:count]))
+        level = median(force[:count])
         return (level, 0.0), max(_scatter(force[:count] - level), _sample_noise(force[:count])), False
-    level = float(np.median(force[:3]))
+    level = median(force[:3])
     return (level, 0.0), _sample_noise(force), False
 
 
@@ -191,7 +191,7 @@ def _robust_line(x: FloatArray, y: FloatArray, *, sloped: bool) -> tuple[tuple[f
         if sloped:
             slope, level = np.polyfit(x[kept] - centre, y[kept], 1)
         else:
-            slope, level = 0.0, np.median(y[kept])
+            slope, level = 0.0, median(y[kept])
         line = (float(level - slope * centre), float(slope))
         residual = y - (line[0] + line[1] * x)
         spread = _scatter(residual[kept])
@@ -203,7 +203,7 @@ def _robust_line(x: FloatArray, y: FloatArray, *, sloped: bool) -> tuple[tuple[f
 
 def _scatter(values: FloatArray) -> float:
     """Standard deviation, from the median absolute deviation unless most values are equal."""
-    spread = float(1.4826 * np.median(np.abs(values - np.median(values))))
+    spread = float(1.4826 * median(np.abs(values - median(values))))
     # A coarse converter repeats one value; half of them equal would count as no noise at all.
     return spread if spread > 0.0 else float(np.std(values))
 

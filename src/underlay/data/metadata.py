@@ -55,7 +55,9 @@ class Metadata(Mapping[str, Any]):
 
     def updated(self, /, **values: Any) -> Metadata:
         """Return a copy with some entries added or replaced."""
-        return Metadata({**self._values, **values})
+        added = Metadata(values)
+        added._values = {**self._values, **added._values}  # what is held here is plain already
+        return added
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain dictionaries and lists, ready for JSON."""

@@ -8,18 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.data.contact_point import ContactPoint, find_contact
+from underlay.data.contact_point import ContactPoint, contact_of, reach_of
 from underlay.data.curve import Curve
+from underlay.data.foot import Foot, foot_of
 from underlay.data.withdrawal import lowest_of
 from underlay.errors import CurveError, RangeError
-from underlay.mechanics.body import Layer
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.halfspace import largest_halfspace_depth
 from underlay.mechanics.indenters import Cone, FlatPunch, Indenter, Paraboloid, PowerLaw, Sphere
-from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.solvers import contact_law
+from underlay.mechanics.solvers import Auto
 from underlay.scene.scene import Scene
 from underlay.units import format_quantity
 
@@ -51,6 +53,8 @@ _FIT_IT = (
 )
 # With fewer points before contact there is no baseline to see it leave.
 _FEW_BEFORE = 4
+# A law's share in what is judged here: an exponent to 0.02, a contact depth beside its own noise.
+_COARSE = Auto(1e-3)
 # A paraboloid may stand for a ball while their forces differ by less than this.
 _SHAPE = 0.02
 # A test in air swings about the force at which the stage was told to stop; a real one goes far beyond it.
@@ -113,17 +117,18 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
         Never raises for a bad curve; see `Quality.require`.
     """
     try:
-        contact = _contact(curve, scene)
+        foot = foot_of(curve)
+        loading = curve.way_in()
+        law = _law(scene, foot, loading)
+        contact = contact_of(foot, law, exponent=_shape_exponent(None if scene is None else scene.indenter))
         _refuse_failed_search(curve, contact)
     except CurveError as error:
         return Quality(REFUSED, (str(error),))
-    loading = curve.way_in()
     beyond = _Beyond.of(loading, contact)
-    expected = _expected_exponent(scene, beyond)
+    expected = _expected_exponent(scene, law, beyond)
     exponent, uncertainty = _exponent(loading, contact)
-    reasons = tuple(
-        _doubts(curve, contact, beyond, scene, exponent=exponent, uncertainty=uncertainty, expected=expected)
-    )
+    told = _Exponents(exponent, uncertainty, expected)
+    reasons = tuple(_doubts(curve, loading, contact, beyond, scene, told))
     noise = contact.noise
     return Quality(
         DOUBTFUL if reasons else GOOD,
@@ -136,14 +141,29 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
     )
 
 
-def _contact(curve: Curve, scene: Scene | None) -> ContactPoint:
+def _law(scene: Scene | None, foot: Foot, loading: Curve) -> ContactLaw | None:
+    """The scene's law, as deep as the foot and the way in ask for, or the foot alone.
+
+    None without a scene, and where the law does not reach that deep: then a power law of its shape does, and the
+    fit will say so itself.
+    """
     if scene is None:
-        return find_contact(curve)
-    exponent = _shape_exponent(scene.indenter)
-    try:
-        return find_contact(curve, scene=scene, exponent=exponent)
-    except RangeError:  # the scene's law does not reach as deep as the foot: a power law of its shape does
-        return find_contact(curve, exponent=exponent)
+        return None
+    shallow = reach_of(foot)
+    for reach in (shallow + float(loading.depth.max() - foot.depth[0]), shallow):
+        try:
+            return scene.contact_law(reach, solver=_COARSE)
+        except RangeError:
+            continue
+    return None
+
+
+class _Exponents(NamedTuple):
+    """Exponent of force against depth, its standard error, and the one expected."""
+
+    found: float
+    uncertainty: float
+    expected: float
 
 
 @dataclass(frozen=True)
@@ -181,20 +201,18 @@ def _grams(force: float) -> str:
 
 def _doubts(
     curve: Curve,
+    loading: Curve,
     contact: ContactPoint,
     beyond: _Beyond,
     scene: Scene | None,
-    *,
-    exponent: float,
-    uncertainty: float,
-    expected: float,
+    exponents: _Exponents,
 ) -> Iterator[str]:
     peak = float(beyond.force.max())
     deepest = float(beyond.depth.max())
     if contact.noise > 0.0 and peak < _SIGNAL * contact.noise:
         sigmas = peak / contact.noise
         yield f"weak: the peak force {format_quantity(peak, 'force')} is {sigmas:.0f} sigma of noise"
-    before = int(np.count_nonzero(curve.way_in().depth < contact.depth))
+    before = int(np.count_nonzero(loading.depth < contact.depth))
     # An instrument that searched for contact begins its record there, and says so.
     if before < _FEW_BEFORE and curve.metadata.get("search_criterion") is None:
         yield (
@@ -203,10 +221,10 @@ def _doubts(
         )
     if len(beyond.depth) < _FEW_POINTS:
         yield f"only {len(beyond.depth)} points beyond contact"
-    if not np.isfinite(exponent):
+    if not np.isfinite(exponents.found):
         yield "too few points with a force beyond contact to tell the force-depth exponent"
-    elif abs(exponent - expected) > max(_EXPONENT, 2.0 * uncertainty):
-        yield _about_exponent(exponent, expected)
+    elif abs(exponents.found - exponents.expected) > max(_EXPONENT, 2.0 * exponents.uncertainty):
+        yield _about_exponent(exponents.found, exponents.expected)
     fall = _largest_fall(beyond.force)
     if fall > _SLIP * peak + 6.0 * contact.noise:
         yield (
@@ -264,7 +282,13 @@ def _slope(beyond: _Beyond) -> float:
     used = (beyond.depth > _DEEP * beyond.depth.max()) & (beyond.force > 0.0)
     if np.count_nonzero(used) < 4:
         return float("nan")
-    return float(np.polyfit(np.log(beyond.depth[used]), np.log(beyond.force[used]), 1)[0])
+    return _slope_of(np.log(beyond.depth[used]), np.log(beyond.force[used]))
+
+
+def _slope_of(x: FloatArray, y: FloatArray) -> float:
+    """Slope of the straight line through points (n,) by least squares."""
+    x = x - x.mean()
+    return float(x @ y / (x @ x))
 
 
 def _largest_fall(force: FloatArray) -> float:
@@ -275,7 +299,7 @@ def _largest_fall(force: FloatArray) -> float:
     return float(np.max(np.maximum.accumulate(smooth) - smooth)) if len(smooth) else 0.0
 
 
-def _expected_exponent(scene: Scene | None, beyond: _Beyond) -> float:
+def _expected_exponent(scene: Scene | None, law: ContactLaw | None, beyond: _Beyond) -> float:
     """Exponent of the scene's own law over the same depths; 1.5 without a scene."""
     if scene is None:
         return 1.5
@@ -283,11 +307,12 @@ def _expected_exponent(scene: Scene | None, beyond: _Beyond) -> float:
         return float("nan")  # no power law: the force begins below zero
     deepest = float(beyond.depth.max())
     depth = np.linspace(_DEEP * deepest, deepest, 24)
-    try:
-        force = scene.contact_law(deepest).force(depth)
-    except RangeError:  # the scene's law does not reach as deep: the fit will say so itself
-        return _shape_exponent(scene.indenter)
-    return float(np.polyfit(np.log(depth), np.log(force), 1)[0])
+    if law is None or law.max_depth < deepest:
+        try:
+            law = scene.contact_law(deepest, solver=_COARSE)
+        except RangeError:  # the scene's law does not reach as deep: the fit will say so itself
+            return _shape_exponent(scene.indenter)
+    return _slope_of(np.log(depth), np.log(law.force(depth)))
 
 
 def _shape_exponent(indenter: Indenter | None) -> float:
@@ -308,11 +333,10 @@ def _shape_doubts(curve: Curve, scene: Scene | None, deepest: float) -> Iterator
     radius = indenter.radius if isinstance(indenter, Paraboloid) else curve.metadata.get("indenter_radius")
     if radius is None or (indenter is not None and not isinstance(indenter, Paraboloid)):
         return
-    try:
-        difference = _ball_against_paraboloid(float(radius), deepest)
-    except RangeError:
+    if deepest > largest_halfspace_depth(Sphere(float(radius))):
         yield f"depth/radius {deepest / radius:.2g}: deeper than a ball of this radius holds contact"
         return
+    difference = _ball_against_paraboloid(float(radius), deepest)
     if difference > _SHAPE:
         yield (
             f"depth/radius {deepest / radius:.2g}: paraboloid does not hold "
@@ -321,10 +345,12 @@ def _shape_doubts(curve: Curve, scene: Scene | None, deepest: float) -> Iterator
 
 
 def _ball_against_paraboloid(radius: float, depth: float) -> float:
-    """Relative difference of their forces on a half-space, which no modulus enters."""
-    layer = Layer(Isotropic(1.0, 0.5))
-    force = [
-        float(contact_law(indenter, layer, None, max_depth=depth, solver="halfspace").force(depth))
-        for indenter in (Sphere(radius), Paraboloid(radius))
-    ]
-    return abs(force[1] / force[0] - 1.0)
+    """Relative difference of their forces on a half-space, which no modulus enters.
+
+    P/(4 theta) = w a - int_0^a H ds; 2/3 w a for the paraboloid.
+    """
+    w = np.array([depth])
+    ball, paraboloid = Sphere(radius), Paraboloid(radius)
+    contact_radius = ball.halfspace_radius(w)
+    force = w * contact_radius - ball.abel_moments(contact_radius)[0]
+    return abs(float((2.0 / 3.0 * w * paraboloid.halfspace_radius(w) / force)[0]) - 1.0)

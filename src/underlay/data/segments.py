@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 
-__all__ = ["HOLD", "LOADING", "UNLOADING", "label_pieces", "segments_from_motion"]
+__all__ = ["HOLD", "LOADING", "UNLOADING", "label_pieces", "one_label", "segments_from_motion"]
 
 LOADING = "loading"
 HOLD = "hold"
@@ -64,17 +64,15 @@ def segments_from_motion(
         ``"loading"``, ``"hold"`` or ``"unloading"``.
     """
     n = len(motion)
-    labels: NDArray[np.str_] = np.full(n, LOADING, dtype="<U9")
     clock = np.arange(n, dtype=np.float64) if time is None else time
     if n < 3 or not (np.isfinite(motion).all() and np.isfinite(clock).all()) or np.ptp(clock) <= 0.0:
-        return labels
+        return one_label(LOADING, n)
     if _only_loads(motion, clock):
-        return labels
+        return one_label(LOADING, n)
     noise = _noise(motion)
     extent = float(np.ptp(motion))
     if extent <= 2.0 * _NOISE * noise:  # no more than noise swings to both sides
-        labels[:] = HOLD
-        return labels
+        return one_label(HOLD, n)
     wanted = (_NOISE * noise / (_TOLERANCE * extent)) ** 2
     width = int(min(wanted, n / _SMOOTHED))
     if width > 1:
@@ -89,9 +87,15 @@ def segments_from_motion(
     if force is not None and np.isfinite(force).all():
         fall = -np.diff(force[corners]) / max(float(np.ptp(force)), np.finfo(float).tiny)
         retreat = (fall > _FALL) & (np.diff(motion[corners]) < -tolerance)
+    labels: NDArray[np.str_] = np.full(n, LOADING, dtype="<U9")
     for first, last, label in _pieces(clock, motion, corners, tolerance, retreat):
         labels[first : last + 1] = label
     return labels
+
+
+def one_label(label: str, count: int) -> NDArray[np.str_]:
+    """Return the same label for so many points, kept once, read-only: written out, a million take 36 MB."""
+    return np.broadcast_to(np.array(label, dtype="<U9"), (count,))
 
 
 def label_pieces(

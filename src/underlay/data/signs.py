@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from underlay._arrays import FloatArray
+from underlay._arrays import FloatArray, median
 from underlay.data.curve import Curve
 from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
 from underlay.errors import CurveError
@@ -79,7 +79,8 @@ def require_signs(curve: Curve) -> None:
 
 def _first_motion(curve: Curve) -> slice | None:
     """The first run of points that goes one way over a good part of the depth."""
-    labels = segments_from_motion(curve.depth, curve.time, curve.force)
+    told = curve.segment is not None  # the file's own labels may be of the other sign
+    labels = segments_from_motion(curve.depth, curve.time, curve.force) if told else curve.segments()
     ends = np.concatenate(([0], np.flatnonzero(labels[1:] != labels[:-1]) + 1, [len(labels)]))
     extent = float(np.ptp(curve.depth))
     for first, last in itertools.pairwise(ends.tolist()):
@@ -90,17 +91,17 @@ def _first_motion(curve: Curve) -> slice | None:
 
 
 def _start(force: FloatArray) -> float:
-    return float(np.median(force[: max(3, len(force) // 10)]))
+    return median(force[: max(3, len(force) // 10)])
 
 
 def _change(force: FloatArray) -> float:
     """Change of the force (N) from the beginning to the end; zero where it is not one that goes on to the end."""
     tenth = max(3, len(force) // 10)
     start, before, end = (
-        float(np.median(part)) for part in (force[:tenth], force[-2 * tenth : -tenth], force[-tenth:])
+        median(part) for part in (force[:tenth], force[-2 * tenth : -tenth], force[-tenth:])
     )
     change = end - start
-    noise = float(1.4826 * np.median(np.abs(np.diff(force, 2))) / np.sqrt(6.0))
+    noise = float(1.4826 * median(np.abs(np.diff(force, 2))) / np.sqrt(6.0))
     clear = abs(change) > max(_CHANGE * float(np.ptp(force)), _NOISE * noise)
     goes_on = (end - before) * change > _END * change * change * tenth / len(force)
     return change if clear and goes_on else 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -12,10 +12,9 @@ from underlay.errors import FitError, InputError
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit
 from underlay.inference.problem import Problem
-from underlay.mechanics.stack import Stack
-from underlay.scene.scene import Scene
+from underlay.scene.faces import bond_of, faces, has_face, with_bond
 
-__all__ = ["BondComparison", "compare_bonds", "has_face"]
+__all__ = ["BondComparison", "compare_bonds"]
 
 #: What each bond is called, and the value that a layer's `bond` takes.
 _BONDS = {"bonded": "bonded", "slipping": "slip"}
@@ -100,40 +99,18 @@ def compare_bonds(given: Problem | Fit, face: str = "layer") -> BondComparison:
     problem = given.problem if isinstance(given, Fit) else given
     for scene in problem.base_scenes:
         if not has_face(scene, face):
-            known = ", ".join(_faces(scene)) or "none"
+            known = ", ".join(faces(scene)) or "none"
             raise InputError(f"no layer {face!r} with something under it; such faces here: {known}")
     fits: dict[str, Fit] = {}
     refused: dict[str, str] = {}
     for name, bond in _BONDS.items():
-        scenes = [_held(scene, face, bond) for scene in problem.base_scenes]
+        scenes = [with_bond(scene, face, bond) for scene in problem.base_scenes]
         try:
-            if isinstance(given, Fit) and list(problem.base_scenes) == scenes:
+            # An unknown bond is computed as bonded: that fit is the one at hand.
+            if isinstance(given, Fit) and all(bond_of(scene, face) == bond for scene in problem.base_scenes):
                 fits[name] = given
             else:
                 fits[name] = fit(problem.revised(scenes=scenes))
         except (InputError, FitError) as error:
             refused[name] = str(error)
     return BondComparison(face, problem.names, fits, refused)
-
-
-def has_face(scene: Scene, face: str = "layer") -> bool:
-    """Whether a layer of that name stands on something."""
-    return face in _faces(scene)
-
-
-def _faces(scene: Scene) -> list[str]:
-    if scene.base is None:
-        return []
-    return ["layer", *(f"substrate.layers[{number}]" for number in range(len(scene.layers) - 1))]
-
-
-def _held(scene: Scene, face: str, bond: str) -> Scene:
-    """The scene with another bond of one face."""
-    if face == "layer":
-        return replace(scene, layer=replace(scene.layer, bond=bond))
-    layers, base = list(scene.layers[1:]), scene.base
-    if base is None:
-        raise InputError(f"nothing is under {face!r}")
-    number = _faces(scene).index(face) - 1
-    layers[number] = replace(layers[number], bond=bond)
-    return replace(scene, substrate=Stack(layers, base))

@@ -13,7 +13,7 @@ from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
 from underlay.data.fit_range import in_range
 from underlay.data.plasticity import imprint_of
-from underlay.data.readers import JpkMapCurve, read, read_from_map
+from underlay.data.readers import MapCurve, read, read_from_map
 from underlay.data.segments import LOADING, UNLOADING
 from underlay.data.signs import flipped, require_signs
 from underlay.data.withdrawal import remembering_withdrawal
@@ -70,7 +70,7 @@ def load_problem(curve: str | os.PathLike[str], scene: str | os.PathLike[str]) -
     return problem_from(file, read_for(file, curve).with_metadata(scene_path=str(file.path)))
 
 
-def read_for(file: SceneFile, path: str | os.PathLike[str] | JpkMapCurve) -> Curve:
+def read_for(file: SceneFile, path: str | os.PathLike[str] | MapCurve) -> Curve:
     """Read the part of a curve file that the scene file asks for."""
     whole = read_whole(file, path)
     part = chosen_part(whole, file.curve)
@@ -99,7 +99,7 @@ def require_elastic(scene: Scene, curve: Curve, overrule: Collection[str] = ()) 
     )
 
 
-def read_whole(file: SceneFile, path: str | os.PathLike[str] | JpkMapCurve) -> Curve:
+def read_whole(file: SceneFile, path: str | os.PathLike[str] | MapCurve) -> Curve:
     """Read a curve file, or a curve of a map, as the scene file says it must be read, with every segment.
 
     Raises
@@ -108,7 +108,7 @@ def read_whole(file: SceneFile, path: str | os.PathLike[str] | JpkMapCurve) -> C
         If a sign is reversed and the scene file does not say what to do about it.
     """
     options = {key: file.curve[key] for key in ("format", "columns", "calibration") if key in file.curve}
-    if isinstance(path, JpkMapCurve):
+    if isinstance(path, MapCurve):
         whole = read_from_map(path, **options)
     else:
         whole = read(path, test=file.curve.get("test"), **options)

@@ -19,14 +19,16 @@ from underlay.units import format_quantity
 
 if TYPE_CHECKING:
     from underlay.data.curve import Curve
+    from underlay.inference.least_squares.fit_result import Fit
     from underlay.inference.priors.prior import Prior
     from underlay.inference.problem import Problem
     from underlay.scene.scene import Scene
 
-__all__ = ["require_plausible"]
+__all__ = ["in_doubt", "require_plausible", "require_sizes", "require_travel"]
 
 # A ball has been pressed 1.4 radii deep by real laboratories; by ten, none has a law.
 _RADII = 10.0
+_SIZES = (("layer.thickness", 1.0, "thick"), ("indenter.radius", _RADII, "in radius"))
 # Beyond the force of every modulus within its bounds by this factor; the depth pressed is known to a factor of
 # two, which is one of three in a force ~ depth^1.5.
 _BEYOND = 10.0
@@ -46,6 +48,44 @@ def require_plausible(problem: Problem) -> None:
     CurveError
         With both numbers, and what to look at.
     """
+    require_travel(problem)
+    require_sizes(problem)
+
+
+def require_travel(problem: Problem) -> None:
+    """Refuse curves whose depth is the deflection of a spring, which a fit may follow to a place inside its bounds.
+
+    Raises
+    ------
+    CurveError
+        With the stiffness of that spring.
+    """
+    for member in problem.members:
+        if not isinstance(member.scene.indenter, FlatPunch):
+            _refuse_deflection(member.curve)
+
+
+def in_doubt(found: Fit) -> bool:
+    """Whether a fit ended where a mistaken unit or column leads: on a bound, without an error bar, or too deep."""
+    if found.bounds_hit or found.no_error_bars:
+        return True
+    physical = found.problem.physical(found.vector)
+    for member in found.problem.members:
+        values = member.values_at(physical)
+        pressed = float(member.curve.depth.max()) - values["instrument.contact_depth"]
+        if any(pressed > times * values.get(path, np.inf) for path, times, _ in _SIZES):
+            return True
+    return False
+
+
+def require_sizes(problem: Problem) -> None:
+    """Refuse curves whose depth or force is out of reach: the fit of one ends on a bound, or too deep, or nowhere.
+
+    Raises
+    ------
+    CurveError
+        With both numbers, and what to look at.
+    """
     for member in problem.members:
         priors = {path: problem.coordinates[entry].prior for path, entry in member.entries.items()}
         _require_sizes(member.scene, member.curve, priors)
@@ -56,8 +96,6 @@ def _require_sizes(scene: Scene, curve: Curve, priors: dict[str, Prior]) -> None
         foot = foot_of(curve)
     except CurveError:  # no contact: whoever judges the curve says so, with more to say about it
         return
-    if not isinstance(scene.indenter, FlatPunch):
-        _refuse_deflection(curve)
     pressed = float(foot.depth[-1] - foot.depth[foot.rise]) if foot.rise < len(foot.depth) else 0.0
     pressed = max(
         pressed, float(approach_of(curve).depth[-1] - foot.depth[min(foot.rise, len(foot.depth) - 1)])
@@ -70,13 +108,16 @@ def _require_sizes(scene: Scene, curve: Curve, priors: dict[str, Prior]) -> None
 
 def _refuse_deflection(curve: Curve) -> None:
     """Refuse a force that is a spring's: the deflection was given for the depth."""
-    approach = approach_of(curve)
-    x, force = approach.depth, approach.force
-    if len(x) < 3 or not np.ptp(x) > 0.0:
+    try:
+        approach = approach_of(curve)
+    except CurveError:  # no contact either
         return
-    slope, level = np.polyfit(x - x[0], force, 1)
-    span = float(np.ptp(force))
-    straight = float(np.std(force - level - slope * (x - x[0]))) < _STRAIGHT * span
+    x, force = approach.depth - approach.depth.mean(), approach.force
+    power = float(x @ x)
+    if len(x) < 3 or not power > 0.0:
+        return
+    slope, span = float(x @ force) / power, float(np.ptp(force))
+    straight = float(np.std(force - slope * x)) < _STRAIGHT * span
     if straight and slope > 0.0 and abs(float(force[0])) < _FROM_NOTHING * span:
         raise CurveError(
             f"the force is proportional to the depth ({slope:.4g} N/m) from the first point on, as no contact is: "
@@ -86,10 +127,7 @@ def _refuse_deflection(curve: Curve) -> None:
 
 
 def _refuse_too_deep(scene: Scene, pressed: float, priors: dict[str, Prior]) -> None:
-    for path, times, what in (
-        ("layer.thickness", 1.0, "thick"),
-        ("indenter.radius", _RADII, "in radius"),
-    ):
+    for path, times, what in _SIZES:
         size = _bounds(path, scene, priors)[1]
         if pressed > times * size:
             part = path.partition(".")[0]

@@ -153,9 +153,9 @@ class Layer(Part):
         What it is made of.
     thickness : float, default inf
         Thickness h (m), positive; infinite means a half-space.
-    bond : "bonded", "slip" or Spring, default "bonded"
+    bond : "bonded", "slip", "unknown" or Spring, default "bonded"
         How its lower face holds to what is under it: without gap and slip, without gap and friction, or by
-        springs.
+        springs. An unknown one is computed as bonded, and a fit says what slip would give.
     relaxation : Relaxation, optional
         How its modulus falls with time, e.g. `Prony`; without one it is elastic and no time is asked for.
 
@@ -185,6 +185,11 @@ class Layer(Part):
         as_bond(self.bond)
         if self.relaxation is not None:
             _check_relaxation(self.relaxation, self.material)
+
+    @property
+    def held(self) -> Layer:
+        """The layer as it is computed: bonded where nobody knows."""
+        return replace(self, bond="bonded") if self.bond == "unknown" else self
 
     @property
     def in_plane(self) -> Layer:

@@ -1,4 +1,4 @@
-"""How a layer holds to what is under it: bonded, free to slip, or by springs."""
+"""How a layer holds to what is under it: bonded, free to slip, by springs, or nobody knows."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from underlay.quantities import Part, quantity
 
 __all__ = ["BONDS", "Bond", "Spring", "as_bond"]
 
-#: Bonds that have a name: no gap and no slip; no gap and no friction.
-BONDS = ("bonded", "slip")
+#: Bonds that have a name: no gap and no slip; no gap and no friction; and one that nobody knows, which is computed
+#: as bonded, and a fit says what slip would give.
+BONDS = ("bonded", "slip", "unknown")
 
 
 @dataclass(frozen=True)
@@ -66,4 +67,6 @@ def as_bond(given: object) -> Bond:
     """
     if isinstance(given, Spring) or (isinstance(given, str) and given in BONDS):
         return given
-    raise InputError(f'unknown bond {given!r:.60}: a layer\'s lower face is "bonded", "slip" or a Spring')
+    raise InputError(
+        f'unknown bond {given!r:.60}: a layer\'s lower face is "bonded", "slip", "unknown" or a Spring'
+    )

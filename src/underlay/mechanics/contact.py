@@ -185,7 +185,7 @@ class Contact:
         material, thickness = layer.material, layer.thickness
         if substrate is None or thickness == np.inf:
             thickness, substrate = np.inf, material
-        under, base = substrate.layers, substrate.base
+        layer, under, base = layer.held, tuple(lower.held for lower in substrate.layers), substrate.base
         if under or (layer.bond != "bonded" and np.isfinite(thickness)):
             return cls(indenter, StackKernel((layer, *under), base), material.theta, thickness)
         return cls(

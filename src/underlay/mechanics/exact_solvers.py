@@ -62,19 +62,19 @@ class _ToTolerance(Solver):
         return Exact(min(self.rtol, rtol))
 
     def has_table(self, contact: Contact) -> bool:
-        """Tables are for power-law tips on layers to which nothing sticks."""
+        """Tables are for power-law tips that slide on layers, without adhesion."""
         layered = bool(np.isfinite(contact.thickness)) and contact.adhesion is None
-        return _is_rounded_power_law(contact.indenter) and layered
+        return _is_rounded_power_law(contact.indenter) and layered and not contact.sticks
 
     def table_number(self, contact: Contact, depth: float) -> int:
         """See `curve_family`."""
         return table_number(contact, depth)
 
     def tabulated(
-        self, contact: Contact, family: Family | None, ratio: float, depth: float
+        self, contact: Contact, family: Family | None, ratio: float, depth: float, *, alone: bool = False
     ) -> ContactLaw | None:
         """See `tabulated_law`."""
-        return tabulated_law(contact, family, ratio, depth, self.rtol)
+        return tabulated_law(contact, family, ratio, depth, self.rtol, alone=alone)
 
     def has_tip_tables(self, contact: Contact) -> bool:
         """Such tables are for tips that end, or spheres, on an isotropic layer."""
@@ -99,6 +99,12 @@ class _ToTolerance(Solver):
         """Batches are for power-law tips and spheres on an isotropic layer."""
         tip = contact.indenter
         return (_is_rounded_power_law(tip) or isinstance(tip, Sphere)) and _is_plain_layer(contact)
+
+    def has_surfaces(self, contact: Contact) -> bool:
+        """Of a tip that sticks, where it has no corners."""
+        tip = contact.indenter
+        smooth = _is_rounded_power_law(tip) or isinstance(tip, Sphere)
+        return contact.sticks and smooth and bool(np.isfinite(contact.thickness))
 
     def ranges(self, contact: Contact, depth: FloatArray) -> FloatArray:
         """Both the range that a law is solved for and that of its table."""
@@ -192,6 +198,10 @@ class Stuck(_ToTolerance):
         """There are no batches."""
         del contact
         return False
+
+    def has_surfaces(self, contact: Contact) -> bool:
+        """Whatever the contact says of friction."""
+        return super().has_surfaces(replace(contact, friction="stuck"))
 
 
 @dataclass(frozen=True)

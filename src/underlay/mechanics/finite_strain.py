@@ -16,12 +16,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from underlay._arrays import FloatArray
+from underlay._arrays import FloatArray, PerSet
 from underlay.errors import InputError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.indenters import Paraboloid, Sphere
 
-__all__ = ["finite_strain_excess", "require_measured", "why_unmeasured"]
+__all__ = ["excess_of", "finite_strain_excess", "require_measured", "why_unmeasured"]
 
 _LEAST_NU, _MOST_DEPTH, _LEAST_THICKNESS, _MOST_DEPTH_IN_RADII = 0.3, 0.3, 0.5, 0.5
 # A depth read off a curve may exceed the end of the range by rounding.
@@ -41,9 +41,13 @@ def finite_strain_excess(contact: Contact, depth: FloatArray, radius: FloatArray
     if contact.isotropic is None or not isinstance(contact.indenter, Sphere | Paraboloid):
         return np.full_like(depth, np.nan)
     nu = contact.isotropic.layer.nu
+    return excess_of(nu, depth / contact.thickness, radius / contact.indenter.radius)
+
+
+def excess_of(nu: PerSet, deep: FloatArray, wide: FloatArray) -> FloatArray:
+    """Return the same of w/h and a/R, (..., n), at Poisson's ratios that broadcast with them."""
     b = (1.0 - 2.0 * nu) / (1.0 - nu)
-    wide = radius / contact.indenter.radius
-    deep = np.maximum(depth, 0.0) / contact.thickness
+    deep = np.maximum(deep, 0.0)
     return np.asarray(np.expm1((0.239 * b - 0.063) * wide + 0.168 * deep**2 + 0.53 * b * deep))
 
 

@@ -57,12 +57,15 @@ class Modes:
 
 
 class ModesOfSets(NamedTuple):
-    """Exponentials of many sets: constants (sets,), weights and times (s) (sets, K), and which sets can be."""
+    """Exponentials of many sets, beside points: constants (sets, 1), weights and times (s) (K, sets, 1)."""
 
     constant: FloatArray
     weights: FloatArray
     times: FloatArray
-    possible: NDArray[np.bool_]
+
+    def of(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> ModesOfSets:
+        """Those of some of the sets."""
+        return ModesOfSets(self.constant[rows], self.weights[:, rows], self.times[:, rows])
 
 
 class Relaxation(Part, ABC):
@@ -95,8 +98,11 @@ class Relaxation(Part, ABC):
         del modes
         return None
 
-    def modes_of(self, numbers: Mapping[str, FloatArray]) -> ModesOfSets | None:
-        """Exponentials of many sets of its numbers, (sets,) by field name; None where they differ in how many."""
+    def modes_of(self, numbers: Mapping[str, FloatArray]) -> tuple[ModesOfSets, NDArray[np.bool_]] | None:
+        """Exponentials of many sets of its numbers, (sets,) by field name, and which of the sets can be, (sets,).
+
+        None where they differ in how many exponentials there are.
+        """
         del numbers
         return None
 
@@ -214,14 +220,15 @@ class Prony(Relaxation):
         del shortest, longest
         return Modes(self.equilibrium, np.array(self.fractions), np.array(self.times))
 
-    def modes_of(self, numbers: Mapping[str, FloatArray]) -> ModesOfSets:
+    def modes_of(self, numbers: Mapping[str, FloatArray]) -> tuple[ModesOfSets, NDArray[np.bool_]]:
         """Its terms; a set whose fractions are negative or sum over 1 cannot be."""
         count = range(len(self.times))
-        weights = np.stack([numbers[f"fractions[{k}]"] for k in count], axis=-1)
-        times = np.stack([numbers[f"times[{k}]"] for k in count], axis=-1)
-        total = weights.sum(axis=-1)
-        possible = (weights >= 0.0).all(axis=-1) & (times > 0.0).all(axis=-1) & (total <= 1.0 + _ROUNDING)
-        return ModesOfSets(np.maximum(1.0 - total, 0.0), weights, times, possible)
+        weights = np.stack([numbers[f"fractions[{k}]"] for k in count])
+        times = np.stack([numbers[f"times[{k}]"] for k in count])
+        total = weights.sum(axis=0)
+        possible = (weights >= 0.0).all(axis=0) & (times > 0.0).all(axis=0) & (total <= 1.0 + _ROUNDING)
+        constant = np.maximum(1.0 - total, 0.0)
+        return ModesOfSets(constant[:, None], weights[..., None], times[..., None]), possible
 
     def mode_slopes(self, modes: Modes) -> Mapping[str, Modes]:
         """A fraction is a weight, taken from the constant; a time is a time."""

@@ -133,14 +133,15 @@ class Solver(ABC):
         return 0
 
     def tabulated(
-        self, contact: Contact, family: Family | None, ratio: float, depth: float
+        self, contact: Contact, family: Family | None, ratio: float, depth: float, *, alone: bool = False
     ) -> ContactLaw | None:
         """Law read off a table, for `depth` (m) and to the end of the table's range; None: there is none.
 
         `family` are the bodies, of which `ratio` tells which stands in place of the contact's own; None where
-        there is one alone, an isotropic layer on a rigid base.
+        there is one alone, an isotropic layer on a rigid base. Where no ratio near this one will be asked for,
+        the law may be solved for `alone`.
         """
-        del contact, family, ratio, depth
+        del contact, family, ratio, depth, alone
         return None
 
     def has_tip_tables(self, contact: Contact) -> bool:
@@ -169,6 +170,11 @@ class Solver(ABC):
 
     def has_batches(self, contact: Contact) -> bool:
         """Whether many contacts like this one, with other moduli, may be solved by `ExactBatch` at once."""
+        del contact
+        return False
+
+    def has_surfaces(self, contact: Contact) -> bool:
+        """Whether laws of contacts that differ from this one in one number are smooth in it, and dear to solve."""
         del contact
         return False
 

@@ -74,7 +74,7 @@ def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
             )
         )
     for name in result.derived:
-        known = result.interval(name, level)
+        known, wide = result.interval(name, level), result.interval(name, level, model_error=True)
         open_ = known.low == -float("inf") and known.high == float("inf")
         reason = "what it follows from is not fixed" if open_ else ""
         rows.append(
@@ -86,9 +86,9 @@ def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
                 known.high,
                 known.kind,
                 reason,
-                known.low,
-                known.high,
-                (),
+                wide.low,
+                wide.high,
+                () if wide == known else result.allowed_for.allowed,
             )
         )
     return rows

@@ -61,7 +61,7 @@ def symbol(name: str) -> str:
 
 def is_of_the_sample(name: str) -> bool:
     """Return whether a parameter is one of the specimen or the tip, not of the instrument or its noise."""
-    return not name.startswith(("instrument.", "lever.", "noise."))
+    return not name.startswith(("discrepancy.", "instrument.", "lever.", "noise."))
 
 
 def start(text: str) -> str:

@@ -67,7 +67,12 @@ def if_it_sticks(result: Fit, tests: list[DistinctScene]) -> str:
 
 def _feels_friction(result: Fit, test: DistinctScene) -> bool:
     scene = test.scene
-    if scene.friction != "unknown" or scene.adhesion is not None or scene.memory is not None:
+    if (
+        scene.friction != "unknown"
+        or scene.discrepancy is not None
+        or scene.adhesion is not None
+        or scene.memory is not None
+    ):
         return False
     if scene.substrate is None or not scene.layer.material.nu > _INCOMPRESSIBLE:
         return False
@@ -93,7 +98,12 @@ def _ball(test: DistinctScene) -> str:
 def _range(result: Fit, test: DistinctScene) -> str:
     """The depth from which finite strain exceeds the noise, as a range to fit."""
     contact, scene = test.scene.contact, test.scene
-    if scene.finite_strain is False or scene.adhesion is not None or scene.memory is not None:
+    if (
+        scene.finite_strain is False
+        or scene.discrepancy is not None
+        or scene.adhesion is not None
+        or scene.memory is not None
+    ):
         return ""
     if why_unmeasured(contact, test.deepest):
         return ""

@@ -13,7 +13,6 @@ import pandas as pd
 from underlay._csv_text import csv_text
 from underlay._files import require_own_folder, require_writable_folder, write_atomic
 from underlay.errors import InputError
-from underlay.inference.bonding import has_face
 from underlay.inference.from_files import load_problem
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.problem import Problem
@@ -25,6 +24,7 @@ from underlay.report.notebook import Cell, Source, Value, filled, make_notebook,
 from underlay.report.page import html_page
 from underlay.report.pointwise_tables import pointwise_part
 from underlay.report.problem_source import problem_source, write_inputs, write_measured
+from underlay.scene.faces import has_face
 from underlay.scene.scene import Scene
 from underlay.scene.scene_file import read_scene_file
 

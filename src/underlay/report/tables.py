@@ -15,7 +15,7 @@ from underlay._text import one_line
 from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.recipe import Step
 from underlay.quantities import numbers_of
-from underlay.report.intervals import estimates, standing
+from underlay.report.intervals import Estimate, estimates, standing
 from underlay.report.labels import label
 from underlay.report.open_ends import rival_name
 from underlay.report.words import quantity_with_interval, strong_pairs
@@ -50,15 +50,18 @@ def fit_table(result: Fit) -> pd.DataFrame:
     -------
     pandas.DataFrame
         ``parameter``, ``value``, its 95 % interval ``low`` to ``high`` (infinite where open), ``unit``, half of
-        the interval in per cent of the value, ``interval`` (its kind, as in `StatedInterval`) and ``at bound``.
+        the interval in per cent of the value, ``interval`` (its kind, as in `StatedInterval`), ``at bound``, and
+        ``wide low`` to ``wide high``, the interval with what the law leaves out and an unknown bond, where that is
+        more for any parameter.
         Where the file of the curve says what the instrument found: ``instrument's own``, in the same unit and
         for the same Poisson's ratio, and ``least squares differs``, how far the least-squares value is from it
         (per cent).
     """
     told = result.instrument_moduli
     rows = []
+    widens = any(entry.left_out for entry in estimates(result))
     for name in (*result.names, *result.derived):
-        known = result.interval(name)
+        known, wide = result.interval(name), result.interval(name, model_error=True)
         unit, factor = human_unit(known.value, kind_of(name))
         half = 0.5 * (known.high - known.low)
         rows.append(
@@ -73,6 +76,8 @@ def fit_table(result: Fit) -> pd.DataFrame:
                 "at bound": result.bounds_hit.get(name, ""),
             }
         )
+        if widens:
+            rows[-1] |= {"wide low": wide.low / factor, "wide high": wide.high / factor}
         if told:
             own = told.get(name)
             rows[-1]["instrument's own"] = own.youngs / factor if own else np.nan
@@ -92,11 +97,14 @@ def correlated_pairs(result: Fit) -> pd.DataFrame:
 def interval_table(result: Fit) -> pd.DataFrame:
     """Return one row per fitted parameter, as text: what it is, its value and 95 % interval, its prior.
 
-    Another optimum the data hardly reject has a column of its own.
+    Another optimum the data hardly reject has a column of its own, and so has the interval with what the law
+    leaves out where that is more.
     """
     told = result.instrument_moduli
     rows = []
-    for entry in estimates(result):
+    entries = estimates(result)
+    widens = any(entry.left_out for entry in entries)
+    for entry in entries:
         kind = kind_of(entry.path)
         others = {
             f"{rival_name(place)} optimum": (
@@ -112,6 +120,7 @@ def interval_table(result: Fit) -> pd.DataFrame:
                     if entry.not_fixed
                     else quantity_with_interval(entry.value, entry.low, entry.high, kind)
                 ),
+                **({"with what is unknown": _wide_text(entry, kind)} if widens else {}),
                 **others,
                 **(
                     {"instrument's own (ours against it)": _instrument_text(result, entry.name)}
@@ -123,6 +132,14 @@ def interval_table(result: Fit) -> pd.DataFrame:
             }
         )
     return labelled_table(rows)
+
+
+def _wide_text(entry: Estimate, kind: str) -> str:
+    """The interval with what the law leaves out and an unknown bond; empty where it is no more."""
+    if not entry.left_out:
+        return ""
+    text = quantity_with_interval(entry.value, entry.wide_low, entry.wide_high, kind)
+    return text.partition("(")[2].removesuffix(")") or "anything"
 
 
 def steps_table(steps: Sequence[Step]) -> pd.DataFrame:

@@ -72,13 +72,14 @@ def headline(result: Fit) -> str:
     or finite strain could do something, ``"Layer modulus 0.62 MPa (0.61 to 0.63 from the noise; with friction and
     finite strain unknown 0.57 to 0.66, 95 %)."``
     """
-    return " ".join(_sentence(entry) for entry in estimates(result) if is_of_the_sample(entry.name))
+    told = [_sentence(entry) for entry in estimates(result) if is_of_the_sample(entry.name)]
+    return " ".join([*told, *_bonds(result)])
 
 
 def summary(result: Fit) -> str:
     """Return the result as Markdown: numbers, verdict, inputs, rivals, what holds together, substrate, doubts."""
     found = [entry for entry in estimates(result) if is_of_the_sample(entry.name)]
-    lines = [f"**{_sentence(entry)}**" for entry in found]
+    lines = [f"**{text}**" for text in (*map(_sentence, found), *_bonds(result))]
     paragraphs = [" ".join(lines), f"**{verdict_sentence(result)}**", stands_on(result)]
     paragraphs += [*model_limits(result), *advice(result), *rivals(result)]
     paragraphs += [
@@ -190,7 +191,9 @@ def _wide(entry: Estimate, kind: str) -> str:
     """What follows in the brackets where the law leaves something out that acts."""
     factor = human_unit(entry.value, kind)[1]
     digits = max(0, 1 - math.floor(math.log10(abs(entry.wide_high - entry.wide_low) / factor)))
-    known = f" from the noise; with {' and '.join(entry.left_out)} unknown "
+    *first, last = entry.left_out
+    listed = f"{', '.join(first)} and {last}" if first else last
+    known = f" from the noise; with {listed} unknown "
     if math.isinf(entry.wide_low) and math.isinf(entry.wide_high):
         return f"{known}anything"
     if math.isinf(entry.wide_high):
@@ -198,6 +201,24 @@ def _wide(entry: Estimate, kind: str) -> str:
     if math.isinf(entry.wide_low):
         return f"{known}at most {entry.wide_high / factor:.{digits}f}"
     return f"{known}{entry.wide_low / factor:.{digits}f} to {entry.wide_high / factor:.{digits}f}"
+
+
+def _bonds(result: Fit) -> list[str]:
+    """What each bond of an unknown face gives: ``"Bonded: layer modulus 1 kPa; free to slip: ...``."""
+    sentences = []
+    for told in result.bonds:
+        sides = [
+            f"{side}: "
+            + ", ".join(
+                f"{label(name)} {quantity_with_interval(known.value, known.low, known.high, kind_of(name))}"
+                for name, known in intervals.items()
+                if is_of_the_sample(name)
+            )
+            for side, intervals in (("bonded", told.bonded), ("free to slip", told.slipping))
+        ]
+        where = "" if told.face == "layer" else f"{label(told.face)}: "
+        sentences.append(start(f"{where}{'; '.join(sides)}."))
+    return sentences
 
 
 def _substrate_sentence(result: Fit) -> str:

@@ -26,7 +26,7 @@ def effects_of(scene: Simulated, law: ContactLaw) -> list[Effect]:
     All but the baseline are measured without it: a per cent of the force is one of the contact force. What the
     sample remembers acts in time and is left out: the sizes are those of a sudden depth.
     """
-    given, scene = scene, scene.elastic
+    given, scene = scene, replace(scene.elastic, discrepancy=None)
     ranged = scene
     if scene.adhesion is not None:
         # An attraction of finite range costs a thousand times as much, and is a row of its own.
@@ -88,13 +88,18 @@ def _stack_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
 
 
 def _bond_effects(scene: Simulated, *, layered: bool) -> list[Effect]:
-    """What slip and springs do, all together, against bonded faces."""
+    """What slip and springs do, all together, against bonded faces; and what slip would do where nobody knows."""
     if scene.substrate is None:
         return []
     bonded = replace(scene, layer=replace(scene.layer, bond="bonded"), substrate=scene.substrate.bonded)
-    if bonded == scene:
-        return []
-    return [Effect("interfaces", scene, bonded, simulated=layered, note="against bonded faces")]
+    found = []
+    if any(layer.bond not in ("bonded", "unknown") for layer in scene.layers):
+        found.append(Effect("interfaces", scene, bonded, simulated=layered, note="against bonded faces"))
+    if scene.layer.bond == "unknown":
+        slipping = replace(scene, layer=replace(scene.layer, bond="slip"))
+        note = "a layer free to slip against one that is bonded; unknown"
+        found.append(Effect("bond of the layer", slipping, scene, simulated=False, note=note))
+    return found
 
 
 def _anisotropy_effect(scene: Simulated, *, layered: bool) -> Effect:

@@ -24,6 +24,7 @@ from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.quantities import Number, Quantity, numbers_of, replace_values
+from underlay.scene.discrepancy import Discrepancy
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
 from underlay.scene.lever import Lever
@@ -66,6 +67,8 @@ class Scene:
     finite_strain : bool, optional
         Whether strains are large enough to count: False says that they are not, True refuses a test in which
         what they do is not known. By default a fit says what they could do, where that is known.
+    discrepancy : Discrepancy, optional
+        What the law leaves out, of these sizes: for a posterior in which they are parameters (`free_model_error`).
 
     Raises
     ------
@@ -89,6 +92,7 @@ class Scene:
     lever: Lever | None = None
     friction: str = "unknown"
     finite_strain: bool | None = None
+    discrepancy: Discrepancy | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.indenter, Indenter):
@@ -105,6 +109,7 @@ class Scene:
             raise InputError(f"finite_strain must be True, False or None; got {self.finite_strain!r:.60}")
         _check_memory(self)
         _check_sticking(self)
+        _check_discrepancy(self)
         if self.substrate is None and np.isfinite(self.layer.thickness):
             raise InputError(
                 f"a layer {self.layer.thickness:.6g} m thick needs a substrate: say what it lies on (rigid, or "
@@ -154,7 +159,10 @@ class Scene:
 
     def contact_law(self, max_depth: float, *, solver: AnySolver = "auto") -> ContactLaw:
         """Build the law of this contact for tip depths up to `max_depth` (m); see `contact_law`."""
-        return as_solver(solver).law(self.contact, max_depth)
+        contact = self.contact
+        if self.discrepancy is None:
+            return as_solver(solver).law(contact, max_depth)
+        return self.discrepancy.law(contact, as_solver(solver), lambda one: one.law(contact, max_depth))
 
     def force(
         self, depth: ArrayLike, time: ArrayLike | None = None, *, solver: AnySolver = "auto"
@@ -281,6 +289,8 @@ class Scene:
         ParameterError
             If the scene has no such path; names the nearest one.
         """
+        if not values:
+            return self
         for path in values:
             if path not in self._numbers:
                 raise unknown_parameter(path, self._numbers)
@@ -331,6 +341,7 @@ def _check_optional(scene: Scene) -> None:
         (scene.adhesion, Adhesion, "adhesion must be JKR(work), DMT(work)"),
         (scene.history, History, "history must be a History"),
         (scene.lever, Lever, "lever must be a Lever"),
+        (scene.discrepancy, Discrepancy, "discrepancy must be a Discrepancy"),
     ):
         if part is not None and not isinstance(part, kind):
             raise InputError(f"{example} or None; got {part!r}")
@@ -347,6 +358,17 @@ def _check_sticking(scene: Scene) -> None:
             'friction = "stuck" beside a history or a relaxation is not simulated: how stuck points come loose '
             "in time is another problem; leave one of them out"
         )
+
+
+def _check_discrepancy(scene: Scene) -> None:
+    """Refuse what a discrepancy of the law does not stand beside."""
+    if scene.discrepancy is None:
+        return
+    if scene.friction != "unknown" or scene.finite_strain is False:
+        said = f'friction = "{scene.friction}"' if scene.friction != "unknown" else "finite_strain = false"
+        raise InputError(f"a discrepancy of the law beside {said}: leave one of them out")
+    if scene.adhesion is not None or scene.memory is not None:
+        raise InputError("a discrepancy of the law beside adhesion, a history or a relaxation is not known")
 
 
 def _check_memory(scene: Scene) -> None:

@@ -206,6 +206,7 @@ _SECTIONS = (
     "history",
     "adhesion",
     "lever",
+    "discrepancy",
     "fit",
     "solver",
     "noise",

@@ -20,6 +20,7 @@ from underlay.mechanics.indenters import Indenter, plugged_indenters
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
 from underlay.mechanics.relaxation import RELAXES, Relaxation
 from underlay.quantities import Part
+from underlay.scene.discrepancy import Discrepancy
 from underlay.scene.instrument import Instrument
 from underlay.scene.lever import Lever
 from underlay.scene.noise import Noise
@@ -50,7 +51,7 @@ _CHOICES = {
     (
         "layer",
         "bond",
-    ): "how its lower face holds to what is under it; slip: no friction; or springs, e.g. 1 GPa/m each way",
+    ): "how its lower face holds to what is under it; slip: no friction; unknown: a fit says both; or springs",
     ("substrate.layers", "bond"): "the same of this layer; further layers stand from the top down",
     ("adhesion", "model"): "how tip and surface stick; without the section they do not",
     ("substrate", "rigid"): "true for a base that does not deform, in place of its moduli",
@@ -133,6 +134,7 @@ def _all() -> Iterator[SceneKey]:
     yield from _of_class(TransverselyIsotropic, "substrate", " (transversely isotropic)", seen=("E", "nu"))
     yield from _of_class(Instrument, "instrument", "")
     yield from _of_class(Lever, "lever", "")
+    yield from _of_class(Discrepancy, "discrepancy", "")
     sticky = _own(Adhesion)
     yield _choice("adhesion", "model", sorted(sticky))
     for name, adhesion in sorted(sticky.items()):

@@ -23,6 +23,7 @@ from underlay.mechanics.solvers import solver_named
 from underlay.mechanics.stack import Stack
 from underlay.plugins import faults
 from underlay.quantities import Part
+from underlay.scene.discrepancy import Discrepancy
 from underlay.scene.field_names import hint
 from underlay.scene.instrument import Instrument
 from underlay.scene.lever import Lever
@@ -55,8 +56,16 @@ def scene_of(document: Mapping[str, Any], stood_in: Mapping[str, str]) -> Scene:
         history=_chosen(History, "history", document),
         adhesion=_chosen(Adhesion, "adhesion", document),
         lever=_build(Lever, "lever", table_of(document, "lever")) if "lever" in document else None,
+        discrepancy=_discrepancy(document),
         **_words(document),
     )
+
+
+def _discrepancy(document: Mapping[str, Any]) -> Discrepancy | None:
+    if "discrepancy" not in document:
+        return None
+    found: Discrepancy = _build(Discrepancy, "discrepancy", table_of(document, "discrepancy"))
+    return found
 
 
 def _words(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -126,7 +135,7 @@ def _bond(section: str, given: Any) -> Bond:
         return as_bond(given)
     except InputError as error:
         raise InputError(
-            f'[{section}] bond: {given!r:.60} is not known; allowed: "bonded", "slip" or '
+            f'[{section}] bond: {given!r:.60} is not known; allowed: "bonded", "slip", "unknown" or '
             '{ normal = "1 GPa/m", shear = "0 Pa/m" }'
         ) from error
 

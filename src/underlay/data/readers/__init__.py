@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 from underlay._door import printable
 from underlay._version import VERSION
@@ -29,6 +30,7 @@ from underlay.data.readers import (
 from underlay.data.readers._added import added_formats, plugged_readers
 from underlay.data.readers._calibration import Calibration
 from underlay.data.readers._format import Format, Options
+from underlay.data.readers._hdf5_map import Hdf5MapCurve, curves_of_hdf5
 from underlay.data.readers._jpk_map import JpkMapCurve, curves_of_jpk_map
 from underlay.data.readers._source import Source, load, unpack
 from underlay.data.readers._unread import way_out
@@ -38,9 +40,10 @@ from underlay.plugins import faults
 __all__ = [
     "FORMATS",
     "Format",
-    "JpkMapCurve",
+    "MapCurve",
     "all_formats",
     "curves_of_jpk_map",
+    "curves_of_map",
     "plugged_readers",
     "read",
     "read_all",
@@ -67,6 +70,9 @@ FORMATS: tuple[Format, ...] = (
     excel.FORMAT,
     delimited.FORMAT,
 )
+
+#: One curve of a file of many, which is read alone.
+MapCurve: TypeAlias = JpkMapCurve | Hdf5MapCurve
 
 _LISTED = 12
 
@@ -116,7 +122,7 @@ def read(
     InputError
         If it holds several tests and `test` does not say which.
     """
-    if test is not None and len(parts := curves_of_jpk_map(path)) > 1:
+    if test is not None and len(parts := curves_of_map(path)) > 1:
         if not 1 <= test <= len(parts):
             raise InputError(f"there is no test {test}: {Path(path).name} holds {len(parts)} tests")
         return read_from_map(parts[test - 1], format, columns, calibration=calibration)
@@ -151,7 +157,7 @@ def read_all(
 
 
 def read_from_map(
-    place: JpkMapCurve,
+    place: MapCurve,
     format: str | Format | None = None,  # noqa: A002  as in read
     columns: Mapping[str, str] | None = None,
     *,
@@ -159,7 +165,18 @@ def read_from_map(
 ) -> Curve:
     """Read one curve of a map on the disk, and nothing else of it; see `read`."""
     (curve, *_) = _read_source(place.source(), format, columns, calibration)
-    return curve.with_metadata(name=place.name, test=place.number)
+    return curve.with_metadata(**{"name": place.name} if place.name else {}, test=place.number)
+
+
+def curves_of_map(path: str | os.PathLike[str]) -> Sequence[MapCurve]:
+    """List the curves of a file of many that are read one by one, without reading them; empty for another file.
+
+    Raises
+    ------
+    FileAccessError
+        If the file cannot be read, or is no regular file.
+    """
+    return curves_of_jpk_map(path) or curves_of_hdf5(path)
 
 
 def _read_source(

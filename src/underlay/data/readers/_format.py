@@ -115,13 +115,20 @@ def make_curve(
         warnings.warn(f"{source.name}: {note}", UnderlayWarning, stacklevel=2)
         notes = (*notes, note)
     return Curve(
-        depth[valid],
-        force[valid],
-        None if time is None else time[valid],
+        _kept(depth, valid),
+        _kept(force, valid),
+        None if time is None else _kept(time, valid),
         None if segment is None else segment[valid],
         {**metadata, "notes": notes, "points_left_out": left_out},
-        columns={name: values[valid] for name, values in (columns or {}).items()},
+        columns={name: _kept(values, valid) for name, values in (columns or {}).items()},
     )
+
+
+def _kept(values: FloatArray, valid: NDArray[np.bool_]) -> FloatArray:
+    """Copy the values that are valid, once: what is read-only a curve takes as it is."""
+    kept = values[valid]
+    kept.flags.writeable = False
+    return kept
 
 
 def require(condition: object, source: Source, message: str) -> None:

@@ -115,8 +115,10 @@ def table_curve(
         raise FileFormatError(f"{source.name} names its columns but has no rows of numbers")
     roles = [role for role in ("depth", "force", "time") if role in columns]
     indices = [columns[role] for role in roles]
-    sample = [row[index] for row in rows[:200] for index in indices if index < len(row)]
-    table = numbers(rows, indices, source.name, comma=may_use_comma and uses_comma(sample))
+    comma = may_use_comma and uses_comma(
+        [row[index] for row in rows[:200] for index in indices if index < len(row)]
+    )
+    table = numbers(rows, indices, source.name, comma=comma)
     values: dict[str, FloatArray] = {}
     units_found: dict[str, str] = {}
     signs: dict[str, str] = {}

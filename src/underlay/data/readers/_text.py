@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from underlay.units import kind_of, unit_factor
 
 __all__ = [
     "SENTINEL",
+    "Lines",
     "column_factor",
     "decode",
     "is_number",
@@ -38,6 +41,36 @@ _AFTER_COMMA = re.compile(r"(.*\S)\s*,\s*([^\s,]+)\s*")
 _AFTER_SLASH = re.compile(r"(.*\S)\s+/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
 _MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
+
+
+@dataclass(frozen=True)
+class Lines(Sequence[Sequence[str]]):
+    """Rows of a plain table, kept as the lines of the file; one is split where its cells are asked for.
+
+    Parameters
+    ----------
+    lines : list of str
+        One for each row, without quotes.
+    separator : str
+        Between its cells; a blank stands for any number of blanks.
+    """
+
+    lines: list[str]
+    separator: str
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    @overload
+    def __getitem__(self, index: int) -> Sequence[str]: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Lines: ...
+
+    def __getitem__(self, index: int | slice) -> Sequence[str] | Lines:
+        if isinstance(index, slice):
+            return Lines(self.lines[index], self.separator)
+        return self.lines[index].split(None if self.separator == " " else self.separator)
 
 
 def decode(source: Source) -> str:
@@ -174,12 +207,16 @@ def numbers(
     table = _all_good(rows, indices, comma=comma)
     if table is None:
         table = _cell_by_cell(rows, indices, where, comma=comma, first_line=first_line)
-    table[np.abs(table) > SENTINEL] = np.nan
+    for column in table.T:
+        column[np.abs(column) > SENTINEL] = np.nan
     return table
 
 
 def _all_good(rows: Sequence[Sequence[str]], indices: Sequence[int], *, comma: bool) -> FloatArray | None:
     """Convert a table (n, m) in one go; None if a cell of it needs a look."""
+    if isinstance(rows, Lines) and not comma:
+        table = _all_lines(rows, indices)
+        return table if table is not None and len(table) == len(rows) and np.isfinite(table).all() else None
     table = np.empty((len(rows), len(indices)), order="F")
     for j, index in enumerate(indices):
         try:
@@ -192,6 +229,20 @@ def _all_good(rows: Sequence[Sequence[str]], indices: Sequence[int], *, comma: b
         if "_" in "".join(cells):
             return None
     return table if np.isfinite(table).all() else None
+
+
+def _all_lines(rows: Lines, indices: Sequence[int]) -> FloatArray | None:
+    """The same by numpy's own reader, which takes plain decimal numbers alone, as Python reads them."""
+    try:
+        return np.loadtxt(
+            rows.lines,
+            delimiter=None if rows.separator == " " else rows.separator,
+            usecols=indices,
+            comments=None,
+            ndmin=2,
+        )
+    except ValueError:
+        return None
 
 
 def _cell_by_cell(

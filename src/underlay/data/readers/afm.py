@@ -12,7 +12,7 @@ from __future__ import annotations
 import io
 import itertools
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -22,7 +22,7 @@ from underlay._arrays import FloatArray
 from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
-from underlay.data.readers._hdf5 import HDF5_MAGIC, is_own, open_checked
+from underlay.data.readers._hdf5 import HDF5_MAGIC, curve_groups, is_own, open_checked
 from underlay.data.readers._lever import Lever, lever_curve
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import decode
@@ -47,6 +47,10 @@ _QUANTITIES = {"stiffness": "spring_constant", "sensitivity": "sensitivity"}
 _REST = 0.1
 _NOTHING: Mapping[str, Any] = {}
 _KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
+
+
+# Of an HDF5 file: what `_curve` takes.
+_COLUMNS = ("force", "height (measured)", "height (piezo)", "time", "segment")
 
 
 def _sniff(source: Source) -> bool:
@@ -121,16 +125,28 @@ def _afmformats() -> Any:
 
 
 def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> list[Curve]:
+    del formats
     if override:
         raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
     with open_checked(source) as file:
-        _require_afmformats(source, file)
-        return _curves(source, formats.fmt_hdf5.load_hdf5(file))
+        groups = curve_groups(source, file)
+        _require_afmformats(source, file, groups)
+        # The columns of a curve alone: `afmformats.formats.fmt_hdf5` lists all that there might be for every one.
+        return _curves(
+            source,
+            [
+                {
+                    "data": {name: group[name][()] for name in _COLUMNS if name in group},
+                    "metadata": {**group.attrs, "enum": int(number)},
+                }
+                for number, group in ((number, file[number]) for number in groups)
+            ],
+        )
 
 
-def _require_afmformats(source: Source, file: Any) -> None:
+def _require_afmformats(source: Source, file: Any, groups: Sequence[str]) -> None:
     """Refuse a sound HDF5 file whose layout is not known here, and say what it holds."""
-    group = file.get("0")
+    group = file[groups[0]] if groups else None
     if "software" in file.attrs and group is not None and {"force"} <= set(group):
         return
     there = names_there(file)

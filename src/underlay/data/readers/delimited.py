@@ -20,7 +20,7 @@ from underlay.data.export import METADATA_MARK
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._source import Source
 from underlay.data.readers._table import find_columns, table_curve
-from underlay.data.readers._text import is_number, lines_of
+from underlay.data.readers._text import Lines, is_number, lines_of
 from underlay.data.readers.exported import restored
 from underlay.errors import FileFormatError, UnitError
 from underlay.units import kind_of, parse_quantity
@@ -32,6 +32,7 @@ _MAX_PREAMBLE = 80
 #: Comments that carry a number, as in ``# indenter radius: 27.5 um``, and the SI unit of each.
 COMMENTED_NUMBERS = {"indenter_radius": "m", "spring_constant": "N/m", "instrument_reduced_modulus": "Pa"}
 _COMMENT = ("#", "%", "//")
+_NUMERIC = frozenset("0123456789+-.")
 _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 
 
@@ -58,12 +59,10 @@ def _split(line: str, separator: str) -> list[str]:
     return line.split(separator)
 
 
-def _split_all(lines: Sequence[str], separator: str) -> list[list[str]]:
-    if separator == " ":
-        return [line.split() for line in lines]
-    if any('"' in line for line in lines):
+def _split_all(lines: list[str], separator: str) -> Sequence[Sequence[str]]:
+    if separator != " " and any('"' in line for line in lines):
         return [_split(line, separator) for line in lines]
-    return [line.split(separator) for line in lines]
+    return Lines(lines, separator)
 
 
 def _split_names(line: str, separator: str) -> list[str]:
@@ -77,10 +76,12 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     lines = lines_of(source)
     if lines and re.fullmatch(r"sep=.\s*", lines[0]):  # a line by which spreadsheets name the separator
         lines = lines[1:]
-    commented = [line for line in lines if line.lstrip().startswith(_COMMENT)]
+    # Most lines begin as a number does: few are looked at twice.
+    commented = [line for line in lines if line[0] not in _NUMERIC and line.lstrip().startswith(_COMMENT)]
     comments = [line.lstrip("#%/ \t").rstrip() for line in commented]
     if commented:
-        lines = [line for line in lines if not line.lstrip().startswith(_COMMENT)]
+        marked = frozenset(commented)
+        lines = [line for line in lines if line not in marked]
     if not lines:
         raise FileFormatError(f"{source.name} holds no table")
     separator = _separator_of_table("\n".join(lines[: _MAX_PREAMBLE * 4]))
@@ -91,10 +92,12 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
         )
     try:
         names_at, names = _find_names(lines, separator, source, options)
-        cells = _split_all(lines[names_at + 1 :], separator)
+        preamble = [line.strip() for line in lines[:names_at]]
+        # Kept once: the lines of a million points take more than all else.
+        del lines[: names_at + 1]
+        cells = _split_all(lines, separator)
     except csv.Error as error:
         raise FileFormatError(f"{source.name} is not a readable table: {error}") from error
-    preamble = [line.strip() for line in lines[:names_at]]
     texts = [comment for comment in comments if not comment.startswith(METADATA_MARK)]
     about = texts + preamble
     curve = table_curve(

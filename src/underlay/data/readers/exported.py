@@ -15,7 +15,7 @@ from underlay._door import understood
 from underlay.data.curve import Curve
 from underlay.data.export import HDF5_MARK
 from underlay.data.readers._format import Format, Options, make_curve
-from underlay.data.readers._hdf5 import is_own, open_checked
+from underlay.data.readers._hdf5 import curve_groups, is_own, open_checked
 from underlay.data.readers._source import CURVES, Source
 from underlay.data.readers._text import decode
 from underlay.errors import FileFormatError
@@ -111,8 +111,7 @@ def _read_hdf5(source: Source, options: Options) -> list[Curve]:
     del options
     curves = []
     with open_checked(source) as file:
-        names = sorted((name for name in file if name.isdigit()), key=int)
-        for name in names:
+        for name in sorted(curve_groups(source, file), key=int):
             group = file[name]
             columns: dict[str, Any] = {key: group[key][()] for key in group if key != "about"}
             segment = columns.get("segment")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from underlay.data.curve import Curve
-from underlay.data.readers import JpkMapCurve, curves_of_jpk_map, read, read_all, read_from_map
+from underlay.data.readers import MapCurve, curves_of_map, read, read_all, read_from_map
 from underlay.errors import FileAccessError, InputError, UnderlayError
 from underlay.inference.file_facts import settle
 from underlay.inference.from_files import chosen_part, read_for, read_whole, turned
@@ -42,7 +42,7 @@ class CurvePlace:
         Its file, or the empty string for a curve in memory.
     curve : Curve or None
         The curve in memory; None is read where it is fitted.
-    of_map : JpkMapCurve or None
+    of_map : MapCurve or None
         Which curve of the file, where it is a map.
     x, y : float or None
         Position (m).
@@ -62,7 +62,7 @@ class CurvePlace:
     y: float | None = None
     values: Mapping[str, float] = field(default_factory=dict)
     sha256: str = ""
-    of_map: JpkMapCurve | None = None
+    of_map: MapCurve | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -172,7 +172,7 @@ def _of_path(path: Path, leave_out: set[Path], folders: Sequence[str]) -> list[C
     if not path.exists():
         raise FileAccessError(f"there is no folder or file {path}")
     file = str(path.resolve())
-    if len(listed := curves_of_jpk_map(path)) > 1:
+    if len(listed := curves_of_map(path)) > 1:
         return [
             CurvePlace(of.number - 1, f"{path.name}#{of.number}", file, sha256=of.sha256, of_map=of)
             for of in listed

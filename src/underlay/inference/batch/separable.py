@@ -198,6 +198,7 @@ class SeparableModel:
         separable = (
             _MODULUS in member.entries
             and member.forward.history is None
+            and member.forward.left_out is None
             and member.scene.lever is None
             and set(problem.names) <= _SEPARABLE
             and member.forward.similarity.force_scales == (_MODULUS,)
@@ -269,7 +270,7 @@ class _Search:
         law = self._law
         # Laws reach to a power of two (see `forward`): within the last octave the store would give the same.
         if law is None or not 0.5 * law.max_depth < deepest <= law.max_depth:
-            law = self._law = self._forward.law(self._values, deepest)
+            law = self._law = self._forward.bare_law(self._values, deepest)
         return law
 
     def _at(self, contact: float) -> _Model | None:

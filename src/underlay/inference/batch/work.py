@@ -20,7 +20,7 @@ from underlay._arrays import FloatArray
 from underlay._door import sha256_of
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
-from underlay.errors import CurveError, UnderlayError, UnderlayWarning
+from underlay.errors import CurveError, FitError, UnderlayError, UnderlayWarning
 from underlay.inference.adhesive_numbers import adhesive_numbers
 from underlay.inference.batch.curves import CurvePlace, read_place
 from underlay.inference.batch.model import BatchModel
@@ -32,7 +32,7 @@ from underlay.inference.file_facts import EVERYTHING, settle
 from underlay.inference.from_files import require_elastic, within_range
 from underlay.inference.least_squares.instrument_modulus import instrument_modulus
 from underlay.inference.least_squares.provenance import curve_hash
-from underlay.inference.plausibility import require_plausible
+from underlay.inference.plausibility import in_doubt, require_sizes, require_travel
 from underlay.inference.problem import Problem
 
 __all__ = ["DIED", "CurveFitter", "Rows", "file_hash", "given_up", "work"]
@@ -242,9 +242,14 @@ class CurveFitter:
         from underlay.inference.least_squares.fitting import quick_fit  # noqa: PLC0415
 
         problem = self._problem(place, curve)
-        # A fit that ends on a bound comes this way: it may be a unit that put it there.
-        require_plausible(problem)
-        found = quick_fit(problem)
+        require_travel(problem)
+        try:
+            found = quick_fit(problem)
+        except FitError:
+            require_sizes(problem)
+            raise
+        if in_doubt(found):
+            require_sizes(problem)
         residuals: FloatArray = found.residuals[0]
         outcome = _Found(
             found.values,

@@ -8,6 +8,7 @@ of chi-square moves it most; what the quantity is at the ends of that line is co
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from scipy import special
@@ -28,8 +29,17 @@ _STEP = 1e-5
 _OPEN = 1.0
 
 
-def derived_interval(fit: Fit, averaged: Averaged | None, name: str, level: float) -> StatedInterval:
+def derived_interval(
+    fit: Fit,
+    averaged: Averaged | None,
+    name: str,
+    level: float,
+    *,
+    known: Callable[[str], StatedInterval] | None = None,
+) -> StatedInterval:
     """Interval of a derived quantity.
+
+    `known` are the intervals of the parameters themselves; by default those that the fit states from the noise.
 
     Raises
     ------
@@ -48,11 +58,12 @@ def derived_interval(fit: Fit, averaged: Averaged | None, name: str, level: floa
 
     alone = _of_one_parameter(fit, of)
     if alone is not None:
-        known = fit.interval(fit.names[alone], level)
+        parameter = fit.names[alone]
+        own = fit.interval(parameter, level) if known is None else known(parameter)
         at = fit.problem.physical(fit.vector)
-        ends = np.sort([_turned_over(of, at, alone, end) for end in (known.low, known.high)])
-        middle = _turned_over(of, at, alone, known.value)
-        return StatedInterval(name, level, middle, float(ends[0]), float(ends[1]), known.kind)
+        ends = np.sort([_turned_over(of, at, alone, end) for end in (own.low, own.high)])
+        middle = _turned_over(of, at, alone, own.value)
+        return StatedInterval(name, level, middle, float(ends[0]), float(ends[1]), own.kind)
     low, middle, high = _along_line(
         fit, averaged, of, *(float(end[0]) for end in band(fit, averaged, of, level))
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from underlay._arrays import FloatArray
@@ -11,11 +11,19 @@ from underlay.errors import InputError
 from underlay.inference.headline.averaged import averaged_fit, averaged_interval
 from underlay.inference.headline.derived import band, derived_interval
 from underlay.inference.headline.known_inputs import sensitivity
+from underlay.inference.headline.other_bonds import OtherBond, Refit, bracket, other_bonds, stated_bonds
 from underlay.inference.headline.plain import plain_interval
 from underlay.inference.headline.verdict import verdict
 from underlay.inference.headline.widened import Widened, widened, wider_interval
 from underlay.inference.least_squares.fit_result import Fit
-from underlay.inference.least_squares.stated import AllowedFor, Follows, StatedInterval, Statements, Verdict
+from underlay.inference.least_squares.stated import (
+    AllowedFor,
+    Follows,
+    StatedBonds,
+    StatedInterval,
+    Statements,
+    Verdict,
+)
 from underlay.inference.misfit.averaging import Averaged
 
 __all__ = ["Headline"]
@@ -29,9 +37,12 @@ class Headline(Statements):
     ----------
     fit : Fit
         The fit.
+    refit : callable
+        Fits a problem: the same data with another bond.
     """
 
     fit: Fit
+    refit: Refit
     _intervals: dict[tuple[str, float, bool], StatedInterval] = field(default_factory=dict, init=False)
 
     def interval(self, name: str, level: float, *, model_error: bool = False) -> StatedInterval:
@@ -45,19 +56,32 @@ class Headline(Statements):
 
     def _wider(self, name: str, level: float) -> StatedInterval:
         known, found = self.interval(name, level), self._widened.averaged
-        # What follows from the parameters is stated from the noise alone.
-        if found is None or name not in self.fit.names:
-            return known
-        return wider_interval(self.fit, found, known, name, level)
+        if found is not None:
+            known = wider_interval(self.fit, found, known, name, level)
+        return bracket(
+            known, self._other_bonds, find=lambda other: other.interval(name, level, model_error=True)
+        )
 
     @cached_property
     def _widened(self) -> Widened:
         return widened(self.fit)
 
+    @cached_property
+    def _other_bonds(self) -> tuple[OtherBond, ...]:
+        return other_bonds(self.fit, self.refit)
+
     @property
     def allowed_for(self) -> AllowedFor:
         """What the interval with model error allows for."""
-        return self._widened.allowed_for
+        told = self._widened.allowed_for
+        fitted = tuple(other.words for other in self._other_bonds if other.fit is not None)
+        refused = tuple(f"{other.words} ({other.refused})" for other in self._other_bonds if other.refused)
+        return replace(told, allowed=(*told.allowed, *fitted), unknown=(*told.unknown, *refused))
+
+    @cached_property
+    def bonds(self) -> tuple[StatedBonds, ...]:
+        """What each bond gives, of every face of which nobody knows how it holds."""
+        return stated_bonds(self.fit, self._other_bonds)
 
     def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, (n,), of quantities that follow; see `Fit.band`."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from underlay.errors import InputError
 from underlay.inference.headline.averaged import averaged_interval
+from underlay.inference.headline.derived import derived_interval
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.stated import AllowedFor, StatedInterval
 from underlay.inference.misfit.averaging import Averaged, average
@@ -82,13 +83,19 @@ def widened(fit: Fit) -> Widened:
 def wider_interval(
     fit: Fit, found: Averaged, from_noise: StatedInterval, name: str, level: float
 ) -> StatedInterval:
-    """Interval of a parameter with what the law leaves out: never narrower than that from the noise."""
+    """Interval of a parameter, or what follows, with what the law leaves out: never narrower than `from_noise`."""
     try:
-        wide = averaged_interval(fit, found, name, level)
+        wide = (averaged_interval if name in fit.names else _of_what_follows)(fit, found, name, level)
     except InputError:
         return from_noise
     low, high = min(wide.low, from_noise.low), max(wide.high, from_noise.high)
     return StatedInterval(name, level, wide.value, low, high, "with model error")
+
+
+def _of_what_follows(fit: Fit, found: Averaged, name: str, level: float) -> StatedInterval:
+    return derived_interval(
+        fit, found, name, level, known=lambda parameter: averaged_interval(fit, found, parameter, level)
+    )
 
 
 def _parts(fit: Fit) -> list[LeftOut]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +25,14 @@ from underlay.inference.least_squares.instrument_modulus import InstrumentModulu
 from underlay.inference.least_squares.last_word import METHODS, Minimiser
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.provenance import provenance
-from underlay.inference.least_squares.stated import AllowedFor, Follows, StatedInterval, Statements, Verdict
+from underlay.inference.least_squares.stated import (
+    AllowedFor,
+    Follows,
+    StatedBonds,
+    StatedInterval,
+    Statements,
+    Verdict,
+)
 from underlay.inference.problem import Problem
 from underlay.mechanics.solver import Solver
 from underlay.quantities import field_quantities
@@ -122,7 +129,8 @@ class Fit:
         level : float, default 0.95
             Confidence.
         model_error : bool, default False
-            Whether to allow for what the law leaves out, friction and finite strain, as well; see `allowed_for`.
+            Whether to allow for what the law leaves out, friction and finite strain, and for a bond that nobody
+            knows as well; see `allowed_for`.
 
         Returns
         -------
@@ -140,6 +148,11 @@ class Fit:
     def allowed_for(self) -> AllowedFor:
         """What `interval` allows for with ``model_error=True``, and what it cannot allow for."""
         return self._statements.allowed_for
+
+    @property
+    def bonds(self) -> Sequence[StatedBonds]:
+        """What each bond gives, of every face that a scene calls unknown: both are fitted when this is read."""
+        return self._statements.bonds
 
     def band(self, of: Follows, level: float = 0.95) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, each (n,), of positive quantities that follow from the parameters.
@@ -298,9 +311,10 @@ class Fit:
             "stderr": dict(self.stderr),
             "intervals": {name: asdict(self.interval(name)) for name in (*self.names, *self.derived)},
             "intervals_with_model_error": {
-                name: asdict(self.interval(name, model_error=True)) for name in self.names
+                name: asdict(self.interval(name, model_error=True)) for name in (*self.names, *self.derived)
             },
             "allowed_for": asdict(self.allowed_for),
+            "bonds": [asdict(told) for told in self.bonds],
             "verdict": asdict(self.verdict),
             "sensitivity": {name: dict(row) for name, row in self.sensitivity.items()},
             "names": list(self.names),

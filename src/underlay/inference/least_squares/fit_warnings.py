@@ -170,11 +170,13 @@ def _residuals(correlated: Sequence[ResidualDiagnostics | None]) -> list[FitWarn
 def too_deep(problem: Problem, vector: FloatArray) -> tuple[FitWarning, ...]:
     """One warning per curve whose tip goes deeper than the layer is thick, at a scaled `vector` (k,)."""
     warnings = []
-    for scene, curve in zip(problem.scenes(vector), problem.curves, strict=True):
-        instrument = scene.instrument
-        bent = instrument.compliance * max(float(curve.force.max()) - instrument.baseline, 0.0)
-        pressed = float(curve.depth.max()) - instrument.contact_depth - bent
-        doubt = DeeperThanLayer.of(pressed, scene.layer.thickness)
+    physical = problem.physical(vector)
+    for member in problem.members:
+        values, curve = member.values_at(physical), member.curve
+        compliance, baseline = values["instrument.compliance"], values["instrument.baseline"]
+        bent = compliance * max(float(curve.force.max()) - baseline, 0.0) if compliance else 0.0
+        pressed = float(curve.depth.max()) - values["instrument.contact_depth"] - bent
+        doubt = DeeperThanLayer.of(pressed, values["layer.thickness"])
         if doubt is not None:
             warnings.append(FitWarning("too-deep", str(doubt)))
     return tuple(warnings)

@@ -191,7 +191,7 @@ def _stated(found: Fit) -> Statements:
     # Most fits of a map are never asked; what answers is loaded with the first that is.
     from underlay.inference.headline.statements import Headline  # noqa: PLC0415
 
-    return Headline(found)
+    return Headline(found, fit)
 
 
 def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) -> Sequence[FloatArray]:

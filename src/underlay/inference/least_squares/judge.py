@@ -114,11 +114,13 @@ def scaled_covariance(
     the parameters it is made of, and of no others.
     """
     names = objective.problem.names
+    # R of a QR has the singular values and directions of the whole, and a row for each column.
+    triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
     reasons = {name: f"on its {bound}: no error bar there" for name, bound in bounds_hit.items()}
     covariance = np.zeros((len(names), len(names)))
     kept = [i for i in objective.active if names[i] not in reasons]
     while kept:
-        _, singular, directions = np.linalg.svd(jacobian[:, kept], full_matrices=False)
+        _, singular, directions = np.linalg.svd(triangle[:, kept], full_matrices=False)
         lost = directions[singular <= _SINGULAR * singular[0]]
         if not len(lost):
             covariance[np.ix_(kept, kept)] = (directions.T / singular**2) @ directions

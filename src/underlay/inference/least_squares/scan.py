@@ -143,6 +143,7 @@ def _scanned(member: Member, problem: Problem) -> ScanCurve:
         rounded = replace(member.scene, indenter=Paraboloid(tip.radius))
         solver = forward.laws.solver
         forward = Forward.compile(rounded, blocks.depth, tuple(member.entries), solver, LawStore())
+    forward = replace(forward, laws=replace(forward.laws, scattered=True))
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
     return ScanCurve(forward, blocks, free, _contacts(free, blocks, member.base[CONTACT]), scales, tip)
 

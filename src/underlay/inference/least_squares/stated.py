@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
 from underlay._arrays import FloatArray
 
-__all__ = ["AllowedFor", "Follows", "StatedInterval", "Statements", "Verdict"]
+__all__ = ["AllowedFor", "Follows", "StatedBonds", "StatedInterval", "Statements", "Verdict"]
 
 
 #: Quantities (draws, n) that follow from parameters (draws, k), SI.
@@ -78,6 +78,26 @@ class AllowedFor:
 
 
 @dataclass(frozen=True)
+class StatedBonds:
+    """What a curve says with a face bonded, and with it free to slip, where nobody knows which it is.
+
+    Parameters
+    ----------
+    face : str
+        The layer whose lower face it is: ``"layer"``, ``"substrate.layers[0]"``, ...
+    bonded, slipping : mapping of name to StatedInterval
+        From the noise, at 95 %.
+    difference : float
+        AIC of the slipping face above that of the bonded one: negative where the data speak for slip.
+    """
+
+    face: str
+    bonded: Mapping[str, StatedInterval]
+    slipping: Mapping[str, StatedInterval]
+    difference: float
+
+
+@dataclass(frozen=True)
 class Verdict:
     """Whether a fit is to be believed.
 
@@ -121,6 +141,11 @@ class Statements(ABC):
     @abstractmethod
     def allowed_for(self) -> AllowedFor:
         """What the interval with model error allows for."""
+
+    @property
+    @abstractmethod
+    def bonds(self) -> Sequence[StatedBonds]:
+        """What each bond gives, of every face of which nobody knows how it holds."""
 
     @property
     @abstractmethod

@@ -100,7 +100,7 @@ def shape_parameters(problem: Problem) -> list[str]:
     return [
         coordinate.name
         for coordinate in problem.coordinates
-        if not coordinate.path.startswith(("noise.", "instrument.", "lever."))
+        if not coordinate.path.startswith(("discrepancy.", "noise.", "instrument.", "lever."))
         and coordinate.path != "layer.E"
     ]
 

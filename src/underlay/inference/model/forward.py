@@ -6,16 +6,17 @@ law.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray
-from underlay.errors import InputError
 from underlay.inference.model.laws import LawSource, LawStore
+from underlay.inference.model.left_out_laws import LeftOutLaws
 from underlay.inference.model.similarity import Similarity, compile_similarity
+from underlay.inference.model.stencils import ROUGH_STENCILS, STENCILS, first_possible
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.response import Elastic, History, Remembered, Response, checked_times
 from underlay.mechanics.scaled_law import ScaledLaw
@@ -52,7 +53,7 @@ class Forward:
     similarity : Similarity
         Compiled from the scene.
     depth : FloatArray
-        Depth readings (m), (n,).
+        Depth readings (m), (n,); or, for a batch alone, those of every set, (sets, n).
     laws : LawSource
         Where its laws come from.
     history : History or None
@@ -61,6 +62,8 @@ class Forward:
         Times of the readings (s), (n,), for a sample that remembers.
     bending : FloatArray or None
         What was taken off the depth readings for the bending of a lever (m), (n,).
+    left_out : LeftOutLaws or None
+        What the law leaves out, where its sizes are numbers of the scene.
     """
 
     similarity: Similarity
@@ -69,6 +72,7 @@ class Forward:
     history: History | None = None
     time: FloatArray | None = None
     bending: FloatArray | None = None
+    left_out: LeftOutLaws | None = None
 
     @classmethod
     def compile(
@@ -85,11 +89,13 @@ class Forward:
 
         A lever is told the `force` readings (N), (n,).
         """
-        elastic = scene.elastic
+        elastic = replace(scene.elastic, discrepancy=None)
         reference = replace(elastic, instrument=Instrument(), lever=None)
         similarity = compile_similarity(elastic, free, scaling=solver.scaling)
         laws = LawSource.of(similarity, reference, free, solver, store)
-        forward = cls(similarity, depth, laws, scene.memory, time if scene.memory is not None else None)
+        told = None if scene.discrepancy is None else LeftOutLaws.of(scene, depth)
+        timed = time if scene.memory is not None else None
+        forward = cls(similarity, depth, laws, scene.memory, timed, left_out=told)
         return forward if force is None else forward.moved(depth, force)
 
     def solved_by(self, solver: Solver) -> Forward:
@@ -101,13 +107,17 @@ class Forward:
         lever = self.similarity.scene.lever
         return replace(self, depth=depth, bending=None if lever is None else lever.bending(force))
 
+    def of_set(self, row: int) -> Forward:
+        """Return the same for the depths of one set, where every set has its own, (sets, n)."""
+        return self if self.depth.ndim == 1 else replace(self, depth=self.depth[row])
+
     def depth_at(self, values: Mapping[str, Any]) -> FloatArray:
         """Depth readings (m) by the lever's sensitivity in `values`: (n,), or (sets, n) of numbers (sets, 1)."""
         if self.bending is None:
             return self.depth
         return np.asarray(self.depth - (values[SENSITIVITY_RATIO] - 1.0) * self.bending)
 
-    def law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
+    def law(self, values: Mapping[str, float], deepest: float) -> ContactLaw:
         """Law at `values` (every number of the scene, SI) for tip depths up to `deepest` (m).
 
         Raises
@@ -115,6 +125,14 @@ class Forward:
         InputError
             If the values are not those of a possible scene, or the law does not reach that deep.
         """
+        return (
+            self.bare_law(values, deepest)
+            if self.left_out is None
+            else self.left_out.law(self, values, deepest)
+        )
+
+    def bare_law(self, values: Mapping[str, float], deepest: float) -> ScaledLaw:
+        """Return the same without what it leaves out; raises as `law` does."""
         b, c = self.similarity.factors(values)
         law = self.reference_law(self.similarity.reduced(values), b * deepest)
         return ScaledLaw.of(law, b, c, self.similarity.length_ratio(values))
@@ -209,7 +227,7 @@ class Forward:
         values: Mapping[str, float],
         paths: Sequence[str],
         deepest: float,
-        law: ScaledLaw,
+        law: ContactLaw,
         w: FloatArray,
         columns: dict[str, FloatArray],
         *,
@@ -252,7 +270,7 @@ class Forward:
         path: str,
         values: Mapping[str, float],
         deepest: float,
-        law: ScaledLaw,
+        law: ContactLaw,
         w: FloatArray,
         P: FloatArray,
         S: FloatArray,
@@ -261,6 +279,8 @@ class Forward:
         rough: bool,
     ) -> FloatArray:
         """dP/dp at fixed tip depth: the two factors, then the ratios the parameter moves."""
+        if self.left_out is not None:
+            return self.left_out.slope(self, path, values, deepest, w)
         log_b, log_c = self.similarity.factor_slopes(path, values)
         derivative = (log_c * P + log_b * w * S) / values[path]
         if self.laws.table is not None and (slope := self.laws.table.slope(path)):
@@ -309,7 +329,7 @@ class Forward:
             law = finer.law(tuple((reduced | {ratio: value}).values()), b * deepest)
             return law.force(b * w)
 
-        difference = _first_possible(force, _ROUGH_STENCILS if rough else _STENCILS)
+        difference = first_possible(force, ROUGH_STENCILS if rough else STENCILS)
         return np.asarray(difference * (c / (_RATIO_STEP if in_log else size)))
 
     def _deepest(self, chain: Chain, values: Mapping[str, float]) -> float:
@@ -343,31 +363,3 @@ class _Kept(Response):
         """Stiffness (N/m), (n,)."""
         del time
         return self.force_and_stiffness(np.asarray(depth))[1]
-
-
-#: (steps, weights) of a difference quotient.
-Stencil: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
-
-_ROUGH_STENCILS: tuple[Stencil, ...] = (((0.0, 1.0), (-1.0, 1.0)), ((0.0, -1.0), (1.0, -1.0)))
-# Central, backward and forward differences of second order.
-_STENCILS: tuple[Stencil, ...] = (
-    ((-1.0, 1.0), (-0.5, 0.5)),
-    ((0.0, -1.0, -2.0), (1.5, -2.0, 0.5)),
-    ((0.0, 1.0, 2.0), (-1.5, 2.0, -0.5)),
-)
-
-
-def _first_possible(force: Callable[[float], FloatArray], stencils: Sequence[Stencil]) -> FloatArray:
-    """Difference quotient per step, by the first stencil that stays inside what is physically possible.
-
-    At nu = 0.5 and at the incompressible limit of an anisotropic material only one side exists.
-    """
-    problem: InputError | None = None
-    for steps, weights in stencils:
-        try:
-            forces = [force(step) for step in steps]
-        except InputError as error:
-            problem = error
-            continue
-        return np.asarray(sum(weight * value for weight, value in zip(weights, forces, strict=True)))
-    raise InputError(f"the law has no neighbours to differentiate with: {problem}") from problem

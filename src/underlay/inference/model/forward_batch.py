@@ -1,15 +1,17 @@
 """The forward model for many parameter sets at once, as a sampler asks for it.
 
-Six ways, the first that applies:
+Seven ways, the first that applies:
 
-1. something sticks, and of the ratios only that of the work of adhesion may vary: the sets are read off the
+1. something adheres, and of the ratios only that of the work of adhesion may vary: the sets are read off the
    adhesion's own table (`Adhesion.table`), a frame's compliance included;
 2. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
 3. one ratio alone varies: every set's curve is read off the table of its cell (`curve_family`);
 4. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
    go through it, in groups whose stiffness ratio and range are alike;
 5. moduli and thicknesses of a stack vary: through `ExactBatch` too, in groups of like ratios;
-6. otherwise set by set, through `Forward.reading`: so DMT and a flat punch that sticks, a law and 1 to 2 ms a set,
+6. a tip sticks to the surface, and one ratio alone varies: the sets are read off a surface in it and the depth
+   (`ratio_surface`);
+7. otherwise set by set, through `Forward.reading`: so DMT and a flat punch that sticks, a law and 1 to 2 ms a set,
    and Maugis, two tenths of a second.
 
 A sample that remembers goes one of these ways with its elastic force, and then through its memory (see
@@ -76,9 +78,11 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
     Readings
         A set without a law does not exist; its row is zero.
     """
-    empty = Readings.empty(sets, len(forward.depth))
+    empty = Readings.empty(sets, forward.depth.shape[-1])
     if forward.history is not None:
         return _remembered(forward, values, empty, stiffness=stiffness)
+    if forward.left_out is not None:
+        return _with_left_out(forward, values, empty, stiffness=stiffness)
     if _is_shaped_by_lengths(forward):
         return _one_by_one(forward, values, range(sets), empty)
     return _of_this_depth(forward, values, empty, stiffness=stiffness)
@@ -97,10 +101,8 @@ def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffne
     if forward.laws.table is not None:
         return _from_tables(asked, forward.laws.table, stiffness=stiffness)
     in_groups = (
-        _in_groups if _has_exact_batches(asked) else _in_stack_groups if has_stack_batches(asked) else None
+        _in_groups if _has_exact_batches(asked) else _in_stack_groups if has_stack_batches(asked) else _dear
     )
-    if in_groups is None:
-        return _one_by_one(forward, values, range(sets), empty)
     return in_groups(asked, stiffness=stiffness)
 
 
@@ -112,8 +114,25 @@ def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness:
     sets = len(empty.possible)
     together = None if stiffness else remembered_readings(forward, values, sets, batched_readings)
     if together is not None:
-        return Readings(*together)
+        contact, force, possible, left = together
+        possible[left] = False
+        readings = Readings(contact, empty.stiffness, force, possible)
+        return _one_by_one(forward, values, left.tolist(), readings, stiffness=False)
     return _one_by_one(forward, values, range(sets), empty, stiffness=stiffness)
+
+
+def _with_left_out(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
+    """All sets of a law with what it leaves out: together where they can, else one by one."""
+    # Not loaded for a scene without it.
+    from underlay.inference.model.left_out_batch import left_out_readings  # noqa: PLC0415  see above
+
+    sets = len(empty.possible)
+    found = None if stiffness else left_out_readings(forward, values, sets, _forces)
+    return _one_by_one(forward, values, range(sets), empty) if found is None else Readings(*found)
+
+
+def _forces(forward: Forward, values: Values, sets: int) -> Readings:
+    return batched_readings(forward, values, sets, stiffness=False)
 
 
 def _is_shaped_by_lengths(forward: Forward) -> bool:
@@ -127,7 +146,7 @@ def _one_by_one(
     """Put the readings of some sets into `readings`; a set without a law is left out."""
     for row in rows:
         try:
-            one = forward.reading(values_of(values, row), stiffness=stiffness)
+            one = forward.of_set(row).reading(values_of(values, row), stiffness=stiffness)
         except InputError:
             continue
         readings.contact[row], readings.stiffness[row] = one.contact, one.stiffness
@@ -142,7 +161,7 @@ def _sticking(forward: Forward, values: Values, sets: int) -> Readings:
     asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
     table, work, ratio = _adhesion_table(asked)
     if table is None:
-        return _one_by_one(forward, values, range(sets), Readings.empty(sets, len(forward.depth)))
+        return _one_by_one(forward, values, range(sets), Readings.empty(sets, forward.depth.shape[-1]))
     b, c = asked.factors
     compliance = np.broadcast_to(b * c * values[Frame.path], (sets,))
     found = table.readings(work, b[:, None] * asked.tip, compliance, ratio)
@@ -179,7 +198,7 @@ def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[Floa
 
 def _by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:
     """All sets through one law, another only where the range it needs belongs to another span."""
-    readings = Readings.empty(asked.sets, len(asked.forward.depth))
+    readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     b, c = asked.factors
     depth = b * asked.deepest
     spans = asked.forward.laws.spans(depth)
@@ -236,7 +255,7 @@ def _has_exact_batches(asked: ParameterSets) -> bool:
 
 def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
     """All sets through compiled batches of the exact law."""
-    readings = Readings.empty(asked.sets, len(asked.forward.depth))
+    readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     inner = isotropic_constants(asked.column("layer.E"), asked.column("layer.nu"))
     theta = np.asarray(inner.theta)[:, 0]
     outer, hardness = None, np.full(asked.sets, np.inf)
@@ -271,7 +290,7 @@ def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
 
 def _in_stack_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
     """All sets of a stack through compiled batches of the exact law."""
-    readings = Readings.empty(asked.sets, len(asked.forward.depth))
+    readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     thickness = np.ascontiguousarray(asked.column("layer.thickness")[:, 0])
     abel = asked.abel_coefficients()
     alone: list[int] = []
@@ -290,6 +309,38 @@ def _in_stack_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
         readings.possible[rows[fine]] = True
         alone += rows[~fine].tolist()
     readings = readings._replace(force=asked.instrument_force(readings.contact))
+    return _one_by_one(asked.forward, asked.values, alone, readings)
+
+
+def _dear(asked: ParameterSets, *, stiffness: bool) -> Readings:
+    """All sets of laws that are solved one by one, or read off surfaces in the one ratio that varies."""
+    laws = asked.forward.laws
+    varying = [entry for entry, ratio in enumerate(asked.ratios) if isinstance(ratio, np.ndarray)]
+    if stiffness or len(varying) != 1 or not laws.solver.has_surfaces(laws.contact):
+        empty = Readings.empty(asked.sets, len(asked.forward.depth))
+        return _one_by_one(asked.forward, asked.values, range(asked.sets), empty)
+    return _on_surfaces(asked, varying[0])
+
+
+def _on_surfaces(asked: ParameterSets, entry: int) -> Readings:
+    """All sets off surfaces; those without one by one."""
+    # Not loaded for laws that have tables.
+    from underlay.inference.model.ratio_surface import surfaces  # noqa: PLC0415  see above
+
+    readings = Readings.empty(asked.sets, len(asked.forward.depth))
+    b, c = asked.factors
+    touching = np.flatnonzero(asked.deepest > 0.0)
+    found = surfaces(
+        asked.forward.laws, entry, asked.ratios, asked.ratios[entry][touching], (b * asked.deepest)[touching]
+    )
+    readings.possible[asked.deepest <= 0.0] = True
+    for within, numbers, surface in found:
+        if surface is not None:
+            rows = touching[within]
+            readings.contact[rows] = c[rows, None] * surface.force(numbers, b[rows, None] * asked.tip[rows])
+            readings.possible[rows] = True
+    readings = readings._replace(force=asked.instrument_force(readings.contact))
+    alone = np.flatnonzero(~readings.possible).tolist()
     return _one_by_one(asked.forward, asked.values, alone, readings)
 
 

@@ -56,6 +56,7 @@ class LawStore:
     references: list[Scene] = field(default_factory=list)
     refusals: dict[tuple[object, ...], RangeError] = field(default_factory=dict)
     batches: dict[tuple[object, ...], ExactBatch | None] = field(default_factory=dict)
+    surfaces: dict[tuple[object, ...], object] = field(default_factory=dict)
     adhesion_tables: dict[tuple[object, ...], AdhesionTable | None] = field(default_factory=dict)
     built: int = 0
 
@@ -98,6 +99,8 @@ class LawSource:
         The one ratio that can change the law, where the solver reads such laws off a table.
     tips : OneRatio or None
         The same for a tip that is no power law: its size over the thickness may vary too.
+    scattered : bool
+        Whether it is asked for ratios far apart, as a grid holds them: each is solved for itself.
     """
 
     similarity: Similarity
@@ -107,6 +110,7 @@ class LawSource:
     contact: Contact
     table: OneRatio | None
     tips: OneRatio | None = None
+    scattered: bool = False
 
     @classmethod
     def of(
@@ -193,7 +197,9 @@ class LawSource:
         law = self.store.get(key)
         if law is None:
             values = {**similarity.values, **dict(zip(similarity.ratio_paths, reduced, strict=True))}
-            found = self.solver.tabulated(self.contact, table.family, table.of(values), depth)
+            found = self.solver.tabulated(
+                self.contact, table.family, table.of(values), depth, alone=self.scattered
+            )
             if found is None:
                 return None
             law = self.store.keep(key, found)

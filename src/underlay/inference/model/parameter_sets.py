@@ -60,7 +60,7 @@ class ParameterSets:
         upright = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
         self.chain = Chain.of(upright)
         travel = self.chain.travel(forward.depth_at(upright))
-        self.tip = np.broadcast_to(travel, (sets, len(forward.depth)))
+        self.tip = np.broadcast_to(travel, (sets, forward.depth.shape[-1]))
         self.deepest = np.maximum(self.tip.max(axis=1), 0.0)
 
     @property

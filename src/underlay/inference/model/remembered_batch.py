@@ -1,7 +1,7 @@
 """A sample that remembers at many parameter sets at once: the elastic forces of all, then the memory of all.
 
-It serves a relaxing layer along a motion that grows or rests, whatever the contact point of a set. On the way out
-the equal radius of every set is its own, and the sets go one by one.
+It serves a relaxing layer in and out, whatever the contact point of a set. What no closed construction holds for,
+such as a second cycle, and a frame that yields go one by one.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.parameter_sets import Values
-from underlay.mechanics.relaxation import ModesOfSets
 from underlay.mechanics.viscoelastic.history import Viscoelastic
+from underlay.mechanics.viscoelastic.sets import forces_of_sets
 from underlay.scene.chain import Chain, ContactDepth, Frame
+from underlay.scene.lever import SENSITIVITY_RATIO
 
 __all__ = ["remembered_readings"]
 
@@ -37,44 +38,48 @@ class _Read(Protocol):
 
 def remembered_readings(
     forward: Forward, values: Values, sets: int, elastic: Callable[..., _Read]
-) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]] | None:
-    """Contact force, stiffness (zero), instrument force, each (sets, n), and which sets exist.
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_], NDArray[np.intp]] | None:
+    """Contact force, instrument force, each (sets, n), which sets exist, and which must be asked one by one.
 
-    None where the sets do not share a way. `elastic` reads a forward model without memory, as `batched_readings`.
+    None where that is all of them. `elastic` reads a forward model without memory, as `batched_readings`.
     """
     history, time = forward.history, forward.time
     if not isinstance(history, Viscoelastic) or time is None or np.any(values[Frame.path]):
         return None
     contact = np.broadcast_to(values[ContactDepth.path], sets)
-    depth = forward.depth
-    # A motion that only grows from the deepest contact on does so from any.
-    if not depth.max() > contact.max() or not history.only_grows(depth - contact.max()):
-        return None
-    if depth[0] > contact.min() and not history.relaxation.bounded:
-        return None
+    depth = np.broadcast_to(forward.depth_at(_upright(values)), (sets, forward.depth.shape[-1]))
+    depth = depth - contact[:, None]
     prefix = f"{history.prefix}."
     own = {
         path.removeprefix(prefix): np.broadcast_to(value, sets)
         for path, value in values.items()
         if path.startswith(prefix)
     }
-    modes = history.relaxation.modes_of(own)
-    if modes is None:
+    known = history.relaxation.modes_of(own)
+    if known is None:
         return None
-    moved = np.flatnonzero(np.diff(depth))
-    asked = np.concatenate((depth[:1], depth[moved + 1], 0.5 * (depth[moved + 1] + depth[moved])))
-    found = elastic(replace(forward, history=None, time=None, depth=asked), values, sets, stiffness=False)
-    last = np.zeros(len(depth), dtype=np.intp)
-    last[moved + 1] = 1
-    at = found.contact[:, np.cumsum(last)]
-    middle = at[:, 1:].copy()
-    middle[:, moved] = found.contact[:, len(moved) + 1 :]
-    possible = found.possible & modes.possible
-    force = np.zeros((sets, len(depth)))
-    if possible.any():
-        kept = ModesOfSets(
-            modes.constant[possible], modes.weights[possible], modes.times[possible], modes.possible[possible]
-        )
-        force[possible] = history.loaded(kept, at[possible], middle[possible], time)
-    chain = Chain.of({path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()})
-    return force, np.zeros_like(force), chain.reading(force, depth), possible
+    modes, possible = known
+    # A modulus that is not finite at once must not meet a sudden step.
+    sudden = possible & (depth[:, 0] > 0.0) & (not history.relaxation.bounded)
+    asked, left = np.flatnonzero(possible & ~sudden), np.flatnonzero(sudden)
+    force = np.zeros(depth.shape)
+    if asked.size:
+        still = {**values, ContactDepth.path: 0.0, SENSITIVITY_RATIO: 1.0}
+
+        def loads(rows: NDArray[np.intp], w: FloatArray) -> FloatArray:
+            of = asked[rows]
+            own = {path: v[of] if isinstance(v, np.ndarray) else v for path, v in still.items()}
+            same = replace(forward, history=None, time=None, depth=w, bending=None)
+            found = elastic(same, own, len(of), stiffness=False)
+            possible[of] &= found.possible
+            return found.contact
+
+        force[asked], closed = forces_of_sets(modes.of(asked), loads, depth[asked], time)
+        left = np.append(left, asked[~closed])
+    chain = Chain.of(_upright(values))
+    return force, chain.reading(force, forward.depth), possible, left
+
+
+def _upright(values: Values) -> dict[str, float | FloatArray]:
+    """The numbers beside readings: (sets, 1) where they vary."""
+    return {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}

@@ -107,6 +107,8 @@ class Normal(Prior):
     mean: float
     sd: float
 
+    informative = True
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "mean", finite(self.mean, "mean of Normal", "SI"))
         object.__setattr__(self, "sd", positive(self.sd, "sd of Normal", "SI"))
@@ -115,11 +117,6 @@ class Normal(Prior):
     def support(self) -> tuple[float, float]:
         """The whole line."""
         return -np.inf, np.inf
-
-    @property
-    def informative(self) -> bool:
-        """True."""
-        return True
 
     def log_density(self, value: FloatArray) -> FloatArray:
         """Gaussian."""
@@ -146,6 +143,8 @@ class LogNormal(Prior):
     median: float
     sigma: float
 
+    informative = True
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "median", positive(self.median, "median of LogNormal", "SI"))
         object.__setattr__(self, "sigma", positive(self.sigma, "sigma of LogNormal", "dimensionless"))
@@ -154,11 +153,6 @@ class LogNormal(Prior):
     def support(self) -> tuple[float, float]:
         """All positive values."""
         return 0.0, np.inf
-
-    @property
-    def informative(self) -> bool:
-        """True."""
-        return True
 
     def log_density(self, value: FloatArray) -> FloatArray:
         """Gaussian in ln x, over x."""
@@ -189,6 +183,8 @@ class HalfNormal(Prior):
 
     sd: float
 
+    informative = True
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "sd", positive(self.sd, "sd of HalfNormal", "SI"))
 
@@ -196,11 +192,6 @@ class HalfNormal(Prior):
     def support(self) -> tuple[float, float]:
         """Zero and above."""
         return 0.0, np.inf
-
-    @property
-    def informative(self) -> bool:
-        """True."""
-        return True
 
     def log_density(self, value: FloatArray) -> FloatArray:
         """Twice the Gaussian, above zero."""

@@ -30,7 +30,10 @@ __all__ = ["Given", "Prior", "Truncated", "inside"]
 class Prior(ABC):
     """A density of one parameter; all numbers in the parameter's SI unit."""
 
+    #: Whether it can be normalised, as a sampler needs.
     proper: bool = True
+    #: Whether it is a measurement that pulls a fit, not only a bound.
+    informative: bool = False
 
     @property
     @abstractmethod
@@ -53,11 +56,6 @@ class Prior(ABC):
         """Residual that a least-squares fit adds for this prior, and its slope in `value`."""
         del value
         return 0.0, 0.0
-
-    @property
-    def informative(self) -> bool:
-        """Whether the prior is a measurement that pulls a fit, not only a bound."""
-        return False
 
     def sample(self, rng: np.random.Generator, size: int | tuple[int, ...]) -> FloatArray:
         """Draw from the prior, shape `size`."""
@@ -105,7 +103,7 @@ class Truncated(Prior):
         return self.prior.proper
 
     @property
-    def informative(self) -> bool:
+    def informative(self) -> bool:  # type: ignore[override]  # likewise
         """As the truncated prior."""
         return self.prior.informative
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log
 
@@ -11,13 +10,12 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import SolvedCurve, solve_curve
 from underlay.mechanics.exact.contact_problem import ContactProblem
-from underlay.mechanics.exact.curve_batch import CurveBatch
 from underlay.mechanics.exact.curve_family import (
     Cell,
     CurveFamily,
+    RigidBase,
     curve_family,
     range_end,
     range_number,
@@ -27,8 +25,7 @@ from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, piecewise
 from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
-from underlay.mechanics.kernel import Family, LayerKernel
-from underlay.mechanics.plane_constants import isotropic_constants
+from underlay.mechanics.kernel import Family
 
 __all__ = ["FamilyLaw", "table_number", "tabulated_law"]
 
@@ -54,32 +51,6 @@ class FamilyLaw(ExactLaw):
         table = self.family.slopes(Factor.FORCE, self.log_ratio)
         return force * piecewise(self.family.edges, table, self.family.stretch.z(varpi))
 
-    def side_by_side(self, laws: Sequence[ContactLaw], what: str, depth: FloatArray) -> FloatArray | None:
-        """One call for laws of one tip, layer and thickness: calls, not arithmetic, are what few numbers cost."""
-        tables = [law for law in laws if isinstance(law, FamilyLaw)]
-        if len(tables) < len(laws) or any(not self._is_beside(law) for law in tables):
-            return None
-        rows = max(law.curve.coefficients.shape[-2] for law in tables)
-        coefficients = np.zeros((len(tables), *self.curve.coefficients.shape[1:2], rows, 4))
-        for table, law in zip(coefficients, tables, strict=True):
-            table[:, : law.curve.coefficients.shape[-2]] = law.curve.coefficients[0]
-        batch = CurveBatch(
-            self.measure,
-            np.array([law.family.cell.top for law in tables]),
-            np.array([[law.curve.stretch.length] for law in tables]),
-            np.array([[law.curve.stretch.softness] for law in tables]),
-            coefficients,
-            np.array([law.error_estimate for law in tables]),
-        )
-        sets = np.ones(len(tables))
-        arguments = (depth, self.theta * sets, self.thickness * sets)
-        return batch.force(*arguments) if what == "force" else batch.stiffness(*arguments)
-
-    def _is_beside(self, law: FamilyLaw) -> bool:
-        """Whether a law shares all but its curve, which must be in one piece."""
-        alike = law.measure == self.measure and law.theta == self.theta and law.thickness == self.thickness
-        return alike and len(law.curve.edges) == 2
-
 
 def table_number(contact: Contact, depth: float) -> int:
     """Number of the range of tables that reaches `depth` (m)."""
@@ -87,7 +58,7 @@ def table_number(contact: Contact, depth: float) -> int:
 
 
 def tabulated_law(
-    contact: Contact, family: Family | None, ratio: float, depth: float, rtol: float
+    contact: Contact, family: Family | None, ratio: float, depth: float, rtol: float, *, alone: bool = False
 ) -> ExactLaw | None:
     """Exact law of a power-law tip on one of a family of bodies, solved for itself or one like it before.
 
@@ -103,10 +74,12 @@ def tabulated_law(
         Depth (m) that must be reached; the law goes to the end of its cell.
     rtol : float
         Relative error allowed.
+    alone : bool
+        Whether no other ratio near this one will be asked for: solved for itself, with no derivative in the ratio.
 
     Returns
     -------
-    FamilyLaw, or on a rigid base ExactLaw
+    FamilyLaw, or on a rigid base and alone ExactLaw
         None where there is no table.
     """
     indenter, body, thickness, theta = contact.indenter, contact.isotropic, contact.thickness, contact.theta
@@ -114,10 +87,11 @@ def tabulated_law(
         return None
     reach = table_number(contact, depth)
     max_depth = float(indenter.abel(np.asarray(range_end(reach) * thickness)))
-    if family is None:
-        if body is None:
+    if family is None or alone:
+        if family is None and body is None:
             return None
-        solved = _on_rigid_base(indenter.exponent, body.layer.nu, reach, rtol)
+        one = family or RigidBase(body.layer.nu if body is not None else 0.0)
+        solved = _alone(indenter.exponent, one, 1.0 if family is None else ratio, reach, rtol)
         if solved is None:
             return None
         return ExactLaw(
@@ -154,15 +128,18 @@ def tabulated_law(
     )
 
 
-def _on_rigid_base(exponent: float, nu: float, reach: int, rtol: float) -> SolvedCurve | None:
-    """Curve of a tip of any size on a layer of unit thickness and any modulus; None beyond 20 thicknesses."""
-    key = ("rigid", exponent, nu, reach, rtol)
-    return TABLES.get(key, lambda: _solved_on_rigid_base(exponent, nu, reach, rtol))
+def _alone(exponent: float, family: Family, ratio: float, reach: int, rtol: float) -> SolvedCurve | None:
+    """Curve of a tip of any size on a layer of unit thickness on one body; None beyond 20 h, or at a fold."""
+    key = ("alone", exponent, family, ratio, reach, rtol)
+    return TABLES.get(key, lambda: _solved_alone(exponent, family, ratio, reach, rtol))
 
 
-def _solved_on_rigid_base(exponent: float, nu: float, reach: int, rtol: float) -> SolvedCurve | None:
-    problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, LayerKernel(isotropic_constants(1.0, nu), None))
+def _solved_alone(
+    exponent: float, family: Family, ratio: float, reach: int, rtol: float
+) -> SolvedCurve | None:
+    problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, family.kernel(ratio))
     try:
-        return solve_curve(problem, range_end(reach), rtol)
+        solved = solve_curve(problem, range_end(reach), rtol)
     except RangeError:
         return None
+    return None if solved.curve.jumps else solved

@@ -53,7 +53,7 @@ class Bed:
         clock = np.interp(fine, np.arange(len(depth)), time)
         path = np.interp(fine, np.arange(len(depth)), depth)
         springs = np.linspace(0.0, float(path.max()), _SPRINGS + 1)
-        forces = _stepped(path, Memory(modes, clock), springs)[::pieces]
+        forces = _stepped(path, modes, clock, springs)[::pieces]
         return cls(springs, np.diff(forces, axis=1) / np.diff(springs))
 
     def __call__(self, elastic: Elastic) -> FloatArray:
@@ -61,13 +61,14 @@ class Bed:
         return np.asarray(self.slopes @ -np.diff(elastic(self.springs)))
 
 
-def depth_under(elastic: Elastic, force: FloatArray, memory: Memory, deepest: float) -> FloatArray:
+def depth_under(
+    elastic: Elastic, force: FloatArray, modes: Modes, time: FloatArray, deepest: float
+) -> FloatArray:
     """Depth (m), (n,), under any forces (N), (n,), zero or more, that never reach beyond `deepest` (m).
 
     With c_j the steps of the slope of P_el at the springs, P(w) = sum_j c_j Q_j(w), where a spring in contact adds
     a straight line and one out of contact nothing: convex and increasing, so Newton's method ends after some steps.
     """
-    modes, time = memory.modes, memory.time
     pieces = max(int(np.ceil(_STEPS / (len(force) - 1))), 1)
     fine = np.arange((len(force) - 1) * pieces + 1) / pieces
     clock, load = (np.interp(fine, np.arange(len(force)), values) for values in (time, force))
@@ -107,9 +108,9 @@ def _pressed(stiffness: FloatArray, offset: FloatArray, rate: float, target: flo
     return w
 
 
-def _stepped(path: FloatArray, memory: Memory, springs: FloatArray) -> FloatArray:
+def _stepped(path: FloatArray, modes: Modes, clock: FloatArray, springs: FloatArray) -> FloatArray:
     """Q of every spring at every step, (n, springs), per unit modulus (m)."""
-    modes = memory.modes
+    memory = Memory(modes, clock)
     shape = (len(modes.times), len(path) - 1)
     decay = np.broadcast_to(memory.decay, shape)
     even = np.broadcast_to(modes.weights[:, None] * memory.even, shape)

@@ -26,8 +26,8 @@ from underlay.errors import InputError
 from underlay.mechanics.relaxation import Modes
 from underlay.mechanics.response import Invertible
 from underlay.mechanics.viscoelastic.bed import depth_under
+from underlay.mechanics.viscoelastic.equal_radius import EqualRadius, equal_radius
 from underlay.mechanics.viscoelastic.memory import Memory, even
-from underlay.mechanics.viscoelastic.unloading import EqualRadius, equal_radius
 
 __all__ = ["Creep", "crept"]
 
@@ -119,7 +119,7 @@ def crept(law: Invertible, modes: Modes, force: FloatArray, time: FloatArray) ->
     if (before < -_ROUNDING * top).any() or (after > _ROUNDING * top).any():
         # Were the force never taken back, the tip would go deeper.
         most = float(law.depth(Creep.of(modes).hereditary(np.maximum.accumulate(force), time)).max())
-        return depth_under(law.force, force, Memory(modes, time), most)
+        return depth_under(law.force, force, modes, time, most)
     elastic = Creep.of(modes).hereditary(force[: turn + 1], time[: turn + 1])
     way_in = np.asarray(law.depth(elastic))
     if turn == len(force) - 1:
@@ -132,10 +132,11 @@ def crept(law: Invertible, modes: Modes, force: FloatArray, time: FloatArray) ->
 def _recovered(law: Invertible, memory: Memory, way_in: FloatArray, found: EqualRadius) -> FloatArray:
     """Depth (m) on the way out, from the times of equal radius: one step after the other."""
     modes, time, turn = memory.modes, memory.time, len(way_in) - 1
-    reached, clock = np.zeros(found.points), np.full(found.points, time[0])
-    at = np.zeros(found.points, dtype=np.intp)
-    reached[found.held] = law.depth(found.depth)
-    at[found.held], clock[found.held] = found.step, time[found.step] + found.elapsed
+    points = len(time) - turn - 1
+    reached, clock = np.zeros(points), np.full(points, time[0])
+    at, held = np.zeros(points, dtype=np.intp), np.flatnonzero(found.held)
+    reached[held] = law.depth(found.depth[held])
+    at[held], clock[held] = found.step[held], found.time[held]
     y = Memory(modes, time[: turn + 1]).integrals(way_in)
     part = (clock - time[at]) / modes.times[:, None]
     y1 = np.exp(-part) * y[:, at] + even(part) * (reached - way_in[at])
@@ -145,8 +146,8 @@ def _recovered(law: Invertible, memory: Memory, way_in: FloatArray, found: Equal
     steps = np.diff(time[turn:]) / modes.times[:, None]
     decay, grown = np.exp(-steps), even(steps)
     rates = modes.constant + modes.weights @ grown
-    depths, w, now = np.empty(found.points), float(way_in[-1]), y[:, -1]
-    for n in range(found.points):
+    depths, w, now = np.empty(points), float(way_in[-1]), y[:, -1]
+    for n in range(points):
         rested = decay[:, n] * now
         change = (seen[n] - modes.constant * w - float(modes.weights @ rested)) / rates[n]
         now = rested + grown[:, n] * change

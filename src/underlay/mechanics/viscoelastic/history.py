@@ -7,27 +7,29 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import ParameterError
-from underlay.mechanics.relaxation import Modes, ModesOfSets, Relaxation
+from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import Elastic, History, Invertible, Motion, Response
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.creep import crept
+from underlay.mechanics.viscoelastic.equal_radius import equal_radius
 from underlay.mechanics.viscoelastic.loading import Loading
 from underlay.mechanics.viscoelastic.memory import Memory
-from underlay.mechanics.viscoelastic.unloading import Unloading, equal_radius
+from underlay.mechanics.viscoelastic.unloading import Unloading
 from underlay.quantities import inlined, numbers_of
 
-__all__ = ["Viscoelastic", "ViscoelasticMotion", "times_told"]
+__all__ = ["RIPPLES", "SUDDEN", "Viscoelastic", "ViscoelasticMotion", "led_in", "times_told", "turns"]
 
-# A motion counts as growing while it falls back from its deepest point by no more than this part of it, first
-# none, then the noise of a depth reading. The springs that lift off there hold less than the square of it:
-# measured against the bed, whose own error is 1e-5, 3e-5 of the largest force at ripples of up to 2.8e-3.
-_RIPPLES = (0.0, 3e-3)
+#: A motion counts as growing while it falls back from its deepest point by no more than this part of it, first
+#: none, then the noise of a depth reading. The springs that lift off there hold less than the square of it:
+#: measured against the bed, whose own error is 1e-5, 3e-5 of the largest force at ripples of up to 2.8e-3.
+RIPPLES = (0.0, 3e-3)
 _ROUNDING = 1e-9
-# A sudden step as a share of the first one: what relaxes within it is as small a part of the force.
-_SUDDEN = 1e-7
+#: A sudden step as a share of the first one: what relaxes within it is as small a part of the force.
+SUDDEN = 1e-7
 
 
 def times_told(time: FloatArray) -> tuple[float, float]:
@@ -65,20 +67,20 @@ class Viscoelastic(History):
         begun = depth[0] > 0.0
         if begun and not self.relaxation.bounded:
             # It came in within one step: a sudden one would be resisted without end.
-            form = self._form(*_led_in(depth, time, 1.0))
+            form = self._form(*led_in(depth, time, 1.0))
         else:
             form = self._form(depth, time)
             begun = begun and not isinstance(form, Loading)
             if begun:
                 # The contact shrinks back through the radii of the sudden step, which must have a time.
-                form = self._form(*_led_in(depth, time, _SUDDEN))
+                form = self._form(*led_in(depth, time, SUDDEN))
         return ViscoelasticMotion(self, depth, time, form, first=int(begun))
 
     def _form(self, depth: FloatArray, time: FloatArray) -> Loading | Unloading | Bed:
         """The simplest construction that holds for depths (m) at times (s), each (n,)."""
         modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
         memory = Memory(modes, time)
-        for ripple in _RIPPLES:
+        for ripple in RIPPLES:
             found = _closed(depth, memory, ripple)
             if found is not None:
                 return found
@@ -87,15 +89,7 @@ class Viscoelastic(History):
     def only_grows(self, depth: FloatArray) -> bool:
         """Whether depths since contact (m), (n,), grow or rest but for the noise of a reading."""
         w = np.maximum(depth, 0.0)
-        return bool((np.maximum.accumulate(w) - w <= (_RIPPLES[-1] + _ROUNDING) * w.max()).all())
-
-    def loaded(self, modes: ModesOfSets, at: FloatArray, middle: FloatArray, time: FloatArray) -> FloatArray:
-        """Forces (N), (sets, n), of motions that grow or rest, from the elastic ones at points and middles."""
-        sets, count = modes.weights.shape
-        rows = Memory(Modes(0.0, np.ones(sets * count), modes.times.ravel()), time)
-        z = rows.integrals(np.repeat(at, count, axis=0), np.repeat(middle, count, axis=0))
-        parts = modes.weights[:, :, None] * z.reshape(sets, count, -1)
-        return np.asarray(modes.constant[:, None] * at + parts.sum(axis=1))
+        return bool((np.maximum.accumulate(w) - w <= (RIPPLES[-1] + _ROUNDING) * w.max()).all())
 
     def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
         """Depth (m), (n,), under any forces (N), (n,), that press."""
@@ -175,22 +169,35 @@ class ViscoelasticMotion(Motion):
         return found
 
 
-def _led_in(depth: FloatArray, time: FloatArray, share: float) -> tuple[FloatArray, FloatArray]:
-    """The same motion after a rise from first contact within this share of its first step."""
-    return np.append(0.0, depth), np.append(time[0] - share * (time[1] - time[0]), time)
+def led_in(depth: FloatArray, time: FloatArray, share: float) -> tuple[FloatArray, FloatArray]:
+    """The same motion, (..., n), after a rise from first contact within this share of its first step."""
+    before = np.zeros((*depth.shape[:-1], 1))
+    return np.concatenate((before, depth), axis=-1), np.append(time[0] - share * (time[1] - time[0]), time)
+
+
+def turns(depth: FloatArray, ripple: float) -> tuple[NDArray[np.intp], FloatArray, NDArray[np.bool_]]:
+    """Where depths (..., n) turn, how far (m) they may fall back, and which grow up to there; each (...,)."""
+    w = np.maximum(depth, 0.0)
+    deepest = w.max(axis=-1, keepdims=True)
+    allowed = (ripple + _ROUNDING) * deepest
+    turn = w.shape[-1] - 1 - (w >= deepest - allowed)[..., ::-1].argmax(axis=-1)
+    back = np.maximum.accumulate(w, axis=-1) - w > allowed
+    # The first to fall back, if any does, comes after the turn.
+    first = np.where(back.any(axis=-1), back.argmax(axis=-1), w.shape[-1])
+    return np.asarray(turn), allowed[..., 0], np.asarray(first > turn)
 
 
 def _closed(depth: FloatArray, memory: Memory, ripple: float) -> Loading | Unloading | None:
     """Lee and Radok up to the last deepest point and Ting after it; None where they do not hold."""
-    w = np.maximum(depth, 0.0)
-    allowed = (ripple + _ROUNDING) * w.max()
-    turn = int(np.flatnonzero(w >= w.max() - allowed)[-1])
-    if (np.maximum.accumulate(w[: turn + 1]) - w[: turn + 1] > allowed).any():
+    if (depth[1:] >= depth[:-1]).all():
+        return Loading(depth, memory)
+    at, allowed, grows = turns(depth, ripple)
+    turn = int(at)
+    if not grows:
         return None
-    if turn == len(w) - 1:
+    if turn == len(depth) - 1:
         return Loading(depth, memory)
     # Before contact the motion does not count, and after it the tip may leave the surface.
-    found = equal_radius(np.concatenate((w[: turn + 1], depth[turn + 1 :])), memory, turn)
-    if (found.depths - np.minimum.accumulate(found.depths) > allowed).any():
-        return None
-    return Unloading(depth, turn, memory, found)
+    way = np.concatenate((np.maximum(depth[: turn + 1], 0.0), depth[turn + 1 :]))
+    found = equal_radius(way, memory, turn)
+    return Unloading(depth, turn, memory, found) if found.regrowth <= allowed else None

@@ -22,6 +22,8 @@ _POINTS = 400
 _THIN = 0.2
 # Deeper layers in turn, so that neighbours differ.
 _SHADES = ("#d9e5c3", "#efd9b8")
+# What is said of a lower face.
+_BONDS = {"bonded": "", "slip": ",\nfree to slip", "unknown": ",\nbond unknown"}
 # Inches: room for names beside the picture, the picture without it, and the least between two lines of names.
 _BESIDE, _PICTURE, _LINE = 2.3, (2.8, 2.0), 0.17
 
@@ -122,7 +124,7 @@ def _draw_below(ax: Axes, test: Scene, half: float, bottom: float, factor: float
         depth = lower
     for face, layer in zip(np.cumsum([layer.thickness for layer in layers]), layers, strict=True):
         if -face > bottom:
-            ax.axhline(-face / factor, color=INK, lw=0.9, ls="-" if layer.bond == "bonded" else "--")
+            ax.axhline(-face / factor, color=INK, lw=0.9, ls="-" if layer.held.bond == "bonded" else "--")
 
 
 def _names_beside(test: Scene) -> bool:
@@ -137,7 +139,7 @@ def _name_beside(ax: Axes, test: Scene, window: tuple[float, float, float], fact
     for layer in test.layers:
         middles.append(-min(depth + 0.5 * layer.thickness, 0.995 * -bottom))
         depth += layer.thickness
-        bond = {"bonded": "", "slip": ",\nfree to slip"}.get(str(layer.bond), ",\non springs")
+        bond = _BONDS.get(str(layer.bond), ",\non springs")
         names.append(f"{in_words(layer.thickness, 'length')}, {_material(layer.material)}{bond}")
     middles.append(0.5 * (bottom - min(depth, -bottom)))
     names.append(_material(test.base))

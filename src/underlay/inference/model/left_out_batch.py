@@ -1,0 +1,52 @@
+"""A law with what it leaves out at many parameter sets: both laws in batches, then the sizes of each set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.inference.model.forward import Forward
+from underlay.inference.model.parameter_sets import ParameterSets, Values
+from underlay.scene.chain import Frame
+from underlay.scene.discrepancy import FINITE_STRAIN_PATH, FRICTION_PATH
+
+__all__ = ["left_out_readings"]
+
+#: Contact force (N), stiffness (N/m), instrument force (N), (sets, n), and which sets exist, (sets,).
+Found = tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]
+
+
+def left_out_readings(
+    forward: Forward, values: Values, sets: int, batched: Callable[[Forward, Values, int], Found]
+) -> Found | None:
+    """Readings of all sets; None where they are to be asked one by one.
+
+    Parameters
+    ----------
+    forward : Forward
+        With what its law leaves out.
+    values : mapping of path to float or FloatArray
+        Every number of the scene (SI), (sets,) where it varies.
+    sets : int
+        How many.
+    batched : callable
+        Readings of a law that leaves nothing out; without stiffness.
+    """
+    told = forward.left_out
+    if told is None or np.any(values[Frame.path]):
+        # A frame gives way under the whole force: its depths are those of one law at a time.
+        return None
+    bare = replace(forward, left_out=None)
+    free, _, _, exists = batched(bare, values, sets)
+    sticks, _, _, also = batched(bare.solved_by(bare.laws.solver.without_slip), values, sets)
+    asked = ParameterSets(bare, values, sets)
+    upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
+    excess = told.excess(forward, upright, asked.tip)
+    s, size = upright[FRICTION_PATH], upright[FINITE_STRAIN_PATH]
+    contact = free + s * (sticks - free) + size * free * excess
+    return contact, np.zeros_like(contact), asked.instrument_force(contact), exists & also

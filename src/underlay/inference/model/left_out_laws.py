@@ -1,0 +1,136 @@
+"""What a law leaves out, where its sizes are numbers of the scene: at one set of numbers, or at many.
+
+The force is P + s (P_stuck - P) + A P e. P and P_stuck are laws of the same numbers by two solvers; e is the
+measured function of depth over thickness and contact radius over tip radius. The radius is that of the scene's own
+ratios, seen through the sizes: where Poisson's ratio moves, e is off by less than a tenth of itself, and its size
+is known to a half.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError, RangeError
+from underlay.inference.model.laws import LawSource
+from underlay.inference.model.stencils import STENCILS, first_possible
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.discrepant_law import DiscrepantLaw
+from underlay.mechanics.finite_strain import excess_of, why_unmeasured
+from underlay.mechanics.solver import Solver
+from underlay.scene.discrepancy import FINITE_STRAIN_PATH, FRICTION_PATH
+from underlay.scene.parameters import kind_of
+from underlay.scene.scene import Scene
+
+__all__ = ["BuildsBare", "LeftOutLaws"]
+
+# The contact radius is looked up as far as so many times the depth of the curve, and constant beyond.
+_FURTHER = 4.0
+# Relative (of a ratio: absolute) step of a difference of laws, each right to 1e-6.
+_STEP = 1e-3
+
+
+class BuildsBare(Protocol):
+    """What gives laws without what they leave out: a `Forward`."""
+
+    @property
+    def laws(self) -> LawSource:
+        """Where they come from."""
+
+    def bare_law(self, values: Mapping[str, float], deepest: float) -> ContactLaw:
+        """Law at `values` for depths up to `deepest` (m)."""
+
+    def solved_by(self, solver: Solver) -> Self:
+        """Return the same with laws of another solver."""
+
+
+@dataclass(frozen=True)
+class LeftOutLaws:
+    """What the law of one scene leaves out.
+
+    Parameters
+    ----------
+    values : mapping of path to float
+        Every number of the scene (SI).
+    deepest : float
+        Depth (m) that the curve reaches.
+    strains : bool
+        Whether the size of finite strain is not zero.
+    """
+
+    values: Mapping[str, float]
+    deepest: float
+    strains: bool
+
+    @classmethod
+    def of(cls, scene: Scene, depth: FloatArray) -> Self:
+        """Prepare for depth readings (m), (n,).
+
+        Raises
+        ------
+        InputError
+            If finite strain is of a size, and its shape is not known there.
+        """
+        deepest = max(float(depth.max()) - scene.instrument.contact_depth, 0.0)
+        strains = scene.discrepancy is not None and scene.discrepancy.finite_strain != 0.0
+        why = why_unmeasured(scene.contact, deepest) if strains else ""
+        if why:
+            raise InputError(f"{FINITE_STRAIN_PATH} is beyond what is known here: {why}; set it to 0")
+        return cls(scene.parameters, deepest, strains)
+
+    def law(self, forward: BuildsBare, values: Mapping[str, float], deepest: float) -> DiscrepantLaw:
+        """Law at `values` for depths up to `deepest` (m)."""
+        free = forward.bare_law(values, deepest)
+        sticks = self.sticking(forward).bare_law(values, deepest)
+
+        def excess(depth: FloatArray) -> FloatArray:
+            return self.excess(forward, values, depth)
+
+        return DiscrepantLaw.of(free, sticks, values[FRICTION_PATH], values[FINITE_STRAIN_PATH], excess)
+
+    @staticmethod
+    def sticking(forward: BuildsBare) -> BuildsBare:
+        """Return the same contacts with a tip that sticks."""
+        return forward.solved_by(forward.laws.solver.without_slip)
+
+    def slope(
+        self, forward: BuildsBare, path: str, values: Mapping[str, float], deepest: float, w: FloatArray
+    ) -> FloatArray:
+        """dP/dp (SI) of the parameter at `path` at fixed tip depths `w` (m), (n,)."""
+        law = self.law(forward, values, deepest)
+        if law.sticks is not None and path == FRICTION_PATH:
+            return np.asarray(law.sticks.force(w) - law.free.force(w))
+        if path == FINITE_STRAIN_PATH:
+            return np.asarray(law.free.force(w) * law.excess(w))
+        size = _STEP if kind_of(path) == "dimensionless" else _STEP * abs(values[path])
+
+        def force(steps: float) -> FloatArray:
+            return self.law(forward, {**values, path: values[path] + steps * size}, deepest).force(w)
+
+        return np.asarray(first_possible(force, STENCILS) / size)
+
+    def excess(self, forward: BuildsBare, values: Mapping[str, Any], depth: FloatArray) -> FloatArray:
+        """Return e at depths (m), (n,), or (sets, n) of numbers (sets, 1)."""
+        if not self.strains:
+            return np.zeros_like(depth)
+        own = self.values
+        tip, h = values["indenter.radius"], values.get("layer.thickness", np.inf)
+        # Similar contacts: of one h^2/R on a layer, of one R on a half-space.
+        layered = np.isfinite(own.get("layer.thickness", np.inf))
+        length = h / own["layer.thickness"] if layered else tip / own["indenter.radius"]
+        stretch = length**2 / (tip / own["indenter.radius"])
+        law = self._known(forward)
+        inside = np.clip(depth / stretch, 0.0, law.max_depth)
+        return excess_of(values["layer.nu"], depth / h, length * law.contact_radius(inside) / tip)
+
+    def _known(self, forward: BuildsBare) -> ContactLaw:
+        """Law of the scene's own numbers, of one range whatever is asked."""
+        deepest = max(_FURTHER * self.deepest, np.finfo(float).tiny)
+        try:
+            return forward.bare_law(self.values, deepest)
+        except RangeError as error:
+            return forward.bare_law(self.values, error.max_depth or self.deepest)

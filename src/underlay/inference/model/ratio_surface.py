@@ -1,0 +1,167 @@
+"""Laws that differ in one number, read off a surface in that number and the depth.
+
+For solvers without tables or batches of their own, as that of a tip that sticks. Where of all ratios of a scene one
+alone varies between parameter sets (Poisson's ratio, a modulus of the base, a radius over a thickness), the law of
+the reference is solved at a few values of it, and ln(P/w^(1+1/p)) is a polynomial in that number and in w^(1/p), to
+which the contact radius is proportional at first. Cells of the number and ranges of the depth are fixed, so that a
+set's answer does not depend on the company it is asked in. What a surface is off by is measured at a value and at
+depths between its own, and one that is off by more than the tolerance is not used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Self
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.model.laws import LawSource
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.scene.parameters import kind_of
+
+__all__ = ["RatioSurface", "surfaces"]
+
+# Widths and edges of cells, of logarithms and of Poisson's ratios; 0.5 is an edge, beyond which nothing is solved.
+_LOG_CELL, _LOG_EDGE = np.log(2.0), np.log(1.37)
+_CELL, _EDGE = 0.1, 0.5
+# Numbers of values and of terms in depth that are tried, and where between them a surface is judged.
+_VALUES, _TERMS = (6, 10, 16), (16, 32, 64)
+_JUDGED, _JUDGED_DEPTHS = 0.31, np.array([0.002, 0.01, 0.04, 0.13, 0.27, 0.46, 0.69, 0.94])
+# Of the tolerance: what the laws behind a surface may be off by.
+_SPARE = 0.2
+
+
+@dataclass(frozen=True)
+class RatioSurface:
+    """ln(P/w^(1+1/p)) over one cell of the number and depths up to `reach` (m).
+
+    Parameters
+    ----------
+    low, high : float
+        Ends of the cell.
+    reach : float
+        Largest depth (m) of the reference.
+    power : float
+        1/p.
+    coefficients : ndarray (values, terms)
+        Chebyshev coefficients in the place in the cell and in (w/reach)^(1/p), each mapped to [-1, 1].
+    """
+
+    low: float
+    high: float
+    reach: float
+    power: float
+    coefficients: FloatArray
+
+    @classmethod
+    def of(
+        cls, source: LawSource, entry: int, ratios: tuple[float, ...], cell: float, octave: float
+    ) -> Self | None:
+        """Solve the laws of a cell; None where one has none, or the surface is off by more than the tolerance."""
+        width, edge = _cells(source, entry)
+        low, high, reach = edge + (cell - 1.0) * width, edge + cell * width, float(np.exp2(octave))
+        tolerance = source.solver.tolerance
+        finer = replace(
+            source, solver=source.solver.with_tolerance(_SPARE * tolerance), table=None, tips=None
+        )
+
+        def law(place: float) -> ContactLaw:
+            number = 0.5 * (low + high + place * (high - low))
+            value = float(np.exp(number)) if _in_log(source, entry) else number
+            return finer.law((*ratios[:entry], value, *ratios[entry + 1 :]), reach)
+
+        power = 1.0 / (source.similarity.exponent or 2.0)
+        try:
+            judge = law(_JUDGED)
+            for values, terms in product(_VALUES, _TERMS):
+                depths = reach * (0.5 + 0.5 * _nodes(terms)) ** (1.0 / power)
+                known = np.array([_logs(law(place), depths, power) for place in _nodes(values).tolist()])
+                found = cls(low, high, reach, power, _coefficients(_coefficients(known).T).T)
+                asked = reach * _JUDGED_DEPTHS
+                off = found.logs(np.array([_JUDGED]), asked[None])[0] - _logs(judge, asked, power)
+                if np.abs(off).max() <= tolerance:
+                    return found
+        except InputError:
+            return None
+        return None
+
+    def logs(self, place: FloatArray, depth: FloatArray) -> FloatArray:
+        """ln(P/w^(1+1/p)), (sets, n), at places (sets,) in [-1, 1] and depths (m) of the reference, positive."""
+        # Not by a product of matrices: its last bit depends on how many sets there are.
+        table = chebyshev.chebvander(place, len(self.coefficients) - 1)
+        own = (table[:, :, None] * self.coefficients).sum(axis=1)
+        z = 2.0 * (depth / self.reach) ** self.power - 1.0
+        return np.asarray(chebyshev.chebval(z, own.T[:, :, None], tensor=False))
+
+    def force(self, number: FloatArray, depth: FloatArray) -> FloatArray:
+        """Force (N), (sets, n), at values (sets,) of the number and depths (m) of the reference, (sets, n)."""
+        place = 2.0 * (number - self.low) / (self.high - self.low) - 1.0
+        inside = np.where(depth > 0.0, depth, self.reach)
+        force = np.exp(self.logs(place, inside)) * inside ** (1.0 + self.power)
+        return np.where(depth > 0.0, force, 0.0)
+
+
+def surfaces(
+    source: LawSource, entry: int, ratios: tuple[float, ...], value: FloatArray, depth: FloatArray
+) -> list[tuple[NDArray[np.intp], FloatArray, RatioSurface | None]]:
+    """Rows of sets that belong to one surface, their numbers as it takes them, and that surface.
+
+    Parameters
+    ----------
+    source : LawSource
+        Of the laws.
+    entry : int
+        Of `ratios`, the one that varies.
+    ratios : tuple of float
+        As `Similarity.reduced`; that entry is not read.
+    value : FloatArray
+        What it is in each set, (sets,).
+    depth : FloatArray
+        Largest depth (m) of each set at the reference, (sets,), positive.
+    """
+    width, edge = _cells(source, entry)
+    number = np.log(value) if _in_log(source, entry) else value
+    keys = np.column_stack((np.ceil((number - edge) / width), np.ceil(np.log2(depth))))
+    others = (*ratios[:entry], *ratios[entry + 1 :])
+    kept = source.store.surfaces
+    found = []
+    for cell, octave in np.unique(keys, axis=0).tolist():
+        rows = np.flatnonzero((keys == (cell, octave)).all(axis=1))
+        key = (source.number, source.solver, entry, others, cell, octave)
+        if key not in kept:
+            kept[key] = RatioSurface.of(source, entry, ratios, cell, octave)
+        surface = kept[key]
+        found.append((rows, number[rows], surface if isinstance(surface, RatioSurface) else None))
+    return found
+
+
+def _in_log(source: LawSource, entry: int) -> bool:
+    """Whether a ratio is one of moduli or lengths; a Poisson's ratio is taken as it is."""
+    path = source.similarity.ratio_paths[entry]
+    return path not in source.similarity.direct or kind_of(path) != "dimensionless"
+
+
+def _cells(source: LawSource, entry: int) -> tuple[float, float]:
+    """Width and an edge of the cells of a number."""
+    return (_LOG_CELL, _LOG_EDGE) if _in_log(source, entry) else (_CELL, _EDGE)
+
+
+def _nodes(count: int) -> FloatArray:
+    return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
+
+
+def _logs(law: ContactLaw, depth: FloatArray, power: float) -> FloatArray:
+    return np.asarray(np.log(law.force(depth) / depth ** (1.0 + power)))
+
+
+def _coefficients(values: FloatArray) -> FloatArray:
+    """Chebyshev coefficients (n, m) of columns known at the nodes, (n, m)."""
+    count = len(values)
+    vander = chebyshev.chebvander(_nodes(count), count - 1)
+    vander[:, 0] *= 0.5
+    return np.asarray((2.0 / count) * vander.T @ values)

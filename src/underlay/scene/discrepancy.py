@@ -1,0 +1,69 @@
+"""What the law of a scene leaves out, as two numbers: a share of full friction, and a size of finite strain.
+
+The force is P (1 + s (P_stuck/P - 1) + A e), with P the law without friction in small strains, P_stuck that of a
+tip that sticks, e the measured excess of finite strain (`mechanics/finite_strain`); s = 0 slides, s = 1 sticks, and
+A = 1 is a neo-Hookean layer. Neither is known: they are parameters with priors (`free_model_error`), or stay out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from underlay._arrays import FloatArray, finite
+from underlay.mechanics.contact import Contact
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.discrepant_law import DiscrepantLaw
+from underlay.mechanics.finite_strain import finite_strain_excess
+from underlay.mechanics.solver import Solver
+from underlay.quantities import Part, field_quantities, quantity
+
+__all__ = ["FINITE_STRAIN_PATH", "FRICTION_PATH", "Discrepancy"]
+
+#: Paths of the two numbers.
+FRICTION_PATH, FINITE_STRAIN_PATH = "discrepancy.friction", "discrepancy.finite_strain"
+
+
+@dataclass(frozen=True)
+class Discrepancy(Part):
+    """What real tests add to the law of a scene.
+
+    Parameters
+    ----------
+    friction : float
+        Share of what full friction does: 0 slides, 1 sticks.
+    finite_strain : float
+        Size of what finite strain does, over that of a neo-Hookean layer; zero where its shape is not known.
+    """
+
+    parts: ClassVar[tuple[str, ...]] = ("discrepancy",)
+
+    friction: float = field(
+        metadata=quantity("dimensionless", "share of full friction", symbol="s", natural_scale=0.5)
+    )
+    finite_strain: float = field(
+        metadata=quantity(
+            "dimensionless", "finite strain over the neo-Hookean one", symbol="A", natural_scale=0.5
+        )
+    )
+
+    def __post_init__(self) -> None:
+        for name in field_quantities(self):
+            object.__setattr__(self, name, finite(getattr(self, name), f"discrepancy {name}", ""))
+
+    def law(self, contact: Contact, solver: Solver, build: Callable[[Solver], ContactLaw]) -> DiscrepantLaw:
+        """Law of a contact with this discrepancy; `build` makes the law of a solver.
+
+        Raises
+        ------
+        InputError
+            If the solver has no law for a tip that sticks.
+        """
+        free = build(solver)
+        sticks = build(solver.without_slip) if self.friction else None
+
+        def excess(depth: FloatArray) -> FloatArray:
+            return finite_strain_excess(contact, depth, free.contact_radius(depth))
+
+        return DiscrepantLaw.of(free, sticks, self.friction, self.finite_strain, excess)
