@@ -79,13 +79,19 @@ def eventually(ask):
 
 def until(tab, expression):
     """Wait until an expression is true in the page; return its value."""
-    if value := eventually(lambda: tab.evaluate(expression)):
+
+    def ask():
+        # Between two pages there is none that could answer.
+        with suppress(AssertionError):
+            return tab.evaluate(expression)
+
+    if value := eventually(ask):
         return value
     raise AssertionError(f"{expression} never came: {tab.evaluate('document.body.innerText')[:3000]}")
 
 
 def says(words):
-    return f"document.body.innerText.includes({words!r})"
+    return f"document.body?.innerText.includes({words!r})"
 
 
 def button(words, kind="button, a, .q-tab"):
