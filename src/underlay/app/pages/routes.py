@@ -22,6 +22,8 @@ COLOURS = {
     "warning": "#b3400a",
 }
 
+# For a page to be built (s): what is too late is not shown at all, and a busy machine is slow.
+_PATIENCE = 60.0
 _CSS = FileKind("the style of the page", 1_000_000, "install underlay again")
 
 
@@ -29,13 +31,13 @@ def add_pages(home: Home) -> None:
     """Add the pages of a server."""
     style = read_text(Path(__file__).parent / "page.css", _CSS)
 
-    @ui.page("/")
+    @ui.page("/", response_timeout=_PATIENCE)
     def start() -> None:
         ui.add_css(style)
         ui.colors(**COLOURS)
         _list(home)
 
-    @ui.page("/analysis/{name}")
+    @ui.page("/analysis/{name}", response_timeout=_PATIENCE)
     async def analysis(name: str) -> None:
         ui.add_css(style)
         ui.colors(**COLOURS)
