@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import underlay as ul
+from support.films import write_films
 from support.page import (
     begin,
     bring,
@@ -24,14 +25,16 @@ from support.page import (
     stranger,
     text_of,
     until,
-    until_done,
     until_said,
     wait_for,
     write,
 )
+from underlay.app.work import Worker
 from underlay.cli import main
+from underlay.cli.film import film_table, fit_film
 from underlay.inference.batch.decisions import read_decisions
 from underlay.inference.batch.map_table import read_map
+from underlay.scene.scene_file import read_scene_file
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"
 
@@ -64,6 +67,18 @@ async def drag_the_contact(user):
     await changed(user, "modulus-layer-and-base", before[0])
 
 
+def everything_is_told(shown):
+    """Both intervals, verdict, pictures with residuals, the modulus by depth, what it stands on, effects."""
+    assert "from the noise" in shown["headline"]
+    assert "with friction and finite strain unknown" in shown["headline"]
+    assert shown["verdict"].startswith("Verdict: ")
+    assert {"cartilage_on_bone.fit.png", "cartilage_on_bone.depths.png"} <= set(shown["pictures"])
+    assert "depths" in shown["depths"]
+    assert any(words.startswith("What layer modulus stands on") for words in shown["more"])
+    assert [row["parameter"] for row in shown["table"]][:2] == ["layer modulus", "layer thickness"]
+    assert "finite thickness" in {row["effect"] for row in shown["effects"]}
+
+
 async def come_back(user, folder):
     """What was found is there again; it says so when the test is another one."""
     await user.open(f"/analysis/{folder.name}")
@@ -90,13 +105,14 @@ def test_from_a_dropped_file_to_a_number_that_python_repeats(tmp_path):
             press(user, "fit")
             await until(user, content="What acts in this test, and how much")
             assert "Layer modulus" in text_of(user, "headline")
-            shown = json.loads((folder.results / "cartilage_on_bone.shown.json").read_text())
+            shown = json.loads((folder.results / "cartilage_on_bone.found.shown.json").read_text())
+            everything_is_told(shown)
             press(user, "step-5")
             await until(user, "script")
             press(user, "take-archive")
-            archive = zipfile.ZipFile(io.BytesIO((await user.download.next(timeout=60.0)).content))
+            archive = zipfile.ZipFile(io.BytesIO((await user.download.next(timeout=240.0)).content))
             press(user, "take-excel")
-            excel = (await user.download.next(timeout=60.0)).content
+            excel = (await user.download.next(timeout=240.0)).content
             await come_back(user, folder)
         assert excel[:2] == b"PK"
         return archive, shown["values"]
@@ -167,6 +183,16 @@ def test_many_curves_are_fitted_decided_and_taken_together(tmp_path):
             write(user, "by", "animal")
             press(user, "together")
             await until(user, content="geometric mean")
+            # Reopened, all of it is there; what a new decision makes old says so.
+            await user.open(f"/analysis/{folder.name}")
+            await until(user, "fit")
+            press(user, "step-4")
+            await until(user, "decided-animal0-site0.csv")
+            await until(user, content="geometric mean")
+            assert "old-population" not in seen(user)
+            assert text_of(user, "known-animal") == "animal: animal0 (2), animal1 (2), animal2-site4.csv (1)"
+            press(user, "accept-animal1-site2.csv")
+            await until(user, "old-population")
         judged = read_map(folder.results / "judged.csv")
         assert list(judged["status"]) == ["refused by hand", *["fitted"] * 3, "failed"]
         assert set(judged["animal"]) == {"animal0", "animal1", "animal2-site4.csv"}
@@ -196,10 +222,12 @@ def test_two_browsers_do_not_mix_and_a_second_window_takes_over(tmp_path):
     run(persons())
 
 
-def test_a_posterior_tells_how_far_it_is_and_stops_when_it_is_told(tmp_path):
+def test_a_posterior_tells_how_far_it_is_stops_when_told_and_is_there_again(tmp_path):
     async def person():
         async with page(tmp_path) as user:
             folder = await begin(user)
+            analysis = user.home.analysis(folder.name)
+            analysis.long = Worker("support.worker_tasks:Waiting", str(folder.path))
             await bring(user, SAMPLES / "gel_on_glass.csv")
             press(user, "step-2")
             press(user, "preset-gel_on_glass")
@@ -209,16 +237,68 @@ def test_a_posterior_tells_how_far_it_is_and_stops_when_it_is_told(tmp_path):
             press(user, "step-5")
             write(user, "most", 2_000)
             press(user, "sample")
-            # Past the length below which there is no posterior yet; each count is on the page for a moment only.
-            await until_done(user, "sample", 120)
+            await until(user, content="120 of about")
             press(user, "stop-sample")
             await until(user, "posterior-headline")
-            assert "Layer modulus" in text_of(user, "posterior-headline")
+            said = text_of(user, "posterior-headline")
+            assert "Layer modulus" in said
             await until(user, content="interrupted after")
             posterior = ul.Posterior.load(folder.results / "gel_on_glass.posterior.npz")
             assert not posterior.converged
+            await user.open(f"/analysis/{folder.name}")
+            await until(user, "modulus-half-space")
+            press(user, "step-5")
+            await until(user, "posterior-headline")
+            assert text_of(user, "posterior-headline") == said
+            assert "old-posterior" not in seen(user)
+            await user.open(f"/analysis/{folder.name}")
+            await until(user, "modulus-half-space")
+            write(user, "contact", 300)
+            press(user, "step-5")
+            await until(user, "old-posterior")
 
     run(person())
+
+
+def test_a_film_by_its_stiffness_and_a_test_written_as_text(tmp_path):
+    async def person():
+        made = tmp_path / "made"
+        made.mkdir()
+        film, base, scene = write_films(made)
+        async with page(tmp_path / "home") as user:
+            folder = await begin(user)
+            await bring(user, film, base)
+            await until(user, "tests")
+            press(user, "step-2")
+            await until(user, "to-fit")
+            before = folder.scene_text()
+            write(user, "scene-text", scene.read_text() + '\n[curve]\nfile = "../../scene.toml"\n')
+            press(user, "use-text")
+            await until_said(user, "one of the files of step 1")
+            assert folder.scene_text() == before
+            write(user, "scene-text", scene.read_text() + f'\n[curve]\nfile = "{film.name}"\n')
+            press(user, "use-text")
+            await wait_for(lambda: "berkovich" in folder.scene_text() or "cone" in folder.scene_text())
+            press(user, "step-3")
+            await until(user, "film-base")
+            write(user, "film-base", base.name)
+            press(user, "film")
+            await until_said(user, "the known sample needs its modulus")
+            write(user, "film-modulus", "165 GPa")
+            press(user, "film")
+            await until(user, content="left of the trend")
+            return folder
+
+    folder = run(person())
+    shown = json.loads((folder.results / "oxide.film.shown.json").read_text())
+    found = fit_film(
+        read_scene_file(folder.scene),
+        folder.curves / "oxide.xls",
+        folder.curves / "silicon.xls",
+        "165 GPa",
+        ("0 nm", "1 m"),
+    )
+    assert shown["table"] == film_table(found).astype(str).to_dict("records")
 
 
 def test_without_the_extra_the_command_says_the_line_to_install_it(monkeypatch, capsys):

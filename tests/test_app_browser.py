@@ -1,17 +1,28 @@
-"""The page in a real browser: from a dropped file to report and spreadsheet; a decision outlives a kill."""
+"""The page in a real browser: one analysis by keyboard, mouse and finger, and a decision that outlives a kill."""
 
-import os
-import re
-import signal
-import subprocess
-import sys
-import time
+import json
+import tomllib
 import zipfile
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from support.browser_page import (
+    CONTACT,
+    choose,
+    downloaded,
+    drag,
+    enter,
+    eventually,
+    key,
+    kill,
+    press,
+    says,
+    server,
+    step_by_arrows,
+    tab_to,
+    until,
+)
 from support.chromium import browser, chromium
 from underlay.inference.batch.decisions import read_decisions
 
@@ -21,136 +32,182 @@ pytestmark = pytest.mark.skipif(
 )
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"
-PATIENCE = 120.0
+SIZE = {"width": 1280, "scheme": "light"}
 
 
-@contextmanager
-def server(folder):
-    """`underlay app` on a folder: its process and its address."""
-    # Told that it is tested, the server would wait for another tool's port.
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
-    environment |= {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONUNBUFFERED": "1"}
-    process = subprocess.Popen(
-        [sys.executable, "-m", "underlay", "app", str(folder), "--no-browser"],
-        env=environment,
-        stdout=subprocess.PIPE,
-        text=True,
+def words(tab, name):
+    """What stands beside a slider."""
+    return tab.evaluate(
+        f"[...document.querySelectorAll('.slide')].find(e => e.innerText.startsWith({name!r}))"
+        ".querySelector('.slide-value').innerText"
     )
-    try:
-        said = ""
-        while (found := re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+", said)) is None:
-            line = process.stdout.readline()
-            assert line, said
-            said += line
-        yield process, found[0]
-    finally:
-        process.terminate()
-        process.wait(30.0)
-        process.stdout.close()
 
 
-def until(tab, expression):
-    """Wait until an expression is true in the page."""
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        if tab.evaluate(f"Boolean({expression})"):
-            return
-        time.sleep(0.1)
-    raise AssertionError(f"{expression} never came: {tab.evaluate('document.body.innerText')[:3000]}")
-
-
-def says(words):
-    return f"document.body.innerText.includes({words!r})"
-
-
-def press(tab, words, kind="button, a, .q-tab"):
-    """Press what begins with these words, when it is there."""
+def modulus(tab, before=""):
+    """What the half-space says at this contact point, when it is there and another than before."""
     there = (
-        f"[...document.querySelectorAll({kind!r})].find(e => e.innerText.trim().startsWith({words!r}) "
-        "&& !e.disabled && e.getClientRects().length)"
+        "([...document.querySelectorAll('.fact')].find(e => e.innerText.startsWith('half-space'))?.innerText)"
     )
-    until(tab, there)
-    tab.evaluate(f"{there}.click()")
+    return until(tab, f"{there} !== {before!r} && {there}")
 
 
-def drop(tab, *files):
-    """Put files into the place for them."""
-    until(tab, "document.querySelector('input[type=file]')")
-    answer = tab.call("Runtime.evaluate", expression="document.querySelector('input[type=file]')")
-    names = [str(file) for file in files]
-    tab.call("DOM.setFileInputFiles", files=names, objectId=answer["result"]["objectId"])
+def said_of_the_test(folder):
+    return tomllib.loads((folder / "scene.toml").read_text())
 
 
-def downloaded(folder, ending):
-    """Wait for a file to be there whole."""
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        for path in folder.iterdir():
-            if path.name.endswith(ending):
-                return path
-        time.sleep(0.1)
-    raise AssertionError(f"no {ending} among {[path.name for path in folder.iterdir()]}")
+def first_analysis_by_keyboard(tab, taken):
+    """From nothing to a number and its spreadsheet with Tab, Enter and arrows alone."""
+    enter(tab, "New analysis")
+    choose(tab, SAMPLES / "cartilage_on_bone.csv", SAMPLES / "gel_on_glass.csv")
+    until(tab, says("loading 681"))
+    enter(tab, "Next: the test")
+    enter(tab, "Cartilage on bone")
+    enter(tab, "Next: the fit")
+    before = modulus(tab), words(tab, "Contact")
+    tab_to(tab, CONTACT)
+    for _ in range(30):
+        key(tab, "ArrowRight")
+    modulus(tab, before[0])
+    assert words(tab, "Contact") != before[1]
+    for _ in range(30):
+        key(tab, "ArrowLeft")
+    enter(tab, "Fit")
+    until(tab, says("What acts in this test"))
+    assert tab.evaluate(says("Layer modulus 0.6"))
+    step_by_arrows(tab, "5")
+    enter(tab, "Excel")
+    assert zipfile.is_zipfile(downloaded(taken, ".xlsx"))
 
 
-def kill(process):
-    """End a process and its children as a failing machine would: at once."""
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-    for number in [process.pid, *map(int, children)]:
-        os.kill(number, signal.SIGKILL)
+def middle(tab, handle):
+    """Where a handle of the curve can be taken, in the window."""
+    return tab.evaluate(
+        "(() => { document.querySelector('.handle').scrollIntoView({block: 'center'});"
+        f"const b = document.querySelector('.handle .{handle} rect').getBoundingClientRect();"
+        "return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+    )
 
 
-def test_from_drop_to_report_and_a_decision_that_outlives_a_kill(tmp_path):
+def move(tab, handle, by, folder, *path):
+    """Drag a handle: the laws follow, it stays where it was let go; what the scene file says then."""
+    x, y = middle(tab, handle)
+    before = modulus(tab)
+    drag(tab, (x, y), (x + by, y))
+    modulus(tab, before)
+    # Pixels of the window are whole.
+    assert eventually(lambda: abs(middle(tab, handle)[0] - x - by) < 2.0)
+    section, name = path
+    said = eventually(lambda: said_of_the_test(folder).get(section, {}).get(name))
+    return float(said.split()[0])
+
+
+def handles_follow_the_mouse(tab, folder):
+    """Contact point and both ends of the range, dragged; a pixel is worth the same everywhere on the axis."""
+    press(tab, "3")
+    modulus(tab)
+    left, right = middle(tab, "low")[0], middle(tab, "high")[0]
+    # The ends of the curve, in metres.
+    first, last = -4e-5, 3e-4
+    pixel = (last - first) / (right - left)
+    start = first + (middle(tab, "contact")[0] - left) * pixel
+    contact = move(tab, "contact", 60, folder, "instrument", "contact_depth")
+    low = move(tab, "low", 20, folder, "curve", "min_depth")
+    high = move(tab, "high", -90, folder, "curve", "max_depth")
+    assert (contact, low, high) == pytest.approx(
+        (start + 60 * pixel, first + 20 * pixel, last - 90 * pixel), abs=2.0 * pixel
+    )
+    until(tab, says("was changed since: press Fit again"))
+    # Away from every handle there is nothing to take.
+    x, y = middle(tab, "contact")
+    drag(tab, (x + 40, y - 60), (x + 200, y - 60))
+    assert middle(tab, "contact")[0] == pytest.approx(x, abs=0.5)
+
+
+def many_and_a_decision(tab):
+    press(tab, "4")
+    press(tab, "Fit all curves")
+    press(tab, "Refuse ...")
+    until(tab, "Boolean(document.querySelector('.q-dialog input'))")
+    tab.evaluate("document.querySelector('.q-dialog input').focus()")
+    tab.call("Input.insertText", text="air bubble")
+    until(tab, "document.querySelector('.q-dialog input').value === 'air bubble'")
+    press(tab, "Refuse", ".q-dialog button")
+    until(tab, says("decided: refuse air bubble"))
+
+
+def nothing_is_cut_off(tab):
+    """At the width of a small screen, and of a tablet both ways, there is nothing to scroll sideways."""
+    for width, height in ((1180, 820), (820, 1180), (1280, 800)):
+        tab.resize(width, height)
+        until(tab, f"innerWidth === {width}")
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def listens_here_only(address):
+    """No other machine reaches the page."""
+    port = int(address.split(":")[2].split("/")[0])
+    lines = [
+        line.split()
+        for table in ("tcp", "tcp6")
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()
+    ]
+    listening = [line[1] for line in lines if line[3] == "0A" and int(line[1].split(":")[1], 16) == port]
+    assert listening == [f"0100007F:{port:04X}"]
+
+
+def a_page_of_another_site_gets_nothing(tab, port):
+    """What a page elsewhere can send to this machine, with the cookie that the browser has, is refused."""
+    frame = f"http://127.0.0.1:{port}/"
+    tab.open("data:text/html,elsewhere", **SIZE)
+    assert tab.evaluate(
+        f"fetch({frame!r}, {{credentials: 'include'}}).then(() => 'read', () => 'refused')"
+    ) == ("refused")
+    socket = f"ws://127.0.0.1:{port}/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
+    assert (
+        tab.evaluate(
+            f"new Promise(done => {{ const s = new WebSocket({socket!r});"
+            "s.onopen = () => done('open'); s.onerror = () => done('refused'); })"
+        )
+        == "refused"
+    )
+
+
+def test_by_keyboard_and_mouse_from_drop_to_report_and_a_decision_that_outlives_a_kill(tmp_path):
     home, taken = tmp_path / "home", tmp_path / "taken"
     taken.mkdir()
     with browser() as tab:
         with server(home) as (process, address):
             tab.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(taken))
-            tab.open(address, width=1280, scheme="light")
+            tab.open(address, **SIZE)
             assert "token" not in tab.evaluate("location.href")
-            press(tab, "New analysis")
-            drop(tab, SAMPLES / "cartilage_on_bone.csv", SAMPLES / "gel_on_glass.csv")
-            until(tab, says("loading 681"))
-            press(tab, "3")
-            until(tab, says("half-space"))
-            press(tab, "Fit", "button")
-            until(tab, says("What acts in this test"))
-            assert tab.evaluate(says("Layer modulus 0.6"))
-            press(tab, "5")
-            press(tab, "Excel")
-            assert zipfile.is_zipfile(downloaded(taken, ".xlsx"))
+            first_analysis_by_keyboard(tab, taken)
             press(tab, "The page")
             assert "Layer modulus 0.6" in downloaded(taken, ".html").read_text()
-
-            press(tab, "4")
-            press(tab, "Fit all curves")
-            press(tab, "Refuse ...")
-            until(tab, "document.querySelector('.q-dialog input')")
-            tab.evaluate("document.querySelector('.q-dialog input').focus()")
-            tab.call("Input.insertText", text="air bubble")
-            until(tab, "document.querySelector('.q-dialog input').value === 'air bubble'")
-            press(tab, "Refuse", ".q-dialog button")
-            until(tab, says("decided: refuse air bubble"))
+            (folder,) = home.iterdir()
+            nothing_is_cut_off(tab)
+            handles_follow_the_mouse(tab, folder)
+            many_and_a_decision(tab)
+            nothing_is_cut_off(tab)
+            listens_here_only(address)
             kill(process)
-        (folder,) = home.iterdir()
         (decision,) = read_decisions(folder / "decisions.csv").by_curve.values()
         assert (decision.accepted, decision.reason) == (False, "air bubble")
 
         before = list(tab.events)
         with server(home) as (process, address):
-            later = tab.open(address, width=1280, scheme="light")
+            later = tab.open(address, **SIZE)
             press(tab, folder.name)
             press(tab, "4")
             until(tab, says("decided: refuse air bubble"))
             press(tab, "3")
             until(tab, says("What acts in this test"))
             events = [*before, *later]
+            a_page_of_another_site_gets_nothing(tab, address.partition("1:")[2].partition("/")[0])
     asked = [e["params"]["request"]["url"] for e in events if e["method"] == "Network.requestWillBeSent"]
     foreign = [url for url in asked if not url.startswith(("http://127.0.0.1:", "data:", "blob:"))]
     assert len(asked) > 10
     assert not foreign
     wrong = {"Runtime.exceptionThrown", "Log.entryAdded", "Runtime.consoleAPICalled"}
     # A server that was killed is missed by the browser: what it says of that is no fault of the page.
-    said = [e["params"] for e in events if e["method"] in wrong]
-    assert not [
-        entry for entry in said if "ERR_CONNECTION" not in str(entry) and "WebSocket" not in str(entry)
-    ]
+    said = [json.dumps(e["params"]) for e in events if e["method"] in wrong]
+    assert not [entry for entry in said if "ERR_CONNECTION" not in entry and "WebSocket" not in entry]

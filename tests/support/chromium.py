@@ -97,12 +97,10 @@ class Browser:
         assert "error" not in answer, answer
         return answer["result"]
 
-    def open(self, url, *, width, scheme):
-        """Open `url` in a window `width` pixels wide, light or dark; return the events of its loading."""
+    def open(self, url, *, width, scheme, height=900):
+        """Open `url` in a window of that size (pixels), light or dark; return the events of its loading."""
         self.events = []
-        self.call(
-            "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False
-        )
+        self.resize(width, height)
         self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         self.call("Page.navigate", url=url)
         self._until(lambda entry: entry.get("method") == "Page.loadEventFired")
@@ -110,11 +108,26 @@ class Browser:
         self.evaluate("Promise.all([...document.images].map(i => i.decode().catch(() => 0)))")
         return self.events
 
+    def resize(self, width, height):
+        """Make the window that large (pixels)."""
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
+
     def evaluate(self, expression):
         """Return the value of a JavaScript expression in the page."""
         answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
+
+    def wait_for(self, method):
+        """Return the next event of that name, or the last one since the page was opened."""
+        known = [entry for entry in self.events if entry["method"] == method]
+        return known[-1] if known else self._until(lambda entry: entry.get("method") == method)
 
     def _until(self, wanted):
         end = time.monotonic() + PATIENCE

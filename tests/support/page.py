@@ -15,6 +15,8 @@ from underlay.app.server import prepare
 from underlay.app.state import Home
 
 HOST = "test"
+# How long (s) is waited for what comes; only a failure takes it.
+PATIENCE = 240.0
 
 
 @contextlib.asynccontextmanager
@@ -44,7 +46,7 @@ async def page(folder):
     assert not [words for words in complaints if not words.startswith("Could not cancel")], complaints
 
 
-async def until(user: User, marker=None, seconds=60.0, **what):
+async def until(user: User, marker=None, seconds=PATIENCE, **what):
     """Wait until what has a mark is seen, or another `content`."""
     said = len(user.notify.messages)
     for _ in range(int(seconds / 0.1)):
@@ -94,7 +96,7 @@ def write(user: User, marker, text):
             element.set_value(text)
 
 
-async def until_said(user: User, words, seconds=60.0):
+async def until_said(user: User, words, seconds=PATIENCE):
     """Wait for a message with these words."""
     for _ in range(int(seconds / 0.1)):
         if any(words in message for message in user.notify.messages):
@@ -113,7 +115,7 @@ def seen(user: User):
     return {mark for element in user.client.elements.values() if element.visible for mark in element._markers}
 
 
-async def changed(user: User, marker, before, seconds=60.0):
+async def changed(user: User, marker, before, seconds=PATIENCE):
     """Wait until a text is another one."""
     for _ in range(int(seconds / 0.05)):
         await asyncio.sleep(0.05)
@@ -121,17 +123,6 @@ async def changed(user: User, marker, before, seconds=60.0):
             if text_of(user, marker) != before:
                 return
     raise AssertionError(f"{marker} is still {before}")
-
-
-async def until_done(user: User, task, steps, seconds=60.0):
-    """Wait until a task tells at least so many steps; each count is on the page for a moment only."""
-    for _ in range(int(seconds / 0.02)):
-        await asyncio.sleep(0.02)
-        with contextlib.suppress(AssertionError):
-            told = text_of(user, f"progress-{task}").split()
-            if told and told[0].isdigit() and int(told[0]) >= steps:
-                return
-    raise AssertionError(f"{task} never told {steps} steps")
 
 
 def stranger(user: User):
@@ -151,7 +142,7 @@ async def second_browser(user: User):
         yield other
 
 
-async def wait_for(is_true, seconds=60.0):
+async def wait_for(is_true, seconds=PATIENCE):
     """Wait until a condition holds."""
     for _ in range(int(seconds / 0.05)):
         if is_true():

@@ -1,9 +1,13 @@
-"""Tasks for a worker process: quick, refused, broken, deadly and long."""
+"""Tasks for a worker process: quick, refused, broken, deadly and long; and those of the page, made to wait."""
 
 import os
 import time
 
+from underlay.app.tasks import Analyst
 from underlay.errors import InputError
+
+# Steps of a sampler after which there is a posterior.
+ENOUGH = 120
 
 
 class Tasks:
@@ -31,3 +35,16 @@ class Tasks:
 
     def sleep(self, _tell):
         time.sleep(600)
+
+
+class Waiting(Analyst):
+    """The tasks of the page; a sampler that has done enough waits there until it is told to stop."""
+
+    def sample(self, most, tell):
+        def wait_there(value):
+            tell(value)
+            while value.done >= ENOUGH:
+                time.sleep(0.02)
+                tell(value)
+
+        return super().sample(most, wait_there)

@@ -14,44 +14,24 @@ from typing import Any
 
 from underlay._documents import parse_toml
 from underlay._door import FileKind, read_text, understood
+from underlay.app.form_words import ELSEWHERE
 from underlay.errors import InputError, UnitError
 from underlay.report.labels import label, start
+from underlay.scene.fit_range import Mark
 from underlay.scene.scene_keys import TOP, SceneKey, scene_keys
 from underlay.scene.scene_writer import document_text
 from underlay.units import KINDS, parse_quantity
 
-__all__ = ["ADVANCED", "BASES", "PRESETS", "Draft", "Field", "apart", "preset", "problem_with"]
+__all__ = ["Draft", "Field", "apart", "preset", "problem_with"]
 
 _KIND = FileKind("a scene file (TOML)", 1_000_000, "begin with one of the samples")
 _FOLDER = Path(__file__).parent / "presets"
-#: Samples to begin with: name of the file and what it is called.
-PRESETS: Mapping[str, str] = {
-    "cartilage_on_bone": "Cartilage on bone",
-    "gel_on_glass": "Gel on glass",
-    "cell_on_glass": "Cell on glass",
-    "film_on_wafer": "Film on a wafer",
-}
-#: What may lie under the layer, and what that is called.
-BASES: Mapping[str, str] = {
-    "rigid": "a rigid base",
-    "elastic": "an elastic base",
-    "none": "nothing: the sample is deep",
-}
-#: Sections that most tests do without, and what they are called.
-ADVANCED: Mapping[str, str] = {
-    TOP: "Friction and large strain",
-    "layer.relaxation": "A sample that relaxes",
-    "adhesion": "A tip that sticks",
-    "instrument": "The instrument",
-    "noise": "The noise, where it is known",
-    "solver": "The contact law",
-}
 _CHOSEN_BY = {"indenter": "shape", "layer.relaxation": "model", "adhesion": "model"}
 _AXIAL = ("E_axial", "nu_axial", "G_axial")
 _INDEX = re.compile(r"\[(\d+)\]$")
 _AMOUNT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
-# Words of the tables and lists that a form has no field for: they are edited in the text of the scene.
-_NO_FIELD = {("indenter", "r"), ("indenter", "height"), ("curve", "overrule"), ("substrate", "rigid")}
+_LIST = "a list of "
+_ENDS = ("fit_from", "fit_to")
 
 
 @dataclass(frozen=True)
@@ -137,17 +117,26 @@ class Draft:
 
     def put(self, section: str, key: SceneKey, text: str) -> None:
         """Write a text at a key; nothing removes it."""
-        table = self.table(section)
         if not text.strip():
-            table.pop(key.name, None)
-        elif key.takes == "true or false":
+            self._take_out(section, key.name)
+            return
+        table = self.table(section)
+        if key.takes == "true or false":
             table[key.name] = text == "true"
         elif key.takes == "a whole number" and text.strip().lstrip("+-").isdigit():
             table[key.name] = int(text)
-        elif "," in text and key.kind:
-            table[key.name] = [_value(part.strip(), key.kind) for part in text.split(",")]
+        elif key.takes.startswith(_LIST) or ("," in text and key.kind):
+            table[key.name] = [_value(part, key.kind) for part in _parts(text)]
         else:
             table[key.name] = _value(text.strip(), key.kind)
+
+    def _take_out(self, section: str, name: str) -> None:
+        """Remove a key, and an inner section of which nothing is left: an empty one would be no relaxation."""
+        table = self.peek(section)
+        table.pop(name, None)
+        above, _, last = section.rpartition(".")
+        if above and not table:
+            self.peek(above).pop(last, None)
 
     def fields(self, section: str) -> list[Field]:
         """The lines of a section, of the variant that it has now."""
@@ -158,12 +147,12 @@ class Draft:
             Field(section, key, self.get(section, key.name))
             for key in declared
             if (not key.variant or key.variant == variant or self._is_axial(section, key))
-            and (section, key.name) not in _NO_FIELD
+            and (section, key.name) not in ELSEWHERE
         ]
 
     @property
     def base(self) -> str:
-        """Which of `BASES` lies under the layer."""
+        """Which of the bases lies under the layer."""
         if "substrate" not in self.document:
             return "none"
         return "rigid" if self.peek("substrate").get("rigid") else "elastic"
@@ -235,7 +224,7 @@ class Draft:
 
 
 def preset(name: str) -> Draft:
-    """Return one of `PRESETS`."""
+    """Return one of the samples to begin with; see `underlay.app.form_words`."""
     return Draft.of(read_text(_FOLDER / f"{name}.toml", _KIND))
 
 
@@ -259,12 +248,24 @@ def problem_with(text: str, key: SceneKey) -> str:
     if not text.strip():
         return ""
     try:
-        for part in text.split(","):
+        for part in _parts(text):
             if key.kind:
-                parse_quantity(_value(part.strip(), key.kind), key.kind)
-    except UnitError as error:
+                parse_quantity(_value(part, key.kind), key.kind)
+            if key.name in _ENDS:
+                Mark.parse(part)
+    except (UnitError, InputError) as error:
         return str(error)
+    if key.takes.startswith(_LIST):
+        allowed = key.takes.removeprefix(_LIST).split(", ")
+        return (
+            "" if set(_parts(text)) <= set(allowed) else f"any of {', '.join(allowed)}, with commas between"
+        )
     return f"one of {', '.join(key.words)}" if key.words and text not in key.words and "{" not in text else ""
+
+
+def _parts(text: str) -> list[str]:
+    """What stands between commas; ``"0.4,"`` is a list of one."""
+    return [part.strip() for part in text.split(",") if part.strip()]
 
 
 def _value(text: str, kind: str) -> Any:

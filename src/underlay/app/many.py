@@ -16,6 +16,7 @@ from underlay._door import FileKind, read_text, sha256_of, understood
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder
 from underlay.app.form import Draft
+from underlay.app.kept import keep, kept
 from underlay.app.labels import label_columns
 from underlay.app.results import rows_of
 from underlay.app.shown import Card, Gallery, Overview, Progress, Together
@@ -32,11 +33,12 @@ from underlay.report.maps import failure_table, map_summary, parameter_table, sa
 from underlay.report.population_words import comparison_table, group_table, population_sentences
 from underlay.report.review import review_cards
 
-__all__ = ["decide", "gallery", "judged_table", "overview", "run_map", "show_population"]
+__all__ = ["decide", "gallery", "judged_table", "overview", "population_before", "run_map", "show_population"]
 
 _KIND = FileKind("the gallery of a map", 1_000_000_000, "fit the curves again")
 #: Curves on a page of the gallery.
 PER_PAGE = 24
+_TOGETHER = "population"
 
 
 def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
@@ -82,6 +84,7 @@ def overview(folder: AnalysisFolder) -> Overview:
         tuple(pictures),
         tuple(name for name in label_columns(folder) if name in table.columns),
         folder.read_result("map.of.txt") != _fingerprint(folder).encode(),
+        folder.read_result("map.of.txt") == folder.read_result("map.done.txt"),
     )
 
 
@@ -146,7 +149,16 @@ def show_population(folder: AnalysisFolder, by: str, group: str) -> Together:
         plots.save(plots.population(result), folder.results / "population.png")
         picture = "population.png"
     ratios = rows_of(comparison_table(result)) if result.comparisons else ()
-    return Together(tuple(population_sentences(result)), rows_of(group_table(result)), ratios, picture)
+    sentences, groups = tuple(population_sentences(result)), rows_of(group_table(result))
+    together = Together(_judged(folder), by, group, sentences, groups, ratios, picture)
+    keep(folder, _TOGETHER, together)
+    return together
+
+
+def population_before(folder: AnalysisFolder) -> tuple[Together | None, bool]:
+    """What the curves told of a population before, and whether map and decisions are still the same."""
+    before = kept(folder, _TOGETHER, Together)
+    return before, before is not None and before.of == _judged(folder)
 
 
 def _parameter(folder: AnalysisFolder) -> str:
@@ -183,6 +195,13 @@ def _fingerprint(folder: AnalysisFolder) -> str:
     manifest = _manifest(folder)
     parts = [_scene_of_all(folder), "" if manifest is None else sha256_of(manifest)]
     parts += [f"{path.name} {sha256_of(path)}" for path in folder.curve_files()]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _judged(folder: AnalysisFolder) -> str:
+    """SHA-256 of the map and of what was decided of it."""
+    files = (folder.results / "map.csv", folder.decisions)
+    parts = [sha256_of(path) if path.is_file() else "" for path in files]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from underlay._csv_text import csv_text
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder
+from underlay.app.kept import keep
 from underlay.app.results import fingerprint, rows_of, stem_of
 from underlay.app.shown import Progress, Sampled
 from underlay.app.work import Tell
@@ -48,4 +49,7 @@ def sample_posterior(folder: AnalysisFolder, file: SceneFile, curve: Curve, most
     summary = csv_text(posterior.summary().rename_axis("parameter"))
     write_atomic(folder.result(f"{stem}.posterior.csv"), summary)
     words = posterior_summary(posterior).replace("**", "").split("\n\n")
-    return Sampled((*words, *map(spoken, notes)), rows_of(posterior_table(posterior)), tuple(pictures))
+    said = (*words, *map(spoken, notes))
+    sampled = Sampled(of, said, rows_of(posterior_table(posterior)), tuple(pictures))
+    keep(folder, stem, sampled)
+    return sampled

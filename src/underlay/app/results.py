@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterator
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from underlay._csv_text import csv_text
-from underlay._documents import parse_json
-from underlay._door import FileKind, read_text, sha256_of, understood
+from underlay._door import sha256_of
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder
+from underlay.app.kept import keep
 from underlay.app.shown import Found, Row
 from underlay.app.work import Tell
 from underlay.cli.fit import quality_doubts, reservations, write_fit
@@ -28,14 +26,13 @@ from underlay.report import plots
 from underlay.report.model_limits import model_limits
 from underlay.report.open_ends import advice, rivals
 from underlay.report.pointwise_tables import pointwise_of, pointwise_sentence
+from underlay.report.scene_tables import ledger_in_words
 from underlay.report.tables import interval_table
 from underlay.report.words import headline, stands_on, verdict_sentence
 from underlay.scene.effects import effects_table
 from underlay.scene.scene_file import SceneFile
 
-__all__ = ["fingerprint", "found_before", "rows_of", "stem_of", "tell_found"]
-
-_KIND = FileKind("a result of the page", 5_000_000, "press Fit again")
+__all__ = ["fingerprint", "rows_of", "stem_of", "tell_found"]
 
 
 def stem_of(file: SceneFile) -> str:
@@ -61,7 +58,7 @@ def tell_found(
         parts |= more
         tell(Found(**parts))
     found = Found(**parts)
-    write_atomic(folder.result(f"{stem}.shown.json"), json.dumps(asdict(found), indent=1))
+    keep(folder, stem, found)
     return found
 
 
@@ -95,7 +92,7 @@ def _parts(
     except UnderlayError:
         # A scene that the ledger has no rows for: the fit stands without it.
         return
-    yield {"effects": rows_of(effects)}
+    yield {"effects": rows_of(ledger_in_words(effects))}
 
 
 def _by_depth(
@@ -108,18 +105,6 @@ def _by_depth(
         write_atomic(folder.result(f"{stem}.depths.csv"), csv_text(found.table))
         yield {"pictures": (*pictures, f"{stem}.depths.png")}
     yield {"depths": spoken(pointwise_sentence(found))}
-
-
-def found_before(folder: AnalysisFolder, stem: str) -> Found | None:
-    """Return what was found before; None where nothing was, or the file is not what was written."""
-    path = folder.result(f"{stem}.shown.json")
-    if not path.is_file():
-        return None
-    try:
-        with understood(path, _KIND):
-            return Found(**parse_json(read_text(path, _KIND)))
-    except UnderlayError:
-        return None
 
 
 def rows_of(frame: pd.DataFrame) -> tuple[Row, ...]:

@@ -9,6 +9,7 @@ from underlay.report.canvas import Canvas
 
 __all__ = [
     "Card",
+    "Film",
     "Found",
     "Gallery",
     "Look",
@@ -67,6 +68,8 @@ class Look:
         Verdict on the curve.
     notes : tuple of str
         What speaks against it, and what a law refused.
+    has_stiffness : bool
+        Whether its contact stiffness S(h) was measured, so that `underlay film` has something to fit.
     """
 
     picture: Canvas
@@ -76,6 +79,7 @@ class Look:
     moduli: dict[str, str] = field(default_factory=dict)
     quality: str = ""
     notes: tuple[str, ...] = ()
+    has_stiffness: bool = False
 
 
 @dataclass(frozen=True)
@@ -120,6 +124,28 @@ class Found:
 
 
 @dataclass(frozen=True)
+class Film:
+    """What the contact stiffness says of a film.
+
+    Parameters
+    ----------
+    of : str
+        Fingerprint of the curve and scene that it is of.
+    notes : tuple of str
+        In words.
+    table : tuple of Row
+        A row per modulus.
+    picture : str
+        Name of a file.
+    """
+
+    of: str
+    notes: tuple[str, ...] = ()
+    table: tuple[Row, ...] = ()
+    picture: str = ""
+
+
+@dataclass(frozen=True)
 class Progress:
     """How far a long task is.
 
@@ -152,6 +178,8 @@ class Overview:
         Columns by which curves may be grouped.
     is_old : bool
         Whether files or scene were changed since.
+    is_whole : bool
+        Whether the run came to its end.
     """
 
     sentences: tuple[str, ...] = ()
@@ -161,6 +189,7 @@ class Overview:
     pictures: tuple[str, ...] = ()
     labels: tuple[str, ...] = ()
     is_old: bool = False
+    is_whole: bool = True
 
 
 @dataclass(frozen=True)
@@ -216,6 +245,10 @@ class Together:
 
     Parameters
     ----------
+    of : str
+        Fingerprint of the map and of what was decided by hand.
+    by, group : str
+        Labels that say which curves belong together, and what is compared; empty for none.
     sentences : tuple of str
         In words.
     groups, ratios : tuple of Row
@@ -224,6 +257,9 @@ class Together:
         Name of a file; empty where there is none.
     """
 
+    of: str
+    by: str = ""
+    group: str = ""
     sentences: tuple[str, ...] = ()
     groups: tuple[Row, ...] = ()
     ratios: tuple[Row, ...] = ()
@@ -236,6 +272,8 @@ class Sampled:
 
     Parameters
     ----------
+    of : str
+        Fingerprint of the curve and scene that it is of.
     sentences : tuple of str
         In words, with whether it converged.
     table : tuple of Row
@@ -244,6 +282,7 @@ class Sampled:
         Names of files.
     """
 
+    of: str
     sentences: tuple[str, ...] = ()
     table: tuple[Row, ...] = ()
     pictures: tuple[str, ...] = ()

@@ -7,8 +7,10 @@ import zipfile
 
 from underlay._door import FileKind, read_bytes
 from underlay.app.folder import AnalysisFolder
+from underlay.app.kept import SHOWN, kept
 from underlay.app.many import judged_table
-from underlay.app.results import found_before, stem_of
+from underlay.app.results import stem_of
+from underlay.app.shown import Found
 from underlay.errors import InputError
 from underlay.inference.batch.fresh_process import ONE_THREAD
 from underlay.inference.least_squares import Fit
@@ -66,7 +68,7 @@ def analysis_archive(folder: AnalysisFolder, file: SceneFile) -> bytes:
         If the curve was not fitted.
     """
     stem = stem_of(file)
-    found = found_before(folder, stem)
+    found = kept(folder, stem, Found)
     if found is None or file.curve_path is None:
         raise InputError("press Fit first: what is taken away is of a fit")
     members = {
@@ -76,7 +78,7 @@ def analysis_archive(folder: AnalysisFolder, file: SceneFile) -> bytes:
     members[f"curves/{file.curve_path.name}"] = read_bytes(file.curve_path, _KIND)
     for suffix in (".csv", ".json", ".png"):
         for path in folder.result_files(stem, suffix):
-            if not path.name.endswith(".shown.json"):
+            if not path.name.endswith(SHOWN):
                 members[f"results/{path.name}"] = read_bytes(path, _KIND)
     return _zipped(members)
 

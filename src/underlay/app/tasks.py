@@ -6,17 +6,19 @@ Results are plain values, so that they travel through a pipe: texts, numbers, an
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from underlay._door import sha256_of
 from underlay.app import many, takeaway
+from underlay.app.film import film_of
 from underlay.app.folder import AnalysisFolder
+from underlay.app.kept import kept
 from underlay.app.labels import read_labels, set_label, take_manifest
 from underlay.app.posterior import sample_posterior
-from underlay.app.results import fingerprint, found_before, stem_of, tell_found
-from underlay.app.shown import Found, Gallery, Look, Overview, Reading, Sampled, Together
+from underlay.app.results import fingerprint, stem_of, tell_found
+from underlay.app.shown import Film, Found, Gallery, Look, Overview, Reading, Sampled, Together
 from underlay.app.work import Tell
 from underlay.cli.console import gathered_warnings
 from underlay.cli.wording import spoken
@@ -27,6 +29,7 @@ from underlay.data.readers import read_all
 from underlay.data.recorded import recorded
 from underlay.data.signs import flipped
 from underlay.errors import InputError, UnderlayError
+from underlay.inference.file_facts import settle
 from underlay.inference.from_files import chosen_part, problem_from, read_whole
 from underlay.inference.held_contact import laws_at_contact
 from underlay.inference.least_squares import Fit
@@ -36,6 +39,7 @@ from underlay.report import plots
 from underlay.report.plots.laws import canvas
 from underlay.report.plots.style import drawn, unit_for
 from underlay.report.reading import format_name, reading_table
+from underlay.scene.default_depth import default_depth
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import format_quantity
 
@@ -43,6 +47,7 @@ __all__ = ["Analyst"]
 
 _READING = ("format", "columns", "calibration")
 _CONTACT = "instrument.contact_depth"
+_Of = TypeVar("_Of", Film, Found, Sampled)
 
 
 class Analyst:
@@ -58,10 +63,6 @@ class Analyst:
         self._folder = AnalysisFolder(Path(path))
         self._read: tuple[object, Curve] | None = None
         self._fit: tuple[str, Fit] | None = None
-
-    def ready(self, _tell: Tell) -> bool:
-        """Say that the process is there, with what it needs loaded."""
-        return True
 
     def read(self, name: str, _tell: Tell) -> Reading:
         """Read a file as the scene says, and say how."""
@@ -94,7 +95,11 @@ class Analyst:
     def scene(self, _tell: Tell) -> bytes:
         """Draw the test to scale, at the depth of the curve or of a default."""
         file = read_scene_file(self._folder.scene)
-        return drawn(plots.scene(file.draft, depth=self._deepest(file), solver=file.solver))
+        test = file.draft
+        if file.left_out and file.curve_path is not None:
+            # The tip that the file of the curve says; a stand-in is never drawn.
+            test = test.with_values(settle(test, self._curve(file), left_out=file.left_out).values)
+        return drawn(plots.scene(test, depth=self._deepest(file), solver=file.solver))
 
     def look(self, contact: float | None, low: float | None, high: float | None, _tell: Tell) -> Look:
         """Draw the curve with both laws at a contact point; where none is given, at the one that is found."""
@@ -106,7 +111,7 @@ class Analyst:
         if contact is None:
             quality, notes = _quality(curve, file)
             contact = _first_contact(curve, file)
-        unit = unit_for(curve.depth, "length")[1]
+        unit, has_stiffness = unit_for(curve.depth, "length")[1], "contact_stiffness" in curve.columns
         ends = max(low, float(curve.depth.min())), min(high, float(curve.depth.max()))
         try:
             with gathered_warnings() as told:
@@ -114,12 +119,14 @@ class Analyst:
         except UnderlayError as error:
             used = chosen_part(curve, {**file.curve, "min_depth": low, "max_depth": high})
             bare = canvas(plots.laws(curve, used, {}), unit)
-            return Look(bare, contact, *ends, quality=quality, notes=_spoken(*notes, str(error)))
+            said = _spoken(*notes, str(error))
+            return Look(bare, contact, *ends, {}, quality, said, has_stiffness)
         moduli = {name: format_quantity(value, "pressure") for name, value in held.moduli.items()}
         refused = [f"{name}: {reason}" for name, reason in held.refused.items()]
         lines = {f"{name}, {moduli[name]}": line for name, line in held.lines.items()}
         picture = canvas(plots.laws(curve, held.used, lines), unit)
-        return Look(picture, contact, *ends, moduli, quality, _spoken(*notes, *refused, *told))
+        said = _spoken(*notes, *refused, *told)
+        return Look(picture, contact, *ends, moduli, quality, said, has_stiffness)
 
     def fit(self, tell: Tell) -> Found:
         """Fit the curve as the scene says; what is there already is told on the way."""
@@ -130,11 +137,16 @@ class Analyst:
         self._fit = (fingerprint(file), result)
         return tell_found(self._folder, file, problem, result, notes, tell)
 
-    def found(self, _tell: Tell) -> tuple[Found | None, bool]:
-        """What was found on this curve before, and whether the scene is still the same."""
+    def before(self, kind: type[_Of], _tell: Tell) -> tuple[_Of | None, bool]:
+        """What of this kind was found on this curve before, and whether the scene is still the same."""
         file = read_scene_file(self._folder.scene)
-        before = found_before(self._folder, stem_of(file))
-        return before, before is not None and before.of == fingerprint(file)
+        found = kept(self._folder, stem_of(file), kind)
+        return found, found is not None and found.of == fingerprint(file)
+
+    def film(self, base: str, modulus: str, low: str, high: str, _tell: Tell) -> Film:
+        """Fit the contact stiffness of the curve."""
+        file = read_scene_file(self._folder.scene)
+        return film_of(self._folder, file, base, modulus, (low, high))
 
     def sample(self, most: int, tell: Tell) -> Sampled:
         """Sample the posterior of the curve."""
@@ -173,6 +185,10 @@ class Analyst:
         """Say what all curves tell of a population."""
         return many.show_population(self._folder, by, group)
 
+    def together(self, _tell: Tell) -> tuple[Together | None, bool]:
+        """What all curves told of a population before, and whether map and decisions are still the same."""
+        return many.population_before(self._folder)
+
     def archive(self, _tell: Tell) -> bytes:
         """The analysis as files that repeat it."""
         return takeaway.analysis_archive(self._folder, read_scene_file(self._folder.scene))
@@ -180,7 +196,7 @@ class Analyst:
     def script(self, _tell: Tell) -> str:
         """The analysis as Python."""
         file = read_scene_file(self._folder.scene)
-        found = found_before(self._folder, stem_of(file))
+        found = kept(self._folder, stem_of(file), Found)
         return takeaway.script(file, {} if found is None else found.values)
 
     def excel(self, _tell: Tell) -> bytes:
@@ -228,14 +244,15 @@ class Analyst:
         return self._read[1]
 
     def _deepest(self, file: SceneFile) -> float:
-        from underlay.cli.expected import deepest_point  # noqa: PLC0415  it prints, where there is a terminal
-
+        """Depth reading (m) to which a test is drawn: of its curve, of ``[simulate]``, else a default."""
         if file.curve_path is not None:
             try:
                 return float(self._curve(file).depth.max())
             except UnderlayError:
                 pass
-        return deepest_point(file, None) + file.draft.instrument.contact_depth
+        if file.simulate is not None:
+            return file.simulate.max_depth
+        return default_depth(file.scene) + file.draft.instrument.contact_depth
 
 
 def _spoken(*messages: str) -> tuple[str, ...]:

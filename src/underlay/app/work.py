@@ -2,6 +2,9 @@
 
 What a process can do are the methods of one object that lives in it and remembers what it has read and fitted
 (`underlay.app.tasks`). Each method gets, as its last argument, a function that sends what is there already.
+
+Where the system allows it, processes are forks of one that has loaded what they need and does nothing else: they
+share its memory and are there at once. Elsewhere each loads for itself.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ import asyncio
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -25,6 +29,9 @@ __all__ = ["Tell", "WorkError", "Worker"]
 
 Tell = Callable[[Any], None]
 
+# Forking is safe on Linux only: system libraries of macOS do not survive it, Windows has none.
+_START = "forkserver" if sys.platform == "linux" else "spawn"
+_LOADED = ("underlay.app.tasks", "underlay.app.preloaded")
 _STOPPED = "stopped; what was finished is kept"
 _SAID, _DONE, _REFUSED, _FAILED = "said", "done", "refused", "failed"
 
@@ -113,9 +120,9 @@ class Worker:
         if self._connection is not None:
             self._connection.close()
         self._connection, theirs = multiprocessing.Pipe()
-        self._process = multiprocessing.get_context("spawn").Process(
-            target=_serve, args=(theirs, *self._made_by)
-        )
+        context: Any = multiprocessing.get_context(_START)
+        context.set_forkserver_preload(list(_LOADED))
+        self._process = context.Process(target=_serve, args=(theirs, *self._made_by))
         with start_of_a_process():
             self._process.start()
         # The only other end is the process's now: its death is the end of the pipe.

@@ -14,7 +14,6 @@ from underlay.cli.console import say_warnings
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
-    from underlay._arrays import FloatArray
     from underlay.data.curve import Curve
     from underlay.scene.noise_model import NoiseModel
     from underlay.scene.scene import Scene
@@ -22,9 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["deepest_point", "doubt_depth", "expected_depths", "expected_noise", "measured_curve"]
 
-# The default test: a contact as wide as the layer is thick, where the substrate is felt and strains are small;
-# a tenth of that depth, on a half-space, of a tip's radius; a cone has no length of its own.
-_WIDE, _SHALLOW, _CONE_DEPTH = 0.5, 0.1, 1e-6
 _NOISE_SHARE = 0.01
 # Share of the readings before contact, as `underlay plan` takes it.
 _APPROACH, _POINTS = 0.25, 200
@@ -46,6 +42,7 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
     InputError
         If what was given is not positive.
     """
+    from underlay.scene.default_depth import default_depth
     from underlay.units import format_quantity, parse_quantity
 
     if option is not None:
@@ -55,7 +52,7 @@ def deepest_point(file: SceneFile, option: str | None, curve: Curve | None = Non
     elif file.simulate is not None:
         depth = file.simulate.max_depth - file.scene.instrument.contact_depth
     else:
-        depth = _default_depth(file.scene)
+        depth = default_depth(file.scene)
         say_warnings(
             [
                 (
@@ -123,15 +120,3 @@ def _contact_of(file: SceneFile, curve: Curve) -> float:
 
     stated = "instrument.contact_depth" in file.stated
     return file.scene.instrument.contact_depth if stated else find_contact(curve, scene=file.scene).depth
-
-
-def _default_depth(scene: Scene) -> float:
-    import numpy as np
-
-    radius = scene.parameters.get("indenter.radius")
-    thickness = scene.layer.thickness
-    if not np.isfinite(thickness):
-        return _CONE_DEPTH if radius is None else _SHALLOW * radius
-    wide = min(_WIDE * thickness, _WIDE * scene.indenter.max_radius)
-    depth: FloatArray = scene.indenter.abel(np.array([wide]))
-    return min(float(depth[0]), _SHALLOW * thickness) or _SHALLOW * thickness

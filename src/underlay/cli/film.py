@@ -13,10 +13,13 @@ from underlay.cli.options import CurveFile, OutputFolder, SceneOption
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from underlay.inference.films import StiffnessFit
     from underlay.mechanics.area_function import AreaFunction
+    from underlay.scene.scene_file import SceneFile
 
-__all__ = ["film"]
+__all__ = ["film", "film_notes", "film_table", "fit_film"]
 
 _EPSILON = 0.75
 
@@ -42,27 +45,52 @@ def film(
     Example: `underlay film oxide.xls --scene film.toml --calibration silicon.xls --known-modulus "165 GPa"`
     """
     from underlay._csv_text import csv_text
-    from underlay.inference.films import fit_stiffness
-    from underlay.inference.from_files import read_whole
     from underlay.report import plots
     from underlay.scene.scene_file import read_scene_file
-    from underlay.units import parse_quantity
 
     if output is not None:
         require_writable_folder(output)
-    file = read_scene_file(scene)
-    depths = tuple(parse_quantity(end, "length") for end in (depth_from, depth_to))
+    found = fit_film(read_scene_file(scene), curve, calibration, known_modulus, (depth_from, depth_to))
+    say_table(film_table(found), "Film")
+    for note in film_notes(found, perfect=calibration is None):
+        say(note)
+    if output is not None:
+        say(f"wrote {write_atomic(output / f'{curve.stem}.film.csv', csv_text(found.table))}")
+        say(f"wrote {plots.save(plots.film(found), output / f'{curve.stem}.film.png')}")
+
+
+def fit_film(
+    file: SceneFile, curve: Path, calibration: Path | None, known_modulus: str | None, ends: tuple[str, str]
+) -> StiffnessFit:
+    """Fit what [fit] frees of layer and substrate to the contact stiffness of a file.
+
+    Parameters
+    ----------
+    file : SceneFile
+        The test.
+    curve, calibration : Path
+        Files of the film, and of a sample of known modulus with the same tip; None for a perfect tip.
+    known_modulus : str
+        E / (1 - nu^2) of that sample, with its unit.
+    ends : (str, str)
+        Shallowest and deepest depth that count, with units.
+
+    Raises
+    ------
+    CurveError, InputError
+        If nothing of layer or substrate is free, or a file has no contact stiffness.
+    """
+    from underlay.inference.films import fit_stiffness
+    from underlay.inference.from_files import read_whole
+    from underlay.units import parse_quantity
+
+    depths = tuple(parse_quantity(end, "length") for end in ends)
     free = [entry.path for entry in file.free if entry.path.startswith(("layer.", "substrate."))]
     if not free:
         raise InputError(f"{file.path.name} frees nothing of layer or substrate in [fit]: say layer.E = {{}}")
     area = None if calibration is None else _area(calibration, known_modulus)
-    found = fit_stiffness(
-        read_whole(file, curve), file.scene, free=free, area=area, depths=(depths[0], depths[1])
-    )
-    _show(found, perfect=area is None)
-    if output is not None:
-        say(f"wrote {write_atomic(output / f'{curve.stem}.film.csv', csv_text(found.table))}")
-        say(f"wrote {plots.save(plots.film(found), output / f'{curve.stem}.film.png')}")
+    whole = read_whole(file, curve)
+    return fit_stiffness(whole, file.scene, free=free, area=area, depths=(depths[0], depths[1]))
 
 
 def _area(path: Path, modulus: str | None) -> AreaFunction:
@@ -85,8 +113,8 @@ def _area(path: Path, modulus: str | None) -> AreaFunction:
     return AreaFunction.calibrated(contact[inside], S[usable][inside], modulus=reduced)
 
 
-def _show(found: StiffnessFit, *, perfect: bool) -> None:
-    """Print the moduli, what they stand on, and how well the trend with depth is explained."""
+def film_table(found: StiffnessFit) -> pd.DataFrame:
+    """Return a row for each modulus, with its interval."""
     import math
 
     import pandas as pd
@@ -107,10 +135,14 @@ def _show(found: StiffnessFit, *, perfect: bool) -> None:
                 "1 % more area": f"{found.area_sensitivity[name]:+.2f} %",
             }
         )
-    say_table(pd.DataFrame(rows), "Film")
-    say(f"left of the trend with depth: {100.0 * found.scatter:.1f} % over {len(found.table)} depths")
-    if perfect:
-        say(
-            "note: the tip is taken as a perfect cone; worn tips are blunter, which makes the modulus too large: "
-            "give --calibration"
-        )
+    return pd.DataFrame(rows)
+
+
+def film_notes(found: StiffnessFit, *, perfect: bool) -> list[str]:
+    """Return how well the trend with depth is explained, and what the moduli stand on."""
+    left = f"left of the trend with depth: {100.0 * found.scatter:.1f} % over {len(found.table)} depths"
+    worn = (
+        "note: the tip is taken as a perfect cone; worn tips are blunter, which makes the modulus too large: "
+        "give --calibration"
+    )
+    return [left, worn] if perfect else [left]

@@ -77,7 +77,8 @@ def laws_at_contact(
     if problem.base_scenes[0].substrate is not None:
         names = {"layer and base": problem.solver, **names}
     depth = np.linspace(float(curve.depth.min()), float(curve.depth.max()), _POINTS)
-    held_laws = HeldLaws(used, {}, {}, {})
+    # The points within the fit range of the scene file, where it says one.
+    held_laws = HeldLaws(problem.curves[0], {}, {}, {})
     for name, solver in names.items():
         found = compare(problem, [solver])
         for fit in found.fits.values():

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from underlay.mechanics.solvers import AnySolver
     from underlay.scene.scene import Scene
 
-__all__ = ["effects_table", "scene_table"]
+__all__ = ["effects_table", "ledger_in_words", "scene_table"]
 
 # Numbers of a list that a table shows; more are counted.
 _LISTED = 6
@@ -93,7 +93,11 @@ def _numbers(part: str, owner: Any) -> list[dict[str, str]]:
 
 def effects_table(scene: Scene, deepest: float, solver: AnySolver = "auto") -> pd.DataFrame:
     """Return the ledger of effects at `deepest` (m) since contact, as text; see `Scene.effects`."""
-    ledger = scene.effects(deepest, solver=solver)
+    return ledger_in_words(scene.effects(deepest, solver=solver))
+
+
+def ledger_in_words(ledger: pd.DataFrame) -> pd.DataFrame:
+    """Return a ledger of effects, as `Scene.effects` makes it, as text."""
     rows = [
         {
             "effect": str(row["effect"]),

@@ -64,6 +64,7 @@ __all__ = [
     "SimulatedDepths",
     "load_scene",
     "read_scene_file",
+    "scene_file_from_text",
     "scene_from_text",
 ]
 
@@ -153,9 +154,22 @@ def scene_from_text(text: str) -> Scene:
     InputError
         If a section, key, unit or value is not allowed.
     """
+    return scene_file_from_text(text).scene
+
+
+def scene_file_from_text(text: str) -> SceneFile:
+    """Return all that the text of a scene file says, as if it were the file ``scene.toml`` of this folder.
+
+    Raises
+    ------
+    FileFormatError
+        If it is not TOML.
+    InputError
+        If a section, key, unit or value is not allowed.
+    """
     with understood("the text of the scene", SCENE_FILE):
         document = parse_toml(text)
-    return _interpret(document, Path("scene.toml")).scene
+    return _interpret(document, Path("scene.toml"))
 
 
 def read_scene_file(path: str | os.PathLike[str]) -> SceneFile:

@@ -36,7 +36,7 @@ class AnalysisPage:
         """Build the whole page and show the step that is next."""
         self._head()
         first = self._steps[0 if not self.window.analysis.curve_name else 2]
-        with ui.tabs(on_change=lambda event: self._show(str(event.value))).classes("steps") as tabs:
+        with ui.tabs().classes("steps") as tabs:
             for number, step in enumerate(self._steps, start=1):
                 ui.tab(step.title, label=f"{number}  {step.title}").mark(f"step-{number}")
         self.window.go = tabs.set_value
@@ -44,6 +44,8 @@ class AnalysisPage:
             for step in self._steps:
                 with ui.tab_panel(step.title).classes("panel"):
                     step.build()
+        # Only now: the first step is shown once, below, and not for being chosen above as well.
+        tabs.on_value_change(lambda event: self._show(str(event.value)))
         await ui.context.client.connected()
         await first.show()
 

@@ -14,7 +14,7 @@ from underlay.errors import UnderlayError
 
 __all__ = ["FilesStep"]
 
-# Names listed at once; with more there is a field to find one.
+# Names listed at once; with more than a few there is a field to find one, and a table turns pages.
 _LISTED, _FEW = 100, 8
 _AUTO = "as its content says"
 
@@ -76,9 +76,10 @@ class FilesStep(Step):
         with self._list:
             if not names:
                 ui.label(f"Read are {', '.join(entry.name for entry in all_formats())}.").classes("quiet")
-            with ui.list().props("dense separator").classes("files"):
-                for name in shown[:_LISTED]:
-                    self._entry(name)
+            else:
+                with ui.list().props("dense separator").classes("files"):
+                    for name in shown[:_LISTED]:
+                        self._entry(name)
             if len(shown) > _LISTED:
                 ui.label(f"and {len(shown) - _LISTED} more").classes("quiet")
 
@@ -117,10 +118,12 @@ class FilesStep(Step):
             ui.label(name).classes("heading")
             if told is None:
                 return
-            ui.button("Next: the test", on_click=lambda: self.window.go("Test")).props("unelevated no-caps")
             if told.refused:
                 ui.label(told.refused).classes("bad").mark("refused")
             else:
+                ui.button("Next: the test", on_click=lambda: self.window.go("Test")).props(
+                    "unelevated no-caps"
+                )
                 self._told(told)
             self._how()
         if not told.refused:
@@ -147,9 +150,11 @@ class FilesStep(Step):
                     ui.label(value)
         columns = [{"name": key, "label": key, "field": key, "align": "left"} for key in told.tests[0]]
         table = ui.table(
-            columns=columns, rows=[dict(row) for row in told.tests], row_key="test", pagination=8
+            columns=columns, rows=[dict(row) for row in told.tests], row_key="test", pagination=_FEW
         )
         table.props("flat dense").classes("wide").mark("tests")
+        if len(told.tests) <= _FEW:
+            table.props("hide-pagination")
         if len(told.tests) > 1:
             table.set_selection("single")
             table.selected = [dict(row) for row in told.tests if row["test"] == str(self._test)]

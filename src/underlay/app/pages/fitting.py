@@ -6,18 +6,20 @@ import math
 
 from nicegui import events, ui
 
+from underlay.app.pages.film import FilmPart
 from underlay.app.pages.outcome import Outcome
 from underlay.app.pages.step import Step, Window, data_address, message_list
 from underlay.app.shown import Look
 from underlay.units import format_quantity, printed
 
-__all__ = ["FitStep"]
+__all__ = ["GREEN", "GREY", "FitStep"]
 
 _CONTACT = "instrument.contact_depth"
 _STEPS = 1000
 # A handle is taken from this far (pixels of the picture).
 _REACH = 14.0
-_BLUE, _GREY = "#009e73", "#6b6b6b"
+#: Of the handles: the contact point, and the ends of the range.
+GREEN, GREY = "#009e73", "#404040"
 
 
 class FitStep(Step):
@@ -41,7 +43,8 @@ class FitStep(Step):
                     ui.interactive_image(
                         size=(936, 507),
                         on_mouse=self._drag,
-                        events=["mousedown", "mousemove", "mouseup", "mouseleave"],
+                        # Pointers are mice, fingers and pens.
+                        events=["pointerdown", "pointermove", "pointerup", "pointerleave", "pointercancel"],
                     )
                     .classes("picture handle")
                     .mark("curve")
@@ -54,7 +57,7 @@ class FitStep(Step):
                 with ui.row().classes("slide"):
                     ui.label("Fit range").classes("slide-name")
                     self._range_slide = ui.range(min=0, max=_STEPS, step=1, on_change=self._slid)
-                    self._range_slide.props('color=grey-7 aria-label="fit range"').mark("range")
+                    self._range_slide.props('color=grey-9 aria-label="fit range"').mark("range")
                     self._range_words = ui.label().classes("slide-value")
             with ui.column().classes("side"):
                 ui.label("At this contact point").classes("heading")
@@ -64,6 +67,7 @@ class FitStep(Step):
                 )
                 self._notes = ui.column().classes("wide")
         self._outcome = Outcome(self.window, self._fill_in)
+        self._film = FilmPart(self.window)
 
     async def show(self) -> None:
         """Look at the curve as the scene says."""
@@ -72,9 +76,11 @@ class FitStep(Step):
         self._empty.set_visibility(not there)
         if there:
             self._look = None
+            self._moduli.clear()
             await self._take(None, None, None)
             self._fill_in()
             await self._outcome.show()
+        await self._film.show(has_stiffness=there and self._look is not None and self._look.has_stiffness)
 
     async def _take(self, contact: float | None, low: float | None, high: float | None) -> None:
         look = await self.window.try_to(self.analysis.quick, "look", contact, low, high)
@@ -136,20 +142,21 @@ class FitStep(Step):
             self._range, changed = (depth(ends["min"]), depth(ends["max"])), True
         if changed:
             self._overlay()
-            await self._follow()
+            # Kept before it is drawn: another step that is opened meanwhile knows of it.
             self._write()
+            await self._follow()
 
     async def _drag(self, event: events.MouseEventArguments) -> None:
-        """Move the handle that the mouse took."""
+        """Move the handle that mouse or finger took."""
         if self._look is None:
             return
         picture = self._look.picture
         at = picture.low + (event.image_x - picture.left) / (picture.right - picture.left) * (
             picture.high - picture.low
         )
-        if event.type == "mousedown":
+        if event.type == "pointerdown":
             self._held = self._nearest(event.image_x)
-        elif event.type == "mousemove" and self._held and event.buttons:
+        elif event.type == "pointermove" and self._held and event.buttons:
             self._move(min(max(at, picture.low), picture.high))
             await self._follow()
         elif self._held:
@@ -204,13 +211,13 @@ class FitStep(Step):
             for a, b in ((picture.left, low), (high, picture.right))
         )
         handles = "".join(
-            f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{top}" y2="{bottom}" stroke="{colour}" stroke-width="{width}" '
-            f'stroke-dasharray="{dash}"/><rect x="{x - 5:.1f}" y="{bottom - 26}" width="10" height="26" rx="4" '
-            f'fill="{colour}"/>'
-            for x, colour, width, dash in (
-                (low, _GREY, 1.5, "4 4"),
-                (high, _GREY, 1.5, "4 4"),
-                (contact, _BLUE, 2, "none"),
+            f'<g class="{name}"><line x1="{x:.1f}" x2="{x:.1f}" y1="{top}" y2="{bottom}" stroke="{colour}" '
+            f'stroke-width="{width}" stroke-dasharray="{dash}"/>'
+            f'<rect x="{x - 5:.1f}" y="{bottom - 26}" width="10" height="26" rx="4" fill="{colour}"/></g>'
+            for name, x, colour, width, dash in (
+                ("low", low, GREY, 1.5, "4 4"),
+                ("high", high, GREY, 1.5, "4 4"),
+                ("contact", contact, GREEN, 2, "none"),
             )
         )
         self._picture.set_content(shade + handles)

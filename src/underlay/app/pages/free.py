@@ -11,7 +11,7 @@ from underlay.app.pages.step import Window
 from underlay.errors import UnderlayError
 from underlay.report.labels import label, start
 from underlay.scene.parameters import kind_of
-from underlay.scene.scene_file import scene_from_text
+from underlay.scene.scene_file import scene_file_from_text
 from underlay.scene.scene_keys import SceneKey, scene_keys
 from underlay.units import KINDS, format_quantity
 
@@ -63,7 +63,10 @@ class FreeTable:
     def _numbers(self) -> dict[str, float]:
         """Numbers of the scene by path; of one that is not complete, what is fitted already."""
         try:
-            known = scene_from_text(self._window.analysis.draft.text()).parameters
+            file = scene_file_from_text(self._window.analysis.draft.text())
+            known = {
+                path: value for path, value in file.draft.parameters.items() if path not in file.left_out
+            }
         except UnderlayError:
             known = dict.fromkeys(self._window.analysis.draft.free, 1.0)
         return {path: value for path, value in known.items() if path not in _ELSEWHERE}

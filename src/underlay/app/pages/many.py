@@ -13,6 +13,7 @@ from underlay.app.shown import Overview
 
 __all__ = ["ManyStep"]
 
+_CUT = "This run did not come to its end; what it finished is kept. Press Fit all curves to go on."
 _OLD = "Files, labels or the test were changed since: fit all curves again. What was decided is kept."
 
 
@@ -59,6 +60,7 @@ class ManyStep(Step):
         told = await self.window.ask(self.analysis.quick, "overview")
         if isinstance(told, Overview):
             self._words(told)
+            await self._population.show(told)
 
     async def _shown(self, told: Overview) -> None:
         self._words(told)
@@ -66,7 +68,8 @@ class ManyStep(Step):
         await self._gallery.show()
 
     def _words(self, told: Overview) -> None:
-        self._old.set_visibility(told.is_old and bool(told.sentences))
+        self._old.set_text(_OLD if told.is_old else _CUT)
+        self._old.set_visibility((told.is_old or not told.is_whole) and bool(told.sentences))
         self._overview.clear()
         with self._overview:
             if not told.sentences:

@@ -42,7 +42,7 @@ class Outcome:
 
     async def show(self) -> None:
         """Show what was found before."""
-        before = await self._window.try_to(self._window.analysis.quick, "found")
+        before = await self._window.try_to(self._window.analysis.quick, "before", Found)
         self._place.clear()
         self._old.set_visibility(False)
         if isinstance(before, tuple) and before[0] is not None:

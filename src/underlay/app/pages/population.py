@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 from nicegui import events, ui
 
 from underlay.app.pages.outcome import plain_table
@@ -12,6 +14,7 @@ __all__ = ["PopulationPart"]
 
 _LABELS = ("animal", "group")
 _NONE = "none"
+_OLD = "Curves were fitted or decided on since: press Mean and spread again."
 
 
 class PopulationPart:
@@ -35,6 +38,7 @@ class PopulationPart:
             )
             self._found = ui.label().classes("quiet")
             self._find.on_value_change(self._count)
+            self._known = ui.column().classes("wide")
             with ui.row().classes("fields"):
                 self._column = (
                     ui.select(list(_LABELS), value=_LABELS[0], label="are of")
@@ -65,11 +69,33 @@ class PopulationPart:
         self._place = ui.column().classes("wide")
 
     async def show(self, told: Overview) -> None:
-        """Offer the labels that the map has."""
-        for select in (self._by, self._group):
-            value = select.value if select.value in told.labels else _NONE
-            select.set_options([_NONE, *told.labels], value=value)
+        """Offer the labels that the map has, and show what was found before."""
+        before = await self._window.try_to(self._window.analysis.quick, "together")
+        found, is_new = before if isinstance(before, tuple) else (None, True)
+        for select, chosen in ((self._by, found and found.by), (self._group, found and found.group)):
+            value = select.value if select.value != _NONE else chosen
+            select.set_options([_NONE, *told.labels], value=value if value in told.labels else _NONE)
         self._count()
+        await self._show_labels()
+        self._place.clear()
+        if found is not None:
+            with self._place:
+                if not is_new:
+                    ui.label(_OLD).classes("note").mark("old-population")
+                self._found_together(found)
+
+    async def _show_labels(self) -> None:
+        """Say how many files each label has."""
+        rows = await self._window.try_to(self._window.analysis.quick, "labels")
+        self._known.clear()
+        if not isinstance(rows, dict):
+            return
+        with self._known:
+            for column in dict.fromkeys(name for row in rows.values() for name in row if name in _LABELS):
+                counted = Counter(row.get(column, "") for row in rows.values())
+                told = ", ".join(f"{label} ({count})" for label, count in sorted(counted.items()) if label)
+                if told:
+                    ui.label(f"{column}: {told}").classes("quiet").mark(f"known-{column}")
 
     def _files(self) -> list[str]:
         wanted = (self._find.value or "").casefold()
@@ -86,7 +112,7 @@ class PopulationPart:
             answer = await self._window.try_to(
                 self._window.analysis.quick, "set_label", files, self._column.value, label
             )
-            self._tell(
+            await self._tell(
                 answer, f"{len(files)} files are of {self._column.value} {label}; fit all curves again"
             )
 
@@ -95,11 +121,12 @@ class PopulationPart:
             answer = await self._window.try_to(
                 self._window.analysis.quick, "take_manifest", await event.file.read()
             )
-            self._tell(answer, "The manifest is taken; fit all curves again")
+            await self._tell(answer, "The manifest is taken; fit all curves again")
 
-    def _tell(self, refused: object, done: str) -> None:
+    async def _tell(self, refused: object, done: str) -> None:
         if refused is None:
             ui.notify(done)
+            await self._show_labels()
         else:
             self._window.complain(str(refused))
 
@@ -111,11 +138,14 @@ class PopulationPart:
             if not isinstance(told, Together):
                 ui.label(str(told)).classes("bad").mark("population-refused")
                 return
-            message_list(told.sentences, "more")
-            plain_table(told.groups)
-            plain_table(told.ratios)
-            content = self._window.analysis.folder.read_result(told.picture) if told.picture else None
-            if content is not None:
-                ui.image(data_address(content)).classes("picture").props(
-                    'alt="units of every group and their means"'
-                )
+            self._found_together(told)
+
+    def _found_together(self, told: Together) -> None:
+        message_list(told.sentences, "more")
+        plain_table(told.groups)
+        plain_table(told.ratios)
+        content = self._window.analysis.folder.read_result(told.picture) if told.picture else None
+        if content is not None:
+            ui.image(data_address(content)).classes("picture").props(
+                'alt="units of every group and their means"'
+            )

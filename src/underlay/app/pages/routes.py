@@ -11,8 +11,19 @@ from underlay.app.folder import analyses, new_analysis
 from underlay.app.pages.analysis import AnalysisPage
 from underlay.app.state import Home
 
-__all__ = ["add_pages"]
+__all__ = ["COLOURS", "add_pages"]
 
+#: What buttons, sliders and messages are painted with.
+COLOURS = {
+    "primary": "#0072b2",
+    "secondary": "#5a5a5a",
+    "accent": "#009e73",
+    "negative": "#b3400a",
+    "warning": "#b3400a",
+}
+
+# For a page to be built (s): what is too late is not shown at all, and a busy machine is slow.
+_PATIENCE = 60.0
 _CSS = FileKind("the style of the page", 1_000_000, "install underlay again")
 
 
@@ -20,20 +31,16 @@ def add_pages(home: Home) -> None:
     """Add the pages of a server."""
     style = read_text(Path(__file__).parent / "page.css", _CSS)
 
-    @ui.page("/")
+    @ui.page("/", response_timeout=_PATIENCE)
     def start() -> None:
         ui.add_css(style)
-        ui.colors(
-            primary="#0072b2", secondary="#5a5a5a", accent="#009e73", negative="#b3400a", warning="#b3400a"
-        )
+        ui.colors(**COLOURS)
         _list(home)
 
-    @ui.page("/analysis/{name}")
+    @ui.page("/analysis/{name}", response_timeout=_PATIENCE)
     async def analysis(name: str) -> None:
         ui.add_css(style)
-        ui.colors(
-            primary="#0072b2", secondary="#5a5a5a", accent="#009e73", negative="#b3400a", warning="#b3400a"
-        )
+        ui.colors(**COLOURS)
         if name not in analyses(home.path):
             ui.label("There is no such analysis here.")
             ui.link("See those that there are", "/")

@@ -7,14 +7,18 @@ from typing import Any
 
 from nicegui import ui
 
-from underlay.app.form import ADVANCED, BASES, PRESETS, Draft, Field, apart, preset, problem_with
+from underlay.app.form import Draft, Field, apart, preset, problem_with
+from underlay.app.form_words import ADVANCED, BASES, PRESETS
 from underlay.app.pages.free import FreeTable
+from underlay.app.pages.scene_text import SceneText
 from underlay.app.pages.step import Step, data_address
-from underlay.scene.scene_keys import TOP, SceneKey
+from underlay.scene.scene_keys import SceneKey
 
 __all__ = ["SceneStep"]
 
 _CHOOSES = ("shape", "model")
+# Keys that every sample says.
+_SAID = ("title", "rtol")
 # What a scene says of its curve that stays when another sample is begun with.
 _OF_THE_FILE = ("file", "test", "format", "columns", "flip", "calibration")
 
@@ -37,6 +41,9 @@ class SceneStep(Step):
                 self._form = ui.column().classes("wide form")
             with ui.column().classes("main"):
                 self._drawing = ui.column().classes("wide")
+                # Not made again with every drawing: who stands on it with the keyboard stays there.
+                self._next = ui.button("Next: the fit", on_click=lambda: self.window.go("Fit")).mark("to-fit")
+                self._next.props("unelevated no-caps").set_visibility(False)
                 self._free = FreeTable(self.window, self._changed)
 
     async def show(self) -> None:
@@ -56,12 +63,11 @@ class SceneStep(Step):
                 self._fields("substrate")
                 self._axial("substrate")
             for section, words in ADVANCED.items():
-                with (
-                    ui.expansion(words, value=bool(section not in (TOP, "solver") and draft.peek(section)))
-                    .props("dense")
-                    .classes("wide")
-                ):
+                # Open where something stands in it that not every sample says.
+                is_open = any(field.text for field in draft.fields(section) if field.key.name not in _SAID)
+                with ui.expansion(words, value=is_open).props("dense").classes("wide"):
                     self._fields(section)
+            SceneText(self.window, self.show)
         await self._draw()
         self._free.show()
 
@@ -114,7 +120,7 @@ class SceneStep(Step):
         units = field.units
         many = "," in field.text
         number, unit = (field.text, "") if many else apart(field.text, units)
-        with ui.row(wrap=False).classes("amount"):
+        with ui.row(wrap=False).classes("amount" if field.key.kind else "wide"):
             entry = ui.input(
                 field.label, value=number, placeholder="" if field.required else field.key.default
             )
@@ -122,6 +128,9 @@ class SceneStep(Step):
                 field.key.meaning
             )
             entry.mark(_mark(field))
+            if not field.key.kind:
+                # Of words there is no example in a unit: what may stand there is said under it.
+                entry.props["hint"] = field.key.meaning
             picked = None
             if any(units) and not many:
                 picked = ui.select(list(dict.fromkeys([*units, unit])), value=unit)
@@ -183,12 +192,10 @@ class SceneStep(Step):
         """Draw the scene, or say what it lacks."""
         drawn = await self.window.try_to(self.analysis.quick, "scene")
         self._drawing.clear()
+        self._next.set_visibility(isinstance(drawn, bytes))
         with self._drawing:
             if isinstance(drawn, bytes):
                 ui.image(data_address(drawn)).classes("drawing").props('alt="the test, drawn to scale"')
-                ui.button("Next: the fit", on_click=lambda: self.window.go("Fit")).props(
-                    "unelevated no-caps"
-                ).mark("to-fit")
             else:
                 ui.label(str(drawn)).classes("bad").mark("scene-problem")
 

@@ -17,6 +17,7 @@ _OF_FIT = (
     ("Excel", "excel", "xlsx"),
     ("This analysis, to run again (ZIP: scene.toml, Python, curve, results)", "archive", "analysis.zip"),
 )
+_OLD = "The test, the contact point or the range was changed since: sample again."
 _STEPS = {2_000: "quick look", 20_000: "for a paper", 100_000: "hard cases"}
 
 
@@ -62,7 +63,8 @@ class TakeAwayStep(Step):
                 self._script = ui.code("", language="python").classes("wide code").mark("script")
 
     async def show(self) -> None:
-        """Show scene and script as they are now."""
+        """Show scene and script as they are now, and what was sampled before."""
+        await self._show_posterior()
         folder = self.analysis.folder
         self._scene.set_content(folder.scene_text())
         script = await self.window.try_to(self.analysis.quick, "script")
@@ -94,12 +96,21 @@ class TakeAwayStep(Step):
             ui.download.content(content, name)
 
     async def _sample(self) -> None:
-        told = await self._working.run("sample", int(self._most.value))
         self._posterior.clear()
-        if not isinstance(told, Sampled):
+        await self._working.run("sample", int(self._most.value))
+        await self.show()
+
+    async def _show_posterior(self) -> None:
+        """Show what was sampled before."""
+        before = await self.window.try_to(self.analysis.quick, "before", Sampled)
+        self._posterior.clear()
+        if not isinstance(before, tuple) or before[0] is None:
             return
+        told: Sampled = before[0]
         with self._posterior:
             ui.label("Posterior").classes("heading")
+            if not before[1]:
+                ui.label(_OLD).classes("note").mark("old-posterior")
             ui.label(told.sentences[0]).classes("headline").mark("posterior-headline")
             message_list(told.sentences[1:])
             plain_table(told.table)
@@ -107,4 +118,3 @@ class TakeAwayStep(Step):
                 content = self.analysis.folder.read_result(name)
                 if content is not None:
                     ui.image(data_address(content)).classes("picture").props(f'alt="{name.split(".")[-2]}"')
-        await self.show()

@@ -1,0 +1,57 @@
+"""A film by its contact stiffness S(h): what `underlay film` finds, for the page."""
+
+from __future__ import annotations
+
+from underlay._csv_text import csv_text
+from underlay._files import write_atomic
+from underlay.app.folder import AnalysisFolder
+from underlay.app.kept import keep
+from underlay.app.results import fingerprint, rows_of, stem_of
+from underlay.app.shown import Film
+from underlay.cli.film import film_notes, film_table, fit_film
+from underlay.cli.wording import spoken
+from underlay.errors import InputError
+from underlay.report import plots
+from underlay.scene.scene_file import SceneFile
+
+__all__ = ["film_of"]
+
+
+def film_of(folder: AnalysisFolder, file: SceneFile, base: str, modulus: str, ends: tuple[str, str]) -> Film:
+    """Fit the contact stiffness of the curve that is looked at.
+
+    Parameters
+    ----------
+    folder : AnalysisFolder
+        Holds both files.
+    file : SceneFile
+        The test; its indenter is a cone.
+    base : str
+        File of the test on a sample of known modulus with the same tip; empty for a perfect tip.
+    modulus : str
+        E / (1 - nu^2) of that sample, with its unit.
+    ends : (str, str)
+        Shallowest and deepest depth that count, with units.
+
+    Raises
+    ------
+    CurveError, InputError
+        As `underlay film`.
+    """
+    if file.curve_path is None:
+        raise InputError("bring a file first, and pick the curve to look at")
+    if base and not modulus.strip():
+        raise InputError('the known sample needs its modulus, such as "165 GPa" for (001) silicon')
+    calibration = folder.curve_file(base) if base else None
+    curve = folder.curve_file(file.curve_path.name)
+    found = fit_film(file, curve, calibration, modulus or None, ends)
+    stem = stem_of(file)
+    write_atomic(folder.result(f"{stem}.film.csv"), csv_text(found.table))
+    plots.save(plots.film(found), folder.result(f"{stem}.film.png"))
+    notes = tuple(
+        spoken(note.replace("give --calibration", "bring a test of a known sample"))
+        for note in film_notes(found, perfect=not base)
+    )
+    film = Film(fingerprint(file), notes, rows_of(film_table(found)), f"{stem}.film.png")
+    keep(folder, stem, film)
+    return film

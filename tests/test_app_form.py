@@ -1,0 +1,100 @@
+"""The form of a scene: what it takes and refuses, and that every key of a scene file has a place on the page."""
+
+import pytest
+
+from underlay.app.form import Draft, preset, problem_with
+from underlay.app.form_words import ADVANCED, ELSEWHERE, PRESETS
+from underlay.app.scene_text import draft_from
+from underlay.errors import InputError, UnderlayError
+from underlay.scene.scene_file import scene_file_from_text
+from underlay.scene.scene_keys import scene_keys
+
+# Sections that are always in the form, and those of other parts of the page; [simulate] is of made curves.
+ALWAYS = {"indenter", "layer", "substrate", "substrate.layers", "fit"}
+NOT_OF_A_MEASURED_CURVE = {"simulate"}
+
+
+def key_of(section, name):
+    return next(key for key in scene_keys() if (key.section, key.name) == (section, name))
+
+
+def test_every_key_of_a_scene_file_has_a_field_or_another_place_on_the_page():
+    sections = {key.section for key in scene_keys()}
+    assert sections - NOT_OF_A_MEASURED_CURVE == ALWAYS | set(ADVANCED)
+    declared = {(key.section, key.name) for key in scene_keys()}
+    assert set(ELSEWHERE) <= declared
+    draft = preset("film_on_wafer")
+    shown = {field.key.name for field in draft.fields("curve")}
+    assert {"segment", "preset", "fit_from", "fit_to", "overrule"} <= shown
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_sample_is_a_whole_scene_and_survives_the_form(name):
+    draft = preset(name)
+    for section in ("indenter", "layer", *ADVANCED):
+        for field in draft.fields(section):
+            draft.put(section, field.key, field.text)
+    assert scene_file_from_text(draft.text()) == scene_file_from_text(preset(name).text())
+
+
+@pytest.mark.parametrize(
+    ("section", "name", "good", "bad"),
+    [
+        ("curve", "fit_from", "10 % of force", "10 % of luck"),
+        ("curve", "fit_to", "0.5 radius", "120 % of force"),
+        ("curve", "overrule", "indenter.radius, imprint", "everything"),
+        ("curve", "segment", "unloading", "backwards"),
+        ("lever", "spring_constant", "0.04 N/m", "soft"),
+        ("indenter", "radius", "1 mm", "1 s"),
+    ],
+)
+def test_what_a_field_takes_is_what_the_scene_file_takes(section, name, good, bad):
+    key = key_of(section, name)
+    assert problem_with(good, key) == ""
+    assert problem_with(bad, key)
+    draft = preset("cartilage_on_bone")
+    draft.put(section, key, good)
+    file = scene_file_from_text(draft.text())
+    if section == "curve":
+        assert file.curve[name]
+    draft.table(section)[name] = bad
+    with pytest.raises(UnderlayError):
+        scene_file_from_text(draft.text())
+
+
+def test_a_list_of_one_is_written_with_a_comma():
+    draft = preset("gel_on_glass")
+    draft.table("layer")["relaxation"] = {"model": "prony"}
+    draft.put("layer.relaxation", key_of("layer.relaxation", "fractions"), "0.3,")
+    draft.put("layer.relaxation", key_of("layer.relaxation", "times"), "2 s,")
+    relaxation = scene_file_from_text(draft.text()).draft.layer.relaxation
+    assert (relaxation.fractions, relaxation.times) == ((0.3,), (2.0,))
+
+
+def test_a_text_is_taken_whole_or_not_at_all():
+    text = preset("gel_on_glass").text()
+    draft = draft_from(text + '\n[curve]\nfile = "curves/a.csv"\n', ["a.csv"])
+    assert draft.get("curve", "file") == "curves/a.csv"
+    springs = text.replace('thickness = "6 um"', 'thickness = "6 um"\nbond = { normal = "1 GPa/m" }')
+    assert springs != text
+    assert "normal" in draft_from(springs, []).text()
+    for wrong in (
+        "no = [",
+        text.replace("layer", "lair"),
+        "",
+        text + '\n[curve]\nfile = "../../etc/passwd"\n',
+    ):
+        with pytest.raises(UnderlayError):
+            draft_from(wrong, ["a.csv"])
+
+
+@pytest.mark.parametrize("named", ["/etc/passwd", "../scene.toml", "curves/b.csv"])
+def test_a_text_leads_to_no_file_outside_the_analysis(named):
+    text = preset("gel_on_glass").text() + f'\n[curve]\nfile = "{named}"\n'
+    with pytest.raises(InputError, match="one of the files of step 1"):
+        draft_from(text, ["a.csv"])
+
+
+def test_what_is_fitted_must_be_a_section():
+    with pytest.raises(InputError, match="must be a section"):
+        Draft.of("fit = 3")

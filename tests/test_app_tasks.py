@@ -1,0 +1,98 @@
+"""What the processes of the page do, called directly."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from underlay.app.folder import AnalysisFolder
+from underlay.app.form import preset
+from underlay.app.kept import keep, kept
+from underlay.app.shown import Sampled
+from underlay.app.tasks import Analyst
+from underlay.inference.from_files import read_whole
+from underlay.inference.held_contact import laws_at_contact
+from underlay.scene.default_depth import default_depth
+from underlay.scene.scene_file import read_scene_file
+
+SAMPLES = Path(__file__).parents[1] / "data_samples"
+
+
+def silent(_value):
+    return None
+
+
+def looked_at(tmp_path, sample, name, **curve):
+    """The tasks on an analysis of one sample curve, and its scene file."""
+    folder = AnalysisFolder(tmp_path / "one")
+    brought = folder.add_curve(f"{name}.csv", (SAMPLES / f"{name}.csv").read_bytes())
+    draft = preset(sample)
+    draft.table("curve").update(file=f"curves/{brought.name}", **curve)
+    folder.write_scene(draft.text())
+    return Analyst(str(folder.path)), folder
+
+
+def test_a_file_is_told_with_its_segments_and_what_the_instrument_found(tmp_path):
+    analyst, _ = looked_at(tmp_path, "cell_on_glass", "chiaro_cell_indentation")
+    told = analyst.read("chiaro_cell_indentation.csv", silent)
+    assert told.vendor == "0.156 kPa (reduced modulus)"
+    (test,) = told.tests
+    assert test["segments"] == "loading 2533, unloading 233"
+    assert "um" in test["depth"]
+    assert "nN" in test["force"]
+    assert analyst.segments("chiaro_cell_indentation.csv", 1, silent)[:4] == b"\x89PNG"
+
+
+def test_a_share_of_the_force_is_a_range_that_the_picture_shows(tmp_path):
+    _, folder = looked_at(
+        tmp_path, "cartilage_on_bone", "cartilage_on_bone", fit_from="10 % of force", fit_to="60 % of force"
+    )
+    file = read_scene_file(folder.scene)
+    curve = read_whole(file, file.curve_path)
+    held = laws_at_contact(file, curve, 1.4e-5)
+    top = float(curve.force.max())
+    # The baseline, and one reading more or less at each end.
+    assert float(held.used.force.min()) == pytest.approx(0.1 * top, abs=0.02 * top)
+    assert float(held.used.force.max()) == pytest.approx(0.6 * top, abs=0.02 * top)
+
+
+def test_a_tip_that_only_the_file_knows_is_drawn_as_the_file_says_it(tmp_path, monkeypatch):
+    analyst, folder = looked_at(tmp_path, "cell_on_glass", "chiaro_cell_indentation")
+    draft = preset("cell_on_glass")
+    draft.table("curve")["file"] = "curves/chiaro_cell_indentation.csv"
+    del draft.table("indenter")["radius"]
+    folder.write_scene(draft.text())
+    drawn = []
+
+    @dataclass
+    class Plots:
+        @staticmethod
+        def scene(test, **_more):
+            drawn.append(test)
+
+    monkeypatch.setattr("underlay.app.tasks.plots", Plots)
+    monkeypatch.setattr("underlay.app.tasks.drawn", lambda _ax: b"picture")
+    assert analyst.scene(silent) == b"picture"
+    assert drawn[0].indenter.radius == pytest.approx(27.5e-6)
+
+
+def test_a_scene_without_a_curve_is_drawn_at_the_default_depth_of_every_command(tmp_path):
+    analyst, folder = looked_at(tmp_path, "cartilage_on_bone", "cartilage_on_bone")
+    folder.write_scene(preset("cartilage_on_bone").text())
+    file = read_scene_file(folder.scene)
+    assert analyst._deepest(file) == default_depth(file.scene)
+    assert 0.0 < default_depth(file.scene) <= 0.1 * file.scene.layer.thickness
+
+
+def test_what_is_kept_is_what_was_shown_and_a_damaged_file_is_nothing(tmp_path):
+    folder = AnalysisFolder(tmp_path / "one")
+    shown = Sampled("of this", ("E is 1 MPa",), ({"parameter": "layer.E"},), ("a.corner.png",))
+    assert kept(folder, "a", Sampled) is None
+    keep(folder, "a", shown)
+    assert json.dumps(kept(folder, "a", Sampled).__dict__) == json.dumps(shown.__dict__)
+    (path,) = folder.results.iterdir()
+    for damaged in (b"{", b"[1]", b'{"other": 1}', np.random.default_rng(0).bytes(100)):
+        path.write_bytes(damaged)
+        assert kept(folder, "a", Sampled) is None
