@@ -21,6 +21,8 @@ KEYS = {
 }
 # What of the slider takes the focus.
 CONTACT = "document.querySelector('[aria-label=\"contact point\"] [tabindex]')"
+# A page whose socket is late on a busy machine loads itself again: nothing is done before it is there.
+CONNECTED = "window.did_handshake === true"
 # More stops than a page has for Tab.
 MOST_TABS = 250
 
@@ -145,7 +147,7 @@ def step_by_arrows(tab, number):
 
 def drop(tab, *files):
     """Put files into the place for them."""
-    until(tab, "Boolean(document.querySelector('input[type=file]'))")
+    until(tab, f"{CONNECTED} && Boolean(document.querySelector('input[type=file]'))")
     answer = tab.call("Runtime.evaluate", expression="document.querySelector('input[type=file]')")
     names = [str(file) for file in files]
     tab.call("DOM.setFileInputFiles", files=names, objectId=answer["result"]["objectId"])
@@ -154,6 +156,7 @@ def drop(tab, *files):
 def choose(tab, *files):
     """Open the choice of files by Tab and Enter, and choose some."""
     tab.call("Page.setInterceptFileChooserDialog", enabled=True)
+    until(tab, CONNECTED)
     tab_to(tab, "document.querySelector('.q-uploader input[type=file]')?.closest('a, button')")
     key(tab, "Enter")
     opened = tab.wait_for("Page.fileChooserOpened")
