@@ -27,7 +27,7 @@ _NEAR, _LITTLE, _FASTER = 1.5, 1.0, 1.5
 _HALVINGS = 6
 # Mass below the top at which a ridge, and one inside a slice, is dropped; nodes of each.
 _DROP, _DROP_INSIDE = 10.0, 8.0
-_NODES, _NODES_INSIDE = 60, 25
+_NODES, _NODES_INSIDE = 300, 25
 # Where the prior ends, and a fall within the smallest step that is no slope any more.
 _PRIOR_END, _CLIFF = 5.5, 3.5
 # A slice is walked in too where its density this far along its longest axis is off a normal's by so much.
