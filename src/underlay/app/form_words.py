@@ -27,6 +27,7 @@ ADVANCED: Mapping[str, str] = {
     TOP: "Title, friction and large strain",
     "layer.relaxation": "A sample that relaxes",
     "adhesion": "A tip that sticks",
+    "discrepancy": "What friction and large strain add, as numbers",
     "instrument": "The instrument",
     "lever": "The cantilever",
     "noise": "The noise, where it is known",

@@ -7,6 +7,7 @@ ends otherwise is open, and what is built on it must not be trusted by itself.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,11 +21,13 @@ __all__ = ["Node", "Ridge", "march", "march_inside"]
 # Steps in standard deviations of the prior.
 _LONGEST_STEP = 0.7
 # Corrector: what may be left to gain in a slice, and the most steps; one that needs more has gone too far.
-_TOLERANCE, _STEPS = 0.3, 10
+_TOLERANCE, _STEPS = 0.05, 10
 # A step is halved if the corrector moved, or the mass changed, by more than this; and grows if by less.
 _TOO_FAR, _TOO_MUCH = 4.0, 3.0
 _NEAR, _LITTLE, _FASTER = 1.5, 1.0, 1.5
 _HALVINGS = 6
+# Steps over which the direction is taken.
+_SECANT = 4
 # Mass below the top at which a ridge, and one inside a slice, is dropped; nodes of each.
 _DROP, _DROP_INSIDE = 10.0, 8.0
 _NODES, _NODES_INSIDE = 300, 25
@@ -160,7 +163,7 @@ def _one_way(
         across = here.basis - np.outer(tangent, tangent @ here.basis)
         after = climb(density, ahead, across, _TOLERANCE, _STEPS)
         last = step <= smallest
-        if after is None:
+        if after is None or _turned_back(after, here, found):
             if last:
                 return found, ""
             step = max(0.5 * step, smallest)
@@ -171,7 +174,8 @@ def _one_way(
             continue
         if last and change < -_CLIFF:
             return found, "the ridge ends in a cliff"
-        way = after.place - here.place
+        # What the corrector leaves in a stiff direction may be as long as a short step; several steps outweigh it.
+        way = after.place - (found[-_SECANT] if len(found) >= _SECANT else here).place
         tangent, here = way / np.linalg.norm(way), after
         best = max(best, here.log_mass)
         if here.log_mass < best - walk.drop:
@@ -182,6 +186,12 @@ def _one_way(
         if after.moved < _NEAR and abs(change) < _LITTLE:
             step = min(_FASTER * step, _LONGEST_STEP)
     return found, "the ridge goes on after the most nodes"
+
+
+def _turned_back(after: Slice, here: Slice, found: Sequence[Slice]) -> bool:
+    """Whether a step led nearer to what lies well behind than it is long."""
+    step = np.linalg.norm(after.place - here.place)
+    return any(np.linalg.norm(after.place - old.place) < step for old in found[:-_SECANT])
 
 
 def _tangents(slices: list[Slice], alone: FloatArray) -> tuple[FloatArray, ...]:
