@@ -21,7 +21,7 @@ __all__ = ["Node", "Ridge", "march", "march_inside"]
 # Steps in standard deviations of the prior.
 _LONGEST_STEP = 0.7
 # Corrector: what may be left to gain in a slice, and the most steps; one that needs more has gone too far.
-_TOLERANCE, _STEPS = 0.05, 10
+_TOLERANCE, _STEPS = 0.3, 10
 # A step is halved if the corrector moved, or the mass changed, by more than this; and grows if by less.
 _TOO_FAR, _TOO_MUCH = 4.0, 3.0
 _NEAR, _LITTLE, _FASTER = 1.5, 1.0, 1.5
@@ -30,7 +30,7 @@ _HALVINGS = 6
 _SECANT = 4
 # Mass below the top at which a ridge, and one inside a slice, is dropped; nodes of each.
 _DROP, _DROP_INSIDE = 10.0, 8.0
-_NODES, _NODES_INSIDE = 300, 25
+_NODES, _NODES_INSIDE = 300, 40
 # Where the prior ends, and a fall within the smallest step that is no slope any more.
 _PRIOR_END, _CLIFF = 5.5, 3.5
 # A slice is walked in too where its density this far along its longest axis is off a normal's by so much.
