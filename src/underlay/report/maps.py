@@ -69,7 +69,7 @@ def map_summary(table: pd.DataFrame) -> str:
     sentences = [f"**{_sentence(name, fitted[name])}**" for name in sample_parameters(table) if len(fitted)]
     doubtful = int((fitted["verdict"] == "doubtful").sum())
     counts = f"{len(fitted)} of {len(table)} curves were fitted"
-    # What a single fit weighs (see `Fit.interval`) costs a map two to ten times its fits.
+    # What a single fit weighs (see `Fit.interval`) costs a map some ten times its fits.
     cheap = (
         "Errors and verdicts of a map are the quick ones: standard errors of white noise, and doubts of the fit. "
         "A map that is asked for intervals, or a site that is fitted by itself, averages over correlated noise "

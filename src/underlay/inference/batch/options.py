@@ -54,7 +54,7 @@ class MapOptions:
         of 95 % intervals.
     intervals : bool, default False
         Give every curve the 95 % intervals and the verdict that `Fit.interval` and `Fit.verdict` state, averaged
-        over noise and misfit where no noise is stated. It takes two to ten times as long as the fits alone.
+        over noise and misfit where no noise is stated. It takes some ten times as long as the fits alone.
     resume : bool, default False
         Continue the run in the output; rows that were written are not computed again.
     folders : sequence of str, default ()
