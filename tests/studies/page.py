@@ -213,6 +213,7 @@ def speed(tab, folder: Path, moves: int) -> dict[str, object]:
             drag(tab, (end, box[1]), (end + sign * 60, box[1]), steps=60)
             end += sign * 60
             time.sleep(2.0)
+            until(tab, "window.waits.length > 0")
             after.append(float(tab.evaluate("window.waits[window.waits.length - 1]")))
     return {
         "target_ms": TARGET_MS,
