@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,13 +21,41 @@ from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.predictive import predictive_bands
 from underlay.inference.sampling.stopping import Outcome
 
-__all__ = ["assemble_posterior"]
+__all__ = ["Making", "assemble_posterior"]
 
 # A quarter of the shortest autocorrelation time between kept draws costs about 1 % of the effective size.
 _KEPT_PER_TIME = 4.0
 _PRIOR_LEVELS = 1001
 _DERIVED_DRAWS = 4096
 _PREDICTIVE_DRAWS = 500
+
+
+@dataclass(frozen=True)
+class Making:
+    """How a chain was made.
+
+    Parameters
+    ----------
+    seed : int or None
+        Of its chance.
+    seconds : float
+        Time it took; zero where it was made elsewhere.
+    versions : mapping of str to str
+        Of the programs that made it, beyond our own.
+    method : str
+        ``"emcee"`` for a chain, ``"importance"`` for weighted draws.
+    moves : mapping of str to float
+        Share of its proposals that each kind of move saw accepted.
+    importance : Importance, optional
+        What weighted draws say of the same posterior.
+    """
+
+    seed: int | None
+    seconds: float = 0.0
+    versions: Mapping[str, str] = field(default_factory=dict)
+    method: str = "emcee"
+    moves: Mapping[str, float] = field(default_factory=dict)
+    importance: Importance | None = None
 
 
 def assemble_posterior(
@@ -36,13 +65,7 @@ def assemble_posterior(
     outcome: Outcome,
     density: CountedDensity,
     rng: np.random.Generator,
-    *,
-    seed: int | None,
-    seconds: float,
-    versions: Mapping[str, str],
-    method: str = "emcee",
-    moves: Mapping[str, float] | None = None,
-    importance: Importance | None = None,
+    made: Making,
 ) -> Posterior:
     """Burn in, thin, turn into SI, and add what follows from the draws.
 
@@ -58,8 +81,8 @@ def assemble_posterior(
         Counters of the evaluations.
     rng : numpy Generator
         Chooses draws and noise of the predictive bands.
-    seed, seconds, versions, method, moves, importance
-        For the record.
+    made : Making
+        How the chain was made, for the record.
     """
     fastest = float(np.min(outcome.times))
     thin = max(1, int(fastest / _KEPT_PER_TIME)) if np.isfinite(fastest) else 1
@@ -71,7 +94,7 @@ def assemble_posterior(
     every = -(-len(chain) * outcome.walkers // _DERIVED_DRAWS)
     spaced = chain.reshape(-1, chain.shape[-1])
     chosen = rng.choice(len(spaced), size=min(_PREDICTIVE_DRAWS, len(spaced)), replace=False)
-    is_chain = method == "emcee"
+    is_chain = made.method == "emcee"
     moved = (np.diff(burnt, axis=0) != 0.0).any(axis=-1)
     return Posterior(
         names=problem.names,
@@ -94,18 +117,18 @@ def assemble_posterior(
             evaluations=density.evaluations,
             failures=density.failures,
             failure_region=density.failure_region,
-            seconds=seconds,
-            seed=seed,
+            seconds=made.seconds,
+            seed=made.seed,
             model_error=_model_error(problem, best),
-            versions={**provenance(problem.curves)["versions"], **versions},
-            method=method,
+            versions={**provenance(problem.curves)["versions"], **made.versions},
+            method=made.method,
             effective=tuple(((outcome.steps - outcome.burn_in) * outcome.walkers / outcome.times).tolist()),
             quantile_errors={
                 name: tuple(errors.tolist())
                 for name, errors in zip(problem.names, outcome.quantile_errors.T, strict=True)
             },
-            moves=dict(moves or {}),
-            importance=importance,
+            moves=dict(made.moves),
+            importance=made.importance,
         ),
         truth=_truth(problem),
         problem=problem,

@@ -7,7 +7,7 @@ import numpy as np
 from underlay._arrays import ArrayLike, as_finite
 from underlay.errors import InputError
 from underlay.inference.problem import Problem
-from underlay.inference.sampling.assembly import assemble_posterior
+from underlay.inference.sampling.assembly import Making, assemble_posterior
 from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.posterior import Posterior
@@ -59,6 +59,4 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
         )
     rng = np.random.default_rng(seed)
     outcome = judge(coords, len(coords))
-    return assemble_posterior(
-        problem, coords, log_density, outcome, density, rng, seed=seed, seconds=0.0, versions={}
-    )
+    return assemble_posterior(problem, coords, log_density, outcome, density, rng, Making(seed))

@@ -27,7 +27,7 @@ from underlay.errors import UnderlayWarning
 from underlay.inference.least_squares.fitting import determined
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.arguments import check_arguments, is_weighted, seeded
-from underlay.inference.sampling.assembly import assemble_posterior
+from underlay.inference.sampling.assembly import Making, assemble_posterior
 from underlay.inference.sampling.chain_file import ChainFile, Progress, RandomState
 from underlay.inference.sampling.convergence import MIN_STEPS
 from underlay.inference.sampling.counted import CountedDensity
@@ -125,19 +125,14 @@ def sample(
             outcome = run.go(line)
     outcome, importance = second_opinion(ridges, run.coords, run.log_density, outcome)
     ridges.count()
-    posterior = assemble_posterior(
-        problem,
-        run.coords,
-        run.log_density,
-        outcome,
-        density,
-        for_bands,
-        seed=seed,
-        seconds=time.perf_counter() - begin,
-        versions={"emcee": emcee.__version__},
+    made = Making(
+        seed,
+        time.perf_counter() - begin,
+        {"emcee": emcee.__version__},
         moves=run.acceptance,
         importance=importance,
     )
+    posterior = assemble_posterior(problem, run.coords, run.log_density, outcome, density, for_bands, made)
     _warn(posterior)
     return posterior
 

@@ -16,7 +16,7 @@ from underlay.inference.ridge.importance import judged, leak_of_walk, produced
 from underlay.inference.ridge.learn import Proposal, learn
 from underlay.inference.ridge.mixture import Mixture
 from underlay.inference.ridge.weights import WeightedDraws
-from underlay.inference.sampling.assembly import assemble_posterior
+from underlay.inference.sampling.assembly import Making, assemble_posterior
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.optima import optima
 from underlay.inference.sampling.posterior import Posterior
@@ -152,11 +152,7 @@ def by_weights(
         ),
         ridges.density,
         rng,
-        seed=seed,
-        seconds=time.perf_counter() - begin,
-        versions={},
-        method="importance",
-        importance=importance,
+        Making(seed, time.perf_counter() - begin, method="importance", importance=importance),
     )
 
 
