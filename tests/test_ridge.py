@@ -23,7 +23,7 @@ from support.posterior_quadrature import reference
 from support.random_posteriors import random_problem
 from underlay.errors import FileFormatError, FitError, InputError, UnderlayWarning
 from underlay.inference.priors.densities import HalfNormal, LogNormal, LogUniform, Normal, Uniform
-from underlay.inference.ridge.budget import Budget
+from underlay.inference.ridge.budget import Budget, OutOfTimeError
 from underlay.inference.ridge.climb import climb, small_basis
 from underlay.inference.ridge.coordinates import PriorNormal, Target
 from underlay.inference.ridge.importance import judged, leak_of, leak_of_walk, produced
@@ -219,6 +219,31 @@ def test_an_open_end_is_not_believed():
 
 def test_no_time_means_no_mixture():
     assert learn(Known(normal), [np.zeros(2)], np.random.default_rng(0), Budget(-1.0)) is None
+
+
+class FewAsks(Budget):
+    """Time that is used up after so many asks."""
+
+    def __init__(self, asks):
+        super().__init__(60.0)
+        self.asks = asks
+
+    def require(self):
+        self.asks -= 1
+        if self.asks < 0:
+            raise OutOfTimeError
+
+
+def test_whenever_the_time_is_used_up_there_is_a_mixture_or_none():
+    normal = stats.multivariate_normal(np.zeros(2), [[1.0, 0.8], [0.8, 1.0]]).logpdf
+    found = [
+        learn(Known(normal), [np.zeros(2)], np.random.default_rng(0), FewAsks(asks)) for asks in range(70)
+    ]
+    # None until a ridge was walked, and from then on a mixture, the first right at its end.
+    there = [proposal is not None for proposal in found]
+    assert there == sorted(there)
+    assert not there[0]
+    assert there[-1]
 
 
 def test_the_climb_is_newtons_method():

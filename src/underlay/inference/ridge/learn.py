@@ -7,7 +7,7 @@ parameters. What is reported comes from draws made after it was frozen.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -124,7 +124,8 @@ def learn(
     mixture = Mixture.along([n for ridge in ridges for n in ridge.nodes])
     if known is not None and len(known[0]):
         mixture = mixture.with_more(*known, _KNOWN)
-    trial = Trial.of(density, target.coordinates, mixture, rng)
+    # One batch, and without it nothing is known of a mixture: it is drawn whatever the walks have left of the time.
+    trial = replace(Trial.of(target, target.coordinates, mixture, rng), density=density)
     try:
         trial = trial.adapted()
         if not trial.is_usable:

@@ -30,7 +30,7 @@ _HALVINGS = 6
 _SECANT = 4
 # Mass below the top at which a ridge, and one inside a slice, is dropped; nodes of each.
 _DROP, _DROP_INSIDE = 10.0, 8.0
-_NODES, _NODES_INSIDE = 300, 40
+_NODES, _NODES_INSIDE = 160, 40
 # Where the prior ends, and a fall within the smallest step that is no slope any more.
 _PRIOR_END, _CLIFF = 5.5, 3.5
 # A slice is walked in too where its density this far along its longest axis is off a normal's by so much.
