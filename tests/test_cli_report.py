@@ -39,7 +39,11 @@ def test_sample_then_report_needs_nothing_more(run, tmp_path):
     bounded = 'instrument.baseline = { min = "-10 mN", max = "10 mN" }'
     scene.write_text(scene.read_text().replace("instrument.baseline = {}", bounded), encoding="utf-8")
     words = ("--scene", "scene.toml", "--output", "results", "--walkers", "16", "--max-steps", "60")
-    assert run("sample", "curve.csv", *words)[0] == 0
+    code, out, err = run("sample", "curve.csv", *words)
+    assert code == 0
+    # A scene whose noise nobody states: it is said before the wait.
+    is_open = "[noise]" not in scene.read_text()
+    assert ("no noise is stated" in out + err) == is_open
     # Neither file is needed any more.
     scene.unlink()
     (tmp_path / "curve.csv").unlink()
@@ -53,6 +57,7 @@ def test_sample_then_report_needs_nothing_more(run, tmp_path):
         "curve 1 taken from curve.csv",
     ):
         assert part in text, part
+    assert ("No noise was stated" in text) == is_open
     # The corner, the band over the data, the drawing of the scene.
     assert (tmp_path / "results" / "page.html").read_text().count("<img") == 3
 

@@ -21,6 +21,7 @@ from underlay.app.labels import label_columns
 from underlay.app.results import rows_of
 from underlay.app.shown import Card, Gallery, Overview, Progress, Together
 from underlay.app.work import Tell
+from underlay.cli.wording import spoken
 from underlay.errors import InputError
 from underlay.inference.batch.decisions import Decision, Decisions, read_decisions, without_refused
 from underlay.inference.batch.fit_many import fit_many
@@ -220,7 +221,7 @@ def _cards(folder: AnalysisFolder) -> list[Card]:
         Card(
             card.name,
             card.verdict,
-            card.reason,
+            spoken(card.reason),
             card.numbers,
             f"misfit {100.0 * card.misfit:.2g} % of the force" if card.misfit == card.misfit else "no fit",
             card.picture,

@@ -60,6 +60,11 @@ def sample(
         problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
         if model_error:
             problem = free_model_error(problem)
+        if problem.noise_is_open:
+            say(
+                "note: no noise is stated, so it is averaged over, and misfit with it; that may take minutes. "
+                "A noise that is known is quicker: force in [noise] of the scene file"
+            )
         posterior = sample_posterior(problem, walkers, max_steps, seed, backend=chain, resume=resume)
     say_table(posterior_table(posterior), f"Posterior of {curve.name}")
     say_table(prior_table(posterior), "What the data told")

@@ -211,6 +211,11 @@ class Problem:
         return any(entry is not None for entry in ([given] if isinstance(given, NoiseModel) else given or ()))
 
     @property
+    def noise_is_open(self) -> bool:
+        """Whether nothing was said of the noise, and none of it is free: what is stated averages over it."""
+        return not (self.noise_is_stated or self.noise_entries)
+
+    @property
     def start(self) -> FloatArray:
         """Scaled coordinates of the scene's own numbers, (k,)."""
         return np.zeros(len(self.coordinates))

@@ -120,6 +120,13 @@ def stands_on(result: Fit) -> str:
     return ""
 
 
+# Of posteriors in which a drift of the law takes part: the data hold the sum of both far better than the law alone.
+_LAW_ALONE = (
+    "No noise was stated: it is averaged over, and with it how far the law may drift from the data. Bands of the "
+    "contact law leave that drift out, and are wider than what the data leave open of their sum."
+)
+
+
 def posterior_summary(posterior: Posterior) -> str:
     """Return a posterior as Markdown: medians, 95 % intervals, and what the data did not inform."""
     table = posterior.summary()
@@ -137,7 +144,10 @@ def posterior_summary(posterior: Posterior) -> str:
     d = posterior.diagnostics
     state = "The sampling converged" if posterior.converged else "**The sampling did not converge**"
     reason = markdown_text(d.reason.removeprefix("converged: ").rstrip("."))
-    return "\n\n".join([" ".join(parts), f"{state}: {reason}."])
+    told = [" ".join(parts), f"{state}: {reason}."]
+    if posterior.problem is not None and posterior.problem.noise_is_open:
+        told.append(_LAW_ALONE)
+    return "\n\n".join(told)
 
 
 def noted(message: object, *_: object) -> str:

@@ -25,7 +25,7 @@ _NARROW = 0.1
 def averaged_fit(fit: Fit) -> Averaged | None:
     """Average a fit over what its residuals may be; None where its noise was stated, or nothing can be averaged."""
     problem = fit.problem
-    if problem.noise_is_stated or problem.noise_entries or fit.statistics.robust != "none":
+    if not problem.noise_is_open or fit.statistics.robust != "none":
         return None
     held = frozenset(
         i for i, name in enumerate(problem.names) if name in fit.no_error_bars or name in fit.bounds_hit

@@ -41,7 +41,7 @@ def marginalised(problem: Problem) -> Problem:
     >>> marginalised(stated) is stated
     True
     """
-    if problem.noise_is_stated or problem.noise_entries or problem.likelihood is not None:
+    if not problem.noise_is_open or problem.likelihood is not None:
         return problem
     try:
         averaged = averaged_fit(quick_fit(problem))
