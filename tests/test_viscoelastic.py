@@ -301,6 +301,36 @@ def test_a_ramp_on_a_half_space_is_the_beta_function():
     assert np.abs(force[1:] - exact)[20:].max() < 1e-6 * exact.max()
 
 
+def test_a_ramp_and_hold_on_a_half_space_is_the_dawson_function():
+    """P_el ~ w^(3/2), one exponential: int_0^t exp(-(t - s) / tau) d(s^(3/2)) = 3/2 tau (sqrt t - sqrt tau D(x)).
+
+    With D the function of Dawson and x = sqrt(t / tau), by parts (Abramowitz and Stegun 1964, chapter 7); the hold
+    takes what the ramp has left down by exp(-t / tau).
+    """
+    law = ul.contact_law(ul.Paraboloid(1.0), ul.Layer(ul.Isotropic(1.0, 0.5)), None, max_depth=1.0)
+    time = np.linspace(0.0, 3.0, 1201)
+    ramp = np.minimum(time, 1.0)
+    force = Viscoelastic(ul.Prony((0.7,), (0.5,))).force(law.force, 0.1 * ramp, time)
+    past = 1.5 * 0.5 * (np.sqrt(ramp) - np.sqrt(0.5) * special.dawsn(np.sqrt(ramp / 0.5)))
+    exact = float(law.force(0.1)) * (0.3 * ramp**1.5 + 0.7 * past * np.exp(-(time - ramp) / 0.5))
+    # Quadratic steps: the bend of s^(3/2) next to first contact leaves some (step / time)^(5/2) of the force.
+    assert np.abs(force - exact).max() < 400.0**-2.5 * exact.max()
+
+
+@pytest.mark.parametrize(
+    ("indenter", "thickness"),
+    [(ul.Cone(np.radians(60.0)), 1.0), (ul.Paraboloid(1.0), 0.3), (ul.Sphere(2.0), 3.0)],
+)
+def test_contact_ends_when_it_does_for_every_tip_and_thickness(indenter, thickness):
+    """The equal radius follows from the motion alone, so all lose contact between the same two points."""
+    layer = ul.Layer(ul.Isotropic(1.0, 0.4), thickness)
+    law = ul.contact_law(indenter, layer, ul.RIGID, max_depth=0.2)
+    time = np.linspace(0.0, 1.9, 1901)
+    force = Viscoelastic(SOLID).force(law.force, triangle(time, 0.2), time)
+    assert force[1836] > 0.0
+    assert not force[1837:].any()
+
+
 def test_two_joined_ramps_are_one(laws):
     time = np.linspace(0.0, 1.0, 201)
     joined = np.sort(np.append(time, 0.4321))
@@ -403,8 +433,9 @@ def test_bad_sections_are_named(tmp_path, section, said):
         '[indenter]\nshape = "sphere"\nradius = "1 mm"\n[layer]\nE = "1 MPa"\nnu = 0.5\nthickness = "1 mm"\n'
     )
     path.write_text(f"{text}[layer.relaxation]\n{section}\n[substrate]\nrigid = true\n", encoding="utf-8")
-    with pytest.raises(ul.InputError, match=said):
+    with pytest.raises(ul.InputError, match=said) as told:
         ul.load_scene(path)
+    assert "\n" not in str(told.value)
 
 
 def test_a_base_a_thousand_times_stiffer_is_as_good_as_rigid():
