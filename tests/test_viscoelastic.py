@@ -207,7 +207,7 @@ def test_integrals_over_the_past_obey_their_recursion(uneven, span):
     time = np.linspace(0.0, span, 401)
     if uneven:
         time = np.sort(np.append(time[[0, -1]], rng.uniform(0.0, span, 399)))
-    memory = Memory(ul.Prony((0.2, 0.3, 0.1), (1.0, 0.02 * span, 30.0 * span)).modes(0.0, span), time)
+    memory = Memory.of(ul.Prony((0.2, 0.3, 0.1), (1.0, 0.02 * span, 30.0 * span)).modes(0.0, span), time)
     values, bend = rng.standard_normal(401), rng.standard_normal(400)
     found = memory.integrals(values, bend)
     for row, tau in zip(found, memory.modes.times, strict=True):
@@ -256,7 +256,7 @@ def test_equal_radius_solves_its_condition(points):
     depth = np.interp(time, (0.0, 3.0, 4.0, 5.0, 5.5, 9.0), (0.0, 1.0, 1.0, 0.8, 0.8, -0.2))
     turn = int(np.flatnonzero(time == 4.0)[-1])
     modes = ul.Prony((0.3, 0.2, 0.1), (0.01, 0.5, 20.0)).modes(0.0, 9.0)
-    found = equal_radius(depth, Memory(modes, time), turn)
+    found = equal_radius(depth, Memory.of(modes, time), turn)
     assert found.held[0]
     for number in np.flatnonzero(found.held)[:: max(points // 30, 1)]:
         now = time[turn + 1 + number]

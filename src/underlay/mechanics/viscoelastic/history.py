@@ -14,6 +14,7 @@ from underlay.errors import ParameterError
 from underlay.mechanics.relaxation import Relaxation
 from underlay.mechanics.response import Elastic, History, Invertible, Motion, Response
 from underlay.mechanics.viscoelastic.bed import Bed
+from underlay.mechanics.viscoelastic.clock import LastClock
 from underlay.mechanics.viscoelastic.creep import crept
 from underlay.mechanics.viscoelastic.equal_radius import equal_radius
 from underlay.mechanics.viscoelastic.loading import Loading
@@ -45,12 +46,15 @@ class Viscoelastic(History):
     ----------
     relaxation : Relaxation
         How its modulus falls.
+    clocks : LastClock, optional
+        Keeps what depends on the times of a record and of the relaxation alone.
     """
 
     parts: ClassVar[tuple[str, ...]] = ("layer",)
     prefix: ClassVar[str] = "layer.relaxation"
 
     relaxation: Relaxation = field(metadata=inlined())
+    clocks: LastClock = field(default_factory=LastClock, compare=False, repr=False)
 
     def force(self, elastic: Elastic, depth: FloatArray, time: FloatArray) -> FloatArray:
         """Force (N), (n,), of depths since contact (m), (n,), at times (s), (n,).
@@ -79,7 +83,7 @@ class Viscoelastic(History):
     def _form(self, depth: FloatArray, time: FloatArray) -> Loading | Unloading | Bed:
         """The simplest construction that holds for depths (m) at times (s), each (n,)."""
         modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
-        memory = Memory(modes, time)
+        memory = Memory(modes, self.clocks.of(modes.times, time))
         for ripple in RIPPLES:
             found = _closed(depth, memory, ripple)
             if found is not None:
