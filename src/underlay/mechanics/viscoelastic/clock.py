@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 
-__all__ = ["Clock", "LastClock", "curved", "even"]
+__all__ = ["Clock", "curved", "even"]
 
 # Below, the closed form of g2 loses digits: 3e-15 at 0.3; the series of 12 terms leaves 1e-17 there.
 _SERIES_BELOW = 0.3
@@ -136,14 +136,12 @@ class Clock:
         left = self._decays[slow] if regular else np.exp((self.time[0] - self.time) / self.tau[slow])
         return slow, 1.0 / left, left
 
-    def summed(self, added: FloatArray, start: FloatArray) -> FloatArray:
-        """Solve z_{n+1} = decay_n z_n + added_n from z_0 = `start`, (K, ..., n).
+    def summed(self, z: FloatArray) -> FloatArray:
+        """Solve z_{n+1} = decay_n z_n + added_n in place, (K, ..., n), from z_0 and what was added, in that order.
 
         z exp(t / tau) is a sum of what was added. Where that factor would leave the floats, of the past only the
         last steps count, and passes that see twice as far back each end after some.
         """
-        z = np.empty((*added.shape[:-1], added.shape[-1] + 1))
-        z[..., 0], z[..., 1:] = start, added
         slow, *rows = self._slow
         grown, left = (row[:, : z.shape[-1]] for row in rows)
         if slow.all():
@@ -155,20 +153,6 @@ class Clock:
             z[slow] = np.add.accumulate(z[slow] * grown, axis=-1) * left
         z[~slow] = _doubled(z[~slow], self.decay[~slow][:, : z.shape[-1] - 1])
         return z
-
-
-class LastClock:
-    """The clock of the record that was asked last: a fit asks for the same times with other depths and weights."""
-
-    def __init__(self) -> None:
-        self._last: Clock | None = None
-
-    def of(self, times: FloatArray, time: FloatArray) -> Clock:
-        """The clock of these relaxation times (s), (K,), and times (s), (n,)."""
-        last = self._last
-        if last is None or not (np.array_equal(last.times, times) and np.array_equal(last.time, time)):
-            last = self._last = Clock(times, time.copy())
-        return last
 
 
 def _doubled(z: FloatArray, decay: FloatArray) -> FloatArray:

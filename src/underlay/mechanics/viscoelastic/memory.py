@@ -12,10 +12,10 @@ from typing import Self
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.mechanics.relaxation import Modes, ModesOfSets
+from underlay.mechanics.relaxation import Modes, ModesOfSets, Relaxation
 from underlay.mechanics.viscoelastic.clock import Clock
 
-__all__ = ["Memory"]
+__all__ = ["LastMemory", "Memory"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +65,12 @@ class Memory:
             without it the function is linear between points.
         """
         clock, steps = self.clock, slice(values.shape[-1] - 1)
-        added = clock.even[..., steps] * (values[..., 1:] - values[..., :-1])
+        z = np.empty((len(clock.times), *values.shape))
+        z[..., 0] = values[..., 0]
+        np.multiply(clock.even[..., steps], values[..., 1:] - values[..., :-1], out=z[..., 1:])
         if bend is not None:
-            added += clock.curved[..., steps] * bend
-        return clock.summed(added, values[..., 0])
+            z[..., 1:] += clock.curved[..., steps] * bend
+        return clock.summed(z)
 
     def integral_slopes(
         self, z: FloatArray, values: FloatArray, bend: FloatArray | None = None
@@ -85,8 +87,35 @@ class Memory:
         )
         if bend is not None:
             added -= (bent - 2.0 * clock.curved[..., steps]) * bend
-        return clock.summed(added / self.tau, np.zeros(()))
+        added /= self.tau
+        return clock.summed(np.concatenate((np.zeros((*added.shape[:-1], 1)), added), axis=-1))
 
     def hereditary(self, values: FloatArray, bend: FloatArray | None = None) -> FloatArray:
         """int e(t - s) dF(s) at every point, (..., n); the arguments are those of `integrals`."""
         return np.asarray(self.modes.constant * values + self.weighted(self.integrals(values, bend)))
+
+
+class LastMemory:
+    """The memory of the record that was asked last.
+
+    A fit asks for the same times again and again, with other depths and mostly with other weights.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[Relaxation, Memory] | None = None
+
+    def of(self, relaxation: Relaxation, time: FloatArray) -> Memory:
+        """The memory of a relaxation along a record of these times (s), (n,)."""
+        clock = None
+        if self._last is not None and np.array_equal(self._last[1].time, time):
+            known, memory = self._last
+            if known is relaxation:
+                return memory
+            clock = memory.clock
+        shortest, longest = float((time[1:] - time[:-1]).min()), float(time[-1] - time[0])
+        modes = relaxation.modes(shortest, longest)
+        if clock is None or not np.array_equal(clock.times, modes.times):
+            clock = Clock(modes.times, time.copy())
+        found = Memory(modes, clock)
+        self._last = relaxation, found
+        return found
