@@ -81,12 +81,12 @@ class Viscoelastic(History):
 
     def _form(self, depth: FloatArray, time: FloatArray) -> Loading | Unloading | Bed:
         """The simplest construction that holds for depths (m) at times (s), each (n,)."""
-        memory = self.last.of(self.relaxation, time)
+        modes, memory = self.last.of(self.relaxation, time)
         for ripple in RIPPLES:
             found = _closed(depth, memory, ripple)
             if found is not None:
                 return found
-        return Bed.of(depth, memory.modes, time)
+        return Bed.of(depth, modes, time)
 
     def only_grows(self, depth: FloatArray) -> bool:
         """Whether depths since contact (m), (n,), grow or rest but for the noise of a reading."""
@@ -97,7 +97,7 @@ class Viscoelastic(History):
         """Depth (m), (n,), under any forces (N), (n,), that press."""
         if len(force) < 2:
             return np.asarray(law.depth(force))
-        return crept(law, self.last.of(self.relaxation, time).modes, force, time)
+        return crept(law, self.last.of(self.relaxation, time)[0], force, time)
 
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
         """Refuse a free relaxation time, or a free fraction at a time, that the record does not tell.

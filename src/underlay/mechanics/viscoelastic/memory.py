@@ -102,20 +102,20 @@ class LastMemory:
     """
 
     def __init__(self) -> None:
-        self._last: tuple[Relaxation, Memory] | None = None
+        self._last: tuple[Relaxation, Modes, Memory] | None = None
 
-    def of(self, relaxation: Relaxation, time: FloatArray) -> Memory:
-        """The memory of a relaxation along a record of these times (s), (n,)."""
+    def of(self, relaxation: Relaxation, time: FloatArray) -> tuple[Modes, Memory]:
+        """The modes of a relaxation and their memory, along a record of these times (s), (n,)."""
         clock = None
-        if self._last is not None and np.array_equal(self._last[1].time, time):
-            known, memory = self._last
+        if self._last is not None and np.array_equal(self._last[2].time, time):
+            known, modes, memory = self._last
             if known is relaxation:
-                return memory
+                return modes, memory
             clock = memory.clock
         shortest, longest = float((time[1:] - time[:-1]).min()), float(time[-1] - time[0])
         modes = relaxation.modes(shortest, longest)
         if clock is None or not np.array_equal(clock.times, modes.times):
             clock = Clock(modes.times, time.copy())
-        found = Memory(modes, clock)
-        self._last = relaxation, found
-        return found
+        memory = Memory(modes, clock)
+        self._last = relaxation, modes, memory
+        return modes, memory
