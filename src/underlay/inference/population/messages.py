@@ -77,7 +77,7 @@ class Grid:
         off = logarithms - largest
         some = np.flatnonzero((off > -_NEGLIGIBLE).reshape(-1, len(self.x)).any(axis=0))
         held = slice(int(some[0]), int(some[-1]) + 1) if len(some) else slice(0, 0)
-        shares = np.exp(off[..., held]).reshape(-1, held.stop - held.start)
+        shares = np.exp(off[..., held]).reshape(math.prod(off.shape[:-1]), held.stop - held.start)
         for spread in spreads.tolist():
             rows = self.places(spread)
             found = shares @ self.kernel(wider * spread, rows, held).T
@@ -90,13 +90,8 @@ class Grid:
         """Which places tell all of what a normal of this standard deviation has blurred."""
         stride = max(int(_APART * spread / self.step), 1)
         outer, last = len(self.outside), len(self.outside) + self.count - 1
-        return np.concatenate(
-            [
-                np.arange(outer),
-                np.arange(outer, last, stride),
-                np.arange(last, len(self.x)),
-            ]
-        )
+        parts = np.arange(outer), np.arange(outer, last, stride), np.arange(last, len(self.x))
+        return np.concatenate(parts)
 
     def everywhere(self, logarithms: FloatArray, spread: float) -> FloatArray:
         """What is known at `places(spread)`, (..., places), at all of them, (..., x): a spline between."""
