@@ -204,14 +204,16 @@ def average(
 
 def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> tuple[FloatArray, Competition]:
     """Optimum of the heaviest combination, from a start, and the weights about it."""
-    competition = Competition.of(blocked.linearised(vector), sizes)
+    model = blocked.linearised(vector)
+    competition = Competition.of(model, sizes)
     for _ in range(_MOST_PASSES):
         at, k = competition.heaviest, len(vector)
         shift, deviation = competition.shift[at][:k], _deviations(competition, at)[:k]
         if (shift * shift <= _STRAIGHT * deviation).all():
             break
-        vector = descend(blocked, vector, Combination.of(competition, at)).vector
-        competition = Competition.of(blocked.linearised(vector), sizes)
+        vector = descend(blocked, vector, Combination.of(competition, at), model=model).vector
+        model = blocked.linearised(vector)
+        competition = Competition.of(model, sizes)
     return vector, competition
 
 
