@@ -41,13 +41,10 @@ FREE = [E, "instrument.contact_depth", "instrument.baseline"]
 #: Sizes of drift, as shares of the force, and the prior probability of none.
 PRIORS = [
     ((0.1, 0.3), 0.75),
-    ((0.1, 0.3, 1.0), 0.75),
-    ((0.3, 1.0), 0.9),
-    ((0.3, 1.0), 0.75),
     ((0.3, 1.0), 0.7),
-    ((0.3, 1.0), 0.6),
-    ((0.3, 1.0), 0.5),
-    ((0.3, 1.0, 3.0), 0.6),
+    ((0.3,), 0.9),
+    ((0.3,), 0.8),
+    ((0.3,), 0.7),
 ]
 _SEEN, _OFF = 2.58, 2.0
 _WRONG = 0.01
