@@ -246,7 +246,7 @@ def test_a_hostile_name_stays_a_name_in_a_starter():
 
 
 def test_too_few_walkers_are_refused_with_the_least_number(run, tmp_path):
-    text = (SAMPLES / "cartilage_on_bone.toml").read_text(encoding="utf-8")
+    text = (SAMPLES / "cartilage_on_bone.toml").read_text(encoding="utf-8") + '[noise]\nforce = "0.6 mN"\n'
     words = (
         "sample",
         SAMPLES / "cartilage_on_bone.csv",
