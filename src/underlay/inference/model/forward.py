@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray
+from underlay.inference.model.law_slopes import LawSlopes, force_scale
 from underlay.inference.model.laws import LawSource, LawStore
 from underlay.inference.model.left_out_laws import LeftOutLaws
 from underlay.inference.model.similarity import Similarity, compile_similarity
-from underlay.inference.model.stencils import ROUGH_STENCILS, STENCILS, first_possible
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.response import Elastic, History, Remembered, Response, checked_times
 from underlay.mechanics.scaled_law import ScaledLaw
@@ -25,14 +25,9 @@ from underlay.quantities import replace_values
 from underlay.scene.chain import Chain, ContactDepth, Frame
 from underlay.scene.instrument import Instrument
 from underlay.scene.lever import SENSITIVITY_RATIO
-from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 
 __all__ = ["Forward", "Reading"]
-
-# Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
-# derivative, and a law's own error of 1e-6 enters with 1e-3.
-_RATIO_STEP = 1e-3
 
 
 @dataclass(frozen=True)
@@ -194,10 +189,10 @@ class Forward:
         law = self.law(values, deepest)
         w = chain.tip_depth(law, self.depth_at(values))
         P, S = law.force_and_stiffness(w)
-        ratio_columns: dict[str, FloatArray] = {}
         columns = chain.offset_slopes(self.depth)
+        slopes = LawSlopes(self.similarity, self.laws, values, law, deepest, w, P, S, rough)
         if self.history is not None:
-            P = self._through_history(self.history, values, paths, deepest, law, w, columns, rough=rough)
+            P = self._through_history(self.history, slopes, paths, columns)
         for path in paths:
             if path in columns:
                 continue
@@ -206,9 +201,7 @@ class Forward:
             elif path == Frame.path and chain.frame is not None:
                 columns[path] = chain.frame.slope(P, S)
             else:
-                columns[path] = chain.at_fixed_travel(
-                    self._mechanical(path, values, deepest, law, w, P, S, ratio_columns, rough=rough), S
-                )
+                columns[path] = chain.at_fixed_travel(self._slope(path, slopes), S)
         if SENSITIVITY_RATIO in paths and self.bending is not None:
             columns[SENSITIVITY_RATIO] = columns[SENSITIVITY_RATIO] - chain.at_fixed_travel(
                 S * self.bending, S
@@ -228,22 +221,20 @@ class Forward:
         """Whether a number is one of the history."""
         return self.history is not None and path.startswith(f"{self.history.prefix}.")
 
+    def _slope(self, path: str, slopes: LawSlopes) -> FloatArray:
+        """dP/dp (n,) at fixed depth of the tip."""
+        if self.left_out is not None:
+            return self.left_out.slope(self, path, slopes.values, slopes.deepest, slopes.w)
+        return slopes.of(path)
+
     def _through_history(
-        self,
-        history: History,
-        values: Mapping[str, float],
-        paths: Sequence[str],
-        deepest: float,
-        law: ContactLaw,
-        w: FloatArray,
-        columns: dict[str, FloatArray],
-        *,
-        rough: bool,
+        self, history: History, slopes: LawSlopes, paths: Sequence[str], columns: dict[str, FloatArray]
     ) -> FloatArray:
         """Force (N), (n,), that a history makes of the law's; its derivatives are added to `columns`.
 
         The law's own derivatives go through the history as the law's force does.
         """
+        values, w, law = slopes.values, slopes.w, slopes.law
         history, time = self._remembered(law, history, values).history, checked_times(self.time, w)
         through, kept = history.prepared(w, time), _Kept(law)
         force = through(kept.force)
@@ -251,7 +242,7 @@ class Forward:
         def slope(path: str) -> Elastic:
             def of(x: FloatArray) -> FloatArray:
                 P, S = kept.force_and_stiffness(x)
-                return self._mechanical(path, values, deepest, law, x, P, S, {}, rough=rough)
+                return self._slope(path, replace(slopes, w=x, P=P, S=S))
 
             return of
 
@@ -261,83 +252,9 @@ class Forward:
             if path == ContactDepth.path and path not in columns:
                 columns[path] = through(lambda x: -kept.stiffness(x))
             elif path not in columns:
-                scale = self._force_scale(path, values)
+                scale = force_scale(self.similarity, path, values)
                 columns[path] = through(slope(path)) if scale is None else scale * force
         return force
-
-    def _force_scale(self, path: str, values: Mapping[str, float]) -> float | None:
-        """d ln P / dp where the parameter is a factor on the force and no more; None where it is."""
-        log_b, log_c = self.similarity.factor_slopes(path, values)
-        if log_b or self.similarity.ratio_slopes(path, values):
-            return None
-        return log_c / values[path]
-
-    def _mechanical(
-        self,
-        path: str,
-        values: Mapping[str, float],
-        deepest: float,
-        law: ContactLaw,
-        w: FloatArray,
-        P: FloatArray,
-        S: FloatArray,
-        ratio_columns: dict[str, FloatArray],
-        *,
-        rough: bool,
-    ) -> FloatArray:
-        """dP/dp at fixed tip depth: the two factors, then the ratios the parameter moves."""
-        if self.left_out is not None:
-            return self.left_out.slope(self, path, values, deepest, w)
-        log_b, log_c = self.similarity.factor_slopes(path, values)
-        derivative = (log_c * P + log_b * w * S) / values[path]
-        if self.laws.table is not None and (slope := self.laws.table.slope(path)):
-            known = law.ratio_slope(w, P)
-            if known is not None:
-                return np.asarray(derivative + known * (slope / values[path]))
-        for ratio, slope in self.similarity.ratio_slopes(path, values).items():
-            in_log = ratio not in self.similarity.direct
-            if ratio not in ratio_columns:
-                known = self._known_slope(ratio, law, w, P, S)
-                ratio_columns[ratio] = (
-                    self._ratio_derivative(ratio, values, deepest, w, rough=rough) if known is None else known
-                )
-            derivative = derivative + ratio_columns[ratio] * (slope / values[path] if in_log else slope)
-        return derivative
-
-    def _known_slope(
-        self, ratio: str, law: ContactLaw, w: FloatArray, P: FloatArray, S: FloatArray
-    ) -> FloatArray | None:
-        """dP/d ln k of a ratio where the law says it itself."""
-        if ratio == "adhesion.work":
-            return law.work_slope(w)
-        tips = self.laws.tips
-        if tips is None:
-            return None
-        if ratio == tips.path:
-            return law.ratio_slope(w, P)
-        # One length makes the tip: its ratio is the tip's size.
-        return law.size_slope(w, P, S) if self.similarity.lengths == (ratio,) else None
-
-    def _ratio_derivative(
-        self, ratio: str, values: Mapping[str, float], deepest: float, w: FloatArray, *, rough: bool
-    ) -> FloatArray:
-        """dP/d ln k (dP/dk of a direct one) at fixed depth and factors, by a difference of two laws."""
-        b, c = self.similarity.factors(values)
-        reduced = dict(zip(self.similarity.ratio_paths, self.similarity.reduced(values), strict=True))
-        k = reduced[ratio]
-        in_log = ratio not in self.similarity.direct
-        finer = self.laws.for_differences
-        size = _RATIO_STEP
-        if ratio.startswith("indenter.") or kind_of(ratio) != "dimensionless":
-            size *= abs(k)
-
-        def force(steps: float) -> FloatArray:
-            value = k * np.exp(steps * _RATIO_STEP) if in_log else k + steps * size
-            law = finer.law(tuple((reduced | {ratio: value}).values()), b * deepest)
-            return law.force(b * w)
-
-        difference = first_possible(force, ROUGH_STENCILS if rough else STENCILS)
-        return np.asarray(difference * (c / (_RATIO_STEP if in_log else size)))
 
     def _deepest(self, chain: Chain, values: Mapping[str, float]) -> float:
         return max(float(chain.travel(np.asarray(self.depth_at(values).max()))), 0.0)

@@ -1,0 +1,115 @@
+"""Derivatives of a contact law's force in the numbers of a scene, at fixed depth of the tip.
+
+A number moves the two factors of a `Similarity`, and through its ratios the law of the reference. Where no law
+tells its derivative in a ratio itself, that is a difference of two laws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from underlay._arrays import FloatArray
+from underlay.inference.model.laws import LawSource
+from underlay.inference.model.similarity import Similarity
+from underlay.inference.model.stencils import ROUGH_STENCILS, STENCILS, first_possible
+from underlay.mechanics.contact_law import ContactLaw
+from underlay.scene.parameters import kind_of
+
+__all__ = ["LawSlopes", "force_scale"]
+
+# Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
+# derivative, and a law's own error of 1e-6 enters with 1e-3.
+_RATIO_STEP = 1e-3
+
+
+def force_scale(similarity: Similarity, path: str, values: Mapping[str, float]) -> float | None:
+    """d ln P / dp where the parameter is a factor on the force and no more; None where it is."""
+    log_b, log_c = similarity.factor_slopes(path, values)
+    if log_b or similarity.ratio_slopes(path, values):
+        return None
+    return log_c / values[path]
+
+
+@dataclass(frozen=True)
+class LawSlopes:
+    """A law at one set of numbers, pressed to some depths.
+
+    Parameters
+    ----------
+    similarity : Similarity
+        How the numbers (SI) in `values` become factors and ratios.
+    laws : LawSource
+        Where laws at other ratios come from.
+    values : mapping of str to float
+        The numbers, by path.
+    law : ContactLaw
+        Theirs.
+    deepest : float
+        Depth (m) up to which laws are asked for.
+    w, P, S : FloatArray
+        Depths (m), and force (N) and stiffness (N/m) there, each (n,).
+    rough : bool
+        Whether a ratio's derivative is taken from one further law instead of two.
+    """
+
+    similarity: Similarity
+    laws: LawSource
+    values: Mapping[str, float]
+    law: ContactLaw
+    deepest: float
+    w: FloatArray
+    P: FloatArray
+    S: FloatArray
+    rough: bool
+    _columns: dict[str, FloatArray] = field(default_factory=dict, init=False)
+
+    def of(self, path: str) -> FloatArray:
+        """dP/dp (n,): by the two factors, then by the ratios that the parameter moves."""
+        value = self.values[path]
+        log_b, log_c = self.similarity.factor_slopes(path, self.values)
+        derivative = (log_c * self.P + log_b * self.w * self.S) / value
+        if self.laws.table is not None and (slope := self.laws.table.slope(path)):
+            known = self.law.ratio_slope(self.w, self.P)
+            if known is not None:
+                return np.asarray(derivative + known * (slope / value))
+        for ratio, slope in self.similarity.ratio_slopes(path, self.values).items():
+            if ratio not in self._columns:
+                known = self._known(ratio)
+                self._columns[ratio] = self._difference(ratio) if known is None else known
+            in_log = ratio not in self.similarity.direct
+            derivative = derivative + self._columns[ratio] * (slope / value if in_log else slope)
+        return derivative
+
+    def _known(self, ratio: str) -> FloatArray | None:
+        """dP/d ln k of a ratio where the law says it itself."""
+        if ratio == "adhesion.work":
+            return self.law.work_slope(self.w)
+        tips = self.laws.tips
+        if tips is None:
+            return None
+        if ratio == tips.path:
+            return self.law.ratio_slope(self.w, self.P)
+        # One length makes the tip: its ratio is the tip's size.
+        return self.law.size_slope(self.w, self.P, self.S) if self.similarity.lengths == (ratio,) else None
+
+    def _difference(self, ratio: str) -> FloatArray:
+        """dP/d ln k (dP/dk of a direct one) at fixed depth and factors, by a difference of two laws."""
+        b, c = self.similarity.factors(self.values)
+        reduced = dict(zip(self.similarity.ratio_paths, self.similarity.reduced(self.values), strict=True))
+        k = reduced[ratio]
+        in_log = ratio not in self.similarity.direct
+        finer = self.laws.for_differences
+        size = _RATIO_STEP
+        if ratio.startswith("indenter.") or kind_of(ratio) != "dimensionless":
+            size *= abs(k)
+
+        def force(steps: float) -> FloatArray:
+            value = k * np.exp(steps * _RATIO_STEP) if in_log else k + steps * size
+            law = finer.law(tuple((reduced | {ratio: value}).values()), b * self.deepest)
+            return law.force(b * self.w)
+
+        difference = first_possible(force, ROUGH_STENCILS if self.rough else STENCILS)
+        return np.asarray(difference * (c / (_RATIO_STEP if in_log else size)))
