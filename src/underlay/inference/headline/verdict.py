@@ -33,8 +33,7 @@ _DOUBTS = ("not-converged", "bound", "law-range", "too-deep", "file", "over-whit
 
 def verdict(fit: Fit, averaged: Averaged | None, interval: Callable[[str], StatedInterval]) -> Verdict:
     """Verdict of a fit, with the reasons; `interval` gives that of a parameter, which may be a walk."""
-    wrong = [] if averaged is None else _of_the_law(averaged)
-    doubts = [] if averaged is None else [*_of_the_contact(averaged), *_of_the_baseline(averaged)]
+    wrong, doubts = ([], []) if averaged is None else _of_the_residuals(fit, averaged)
     doubts += [] if averaged is None or wrong else _of_the_shape(fit, averaged)
     doubts += _of_the_intervals(fit, interval)
     counted = _DOUBTS if averaged is not None else (*_DOUBTS, "correlated-residuals")
@@ -43,6 +42,15 @@ def verdict(fit: Fit, averaged: Averaged | None, interval: Callable[[str], State
     doubts += [warning.message for warning in fit.warnings if warning.code in counted]
     word = MODEL_WRONG if wrong else DOUBTFUL if doubts else GOOD
     return Verdict(word, (*wrong, *doubts))
+
+
+def _of_the_residuals(fit: Fit, averaged: Averaged) -> tuple[list[str], list[str]]:
+    """What is wrong, and what is to be looked at, by the weights."""
+    law, contact, baseline = _of_the_law(averaged), _of_the_contact(averaged), _of_the_baseline(averaged)
+    if any(scene.adhesion is not None for scene in fit.problem.base_scenes):
+        # A law of adhesion says itself which force there is at contact: another one is its error.
+        return [*law, *contact], baseline
+    return law, [*contact, *baseline]
 
 
 def _of_the_law(averaged: Averaged) -> list[str]:
