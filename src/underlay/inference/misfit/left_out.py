@@ -103,7 +103,8 @@ def _both(scene: Scene, depth: float) -> LeftOut:
 
 
 def _stuck_in_large_strains(test: Pressed) -> FloatArray:
-    further = friction_in_large_strains(test.scene.contact, *_forces(test), test.depth)
+    sticks, free = _forces(test)
+    further = friction_in_large_strains(test.scene.contact, sticks, free, test.depth)
     return np.asarray(test.force * further)
 
 
