@@ -150,6 +150,18 @@ def test_friction_widens_the_interval_to_the_truth(share: float) -> None:
     assert fit.allowed_for.allowed == ("friction",)
 
 
+def test_a_curve_to_the_end_of_the_range_is_in_it_wherever_the_fit_goes() -> None:
+    """The fitted layer is too thin and its contact too early; the scene's own thickness is pressed 0.3 h deep."""
+    depth = np.linspace(-5e-5, 1.5e-4, 80)
+    force = replace(BALL, friction="stuck").force(depth) + 2e-4 * np.random.default_rng(1).standard_normal(80)
+    curve = ul.Curve.from_frame(pd.DataFrame({"depth": depth, "force": force}))
+    free = {"layer.E": None, "layer.thickness": None, "instrument.contact_depth": None}
+    fit = ul.fit(ul.Problem(BALL, curve, free, ul.Noise(force=2e-4)))
+    assert fit.scenes[0].instrument.contact_depth < 0.0
+    assert fit.scenes[0].layer.thickness < 4.9e-4
+    assert fit.allowed_for.allowed == ("friction", "finite strain")
+
+
 def test_what_follows_from_the_parameters_is_widened_as_they_are(stated: ul.Fit) -> None:
     """Of E alone the reduced modulus is a factor; with the stiffness the contact takes part, to first order."""
     known = stated.interval("layer.E", model_error=True)

@@ -1,11 +1,13 @@
 """Do the intervals hold the truth of a layer in large strains, or under a tip that sticks?
 
     python tests/studies/left_out_coverage.py NU [seeds]    # -> results/left_out_coverage_NU.csv
+    python tests/studies/left_out_coverage.py NU seeds stated    # -> results/left_out_coverage_NU_stated.csv
 
 Curves of finite elements (`finite_elements.py curves NU`: a true sphere on a neo-Hookean layer bonded to a rigid
 base, sliding and sticking), their ratio to the linear law smoothed over the meshes, with white noise of 0.3 % of
 the peak of unknown size; modulus, thickness, contact point and baseline free, fitted by the law of small strains
-without friction. `effect` is that ratio less one at the deepest point.
+without friction. `effect` is that ratio less one at the deepest point. With the
+noise stated nothing but friction and finite strain is allowed for: no drift of the law, no correlated noise.
 """
 
 from __future__ import annotations
@@ -26,21 +28,22 @@ DEPTHS = (0.1, 0.2, 0.3)
 FREE = ("layer.E", "layer.thickness")
 
 
-def main(given, seeds=20):
+def main(given, seeds=20, noise="unknown"):
     """Fit the cells of a Poisson's ratio that are not stored yet."""
     table = pd.read_csv(RESULTS / f"finite_element_curves_{given}.csv")
-    path = RESULTS / f"left_out_coverage_{given}.csv"
+    stated = noise == "stated"
+    path = RESULTS / f"left_out_coverage_{given}{'_stated' if stated else ''}.csv"
     rows = list(csv.DictReader(path.open())) if path.exists() else []
-    stored = {(float(row["h/R"]), int(row["stuck"]), row["w/h"]) for row in rows}
+    known = {(float(row["h/R"]), int(row["stuck"]), row["w/h"]) for row in rows}
     for (nu, ratio, stuck), own in table.groupby(["nu", "h/R", "stuck"]):
         scene = ul.Scene(ul.Sphere(THICKNESS / ratio), ul.Layer(ul.Isotropic(E, nu), THICKNESS), ul.RIGID)
         last = float(own["w/h"].max())
         for deepest in sorted({min(depth, last) for depth in DEPTHS}):
-            if (ratio, stuck, f"{deepest:.3g}") in stored:
+            if (ratio, stuck, f"{deepest:.3g}") in known:
                 continue
             rows.append(
                 {"nu": nu, "h/R": ratio, "w/h": f"{deepest:.3g}", "stuck": stuck, "seeds": int(seeds)}
-                | _cell(scene, own, deepest * THICKNESS, int(seeds))
+                | _cell(scene, own, deepest * THICKNESS, int(seeds), stated=stated)
             )
             print(rows[-1], flush=True)
             with path.open("w", newline="") as file:
@@ -49,18 +52,19 @@ def main(given, seeds=20):
                 writer.writerows(rows)
 
 
-def _cell(scene, own, deepest, seeds):
+def _cell(scene, own, deepest, seeds, *, stated):
     depth = np.linspace(-0.4 * deepest, deepest, POINTS)
     force = _force(scene, own, depth)
     effect = force[-1] / scene.force(deepest) - 1.0
-    counts, widths = {}, []
+    counts, widths, size = {}, [], NOISE * force.max()
     for seed in range(seeds):
-        noise = NOISE * force.max() * np.random.default_rng(seed).standard_normal(POINTS)
-        curve = ul.Curve.from_frame(pd.DataFrame({"depth": depth, "force": force + noise}))
+        scatter = size * np.random.default_rng(seed).standard_normal(POINTS)
+        curve = ul.Curve.from_frame(pd.DataFrame({"depth": depth, "force": force + scatter}))
         free = dict.fromkeys((*FREE, "instrument.contact_depth", "instrument.baseline"))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            fit = ul.fit(ul.Problem(scene, curve, free))
+            noise = ul.Noise(force=float(size)) if stated else None
+            fit = ul.fit(ul.Problem(scene, curve, free, noise))
             for wide in (False, True):
                 for path in FREE:
                     known = fit.interval(path, model_error=wide)

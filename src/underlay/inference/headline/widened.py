@@ -102,12 +102,13 @@ def _of_what_follows(fit: Fit, found: Averaged, name: str, level: float) -> Stat
 def _parts(fit: Fit) -> list[LeftOut]:
     """What the laws leave out: known where the fitted scene or the one as it was posed lies in its range.
 
-    A thickness that finite strain makes too small may leave the range that the true one is in.
+    A thickness that finite strain makes too small, or a contact that it moves, may leave the range that the true
+    one is in.
     """
     parts = []
     for fitted, posed, curve in zip(fit.scenes, fit.problem.base_scenes, fit.curves, strict=True):
         told = [
-            left_out(scene, max(float(curve.depth.max()) - fitted.instrument.contact_depth, 0.0))
+            left_out(scene, max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0))
             for scene in (_unasked(fitted), posed)
         ]
         parts.append(min(told, key=lambda part: len(part.unknown)))

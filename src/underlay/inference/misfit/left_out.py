@@ -86,10 +86,10 @@ def _stuck_less_free(test: Pressed) -> FloatArray:
     return np.asarray(test.force * (np.divide(sticks, free, out=np.ones_like(free), where=free > 0.0) - 1.0))
 
 
-def _forces(test: Pressed) -> list[FloatArray]:
+def _forces(test: Pressed) -> tuple[FloatArray, FloatArray]:
     """With a tip that sticks and with one that slides (N), both by solvers of their own."""
     inside = np.maximum(test.depth, 0.0)
-    return [test.by(solver).force(inside) for solver in (Stuck(_RTOL), Exact(_RTOL))]
+    return test.by(Stuck(_RTOL)).force(inside), test.by(Exact(_RTOL)).force(inside)
 
 
 def _both(scene: Scene, depth: float) -> LeftOut:
