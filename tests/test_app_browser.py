@@ -20,7 +20,9 @@ from support.browser_page import (
     says,
     server,
     step_by_arrows,
+    swipe,
     tab_to,
+    tap,
     until,
 )
 from support.chromium import browser, chromium
@@ -88,11 +90,11 @@ def middle(tab, handle):
     )
 
 
-def move(tab, handle, by, folder, *path):
+def move(tab, handle, by, folder, *path, hand=drag):
     """Drag a handle: the laws follow, it stays where it was let go; what the scene file says then."""
     x, y = middle(tab, handle)
     before = modulus(tab)
-    drag(tab, (x, y), (x + by, y))
+    hand(tab, (x, y), (x + by, y))
     modulus(tab, before)
     # Pixels of the window are whole.
     assert eventually(lambda: abs(middle(tab, handle)[0] - x - by) < 2.0)
@@ -121,6 +123,29 @@ def handles_follow_the_mouse(tab, folder):
     x, y = middle(tab, "contact")
     drag(tab, (x + 40, y - 60), (x + 200, y - 60))
     assert middle(tab, "contact")[0] == pytest.approx(x, abs=0.5)
+
+
+def handles_follow_a_finger(tab, folder):
+    """On a tablet: a tap opens a step, and the contact point goes where a finger puts it."""
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=1)
+    tab.resize(820, 1180)
+    tap(tab, "2")
+    tap(tab, "3")
+    modulus(tab)
+    instrument, curve = (said_of_the_test(folder)[name] for name in ("instrument", "curve"))
+    contact, low, high = (
+        float(told.split()[0])
+        for told in (instrument["contact_depth"], curve["min_depth"], curve["max_depth"])
+    )
+    pixel = (high - low) / (middle(tab, "high")[0] - middle(tab, "low")[0])
+    move(tab, "contact", -30, folder, "instrument", "contact_depth", hand=swipe)
+
+    def there():
+        now = float(said_of_the_test(folder)["instrument"]["contact_depth"].split()[0])
+        return abs(now - contact + 30 * pixel) < 2.0 * pixel
+
+    assert eventually(there)
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
 
 
 def many_and_a_decision(tab):
@@ -186,6 +211,7 @@ def test_by_keyboard_and_mouse_from_drop_to_report_and_a_decision_that_outlives_
             (folder,) = home.iterdir()
             nothing_is_cut_off(tab)
             handles_follow_the_mouse(tab, folder)
+            handles_follow_a_finger(tab, folder)
             many_and_a_decision(tab)
             nothing_is_cut_off(tab)
             listens_here_only(address)
