@@ -129,22 +129,21 @@ def handles_follow_a_finger(tab, folder):
     """On a tablet: a tap opens a step, and the contact point goes where a finger puts it."""
     tab.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=1)
     tab.resize(820, 1180)
-    tap(tab, "2")
-    tap(tab, "3")
+    for step in ("2", "3"):
+        tap(tab, step)
+        until(tab, f"document.querySelector('.q-tab--active').innerText.trim().startsWith({step!r})")
     modulus(tab)
-    instrument, curve = (said_of_the_test(folder)[name] for name in ("instrument", "curve"))
-    contact, low, high = (
-        float(told.split()[0])
-        for told in (instrument["contact_depth"], curve["min_depth"], curve["max_depth"])
-    )
-    pixel = (high - low) / (middle(tab, "high")[0] - middle(tab, "low")[0])
+    curve = said_of_the_test(folder)["curve"]
+    low, high = (float(curve[end].split()[0]) for end in ("min_depth", "max_depth"))
+    left, right = (middle(tab, end)[0] for end in ("low", "high"))
     move(tab, "contact", -30, folder, "instrument", "contact_depth", hand=swipe)
+    pixel = (high - low) / (right - left)
+    there = low + (middle(tab, "contact")[0] - left) * pixel
 
-    def there():
-        now = float(said_of_the_test(folder)["instrument"]["contact_depth"].split()[0])
-        return abs(now - contact + 30 * pixel) < 2.0 * pixel
+    def is_kept():
+        return abs(float(said_of_the_test(folder)["instrument"]["contact_depth"].split()[0]) - there) < pixel
 
-    assert eventually(there)
+    assert eventually(is_kept)
     tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
 
 

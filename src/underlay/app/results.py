@@ -32,6 +32,7 @@ from underlay.report.tables import interval_table
 from underlay.report.words import headline, stands_on, verdict_sentence
 from underlay.scene.effects import effects_table
 from underlay.scene.scene_file import SceneFile
+from underlay.units import printed
 
 __all__ = ["fingerprint", "rows_of", "stem_of", "tell_found"]
 
@@ -81,7 +82,7 @@ def _parts(
         folder, result, [path.name for path in written if path.suffix == ".png"], stem_of(file)
     )
     told = [*rivals(result), stands_on(result), *model_limits(result), *advice(result)]
-    yield {"more": tuple(spoken(sentence) for sentence in told if sentence)}
+    yield {"more": tuple(_named(sentence, result) for sentence in told if sentence)}
     try:
         scene = result.scenes[0]
         deepest = float(np.max(result.curves[0].depth)) - scene.instrument.contact_depth
@@ -100,7 +101,7 @@ def _named(sentence: str, result: Fit) -> str:
     """Say a sentence of the library as the page does, with every parameter called by its words."""
     for name in sorted(result.names, key=len, reverse=True):
         sentence = sentence.replace(name, label(name))
-    return spoken(sentence)
+    return printed(spoken(sentence))
 
 
 def _by_depth(
