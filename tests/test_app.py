@@ -238,7 +238,7 @@ def test_a_posterior_tells_how_far_it_is_stops_when_told_and_is_there_again(tmp_
             press(user, "step-5")
             write(user, "most", 2_000)
             press(user, "sample")
-            await until(user, content="120 of about")
+            await until(user, content="20 of about")
             press(user, "stop-sample")
             await until(user, "posterior-headline")
             said = text_of(user, "posterior-headline")
