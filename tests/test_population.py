@@ -208,6 +208,22 @@ def test_the_stored_study_covers_and_its_controls_fail():
     assert max(dropped) < 70.0
 
 
+def test_no_scale_of_the_prior_covers_three_animals_alike():
+    """What the docs say of three animals, by the stored study: the interval without a prior alone covers evenly."""
+    file = Path(__file__).parent / "studies" / "results" / "population_prior.csv"
+    with file.open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    covers = {}
+    for row in rows:
+        covers.setdefault(row["interval"], []).append(float(row["covers"]))
+    error = 100.0 * math.sqrt(0.95 * 0.05 / float(rows[0]["studies"]))
+    even = covers.pop("t")
+    assert max(even) - min(even) < 3.0 * error
+    assert len(covers) >= 4
+    for scale, shares in covers.items():
+        assert max(shares) - min(shares) > 4.0 * error, scale
+
+
 def test_dropping_open_curves_biases_and_keeping_them_does_not():
     rng = np.random.default_rng(5)
     kept, dropped = [], []
