@@ -235,4 +235,6 @@ def test_by_keyboard_and_mouse_from_drop_to_report_and_a_decision_that_outlives_
     wrong = {"Runtime.exceptionThrown", "Log.entryAdded", "Runtime.consoleAPICalled"}
     # A server that was killed is missed by the browser: what it says of that is no fault of the page.
     said = [json.dumps(e["params"]) for e in events if e["method"] in wrong]
-    assert not [entry for entry in said if "ERR_CONNECTION" not in entry and "WebSocket" not in entry]
+    # On a busy machine the socket's first try is late: then the page asks in turns, and tells the console so.
+    harmless = ("ERR_CONNECTION", "WebSocket", "falling back to polling")
+    assert not [entry for entry in said if not any(words in entry for words in harmless)]

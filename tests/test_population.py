@@ -294,6 +294,15 @@ def test_errors_that_explain_all_scatter_are_said():
     assert any("No scatter beyond the errors" in sentence for sentence in found.sentences())
 
 
+def test_scatter_that_two_levels_share_is_not_called_none():
+    """Two animals of two curves, ten times their errors apart: either level may be none, both cannot."""
+    labels = [("a",), ("a",), ("b",), ("b",)]
+    curves = [normal(x, 0.005) for x in (0.02, 0.04, 0.12, 0.2)]
+    found = ul.population(table_of(curves, labels))
+    assert all(spread.low == 0.0 for spread in found.groups[""].spreads)
+    assert not any("No scatter" in sentence for sentence in found.sentences())
+
+
 def test_what_a_reader_must_know_is_said():
     rng = np.random.default_rng(12)
     curves, labels = made_study(rng, animals=2, sites=4, between=0.1, within=0.1)

@@ -179,6 +179,7 @@ def _group(
         values,
         model.mean,
         moments,
+        model.spreads.probability_of_none(min(_NO_SPREAD, float(np.median(errors)))) > _MAY_BE_NONE,
     )
 
 
