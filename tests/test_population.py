@@ -373,6 +373,25 @@ def test_results_with_labels_need_no_map(draws):
     assert likelihood == pytest.approx(fit.stderr["layer.E"] / fit.values["layer.E"], rel=0.2)
 
 
+def test_results_of_different_models_are_named():
+    layer, depth = ul.Layer(ul.Isotropic(5e5, 0.45), 1e-3), np.linspace(0.0, 5e-5, 30)
+    noise, free = ul.Noise(force=2e-4), {"layer.E": (1e4, 1e8)}
+    fits = []
+    for scene, also in (
+        (ul.Scene(ul.Paraboloid(5e-4), layer, ul.RIGID), {}),
+        (ul.Scene(ul.Paraboloid(5e-4), layer, ul.Isotropic(1e9, 0.3)), {}),
+        (ul.Scene(ul.Paraboloid(5e-4), layer, ul.RIGID), {"layer.thickness": (5e-4, 2e-3)}),
+    ):
+        curve = ul.synthesize(scene, depth, noise, rng=1)
+        fits.append(({"animal": "a"}, ul.fit(ul.Problem(scene, curve, free | also, noise=noise))))
+    with pytest.raises(InputError, match=r"different tests.*base"):
+        ul.population(fits[:2])
+    with pytest.raises(InputError, match=r"different free parameters.*layer.thickness"):
+        ul.population(fits[::2])
+    with pytest.raises(InputError, match="result 0 has no label 'joint'; it has animal"):
+        ul.population(fits[:1], by=["joint"])
+
+
 def test_bad_input_is_named():
     rng = np.random.default_rng(13)
     curves, labels = made_study(rng, animals=2, sites=2, between=0.1, within=0.1)
