@@ -29,6 +29,7 @@ from support.page import (
     wait_for,
     write,
 )
+from underlay.app.film import film_rows
 from underlay.app.work import Worker
 from underlay.cli import main
 from underlay.cli.film import film_table, fit_film
@@ -237,7 +238,7 @@ def test_a_posterior_tells_how_far_it_is_stops_when_told_and_is_there_again(tmp_
             press(user, "step-5")
             write(user, "most", 2_000)
             press(user, "sample")
-            await until(user, content="120 of about")
+            await until(user, content="20 of about")
             press(user, "stop-sample")
             await until(user, "posterior-headline")
             said = text_of(user, "posterior-headline")
@@ -298,7 +299,8 @@ def test_a_film_by_its_stiffness_and_a_test_written_as_text(tmp_path):
         "165 GPa",
         ("0 nm", "1 m"),
     )
-    assert shown["table"] == film_table(found).astype(str).to_dict("records")
+    assert shown["table"] == list(film_rows(film_table(found)))
+    assert shown["table"][0]["parameter"] == "layer modulus"
 
 
 def test_without_the_extra_the_command_says_the_line_to_install_it(monkeypatch, capsys):

@@ -20,7 +20,9 @@ from support.browser_page import (
     says,
     server,
     step_by_arrows,
+    swipe,
     tab_to,
+    tap,
     until,
 )
 from support.chromium import browser, chromium
@@ -88,11 +90,11 @@ def middle(tab, handle):
     )
 
 
-def move(tab, handle, by, folder, *path):
+def move(tab, handle, by, folder, *path, hand=drag):
     """Drag a handle: the laws follow, it stays where it was let go; what the scene file says then."""
     x, y = middle(tab, handle)
     before = modulus(tab)
-    drag(tab, (x, y), (x + by, y))
+    hand(tab, (x, y), (x + by, y))
     modulus(tab, before)
     # Pixels of the window are whole.
     assert eventually(lambda: abs(middle(tab, handle)[0] - x - by) < 2.0)
@@ -121,6 +123,28 @@ def handles_follow_the_mouse(tab, folder):
     x, y = middle(tab, "contact")
     drag(tab, (x + 40, y - 60), (x + 200, y - 60))
     assert middle(tab, "contact")[0] == pytest.approx(x, abs=0.5)
+
+
+def handles_follow_a_finger(tab, folder):
+    """On a tablet: a tap opens a step, and the contact point goes where a finger puts it."""
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=1)
+    tab.resize(820, 1180)
+    for step in ("2", "3"):
+        tap(tab, step)
+        until(tab, f"document.querySelector('.q-tab--active').innerText.trim().startsWith({step!r})")
+    modulus(tab)
+    curve = said_of_the_test(folder)["curve"]
+    low, high = (float(curve[end].split()[0]) for end in ("min_depth", "max_depth"))
+    left, right = (middle(tab, end)[0] for end in ("low", "high"))
+    move(tab, "contact", -30, folder, "instrument", "contact_depth", hand=swipe)
+    pixel = (high - low) / (right - left)
+    there = low + (middle(tab, "contact")[0] - left) * pixel
+
+    def is_kept():
+        return abs(float(said_of_the_test(folder)["instrument"]["contact_depth"].split()[0]) - there) < pixel
+
+    assert eventually(is_kept)
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
 
 
 def many_and_a_decision(tab):
@@ -186,6 +210,7 @@ def test_by_keyboard_and_mouse_from_drop_to_report_and_a_decision_that_outlives_
             (folder,) = home.iterdir()
             nothing_is_cut_off(tab)
             handles_follow_the_mouse(tab, folder)
+            handles_follow_a_finger(tab, folder)
             many_and_a_decision(tab)
             nothing_is_cut_off(tab)
             listens_here_only(address)
@@ -210,4 +235,6 @@ def test_by_keyboard_and_mouse_from_drop_to_report_and_a_decision_that_outlives_
     wrong = {"Runtime.exceptionThrown", "Log.entryAdded", "Runtime.consoleAPICalled"}
     # A server that was killed is missed by the browser: what it says of that is no fault of the page.
     said = [json.dumps(e["params"]) for e in events if e["method"] in wrong]
-    assert not [entry for entry in said if "ERR_CONNECTION" not in entry and "WebSocket" not in entry]
+    # On a busy machine the socket's first try is late: then the page asks in turns, and tells the console so.
+    harmless = ("ERR_CONNECTION", "WebSocket", "falling back to polling")
+    assert not [entry for entry in said if not any(words in entry for words in harmless)]

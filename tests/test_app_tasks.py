@@ -40,7 +40,7 @@ def test_a_file_is_told_with_its_segments_and_what_the_instrument_found(tmp_path
     assert told.vendor == "0.156 kPa (reduced modulus)"
     (test,) = told.tests
     assert test["segments"] == "loading 2533, unloading 233"
-    assert "um" in test["depth"]
+    assert "µm" in test["depth"]  # as it is printed, not as it is typed
     assert "nN" in test["force"]
     assert analyst.segments("chiaro_cell_indentation.csv", 1, silent)[:4] == b"\x89PNG"
 

@@ -208,6 +208,22 @@ def test_the_stored_study_covers_and_its_controls_fail():
     assert max(dropped) < 70.0
 
 
+def test_no_scale_of_the_prior_covers_three_animals_alike():
+    """What the docs say of three animals, by the stored study: the interval without a prior alone covers evenly."""
+    file = Path(__file__).parent / "studies" / "results" / "population_prior.csv"
+    with file.open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    covers = {}
+    for row in rows:
+        covers.setdefault(row["interval"], []).append(float(row["covers"]))
+    error = 100.0 * math.sqrt(0.95 * 0.05 / float(rows[0]["studies"]))
+    even = covers.pop("t")
+    assert max(even) - min(even) < 3.0 * error
+    assert len(covers) >= 4
+    for scale, shares in covers.items():
+        assert max(shares) - min(shares) > 4.0 * error, scale
+
+
 def test_dropping_open_curves_biases_and_keeping_them_does_not():
     rng = np.random.default_rng(5)
     kept, dropped = [], []
@@ -278,6 +294,15 @@ def test_errors_that_explain_all_scatter_are_said():
     assert any("No scatter beyond the errors" in sentence for sentence in found.sentences())
 
 
+def test_scatter_that_two_levels_share_is_not_called_none():
+    """Two animals of two curves, ten times their errors apart: either level may be none, both cannot."""
+    labels = [("a",), ("a",), ("b",), ("b",)]
+    curves = [normal(x, 0.005) for x in (0.02, 0.04, 0.12, 0.2)]
+    found = ul.population(table_of(curves, labels))
+    assert all(spread.low == 0.0 for spread in found.groups[""].spreads)
+    assert not any("No scatter" in sentence for sentence in found.sentences())
+
+
 def test_what_a_reader_must_know_is_said():
     rng = np.random.default_rng(12)
     curves, labels = made_study(rng, animals=2, sites=4, between=0.1, within=0.1)
@@ -346,6 +371,25 @@ def test_results_with_labels_need_no_map(draws):
     fit = ul.fit(problem)
     # A density of draws is smoothed: its width is known to a tenth.
     assert likelihood == pytest.approx(fit.stderr["layer.E"] / fit.values["layer.E"], rel=0.2)
+
+
+def test_results_of_different_models_are_named():
+    layer, depth = ul.Layer(ul.Isotropic(5e5, 0.45), 1e-3), np.linspace(0.0, 5e-5, 30)
+    noise, free = ul.Noise(force=2e-4), {"layer.E": (1e4, 1e8)}
+    fits = []
+    for scene, also in (
+        (ul.Scene(ul.Paraboloid(5e-4), layer, ul.RIGID), {}),
+        (ul.Scene(ul.Paraboloid(5e-4), layer, ul.Isotropic(1e9, 0.3)), {}),
+        (ul.Scene(ul.Paraboloid(5e-4), layer, ul.RIGID), {"layer.thickness": (5e-4, 2e-3)}),
+    ):
+        curve = ul.synthesize(scene, depth, noise, rng=1)
+        fits.append(({"animal": "a"}, ul.fit(ul.Problem(scene, curve, free | also, noise=noise))))
+    with pytest.raises(InputError, match=r"different tests.*base"):
+        ul.population(fits[:2])
+    with pytest.raises(InputError, match=r"different free parameters.*layer.thickness"):
+        ul.population(fits[::2])
+    with pytest.raises(InputError, match="result 0 has no label 'joint'; it has animal"):
+        ul.population(fits[:1], by=["joint"])
 
 
 def test_bad_input_is_named():

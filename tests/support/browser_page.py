@@ -178,6 +178,26 @@ def drag(tab, start, end, steps=8):
     tab.call("Input.dispatchMouseEvent", type="mouseReleased", x=end[0], y=end[1], **mouse)
 
 
+def swipe(tab, start, end, steps=8):
+    """Drag with a finger from a point of the window to another."""
+    for step in range(steps + 1):
+        x, y = (a + (b - a) * step / steps for a, b in zip(start, end, strict=True))
+        kind = "touchMove" if step else "touchStart"
+        tab.call("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y}])
+    tab.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+
+def tap(tab, words):
+    """Tap what begins with these words with a finger, when it is there."""
+    until(tab, f"Boolean({button(words)})")
+    x, y = tab.evaluate(
+        f"(() => {{ const e = {button(words)}; e.scrollIntoView({{block: 'center'}});"
+        "const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+    )
+    tab.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
+    tab.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+
 def downloaded(folder, ending):
     """Wait for a file to be there whole."""
     found = eventually(lambda: next(folder.glob(f"*{ending}"), None))

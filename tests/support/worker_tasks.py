@@ -7,7 +7,7 @@ from underlay.app.tasks import Analyst
 from underlay.errors import InputError
 
 # Steps of a sampler after which there is a posterior.
-ENOUGH = 120
+ENOUGH = 20
 
 
 class Tasks:

@@ -2,19 +2,36 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from underlay._csv_text import csv_text
 from underlay._files import write_atomic
 from underlay.app.folder import AnalysisFolder
 from underlay.app.kept import keep
 from underlay.app.results import fingerprint, rows_of, stem_of
-from underlay.app.shown import Film
+from underlay.app.shown import Film, Row
 from underlay.cli.film import film_notes, film_table, fit_film
 from underlay.cli.wording import spoken
 from underlay.errors import InputError
 from underlay.report import plots
+from underlay.report.labels import label
 from underlay.scene.scene_file import SceneFile
 
-__all__ = ["film_of"]
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["film_of", "film_rows"]
+
+#: What the command says otherwise.
+_WORDS = {
+    "left of the trend with depth": "What is left of the trend with depth, once the base is in the model",
+    "give --calibration": "bring a test of a known sample",
+}
+
+
+def film_rows(table: pd.DataFrame) -> tuple[Row, ...]:
+    """Rows of `underlay film`, with every parameter called by its words."""
+    return tuple(row | {"parameter": label(row["parameter"])} for row in rows_of(table))
 
 
 def film_of(folder: AnalysisFolder, file: SceneFile, base: str, modulus: str, ends: tuple[str, str]) -> Film:
@@ -48,10 +65,13 @@ def film_of(folder: AnalysisFolder, file: SceneFile, base: str, modulus: str, en
     stem = stem_of(file)
     write_atomic(folder.result(f"{stem}.film.csv"), csv_text(found.table))
     plots.save(plots.film(found), folder.result(f"{stem}.film.png"))
-    notes = tuple(
-        spoken(note.replace("give --calibration", "bring a test of a known sample"))
-        for note in film_notes(found, perfect=not base)
-    )
-    film = Film(fingerprint(file), notes, rows_of(film_table(found)), f"{stem}.film.png")
+    notes = tuple(spoken(_on_the_page(note)) for note in film_notes(found, perfect=not base))
+    film = Film(fingerprint(file), notes, film_rows(film_table(found)), f"{stem}.film.png")
     keep(folder, stem, film)
     return film
+
+
+def _on_the_page(note: str) -> str:
+    for words, others in _WORDS.items():
+        note = note.replace(words, others)
+    return note

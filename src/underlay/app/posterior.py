@@ -22,6 +22,8 @@ from underlay.scene.scene_file import SceneFile
 __all__ = ["sample_posterior"]
 
 _WALKERS, _EVERY = 64, 10
+_OPEN_NOISE = "looking for where to begin; no noise is stated, so it is averaged over, which takes longer"
+_UNFINISHED = "Its intervals may be wrong: press Sample again, which goes on from there, or allow more steps."
 
 
 def sample_posterior(folder: AnalysisFolder, file: SceneFile, curve: Curve, most: int, tell: Tell) -> Sampled:
@@ -40,6 +42,7 @@ def sample_posterior(folder: AnalysisFolder, file: SceneFile, curve: Curve, most
 
     with gathered_warnings() as notes:
         problem = problem_from(file, curve, weak_bounds(file, curve))
+        tell(Progress(0, most, _OPEN_NOISE if problem.noise_is_open else "looking for where to begin"))
         posterior = sample(problem, _WALKERS, most, backend=chain, resume=chain.exists(), progress=step)
     pictures = []
     for name, draw in (("corner", plots.corner), ("predictive", plots.predictive)):
@@ -49,7 +52,11 @@ def sample_posterior(folder: AnalysisFolder, file: SceneFile, curve: Curve, most
     summary = csv_text(posterior.summary().rename_axis("parameter"))
     write_atomic(folder.result(f"{stem}.posterior.csv"), summary)
     words = posterior_summary(posterior).replace("**", "").split("\n\n")
-    said = (*words, *map(spoken, notes))
+    # What the sampler warns of is the second sentence already; what to do about it is not.
+    unfinished = not posterior.converged
+    notes = [note for note in notes if not (unfinished and posterior.diagnostics.reason in note)]
+    advice = (_UNFINISHED,) if unfinished else ()
+    said = (*words[:2], *advice, *words[2:], *map(spoken, notes))
     sampled = Sampled(of, said, rows_of(posterior_table(posterior)), tuple(pictures))
     keep(folder, stem, sampled)
     return sampled

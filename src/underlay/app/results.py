@@ -23,6 +23,7 @@ from underlay.inference.least_squares import Fit
 from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.inference.problem import Problem
 from underlay.report import plots
+from underlay.report.labels import label
 from underlay.report.model_limits import model_limits
 from underlay.report.open_ends import advice, rivals
 from underlay.report.pointwise_tables import pointwise_of, pointwise_sentence
@@ -31,6 +32,7 @@ from underlay.report.tables import interval_table
 from underlay.report.words import headline, stands_on, verdict_sentence
 from underlay.scene.effects import effects_table
 from underlay.scene.scene_file import SceneFile
+from underlay.units import printed
 
 __all__ = ["fingerprint", "rows_of", "stem_of", "tell_found"]
 
@@ -68,19 +70,19 @@ def _parts(
     """The parts of `Found`, quickest first."""
     yield {
         "headline": spoken(headline(result)),
-        "verdict": spoken(verdict_sentence(result)),
+        "verdict": _named(verdict_sentence(result), result),
         "values": {name: repr(float(value)) for name, value in result.values.items()},
         "table": rows_of(interval_table(result)),
     }
     doubts = [*quality_doubts(problem), *reservations(result, notes)]
-    yield {"doubts": tuple(dict.fromkeys(map(spoken, doubts)))}
+    yield {"doubts": tuple(dict.fromkeys(_named(doubt, result) for doubt in doubts))}
     written = write_fit(result, folder.results, stem_of(file))
     yield {"pictures": tuple(path.name for path in written if path.suffix == ".png")}
     yield from _by_depth(
         folder, result, [path.name for path in written if path.suffix == ".png"], stem_of(file)
     )
     told = [*rivals(result), stands_on(result), *model_limits(result), *advice(result)]
-    yield {"more": tuple(spoken(sentence) for sentence in told if sentence)}
+    yield {"more": tuple(_named(sentence, result) for sentence in told if sentence)}
     try:
         scene = result.scenes[0]
         deepest = float(np.max(result.curves[0].depth)) - scene.instrument.contact_depth
@@ -93,6 +95,13 @@ def _parts(
         # A scene that the ledger has no rows for: the fit stands without it.
         return
     yield {"effects": rows_of(ledger_in_words(effects))}
+
+
+def _named(sentence: str, result: Fit) -> str:
+    """Say a sentence of the library as the page does, with every parameter called by its words."""
+    for name in sorted(result.names, key=len, reverse=True):
+        sentence = sentence.replace(name, label(name))
+    return printed(spoken(sentence))
 
 
 def _by_depth(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import pandas as pd
 
 from underlay._door import sha256_of
 from underlay.app import many, takeaway
@@ -18,7 +19,7 @@ from underlay.app.kept import kept
 from underlay.app.labels import read_labels, set_label, take_manifest
 from underlay.app.posterior import sample_posterior
 from underlay.app.results import fingerprint, stem_of, tell_found
-from underlay.app.shown import Film, Found, Gallery, Look, Overview, Reading, Sampled, Together
+from underlay.app.shown import Film, Found, Gallery, Look, Overview, Reading, Row, Sampled, Together
 from underlay.app.work import Tell
 from underlay.cli.console import gathered_warnings
 from underlay.cli.wording import spoken
@@ -41,10 +42,11 @@ from underlay.report.plots.style import drawn, unit_for
 from underlay.report.reading import format_name, reading_table
 from underlay.scene.default_depth import default_depth
 from underlay.scene.scene_file import SceneFile, read_scene_file
-from underlay.units import format_quantity
+from underlay.units import format_quantity, printed
 
 __all__ = ["Analyst"]
 
+_SPANS = ("depth", "force")
 _READING = ("format", "columns", "calibration")
 _CONTACT = "instrument.contact_depth"
 _Of = TypeVar("_Of", Film, Found, Sampled)
@@ -81,7 +83,7 @@ class Analyst:
             format_name(curves[0]),
             recorded(curves[0]),
             _vendor(curves[0]),
-            tuple({str(key): str(value) for key, value in row.items()} for row in rows.to_dict("records")),
+            _printed_rows(rows),
             _spoken(*notes, *told),
         )
 
@@ -121,7 +123,7 @@ class Analyst:
             bare = canvas(plots.laws(curve, used, {}), unit)
             said = _spoken(*notes, str(error))
             return Look(bare, contact, *ends, {}, quality, said, has_stiffness)
-        moduli = {name: format_quantity(value, "pressure") for name, value in held.moduli.items()}
+        moduli = {name: printed(format_quantity(value, "pressure")) for name, value in held.moduli.items()}
         refused = [f"{name}: {reason}" for name, reason in held.refused.items()]
         lines = {f"{name}, {moduli[name]}": line for name, line in held.lines.items()}
         picture = canvas(plots.laws(curve, held.used, lines), unit)
@@ -281,3 +283,11 @@ def _vendor(curve: Curve) -> str:
     if not isinstance(reduced, int | float) or isinstance(reduced, bool) or not np.isfinite(reduced):
         return ""
     return f"{format_quantity(float(reduced), 'pressure')} (reduced modulus)"
+
+
+def _printed_rows(table: pd.DataFrame) -> tuple[Row, ...]:
+    """Rows for a page: spans with their units as printed, what a file calls its tests as it does."""
+    return tuple(
+        {str(key): printed(str(value)) if key in _SPANS else str(value) for key, value in row.items()}
+        for row in table.to_dict("records")
+    )

@@ -152,7 +152,7 @@ def _adhesion_effects(scene: Simulated, level: Simulated, law: ContactLaw) -> li
     """Adhesion against none; where its range is declared, also that range against JKR, which has none."""
     name, adhesion = "adhesion", scene.adhesion
     if adhesion is None:
-        note = "none is declared; adhesion=JKR(work) would put it in"
+        note = "none is declared: a work of adhesion would put it in"
         return [Effect(name, None, None, simulated=False, note=note)]
     note = f"against a tip that does not stick; {law.reason}"
     found = [Effect(name, level, replace(level, adhesion=None), simulated=True, note=note)]

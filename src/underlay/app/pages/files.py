@@ -75,7 +75,7 @@ class FilesStep(Step):
         self._list.clear()
         with self._list:
             if not names:
-                ui.label(f"Read are {', '.join(entry.name for entry in all_formats())}.").classes("quiet")
+                ui.label(f"Formats: {', '.join(entry.name for entry in all_formats())}.").classes("quiet")
             else:
                 with ui.list().props("dense separator").classes("files"):
                     for name in shown[:_LISTED]:

@@ -15,7 +15,7 @@ _WORDS = (
     "This curve says its contact stiffness S(h). An imprint that stayed cannot be fitted as an elastic curve; its "
     "stiffness can: with a cone as the tip (such as berkovich, step 2), and what is fitted of layer and base."
 )
-_PERFECT = "none: the tip is taken as perfect"
+_PERFECT = "none: a perfect tip"
 _OLD = "The test was changed since: fit the stiffness again."
 
 

@@ -16,8 +16,8 @@ __all__ = ["GREEN", "GREY", "FitStep"]
 
 _CONTACT = "instrument.contact_depth"
 _STEPS = 1000
-# A handle is taken from this far (pixels of the picture).
-_REACH = 14.0
+# A handle is taken from this far (pixels of the picture): a finger covers twice that.
+_REACH = 20.0
 #: Of the handles: the contact point, and the ends of the range.
 GREEN, GREY = "#009e73", "#404040"
 
@@ -93,7 +93,7 @@ class FitStep(Step):
         if first:
             self._contact, self._range = look.contact, (look.low, look.high)
             self._set_slides()
-            self._say([f"Quality: {look.quality}.", *look.notes], "note")
+            self._say([f"Quality: {look.quality}.", *look.notes], "note" if look.notes else "more")
         self._overlay()
         self._moduli.clear()
         with self._moduli:

@@ -13,7 +13,7 @@ from underlay.report.labels import label, start
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene_file import scene_file_from_text
 from underlay.scene.scene_keys import SceneKey, scene_keys
-from underlay.units import KINDS, format_quantity
+from underlay.units import KINDS, format_quantity, printed_unit
 
 __all__ = ["FreeTable"]
 
@@ -104,7 +104,7 @@ class FreeTable:
             entry.classes("number").mark(f"{path}.{name}")
             picked = None
             if any(units):
-                picked = ui.select(list(dict.fromkeys([*units, unit])), value=unit)
+                picked = ui.select({each: printed_unit(each) for each in (*units, unit)}, value=unit)
                 picked.props(f'outlined dense options-dense aria-label="unit of {name}"').classes("unit")
 
         async def changed() -> None:

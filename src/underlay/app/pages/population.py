@@ -72,7 +72,9 @@ class PopulationPart:
         """Offer the labels that the map has, and show what was found before."""
         before = await self._window.try_to(self._window.analysis.quick, "together")
         found, is_new = before if isinstance(before, tuple) else (None, True)
-        for select, chosen in ((self._by, found and found.by), (self._group, found and found.group)):
+        # Curves of one animal are not independent: with such a label, that is where it begins.
+        asked = _LABELS if found is None else (found.by, found.group)
+        for select, chosen in zip((self._by, self._group), asked, strict=True):
             value = select.value if select.value != _NONE else chosen
             select.set_options([_NONE, *told.labels], value=value if value in told.labels else _NONE)
         self._count()

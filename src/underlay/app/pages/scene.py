@@ -13,6 +13,7 @@ from underlay.app.pages.free import FreeTable
 from underlay.app.pages.scene_text import SceneText
 from underlay.app.pages.step import Step, data_address
 from underlay.scene.scene_keys import SceneKey
+from underlay.units import printed_unit
 
 __all__ = ["SceneStep"]
 
@@ -133,7 +134,7 @@ class SceneStep(Step):
                 entry.props["hint"] = field.key.meaning
             picked = None
             if any(units) and not many:
-                picked = ui.select(list(dict.fromkeys([*units, unit])), value=unit)
+                picked = ui.select({each: printed_unit(each) for each in (*units, unit)}, value=unit)
                 picked.props(f'outlined dense options-dense aria-label="unit of {field.label}"').classes(
                     "unit"
                 )

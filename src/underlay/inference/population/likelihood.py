@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy import stats
@@ -24,6 +25,7 @@ __all__ = ["ROOTS", "CurveLikelihood"]
 
 #: Signed roots at which the places are kept.
 ROOTS = np.arange(-3.0, 4.0)
+_ROOTS = tuple(ROOTS.tolist())
 _MIDDLE = 3
 # Places that stand this close (in standard errors) to those of a normal density are a normal density's.
 _NORMAL = 0.05
@@ -49,11 +51,12 @@ class CurveLikelihood:
     above: float = math.inf
 
     def __post_init__(self) -> None:
-        places = np.array(self.places, dtype=np.float64)
-        if places.shape != ROOTS.shape or np.isnan(places).any() or not np.isfinite(places[_MIDDLE]):
+        # Without arrays: a map has ten thousand of these.
+        places = self.places
+        if len(places) != len(ROOTS) or any(map(math.isnan, places)) or not math.isfinite(places[_MIDDLE]):
             raise InputError(f"a likelihood has seven places and a finite middle; got {self.places!r:.200}")
-        inside = places[np.isfinite(places)]
-        if (np.diff(inside) <= 0.0).any() or (places[1:] < places[:-1]).any():
+        inside = filter(math.isfinite, places)
+        if any(b <= a for a, b in pairwise(inside)) or any(b < a for a, b in pairwise(places)):
             raise InputError(f"places of a likelihood increase; got {self.places!r:.200}")
         if not (self.below <= 0.0 <= self.above):
             raise InputError(
@@ -65,7 +68,8 @@ class CurveLikelihood:
         """Normal in the logarithm, of a value (SI) and its standard error."""
         if not (value > 0.0 and error > 0.0 and math.isfinite(value) and math.isfinite(error)):
             raise InputError(f"a value and its error must be positive numbers; got {value!r} and {error!r}")
-        return cls(tuple((math.log(value) + error / value * ROOTS).tolist()))
+        middle, spread = math.log(value), error / value
+        return cls(tuple(middle + spread * root for root in _ROOTS))
 
     @classmethod
     def of_profile(cls, profile: LikelihoodProfile) -> CurveLikelihood:
@@ -109,11 +113,14 @@ class CurveLikelihood:
     @cached_property
     def is_normal(self) -> bool:
         """Whether the nine numbers are those of a normal density."""
-        places = np.array(self.places)
-        if not np.isfinite(places).all():
+        places, middle = self.places, self.middle
+        if not all(map(math.isfinite, places)):
             return False
         error = (places[-1] - places[0]) / 6.0
-        return bool((np.abs(places - places[_MIDDLE] - error * ROOTS) <= _NORMAL * error).all())
+        return all(
+            abs(place - middle - error * root) <= _NORMAL * error
+            for place, root in zip(places, _ROOTS, strict=True)
+        )
 
     @property
     def middle(self) -> float:
@@ -123,12 +130,9 @@ class CurveLikelihood:
     @cached_property
     def error(self) -> float:
         """A third of half the width at z = 3, or the nearest to it that there is; inf where both ends are open."""
-        finite = np.isfinite(self.places)
-        roots = ROOTS[finite]
-        if roots[-1] == roots[0]:
-            return math.inf
-        inside = np.array(self.places)[finite]
-        return float((inside[-1] - inside[0]) / (roots[-1] - roots[0]))
+        finite = [pair for pair in zip(self.places, _ROOTS, strict=True) if math.isfinite(pair[0])]
+        (first, lowest), (last, highest) = finite[0], finite[-1]
+        return (last - first) / (highest - lowest) if highest > lowest else math.inf
 
     @property
     def is_open(self) -> bool:

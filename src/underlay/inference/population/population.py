@@ -84,6 +84,10 @@ def population(
     Levels nest: ln p = mean of the group + step of the animal + step of the site + step of the curve, each
     normal, with priors on the spreads (half-Cauchy 0.3 between, half-t4 0.5 within; separate per group) and
     none on the mean. The interval without a prior is Student's on the animals' means, that of a ratio Welch's.
+
+    Three animals hardly tell how much animals differ, so the prior does: there the 95 % interval covers 98 to
+    100 % where animals differ by 20 % or less, and 92 to 95 % where by more; no other scale covers evenly. The
+    interval without a prior covers 94 to 96 % there, and is up to half as long again.
     """
     names = tuple(by)
     if tails not in _TAILS:
@@ -175,6 +179,7 @@ def _group(
         values,
         model.mean,
         moments,
+        model.spreads.probability_of_none(min(_NO_SPREAD, float(np.median(errors)))) > _MAY_BE_NONE,
     )
 
 

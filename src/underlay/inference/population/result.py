@@ -62,6 +62,8 @@ class Group:
         Posterior of ln of the mean, without the error that all curves share.
     plain_moments : tuple
         Of ln of the plain mean: value, variance, degrees of freedom.
+    errors_explain_all : bool
+        Whether the curves may scatter by no more than their errors.
     """
 
     name: str
@@ -77,6 +79,7 @@ class Group:
     unit_values: pd.DataFrame
     density: Density
     plain_moments: tuple[float, float, int]
+    errors_explain_all: bool
 
 
 @dataclass(frozen=True)
@@ -189,7 +192,7 @@ class Population:
             said.append(
                 f"{group.open_curves} of {group.curves} curves are open to one side; they count as that."
             )
-        if all(spread.low == 0.0 for spread in group.spreads):
+        if group.errors_explain_all:
             limits = ", ".join(f"{spread.level} < {100.0 * spread.high:.0f} %" for spread in group.spreads)
             said.append(f"No scatter beyond the errors of the curves ({limits}).")
         return said

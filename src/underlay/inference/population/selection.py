@@ -100,6 +100,12 @@ def select_results(
             "the results have different free parameters, so their likelihoods do not mean the same: "
             + "; ".join(", ".join(names) for names in sorted(frees)[:_LISTED])
         )
+    models = {model for _, found in results if (model := _model(found))}
+    if len(models) > 1:
+        raise InputError(
+            "the results are of different tests, so their values do not mean the same: "
+            + "; ".join(sorted(models)[:_LISTED])
+        )
     for number, (labels, found) in enumerate(results):
         for column in [*([] if group is None else [group]), *by]:
             if not str(labels.get(column, "")).strip():
@@ -125,6 +131,16 @@ def _likelihood(found: Fit | Posterior | LikelihoodProfile, parameter: str) -> C
 
 def _free(found: Fit | Posterior | LikelihoodProfile) -> tuple[str, ...]:
     return found.fit.names if isinstance(found, LikelihoodProfile) else tuple(found.names)
+
+
+def _model(found: Fit | Posterior | LikelihoodProfile) -> str:
+    """Which tip presses what on which base; empty where a posterior was saved without its problem."""
+    problem = found.fit.problem if isinstance(found, LikelihoodProfile) else found.problem
+    return " and ".join(
+        f"{type(scene.indenter).__name__} on {type(scene.layer).__name__}, "
+        + ("no base" if scene.substrate is None else f"base {type(scene.substrate).__name__}")
+        for scene in (() if problem is None else problem.base_scenes)
+    )
 
 
 def _require_columns(table: pd.DataFrame, wanted: Sequence[str], parameter: str) -> None:

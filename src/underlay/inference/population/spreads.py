@@ -83,6 +83,14 @@ class SpreadGrid:
         edges = [*(0.5 * (log_nodes[1:] + log_nodes[:-1])), log_nodes[-1]]
         return float(np.interp(np.log(spread), edges, np.cumsum(self._marginal(level)), left=0.0, right=1.0))
 
+    def probability_of_none(self, least: float) -> float:
+        """Posterior probability that all spreads together are smaller than `least`."""
+        squares = sum(
+            nodes.reshape([-1 if axis == here else 1 for axis in range(self.weights.ndim)]) ** 2
+            for here, nodes in enumerate(self.nodes)
+        )
+        return float(self.weights[np.broadcast_to(squares < least**2, self.weights.shape)].sum())
+
     def _marginal(self, level: int) -> FloatArray:
         others = tuple(axis for axis in range(self.weights.ndim) if axis != level)
         result: FloatArray = self.weights.sum(axis=others)
