@@ -1,5 +1,7 @@
 """The engine: where its search ends, what it solves for, and lmfit's word on it."""
 
+from dataclasses import replace
+
 import lmfit
 import numpy as np
 import pytest
@@ -48,6 +50,51 @@ def test_a_place_of_the_search_says_what_the_residuals_say(case):
     scale = np.sqrt(np.diag(jacobian.T @ jacobian))
     assert np.abs(point.gradient - jacobian.T @ residuals).max() < 1e-6 * (scale * point.square**0.5).max()
     assert np.abs(point.normal - jacobian.T @ jacobian).max() < 1e-6 * (scale**2).max()
+
+
+TIPS = {
+    "paraboloid on a rigid base": (ul.Paraboloid(1e-3), ul.RIGID, [E, H, C]),
+    "paraboloid": (ul.Paraboloid(1e-3), ul.Isotropic(4e6, 0.3), [E, H, BASE, C, BASELINE]),
+    "cone of its own angle": (ul.Cone(1.2), ul.Isotropic(4e6, 0.3), [E, H, C, "indenter.half_angle"]),
+    "sphere on a rigid base": (ul.Sphere(1e-3), ul.RIGID, [E, H, C]),
+    "sphere": (ul.Sphere(1e-3), ul.Isotropic(4e6, 0.3), [E, H, BASE, C, BASELINE]),
+}
+
+
+@pytest.mark.parametrize("case", TIPS)
+def test_several_places_at_once_say_what_each_says_alone(case):
+    tip, base, free = TIPS[case]
+    scene = replace(layer_on(base), indenter=tip)
+    depth = np.linspace(-2e-5, 1.2e-4, 60)
+    curve = ul.Curve(depth, scene.force(depth))
+    p = problem(scene, free, curve, noise=Noise(force=1e-3 * float(np.ptp(curve.force))))
+    objective = Objective(p, freeze(p, p.start, p.noises(p.start)))
+    assert objective.places_in_batches
+    vectors = np.random.default_rng(0).normal(0.0, 0.15, (4, len(free)))
+    low, high = np.full((2, *vectors.shape), 9.0) * np.array([-1.0, 1.0])[:, None, None]
+    places = objective.places(vectors, low, high)
+    alone = [objective.point(*one) for one in zip(vectors, low, high, strict=True)]
+    scales = np.array([np.sqrt(np.diag(point.normal)) for point in alone])
+    # One law is read off the same tables in both ways: to their rounding; the slopes of a sphere's are
+    # differences over 1e-7.
+    assert places.square == pytest.approx([point.square for point in alone], rel=1e-9)
+    assert places.vector == pytest.approx(np.array([point.vector for point in alone]), abs=1e-9)
+    for row, (point, scale) in enumerate(zip(alone, scales, strict=True)):
+        share = np.abs(places.gradient[row] - point.gradient) / (scale * point.square**0.5)
+        assert share.max() < 1e-6
+        assert (np.abs(places.normal[row] - point.normal) / np.outer(scale, scale)).max() < 2e-6
+
+
+def test_a_place_without_a_law_leaves_the_others():
+    p = posed("rigid")
+    objective = Objective(p, freeze(p, p.start, p.noises(p.start)))
+    # So far beyond the layer there is no law; the second is beyond what is asked for at all.
+    vectors = np.array([[0.02, 0.03, 0.04], [0.0, 50.0, 0.0], [0.0, -6.0, 0.0]])
+    low, high = np.full((2, *vectors.shape), 99.0) * np.array([-1.0, 1.0])[:, None, None]
+    places = objective.places(vectors, low, high)
+    assert np.isinf(places.square).tolist() == [False, True, True]
+    assert objective.failures == 2
+    assert places.square[0] == pytest.approx(objective.point(vectors[0], low[0], high[0]).square, rel=1e-9)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.least_squares.engine import Begun, Minimum, Search, descend_together
+from underlay.inference.least_squares.engine import Minimum, Search, descend
 from underlay.inference.least_squares.objective import Objective
-from underlay.inference.least_squares.projection import Point
 from underlay.inference.least_squares.scan_curve import BASE_MODULUS, MODULUS
 
 __all__ = ["Candidate", "candidates"]
@@ -70,31 +70,31 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
     """
     reach = _reach(blocked)
     degrees = max(blocked.points - len(blocked.active), 1)
-    begun = []
-    blocked.prepare(starts)
-    for start in starts:
-        low, high = _box(blocked, start, reach)
-        point = blocked.point(start, low, high)
-        if point is not None:
-            begun.append(Begun(point, low, high))
+    vectors = np.array(starts)
+    low, high = _boxes(blocked, vectors, reach)
+    begun = blocked.places(vectors, low, high)
+    order = np.argsort(begun.square, kind="stable")[: np.count_nonzero(np.isfinite(begun.square))]
+    begun, low, high = begun.part(order), low[order], high[order]
     enough = np.inf
     found: list[Candidate] = []
 
-    def give_up(count: int, best: Point, proposed: FloatArray) -> bool:
+    def give_up(count: int, square: float, proposed: FloatArray) -> bool:
         """Whether a search is on its way to what is known, or left behind by it."""
-        return (count >= _PATIENCE and best.square > enough) or _near(proposed, found)
+        return (count >= _PATIENCE and square > enough) or _near(proposed, found)
 
-    def ended(place: Begun, minimum: Minimum) -> None:
-        nonlocal enough
-        found.append(_candidate(blocked, minimum, place.low, place.high, degrees))
-        if found[-1].normal is not None:
-            enough = min(enough, found[-1].square * (1.0 + _MAY_BE / degrees))
+    # One after another, so that a search is left as soon as an earlier one says so; where places are less work
+    # all at once, together.
+    rows = np.arange(len(order))
+    together = blocked.places_in_batches or blocked.laws_in_batches
+    for group in [rows] if together else rows[:, None]:
 
-    begun.sort(key=lambda entry: entry.point.square)
-    # One after another, so that a search is left as soon as an earlier one says so; where a law is dear, together.
-    groups = [begun] if blocked.laws_in_batches else [[one] for one in begun]
-    for group in groups:
-        descend_together(blocked, group, _SEARCH, give_up, ended)
+        def ended(row: int, minimum: Minimum, group: NDArray[np.intp] = group) -> None:
+            nonlocal enough
+            found.append(_candidate(blocked, minimum, low[group[row]], high[group[row]], degrees))
+            if found[-1].normal is not None:
+                enough = min(enough, found[-1].square * (1.0 + _MAY_BE / degrees))
+
+        descend(blocked, begun.part(group), low[group], high[group], _SEARCH, give_up, ended)
     found.sort(key=lambda entry: entry.square)
     return _distinct(found, degrees)
 
@@ -107,10 +107,10 @@ def _reach(blocked: Objective) -> FloatArray:
     return reach
 
 
-def _box(blocked: Objective, start: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest entries (k,): the bounds and the reach about a start."""
+def _boxes(blocked: Objective, starts: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest entries (s, k): the bounds and the reach about starts (s, k)."""
     low, high = blocked.problem.bounds.T
-    return np.maximum(low, start - reach), np.minimum(high, start + reach)
+    return np.maximum(low, starts - reach), np.minimum(high, starts + reach)
 
 
 def _candidate(

@@ -7,21 +7,22 @@ allowed if the next one leads further down than where it began: the valleys of t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.places import Places
 from underlay.inference.least_squares.projection import Point, acting
 
-__all__ = ["FINE", "Begun", "GiveUp", "Minimum", "Search", "descend", "descend_together", "minimise"]
+__all__ = ["FINE", "GiveUp", "Minimum", "Search", "descend", "minimise"]
 
-#: Asked before each step with the steps made, the best point and the vector proposed: whether to leave it.
-GiveUp: TypeAlias = Callable[[int, Point, FloatArray], bool]
+#: Asked before each step with the steps made, the least sum of squares and the vector proposed: whether to leave.
+GiveUp: TypeAlias = Callable[[int, float, FloatArray], bool]
 
 _MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
 # Below this the damping of two columns that are one to rounding would be rounding itself.
@@ -81,106 +82,166 @@ class Minimum:
 
 def minimise(objective: Objective, start: FloatArray, search: Search = FINE) -> Minimum | None:
     """Minimise between the problem's bounds from a scaled start (k,); None if no law is there."""
-    low, high = objective.problem.bounds.T
-    begin = objective.point(np.clip(start, low, high), low, high)
-    return None if begin is None else descend(objective, begin, low, high, search)
+    low, high = (end[None] for end in objective.problem.bounds.T)
+    begin = objective.places(np.clip(start[None], low, high), low, high)
+    return descend(objective, begin, low, high, search)[0] if np.isfinite(begin.square[0]) else None
 
 
 def descend(
-    objective: Objective, best: Point, low: FloatArray, high: FloatArray, search: Search
-) -> Minimum | None:
-    """Search below a point, between `low` and `high` (k,)."""
-    return descend_together(objective, [Begun(best, low, high)], search)[0]
-
-
-class Begun(NamedTuple):
-    """Where a search begins, and between which ends (k,) it stays."""
-
-    point: Point
-    low: FloatArray
-    high: FloatArray
-
-
-def descend_together(
     objective: Objective,
-    begun: Sequence[Begun],
-    search: Search,
+    begin: Places,
+    low: FloatArray,
+    high: FloatArray,
+    search: Search = FINE,
     give_up: GiveUp | None = None,
-    ended: Callable[[Begun, Minimum], None] | None = None,
+    ended: Callable[[int, Minimum], None] | None = None,
 ) -> list[Minimum | None]:
-    """Search below several points in lock-step, so that what one law takes serves a law of each.
+    """Search below several places in lock-step, each between its own ends (s, k).
 
     None in the place of a search that `give_up` left; `ended` is told of every other as soon as it ends.
     """
     active = np.zeros(len(objective.problem.coordinates), dtype=bool)
     active[objective.active] = True
-    found: list[Minimum | None] = [None] * len(begun)
-    searches = {i: _search(*one, active, search, give_up) for i, one in enumerate(begun)}
-    answers: dict[int, Point | None] = dict.fromkeys(searches)
-    while searches:
-        proposed = {}
-        for i, steps in list(searches.items()):
-            try:
-                proposed[i] = steps.send(answers[i])
-            except StopIteration as stop:
-                found[i] = stop.value
-                del searches[i]
-                if ended is not None and stop.value is not None:
-                    ended(begun[i], stop.value)
-        objective.prepare(list(proposed.values()))
-        answers = {i: objective.point(vector, begun[i].low, begun[i].high) for i, vector in proposed.items()}
-    return found
-
-
-def _search(
-    best: Point,
-    low: FloatArray,
-    high: FloatArray,
-    active: NDArray[np.bool_],
-    search: Search,
-    give_up: GiveUp | None,
-) -> Generator[FloatArray, Point | None, Minimum | None]:
-    """One search: it yields the vectors (k,) that it proposes and is sent their points."""
-    now, ventured, damping = best, False, search.damping
+    outcome = _Outcome([None] * len(begin.square), give_up, ended)
+    here = _Running.of(begin, low, high, search.damping)
     for count in range(search.steps):
-        step, gain = _step(now, damping, active, low, high)
-        proposed = np.clip(now.vector + step, low, high)
-        if give_up is not None and give_up(count, best, proposed):
-            return None
-        if not ventured and (gain <= search.settled * best.square or np.abs(step).max() <= _SHORTEST):
-            return Minimum(best, proposed, success=True, message="the next step gains nothing")
-        there = yield proposed
-        change = np.inf if there is None else there.square - best.square
-        if there is not None and change < 0.0:
-            now = best = there
-            ventured, damping = False, max(_EASIER * damping, _LEAST_DAMPING)
-        elif there is not None and not ventured and there.square < _VENTURE * best.square:
-            now, ventured = there, True
-        else:
-            now, ventured, damping = best, False, _HARDER * damping
-        if abs(change) <= search.settled * best.square:
-            return Minimum(best, best.vector, success=True, message="the last step gained nothing")
-        if damping > _MOST_DAMPING:
-            return Minimum(best, best.vector, success=True, message="no step leads further down")
-    return Minimum(best, best.vector, success=False, message=f"not settled after {search.steps} steps")
+        proposed, last = here.proposed(active, search)
+        going = outcome.before_step(count, here, proposed, last)
+        if not going.all():
+            here, proposed = here.part(going), proposed[going]
+        if not len(here.rows):
+            break
+        here, why = here.moved(objective.places(proposed, here.low, here.high), search)
+        going = outcome.after_step(here, why)
+        if not going.all():
+            here = here.part(going)
+    else:
+        outcome.stopped(here, f"not settled after {search.steps} steps")
+    return outcome.found
 
 
-def _step(
-    point: Point, damping: float, active: NDArray[np.bool_], low: FloatArray, high: FloatArray
-) -> tuple[FloatArray, float]:
-    """Step (k,), where entries that would leave their bounds rest, and what it should gain."""
-    normal, gradient = point.normal, point.gradient
-    diagonal = np.diag(normal)
-    acts = active & acting(np.sqrt(diagonal))
-    inside = ((point.vector > low) | (gradient < 0.0)) & ((point.vector < high) | (gradient > 0.0))
-    step = np.zeros(len(diagonal))
-    which = np.flatnonzero(acts & inside)
-    if which.size:
-        scale = np.sqrt(diagonal[which])
-        scaled = normal[which[:, None], which] / (scale[:, None] * scale)
-        scaled.flat[:: which.size + 1] += damping
-        step[which] = -np.linalg.solve(scaled, gradient[which] / scale) / scale
-        longest = np.abs(step).max()
-        if longest > _LONGEST:
-            step *= _LONGEST / longest
-    return step, float(-step @ gradient)
+@dataclass(frozen=True)
+class _Outcome:
+    """What came of every search, and who wants to know."""
+
+    found: list[Minimum | None]
+    give_up: GiveUp | None
+    ended: Callable[[int, Minimum], None] | None
+
+    def before_step(
+        self, count: int, here: _Running, proposed: FloatArray, last: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Which searches go on (s,) to the vectors `proposed` (s, k), of which some are the `last`."""
+        going = ~last
+        for i, square in enumerate(here.best.square.tolist()):
+            if self.give_up is not None and self.give_up(count, square, proposed[i]):
+                going[i] = False
+            elif last[i]:
+                self._end(here, i, "the next step gains nothing", vector=proposed[i])
+        return going
+
+    def after_step(self, here: _Running, why: list[str]) -> NDArray[np.bool_]:
+        """Which searches go on (s,): those without words why they ended."""
+        for i, words in enumerate(why):
+            if words:
+                self._end(here, i, words)
+        return np.array([not words for words in why])
+
+    def stopped(self, here: _Running, words: str) -> None:
+        """None of these met its tolerance."""
+        for i in range(len(here.rows)):
+            self._end(here, i, words, success=False)
+
+    def _end(
+        self, here: _Running, i: int, words: str, *, vector: FloatArray | None = None, success: bool = True
+    ) -> None:
+        best = here.best.point(i)
+        minimum = Minimum(best, best.vector if vector is None else vector, success, words)
+        row = int(here.rows[i])
+        self.found[row] = minimum
+        if self.ended is not None:
+            self.ended(row, minimum)
+
+
+class _Running(NamedTuple):
+    """Searches that go on: whose they are (s,), the place of each and its best, and how it is damped (s,).
+
+    `ventured` (s,) are those that stand up the side of a valley, above their best.
+    """
+
+    rows: NDArray[np.intp]
+    now: Places
+    best: Places
+    ventured: NDArray[np.bool_]
+    damping: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def of(cls, begin: Places, low: FloatArray, high: FloatArray, damping: float) -> Self:
+        """All at their beginning."""
+        count = len(begin.square)
+        still = np.zeros(count, dtype=bool)
+        return cls(np.arange(count), begin, begin, still, np.full(count, damping), low, high)
+
+    def part(self, which: NDArray[np.bool_]) -> Self:
+        """Some of them."""
+        now = self.now.part(which)
+        best = now if self.best is self.now else self.best.part(which)
+        return type(self)(
+            self.rows[which],
+            now,
+            best,
+            self.ventured[which],
+            self.damping[which],
+            self.low[which],
+            self.high[which],
+        )
+
+    def proposed(self, active: NDArray[np.bool_], search: Search) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Vectors (s, k) to go to, and which of those are last steps that need no model."""
+        step, gain = _steps(self.now, self.damping, active, self.low, self.high)
+        little = gain <= search.settled * self.best.square
+        little |= np.abs(step).max(axis=1) <= _SHORTEST
+        return np.clip(self.now.vector + step, self.low, self.high), little & ~self.ventured
+
+    def moved(self, there: Places, search: Search) -> tuple[Self, list[str]]:
+        """The searches after they were `there`, and in words why one ended; no words where it goes on."""
+        change = there.square - self.best.square
+        lower = change < 0.0
+        ventured = ~lower & ~self.ventured & (there.square < _VENTURE * self.best.square)
+        best = self.best.replaced(lower, there)
+        now = best if not ventured.any() else best.replaced(ventured, there)
+        eased = np.maximum(_EASIER * self.damping, _LEAST_DAMPING)
+        damping = np.where(lower, eased, np.where(ventured, self.damping, _HARDER * self.damping))
+        why = [
+            "the last step gained nothing" if little else "no step leads further down" if stuck else ""
+            for little, stuck in zip(
+                (np.abs(change) <= search.settled * best.square).tolist(),
+                (damping > _MOST_DAMPING).tolist(),
+                strict=True,
+            )
+        ]
+        return self._replace(now=now, best=best, ventured=ventured, damping=damping), why
+
+
+def _steps(
+    places: Places, damping: FloatArray, active: NDArray[np.bool_], low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Steps (s, k), where entries that would leave their ends rest, and what each should gain (s,)."""
+    gradient, normal = places.gradient, places.normal
+    norms = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
+    inside = ((places.vector > low) | (gradient < 0.0)) & ((places.vector < high) | (gradient > 0.0))
+    which = active & acting(norms) & inside
+    # An entry that rests has a row of its own, and no gradient.
+    scale = np.where(which, norms, 1.0)
+    both = which[:, :, None] & which[:, None, :]
+    scaled = np.where(both, normal / (scale[:, :, None] * scale[:, None, :]), 0.0)
+    count = scaled.shape[1]
+    scaled.reshape(-1, count * count)[:, :: count + 1] = np.where(which, 1.0 + damping[:, None], 1.0)
+    downhill = np.where(which, gradient / scale, 0.0)
+    step = -np.linalg.solve(scaled, downhill[:, :, None])[:, :, 0] / scale
+    longest = np.abs(step).max(axis=1, initial=0.0)
+    if (longest > _LONGEST).any():
+        step *= (_LONGEST / np.maximum(longest, _LONGEST))[:, None]
+    return step, -np.einsum("sk,sk->s", step, gradient)

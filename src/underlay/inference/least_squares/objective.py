@@ -12,12 +12,15 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.fractions import Fractions
 from underlay.inference.least_squares.frozen_noise import FrozenNoise
+from underlay.inference.least_squares.places import Places, Rows, projected
 from underlay.inference.least_squares.projection import LinearDirections, Point
+from underlay.inference.model.jacobian_batch import batched_jacobians, goes_together
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.scene.noise_model import NoiseModel
@@ -65,7 +68,7 @@ class Objective:
         #: Entries of a vector that a search varies: not the noise's, and not those held.
         self.active = [i for i in range(len(coordinates)) if i not in noisy and i not in self.held]
         self._informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
-        self._entries = [list(member.entries.values()) for member in self.members]
+        self._entries = [np.array(list(member.entries.values()), dtype=np.intp) for member in self.members]
         # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
         self._one_law = not any(
             member.forward.similarity.ratio_slopes(path, member.base)
@@ -132,7 +135,7 @@ class Objective:
                 self._whitened_rows(self._columns(physical, rough=False)), self._entries, strict=True
             )
         ]
-        return parts, sum(parts, self._prior_point(vector, physical).normal[kept])
+        return parts, sum(parts, self._prior_places(vector[None], physical[None]).normal[0][kept])
 
     def exists(self, vector: FloatArray) -> bool:
         """Whether there is a contact law at a vector (k,), and beside it for its derivatives."""
@@ -159,15 +162,18 @@ class Objective:
         """Whether laws of several vectors at once are less work than one by one."""
         return any(member.forward.laws.tips is not None for member in self.members)
 
-    def prepare(self, vectors: Sequence[FloatArray]) -> None:
-        """Make ready what the models at several vectors (k,) need, where that is less work all at once."""
-        if not self.laws_in_batches:
-            return
-        near = [
-            self.problem.physical(vector) for vector in vectors if np.abs(vector).max(initial=0.0) <= _FAR
-        ]
-        for member in self.members:
-            member.forward.prepare([member.values_at(physical) for physical in near])
+    @cached_property
+    def places_in_batches(self) -> bool:
+        """Whether several places at once are less work than one by one."""
+        return self._one_law and all(
+            goes_together(member.forward, member.base, tuple(member.entries)) for member in self.members
+        )
+
+    def prepare(self, physical: FloatArray) -> None:
+        """Make ready what the models at vectors (SI), (s, k), need, where that is less work all at once."""
+        if self.laws_in_batches and len(physical) > 1:
+            for member in self.members:
+                member.forward.prepare([member.values_at(one) for one in physical])
 
     # --- what the engine asks ---------------------------------------------------------------------------
 
@@ -185,33 +191,89 @@ class Objective:
         there = self._point(solved, low, high)
         return there if there is not None and here is not None and there.square < here.square else here
 
+    def places(self, vectors: FloatArray, low: FloatArray, high: FloatArray) -> Places:
+        """Points of vectors (s, k), each between its own ends (s, k)."""
+        if self._fractions is None:
+            return self._places(vectors, low, high)
+        points = [self.point(*one) for one in zip(vectors, low, high, strict=True)]
+        return Places.of(points, vectors)
+
     def _point(self, vector: FloatArray, low: FloatArray, high: FloatArray) -> Point | None:
-        """The same with the fractions where they are."""
-        if np.abs(vector).max(initial=0.0) > _FAR:
-            self.failures += 1
-            return None
-        physical = self.problem.physical(vector)
-        try:
-            columns, models = self._columns(physical, rough=True), self._models(physical)
-        except InputError:
-            self.failures += 1
-            return None
-        slopes, rows = self.problem.space.slopes(physical), self._whitened_rows(columns)
-        prior = self._prior_point(vector, physical)
-        normal = self._normal(rows, self._entries) * np.outer(slopes, slopes)
-        here = self._against(rows, models, slopes, normal, prior)
-        step = self._linear.step(here)
-        if step is not None and _within(vector + step.change, low, high):
-            # From the residuals, not from their products: a small sum of squares keeps its digits.
-            along = step.along * slopes
-            models = [
-                model + own @ along[entries]
-                for model, own, entries in zip(models, columns, self._entries, strict=True)
+        """One place with the fractions where they are."""
+        place = self._places(vector[None], low[None], high[None])
+        return place.point(0) if np.isfinite(place.square[0]) else None
+
+    def _places(self, vectors: FloatArray, low: FloatArray, high: FloatArray) -> Places:
+        """Places with the fractions where they are."""
+        possible = np.abs(vectors).max(axis=1, initial=0.0) <= _FAR
+        if not possible.all():
+            vectors = np.where(possible[:, None], vectors, 0.0)
+        physical = self.problem.physical(vectors)
+        columns, models = self._several(physical, possible)
+        slopes = self.problem.space.slopes(physical)
+        curves = [
+            Rows(
+                noise.whiten((model - member.force) / sigma, member.curve.time),
+                noise.whiten(own / sigma, member.curve.time) * slopes[:, entries, None],
+                entries,
+            )
+            for own, model, entries, (member, noise, sigma) in zip(
+                columns, models, self._entries, self._curves(), strict=True
+            )
+        ]
+        here = projected(curves, self._prior_places(vectors, physical), self._linear, low, high)
+        possible &= np.isfinite(here.square)
+        if possible.all():
+            return here
+        self.failures += int(np.count_nonzero(~possible))
+        return replace(here, square=np.where(possible, here.square, np.inf))
+
+    def _several(
+        self, physical: FloatArray, possible: NDArray[np.bool_]
+    ) -> tuple[list[FloatArray], list[FloatArray]]:
+        """d force / d own entry, (s, own, n), and forces, (s, n), of every curve at vectors (s, k).
+
+        Rows without a law are taken out of `possible` (s,), and zero.
+        """
+        sets = len(physical)
+        if sets > 1 and self.places_in_batches:
+            together = [
+                batched_jacobians(member.forward, member.values_of(physical), sets, tuple(member.entries))
+                for member in self.members
             ]
-            normal = normal * np.outer(step.grown, step.grown)
-            prior = replace(prior, vector=vector + step.change)
-            here = self._against(rows, models, slopes * step.grown, normal, prior)
-        return here if np.isfinite(here.square) else None
+            known = [found for found in together if found is not None]
+            if len(known) == len(together):
+                missing = possible & ~np.all([found.possible for found in known], axis=0)
+                self.evaluations += int(np.count_nonzero(possible & ~missing))
+                columns, models = [found.columns for found in known], [found.force for found in known]
+                self._one_by_one(physical, np.flatnonzero(missing), possible, columns, models)
+                return columns, models
+        self.prepare(physical[possible])
+        columns = [
+            np.zeros((sets, len(entries), len(member.force)))
+            for entries, member in zip(self._entries, self.members, strict=True)
+        ]
+        models = [np.zeros((sets, len(member.force))) for member in self.members]
+        self._one_by_one(physical, np.flatnonzero(possible), possible, columns, models)
+        return columns, models
+
+    def _one_by_one(
+        self,
+        physical: FloatArray,
+        rows: NDArray[np.intp],
+        possible: NDArray[np.bool_],
+        columns: Sequence[FloatArray],
+        models: Sequence[FloatArray],
+    ) -> None:
+        """Fill some rows of what `_several` returns."""
+        for row in rows.tolist():
+            try:
+                own, forces = self._columns(physical[row], rough=True), self._models(physical[row])
+            except InputError:
+                possible[row] = False
+                continue
+            for into, each in zip((*columns, *models), (*(part.T for part in own), *forces), strict=True):
+                into[row] = each
 
     @cached_property
     def _linear(self) -> LinearDirections:
@@ -221,41 +283,25 @@ class Objective:
     def _fractions(self) -> Fractions | None:
         return Fractions.of(self.problem, set(self.active) - set(self._informative), self._linear)
 
-    def _against(
-        self,
-        rows: list[FloatArray],
-        models: list[FloatArray],
-        slopes: FloatArray,
-        normal: FloatArray,
-        prior: Point,
-    ) -> Point:
-        """The models' residuals with their derivatives, and what the priors add."""
-        square, gradient = prior.square, np.zeros(len(slopes))
-        for own, entries, residuals in zip(
-            rows, self._entries, self._whitened_residuals(models), strict=True
-        ):
-            square += float(residuals @ residuals)
-            gradient[entries] += own @ residuals
-        return Point(prior.vector, square, gradient * slopes + prior.gradient, normal + prior.normal)
-
-    def _normal(self, rows: list[FloatArray], entries: list[list[int]]) -> FloatArray:
+    def _normal(self, rows: list[FloatArray], entries: list[NDArray[np.intp]]) -> FloatArray:
         """J'J of the points (k, k), in SI."""
         k = len(self.problem.coordinates)
         total = np.zeros((k, k))
-        for own, which in zip(rows, entries, strict=True):
+        for own, here in zip(rows, entries, strict=True):
             # numpy.ix_ takes longer than so small a product.
-            here = np.array(which, dtype=np.intp)
             total[here[:, None], here] += own @ own.T
         return total
 
-    def _prior_point(self, vector: FloatArray, physical: FloatArray) -> Point:
-        """The same of the priors' residuals alone."""
-        k = len(vector)
-        if not self._informative:
-            return Point(vector, 0.0, np.zeros(k), np.zeros((k, k)))
-        values, slopes = self._penalties(physical)
-        rows = slopes * self.problem.space.slopes(physical)
-        return Point(vector, float(values @ values), values @ rows, rows.T @ rows)
+    def _prior_places(self, vectors: FloatArray, physical: FloatArray) -> Places:
+        """What the informative priors say at vectors (s, k), which are `physical`."""
+        count, k = vectors.shape
+        square, gradient, normal = np.zeros(count), np.zeros((count, k)), np.zeros((count, k, k))
+        for row in range(count if self._informative else 0):
+            values, slopes = self._penalties(physical[row])
+            columns = slopes * self.problem.space.slopes(physical[row])
+            square[row], gradient[row] = float(values @ values), values @ columns
+            normal[row] = columns.T @ columns
+        return Places(vectors, square, gradient, normal)
 
     # --- models, derivatives and their weights -----------------------------------------------------------
 

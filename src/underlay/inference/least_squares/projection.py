@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from underlay._arrays import FloatArray
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 
-__all__ = ["LinearDirections", "LinearStep", "Point", "acting"]
+__all__ = ["LinearDirections", "LinearSteps", "Point", "acting"]
 
 _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 # The linear parameters stay where they are rather than make a force that is not there.
@@ -51,18 +51,34 @@ class Point:
     normal: FloatArray
 
 
+class Sums(Protocol):
+    """Places of a search, as `Places` has them: scaled vectors (s, k), J'r (s, k) and J'J (s, k, k)."""
+
+    @property
+    def vector(self) -> FloatArray:
+        """Scaled, (s, k)."""
+
+    @property
+    def gradient(self) -> FloatArray:
+        """J'r, (s, k)."""
+
+    @property
+    def normal(self) -> FloatArray:
+        """J'J, (s, k, k)."""
+
+
 @dataclass(frozen=True)
-class LinearStep:
-    """A step in the linear parameters.
+class LinearSteps:
+    """Steps in the linear parameters from several places; zero where none is taken.
 
     Parameters
     ----------
     change : FloatArray
-        Of the scaled vector, (k,).
+        Of the scaled vectors, (s, k).
     along : FloatArray
-        The residuals change by J times this, exactly, (k,).
+        The residuals change by J times this, exactly, (s, k).
     grown : FloatArray
-        Factors (k,) by which the derivatives have grown there.
+        Factors (s, k) by which the derivatives have grown there.
     """
 
     change: FloatArray
@@ -101,21 +117,37 @@ class LinearDirections:
             rows.append(unit[sorted(moduli)].sum(axis=0))
         return cls(np.reshape(rows, (len(rows), len(unit))), scales, ~baseline)
 
-    def step(self, point: Point) -> LinearStep | None:
-        """The step to their best; None where there are none, they do not act, or the force would vanish."""
-        normal = self.rows @ point.normal @ self.rows.T
-        if not len(self.rows) or not (np.diag(normal) > 0.0).all():
+    def steps(self, places: Sums, low: FloatArray, high: FloatArray) -> LinearSteps | None:
+        """Steps to their best from places (s, k), within the ends (s, k); None where no place takes one.
+
+        None is taken where there are none, they do not act, or the force would vanish.
+        """
+        if not len(self.rows):
             return None
-        along = -np.linalg.solve(normal, self.rows @ point.gradient)
-        change, grown = along, np.ones(len(point.vector))
+        normal = self.rows @ places.normal @ self.rows.T
+        taken = np.asarray((np.diagonal(normal, axis1=1, axis2=2) > 0.0).all(axis=1))
+        if not taken.all():
+            normal = np.where(taken[:, None, None], normal, np.eye(len(self.rows)))
+        along = -np.linalg.solve(normal, (places.gradient @ self.rows.T)[:, :, None])[:, :, 0]
+        change, grown = along, np.ones_like(places.vector)
         if self.scales:
-            factor = 1.0 + float(along[-1])
-            if factor <= _LEAST_FACTOR:
-                return None
-            change = np.append(along[:-1], np.log(factor))
+            factor = 1.0 + along[:, -1]
+            taken = taken & (factor > _LEAST_FACTOR)
+            factor = np.where(taken, factor, 1.0)
+            change = np.concatenate((along[:, :-1], np.log(factor)[:, None]), axis=1)
             # All that acts through the contact force grows with it.
-            grown[self.through_force] = factor
-        return LinearStep(change @ self.rows, along @ self.rows, grown)
+            grown[:, self.through_force] = factor[:, None]
+        change, along = change @ self.rows, along @ self.rows
+        there = places.vector + change
+        taken = np.asarray(taken & ((there >= low) & (there <= high)).all(axis=1))
+        if taken.all():
+            return LinearSteps(change, along, grown)
+        if not taken.any():
+            return None
+        kept = taken[:, None]
+        return LinearSteps(
+            np.where(kept, change, 0.0), np.where(kept, along, 0.0), np.where(kept, grown, 1.0)
+        )
 
 
 def _common_moduli(members: Sequence[Member]) -> set[int]:
@@ -131,5 +163,6 @@ def _common_moduli(members: Sequence[Member]) -> set[int]:
 
 
 def acting(norms: FloatArray) -> NDArray[np.bool_]:
-    """Which entries act at all, (k,), by the lengths of their columns of whitened derivatives, (k,)."""
-    return np.asarray(norms > max(_IDLE * float(norms.max(initial=0.0)), _FLAT))
+    """Which entries act at all, (..., k), by the lengths of their columns of whitened derivatives, (..., k)."""
+    largest = norms.max(axis=-1, keepdims=True, initial=0.0)
+    return np.asarray(norms > np.maximum(_IDLE * largest, _FLAT))

@@ -158,11 +158,17 @@ class LawSource:
             return False
         return self._of_tips(self.tips, [reduced], [depth])[0] is not None
 
-    def laws_of(self, reduced: Sequence[tuple[float, ...]], depths: Sequence[float]) -> None:
-        """Make ready the laws with these ratios for depths (m), where all at once are less work."""
-        asked = [pair for pair in zip(reduced, depths, strict=True) if pair[1] > 0.0]
-        if self.tips is not None and len(asked) > 1:
-            self._of_tips(self.tips, *zip(*asked, strict=True))
+    def laws_of(
+        self, reduced: Sequence[tuple[float, ...]], depths: Sequence[float]
+    ) -> list[ContactLaw | None]:
+        """Laws with these ratios for depths (m) that are less work all at once; None for every other."""
+        found: list[ContactLaw | None] = [None] * len(depths)
+        rows = [row for row, depth in enumerate(depths) if depth > 0.0]
+        if self.tips is not None and len(rows) > 1:
+            several = self._of_tips(self.tips, [reduced[row] for row in rows], [depths[row] for row in rows])
+            for row, law in zip(rows, several, strict=True):
+                found[row] = law
+        return found
 
     def for_statements(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law of the same kind that ends at `depth` (m), where its errors and flags depend on the range.

@@ -128,13 +128,11 @@ class Similarity:
             return dict.fromkeys(self.energies, -2.0 * self._coefficient_slope(path, values))
         return {}
 
-    def _coefficient_slope(self, path: str, values: Mapping[str, float]) -> float:
+    def _coefficient_slope(self, path: str, values: Mapping[str, Any]) -> Any:  # a number, or one per set
         """d(ln A)/d(ln p)."""
-        up, down = dict(values), dict(values)
-        up[path] *= 1.0 + _ANGLE_STEP
-        down[path] *= 1.0 - _ANGLE_STEP
+        up, down = ({**values, path: values[path] * (1.0 + step)} for step in (_ANGLE_STEP, -_ANGLE_STEP))
         change = self._coefficient_ratio(up) / self._coefficient_ratio(down)
-        return float(np.log(change)) / (2.0 * _ANGLE_STEP)
+        return np.log(change) / (2.0 * _ANGLE_STEP)
 
     def _energy_ratio(self, values: Mapping[str, float]) -> float:
         """Works of adhesion over those of the reference that give a similar contact."""

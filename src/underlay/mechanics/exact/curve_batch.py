@@ -43,6 +43,8 @@ class CurveBatch:
     error_estimate : ndarray (sets,)
         Relative error of each; above the `rtol` of the batch where a set's materials lie too far from those
         it was compiled for: solve such a set alone.
+    ratio_slopes : ndarray (sets, rows, 4), optional
+        d/d ln k of the coefficients of the force's factor, k the ratio in which the curves of a family differ.
     """
 
     measure: PowerLawShape
@@ -51,6 +53,7 @@ class CurveBatch:
     softness: FloatArray
     coefficients: FloatArray
     error_estimate: FloatArray
+    ratio_slopes: FloatArray | None = None
 
     def part(self, rows: slice | list[int]) -> Self:
         """Some of the sets."""
@@ -61,6 +64,7 @@ class CurveBatch:
             self.softness[rows],
             self.coefficients[rows],
             self.error_estimate[rows],
+            None if self.ratio_slopes is None else self.ratio_slopes[rows],
         )
 
     def force(
@@ -112,14 +116,8 @@ class CurveBatch:
         with_depth: bool,
     ) -> FloatArray:
         """Half-space radius times the factors times `scale`, and times the depth where asked."""
-        touching = np.atleast_2d(np.maximum(as_finite(depth, "depth"), 0.0))
-        exponent = self.measure.exponent
-        if abel_coefficient is None:
-            radius, per_set = self.measure.halfspace_radius(touching), np.ones_like(thickness)
-        else:
-            radius, per_set = touching ** (1.0 / exponent), abel_coefficient ** (-1.0 / exponent)
+        touching, radius, per_set = self._half_space(depth, thickness, abel_coefficient)
         to_varpi = per_set / thickness
-        self._check(radius, to_varpi)
         sets, size = thickness.size, radius.shape[-1]
         result = np.empty((sets, size))
         # The sum of the factors' logarithms is one polynomial; the scale is the largest part of its first
@@ -130,20 +128,64 @@ class CurveBatch:
         for start in range(0, sets, step):
             part = slice(start, min(start + step, sets))
             rows = part if radius.shape[0] > 1 else slice(0, 1)
-            varpi = radius[rows] * to_varpi[part, None]
-            z = np.arcsinh(varpi)
-            if self.softness[part].any():
-                varpi *= self.softness[part]
-                z += np.log1p(varpi, out=varpi)
-            z *= 2.0 / self.lengths[part]
-            z -= 1.0
-            value = polynomial(table[part], z)
+            value = polynomial(table[part], self._z(radius[rows] * to_varpi[part, None], part))
             np.exp(value, out=value)
             value *= radius[rows]
             if with_depth:
                 value *= touching[rows]
             result[part] = value
         return result
+
+    def with_slopes(
+        self,
+        depth: ArrayLike,
+        theta: FloatArray,
+        thickness: FloatArray,
+        abel_coefficient: FloatArray | None = None,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Forces (N), dP/dw (N/m) and dP/d ln k (N), each (sets, n); arguments and errors as for `force`.
+
+        For a few sets of few depths: what they cost is calls, and here one polynomial serves all three. The
+        last needs `ratio_slopes`, and is zero without.
+        """
+        touching, radius, per_set = self._half_space(depth, thickness, abel_coefficient)
+        z = self._z(radius * (per_set / thickness)[:, None], slice(None))
+        own = self.coefficients
+        table = np.zeros_like(own)
+        table[:, 0] = own[:, Factor.FORCE]
+        np.add(own[:, Factor.RADIUS], own[:, Factor.STIFFNESS], out=table[:, 1])
+        if self.ratio_slopes is not None:
+            table[:, 2] = self.ratio_slopes
+        values = polynomial(table, z[:, None, :])
+        np.exp(values[:, :2], out=values[:, :2])
+        stiffness = values[:, 1] * ((4.0 * theta * per_set)[:, None] * radius)
+        exponent = self.measure.exponent
+        force = values[:, 0] * ((4.0 * theta * per_set * exponent / (exponent + 1.0))[:, None] * radius)
+        force *= touching
+        return force, stiffness, force * values[:, 2]
+
+    def _half_space(
+        self, depth: ArrayLike, thickness: FloatArray, abel_coefficient: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Depths (m) in contact, their radii (m), each (sets or 1, n), and factors on the radii, (sets,)."""
+        touching = np.atleast_2d(np.maximum(as_finite(depth, "depth"), 0.0))
+        exponent = self.measure.exponent
+        if abel_coefficient is None:
+            radius, per_set = self.measure.halfspace_radius(touching), np.ones_like(thickness)
+        else:
+            radius, per_set = touching ** (1.0 / exponent), abel_coefficient ** (-1.0 / exponent)
+        self._check(radius, per_set / thickness)
+        return touching, radius, per_set
+
+    def _z(self, varpi: FloatArray, part: slice) -> FloatArray:
+        """Stretched variable in [-1, 1] of the sets `part` at their `varpi`, which is overwritten."""
+        z = np.arcsinh(varpi)
+        if self.softness[part].any():
+            varpi *= self.softness[part]
+            z += np.log1p(varpi, out=varpi)
+        z *= 2.0 / self.lengths[part]
+        z -= 1.0
+        return z
 
     def _check(self, radius: FloatArray, to_varpi: FloatArray) -> None:
         deepest = radius.max(axis=-1) * to_varpi

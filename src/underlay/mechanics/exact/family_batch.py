@@ -85,6 +85,7 @@ def family_batch(
     ratio: FloatArray,
     varpi: FloatArray,
     rtol: float,
+    slopes: bool = False,
 ) -> CurveBatch:
     """Master curves of many parameter sets, each from the table of its cell.
 
@@ -98,6 +99,8 @@ def family_batch(
         Which of them, and the largest varpi.
     rtol : float
         Relative error asked for.
+    slopes : bool
+        Whether the curves say their derivative in the ratio.
 
     Returns
     -------
@@ -118,8 +121,13 @@ def family_batch(
     places = np.array([tables.places[number] for number in numbers])
     table = tables.coefficients[places]
     position = (np.log(ratio) - tables.middles[places]) / tables.halves[places]
-    powers = position[:, None, None] ** np.arange(table.shape[1])
-    curves = (powers @ table.reshape(*table.shape[:2], -1)).reshape(ratio.size, *table.shape[2:])
+    powers = position[:, None] ** np.arange(table.shape[1])
+    curves = (powers[:, None] @ table.reshape(*table.shape[:2], -1)).reshape(ratio.size, *table.shape[2:])
+    in_ratio = None
+    if slopes:
+        orders = np.arange(1, table.shape[1])
+        weights = orders * powers[:, :-1] / tables.halves[places][:, None]
+        in_ratio = np.einsum("sr,srjc->sjc", weights, table[:, 1:, Factor.FORCE])
     return CurveBatch(
         indenter,
         tables.tops[places],
@@ -127,4 +135,5 @@ def family_batch(
         tables.softness[places][:, None],
         curves,
         tables.errors[places],
+        in_ratio,
     )

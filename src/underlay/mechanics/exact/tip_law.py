@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil, exp, log
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from underlay.mechanics.exact.tip_curves import TipContacts, TipCurves, tip_curv
 from underlay.mechanics.indenters import Indenter, Sphere
 from underlay.mechanics.kernel import Family
 
-__all__ = ["TipLaw", "tip_laws", "tip_range"]
+__all__ = ["TipLaw", "TipSlopes", "tip_laws", "tip_range", "tips_side_by_side"]
 
 # Ranges of varpi are finer than those of the tables: a sphere ends soon after it is asked.
 _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
@@ -59,6 +59,49 @@ class TipLaw(ExactLaw):
         force = pair.force(np.maximum(depth, 0.0), np.ones(2), np.array([self.thickness, thickness]))
         logarithms = np.log(np.where(force > 0.0, force, 1.0))
         return np.asarray((logarithms[1] - logarithms[0]) / _STEP)
+
+
+class TipSlopes(NamedTuple):
+    """P (N), dP/dw (N/m), dP/d ln k and dP/d ln(size of the tip) (N), each (laws, n)."""
+
+    force: FloatArray
+    stiffness: FloatArray
+    in_ratio: FloatArray
+    in_size: FloatArray
+
+
+def tips_side_by_side(laws: Sequence[TipLaw], depth: FloatArray) -> TipSlopes:
+    """What the laws say at depths (m), (laws, n), each at its row: for the calls of one law."""
+    count, first = len(laws), laws[0].neighbours
+    tables = [law.neighbours.coefficients for law in laws]
+    coefficients = np.zeros(
+        (count, *first.coefficients.shape[:2], max(table.shape[2] for table in tables), 4)
+    )
+    for into, table in zip(coefficients, tables, strict=True):
+        into[:, :, : table.shape[2]] = table
+    # The curves of all, then those a step further in ln k, then in ln h.
+    batch = CurveBatch(
+        first.measure,
+        np.inf,
+        np.stack([law.neighbours.lengths for law in laws], axis=1).reshape(-1, 1),
+        np.stack([law.neighbours.softness for law in laws], axis=1).reshape(-1, 1),
+        coefficients.swapaxes(0, 1).reshape(3 * count, *coefficients.shape[2:]),
+        np.zeros(3 * count),
+    )
+    thickness, theta = (np.array([getattr(law, name) for law in laws]) for name in ("thickness", "theta"))
+    abel = np.array([law.measure.abel_coefficient for law in laws])
+    w = np.maximum(depth, 0.0)
+    own = batch.part(slice(0, count))
+    stiffness = own.stiffness(w, theta, thickness, abel)
+    thick = np.concatenate((thickness, thickness, thickness * exp(_STEP)))
+    forces = batch.force(np.concatenate((w, w, w)), np.tile(theta, 3), thick, np.tile(abel, 3))
+    force, further, thicker = forces.reshape(3, count, -1)
+    felt = force > 0.0
+    over = np.where(felt, force, 1.0)
+    in_ratio, in_thickness = (
+        force * np.log(np.where(felt, other, 1.0) / over) / _STEP for other in (further, thicker)
+    )
+    return TipSlopes(force, stiffness, in_ratio, 2.0 * force - w * stiffness - in_thickness)
 
 
 def tip_range(contact: Contact, depth: float) -> int:

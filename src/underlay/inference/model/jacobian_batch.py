@@ -1,0 +1,178 @@
+"""The forward model with its derivatives at several parameter sets at once: what a search from many starts asks.
+
+A step of one search costs calls, not arithmetic; here as many calls serve every start. Three ways, the first that
+applies: no ratio varies, and one law serves all; one ratio varies, and the sets are read off its tables, which
+know their derivative in it; tables of the flat punch give the laws of a tip that is no power law. What depends
+on more than the depth, or on the frame, goes one by one (`Forward.jacobian`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.model.forward import Forward
+from underlay.inference.model.parameter_sets import ParameterSets, Values
+from underlay.inference.model.tables import OneRatio
+from underlay.mechanics.exact.family_batch import family_batch
+from underlay.mechanics.exact.tip_law import TipLaw, tips_side_by_side
+from underlay.mechanics.indenters import PowerLawShape
+from underlay.mechanics.plane_constants import isotropic_constants
+from underlay.scene.chain import ContactDepth, Frame
+
+__all__ = ["Jacobians", "batched_jacobians", "goes_together"]
+
+
+class Jacobians(NamedTuple):
+    """Force of the instrument (N), (sets, n), its derivatives (SI), (sets, k, n), and which sets have them."""
+
+    force: FloatArray
+    columns: FloatArray
+    possible: NDArray[np.bool_]
+
+
+class _Laws(NamedTuple):
+    """P (N), dP/dw (N/m), and dP/d ln(number) (N) by path through the ratios that it moves, each (sets, n)."""
+
+    force: FloatArray
+    stiffness: FloatArray
+    through_ratios: Mapping[str, FloatArray]
+    possible: NDArray[np.bool_]
+
+
+def goes_together(forward: Forward, values: Values, paths: Sequence[str]) -> bool:
+    """Whether sets that differ in the parameters at `paths`, otherwise at `values`, are worth asking together."""
+    elsewhere = (forward.history, forward.left_out, forward.bending)
+    if any(part is not None for part in elsewhere) or forward.similarity.energies:
+        return False
+    return Frame.path not in paths and not np.any(values[Frame.path])
+
+
+def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequence[str]) -> Jacobians | None:
+    """Model of one curve at many parameter sets, and its derivatives in the parameters at `paths`.
+
+    Parameters
+    ----------
+    forward : Forward
+        The compiled scene.
+    values : mapping of path to float or FloatArray
+        Every number of the scene (SI), (sets,) where it varies.
+    sets : int
+        How many.
+    paths : sequence of str
+        Free parameters.
+
+    Returns
+    -------
+    Jacobians
+        What is not possible here may be so alone. None where no set is computed in company.
+    """
+    if not goes_together(forward, values, paths):
+        return None
+    asked = ParameterSets(forward, values, sets)
+    laws = _laws(asked)
+    if laws is None:
+        return None
+    offsets = asked.chain.offset_slopes(forward.depth)
+    columns = np.empty((sets, len(paths), laws.force.shape[-1]))
+    for row, path in enumerate(paths):
+        if path in offsets:
+            columns[:, row] = offsets[path]
+        elif path == ContactDepth.path:
+            np.negative(laws.stiffness, out=columns[:, row])
+        else:
+            columns[:, row] = _mechanical(asked, path, laws)
+    return Jacobians(asked.instrument_force(laws.force), columns, laws.possible)
+
+
+def _laws(asked: ParameterSets) -> _Laws | None:
+    laws = asked.forward.laws
+    if asked.shared is not None:
+        return _one_law(asked, asked.shared)
+    if laws.table is not None and laws.table.family is not None:
+        return _tabulated(asked, laws.table)
+    return None if laws.tips is None else _of_tips(asked, laws.tips)
+
+
+def _of_tips(asked: ParameterSets, tips: OneRatio) -> _Laws | None:
+    """All sets off the tables of the flat punch; None where the tip has more sizes than one."""
+    similarity = asked.forward.similarity
+    if len(similarity.lengths) != 1 or any(
+        isinstance(asked.values[path], np.ndarray) for path in similarity.direct
+    ):
+        return None
+    b, c = asked.factors
+    ratios = [np.broadcast_to(ratio, asked.sets).tolist() for ratio in asked.ratios]
+    found = asked.forward.laws.laws_of(list(zip(*ratios, strict=True)), (b * asked.deepest).tolist())
+    rows = [row for row, law in enumerate(found) if isinstance(law, TipLaw)]
+    if not rows:
+        return None
+    laws = [law for law in found if isinstance(law, TipLaw)]
+    said = tips_side_by_side(laws, b[rows, None] * asked.tip[rows])
+    force, stiffness, in_ratio, in_size = (np.zeros(asked.tip.shape) for _ in said)
+    possible = np.zeros(asked.sets, dtype=bool)
+    possible[rows] = True
+    scale = c[rows, None]
+    force[rows], stiffness[rows] = scale * said.force, scale * b[rows, None] * said.stiffness
+    in_ratio[rows], in_size[rows] = scale * said.in_ratio, scale * said.in_size
+    known = {tips.path: in_ratio, similarity.lengths[0]: in_size}
+    moved: dict[str, FloatArray] = {}
+    for path in (*similarity.moduli, *similarity.lengths, str(similarity.length)):
+        ratio_slopes = similarity.ratio_slopes(path, similarity.values)
+        if ratio_slopes:
+            moved[path] = np.sum([slope * known[ratio] for ratio, slope in ratio_slopes.items()], axis=0)
+    return _Laws(force, stiffness, moved, possible)
+
+
+def _mechanical(asked: ParameterSets, path: str, laws: _Laws) -> FloatArray:
+    """dP/dp at fixed tip depth, as in `Forward`: the two factors, then the ratios the parameter moves."""
+    similarity, value = asked.forward.similarity, asked.column(path)
+    # They raise and multiply: arrays go through as numbers do.
+    numbers: Any = asked.values
+    log_b, log_c = (np.reshape(slope, (-1, 1)) for slope in similarity.factor_slopes(path, numbers))
+    total = log_c * laws.force
+    if log_b.any():
+        total += log_b * asked.tip * laws.stiffness
+    if path in laws.through_ratios:
+        total += laws.through_ratios[path]
+    return np.asarray(total / value)
+
+
+def _one_law(asked: ParameterSets, reduced: tuple[float, ...]) -> _Laws | None:
+    """All sets through one law, as far as that of the deepest serves them all."""
+    b, c = (factor[:, None] for factor in asked.factors)
+    depth = asked.factors[0] * asked.deepest
+    spans = asked.forward.laws.spans(depth)
+    possible = spans == spans.max()
+    try:
+        law = asked.forward.reference_law(reduced, float(depth.max()))
+        force, stiffness = law.force_and_stiffness(b * asked.tip)
+    except InputError:
+        return None
+    return _Laws(c * force, (b * c) * stiffness, {}, possible)
+
+
+def _tabulated(asked: ParameterSets, table: OneRatio) -> _Laws | None:
+    """All sets off the tables of the one ratio that varies."""
+    indenter = asked.forward.similarity.scene.indenter
+    if not isinstance(indenter, PowerLawShape) or table.family is None:
+        return None
+    thickness = np.ascontiguousarray(asked.column("layer.thickness")[:, 0])
+    curves = family_batch(
+        indenter,
+        family=table.family,
+        ratio=asked.column(table.path)[:, 0] / asked.column(table.over)[:, 0],
+        varpi=asked.varpi(thickness),
+        rtol=asked.rtol,
+        slopes=True,
+    )
+    nu = float(asked.values["layer.nu"])
+    theta = asked.gain * np.asarray(isotropic_constants(asked.column("layer.E")[:, 0], nu).theta)
+    found = curves.with_slopes(asked.tip, theta, thickness, asked.abel_coefficients())
+    moved = {table.path: found[2], table.over: -found[2]}
+    return _Laws(found[0], found[1], moved, curves.error_estimate <= asked.rtol)
