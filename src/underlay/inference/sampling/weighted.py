@@ -18,7 +18,7 @@ from underlay.inference.ridge.importance import Importance, judged, leak_of_walk
 from underlay.inference.ridge.learn import Proposal, learn
 from underlay.inference.ridge.mixture import Mixture
 from underlay.inference.ridge.parts import Part
-from underlay.inference.ridge.trial import weigh
+from underlay.inference.ridge.trial import Trial, weigh
 from underlay.inference.ridge.weights import WeightedDraws
 from underlay.inference.sampling.assembly import Making, assemble_posterior
 from underlay.inference.sampling.counted import CountedDensity
@@ -132,12 +132,21 @@ class Ridges:
         """Weighted draws that stand alone, and what they are worth; None without a mixture."""
         if self.proposal is None:
             return None
-        proposal, wanted = self.proposal, _ALONE_ERROR
-        if self.problem.likelihood is not None:
-            wanted = _AIMED_ERROR
-            trial = weigh(self.target, self.coordinates, proposal.mixture, _TO_AIM, self.for_draws)
-            proposal = replace(proposal, mixture=aimed(proposal.mixture, trial))
-        drawn = produced(self.target, proposal, self.for_draws, Budget(_TO_DRAW), error=wanted)
+        if self.problem.likelihood is None:
+            return self._judged(self.proposal, _ALONE_ERROR)
+        learnt = weigh(self.target, self.coordinates, self.proposal.mixture, _TO_AIM, self.for_draws)
+        proposal = replace(self.proposal, mixture=aimed(self.proposal.mixture, learnt))
+        drawn, importance = self._judged(proposal, _AIMED_ERROR)
+        if importance.refused:
+            # So many draws tell of what a pilot does not meet: they teach once more, and are not used otherwise.
+            taught = Trial(self.target, self.coordinates, self.for_draws, proposal.mixture, drawn).mended()
+            proposal = replace(proposal, mixture=aimed(taught, drawn))
+            drawn, importance = self._judged(proposal, _AIMED_ERROR)
+        return drawn, importance
+
+    def _judged(self, proposal: Proposal, error: float) -> tuple[WeightedDraws, Importance]:
+        """Draws of a frozen mixture until no quantile's error is above `error`, and what they are worth."""
+        drawn = produced(self.target, proposal, self.for_draws, Budget(_TO_DRAW), error=error)
         leak = leak_of_walk(self.target, drawn, proposal, self.for_draws)
         self.count()
         return drawn, judged(drawn, proposal, leak)
