@@ -117,6 +117,28 @@ def test_a_batch_is_its_members(name, rtol, monkeypatch):
         np.testing.assert_allclose(batch.force[row], one.force, rtol=2 * rtol, atol=2 * rtol * top)
 
 
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6])
+@pytest.mark.parametrize("base", [THICKNESS, BASE])
+def test_a_sphere_is_read_off_a_surface_up_to_near_its_end(rtol, base, monkeypatch):
+    # The contact is six tenths as wide as the sphere: groups of like thickness and range reached past its end.
+    depth = np.linspace(-1e-5, 3e-4, 30)
+    curve = Curve(depth, np.maximum(depth, 0.0))
+    substrate = Isotropic(1e7, 0.3) if base is BASE else RIGID
+    scene = Scene(Sphere(1e-3), Layer(SOFT, 1.5e-3), substrate)
+    problem = Problem(scene, curve, E | base | CONTACT, Noise(force=1e-3), solver=Auto(rtol))
+    member, physical = problem.members[0], draws(problem, 12)
+    alone = np.array([member.reading(vector).contact for vector in physical])
+    monkeypatch.setattr(forward_batch, "_one_by_one", lambda *asked: asked[-1])
+    batch = member.readings(physical, stiffness=False)
+    assert batch.possible.all()
+    top = np.abs(alone).max(axis=1, keepdims=True)
+    np.testing.assert_array_less(np.abs(batch.contact - alone), 2 * rtol * alone + 1e-12 * top)
+    assert member.forward.laws.store.surfaces
+    # No set minds the company it is asked in.
+    again = member.readings(physical[5:6], stiffness=False)
+    np.testing.assert_array_equal(again.contact[0], batch.contact[5])
+
+
 def test_a_set_does_not_depend_on_its_company():
     scene, free, _ = CASES["elastic"]
     problem = Problem(scene, CURVE, free, Noise(force=1e-3), solver=Auto(1e-4))

@@ -1,5 +1,7 @@
 """Posteriors of curves whose noise nobody stated: the density by dense matrices, its intervals by quadrature."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import special
@@ -7,6 +9,7 @@ from scipy import special
 import underlay as ul
 from support.worlds import Clean, disturbed
 from underlay.inference.headline.averaged import averaged_fit
+from underlay.inference.ridge import importance
 
 SCENE = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3), ul.RIGID)
 FREE = {"layer.E": ul.LogUniform(1e5, 1e7)}
@@ -92,11 +95,56 @@ def test_curves_of_a_joint_problem_share_what_is_weighed():
 
 def test_a_sample_allows_for_what_its_fit_allows_for():
     problem = posed("AR(1) and white", points=50)
-    found = ul.sample(problem, method="importance")
+    found = ul.sample(problem)
     assert found.problem.likelihood is not None
+    # Weighted draws, since nobody asked for a chain, and with them the evidence.
+    assert (found.diagnostics.method, found.converged) == ("importance", True)
+    q = np.linspace(-0.5, 0.5, 4001)
+    density = found.problem.log_posterior(q[:, None])
+    top = density.max()
+    expected = top + np.log(np.exp(density - top).sum() * (q[1] - q[0]))
+    assert found.log_evidence.value == pytest.approx(expected, abs=4.0 * found.log_evidence.error)
     draws = np.quantile(found.samples["layer.E"], [0.025, 0.975])
     stated = ul.fit(problem).interval("layer.E")
     assert draws == pytest.approx([stated.low, stated.high], abs=0.15 * (stated.high - stated.low))
     # The control: white noise is three times too sure.
     white = ul.sample(problem.revised(noise=ul.Noise()), method="importance").samples["layer.E"]
     assert np.ptp(np.quantile(white, [0.025, 0.975])) < 0.4 * np.ptp(draws)
+
+
+def test_a_chain_is_made_where_one_is_asked_for_or_weights_are_not_believed(monkeypatch):
+    problem = posed("clean", points=50)
+    with pytest.warns(ul.UnderlayWarning, match="not converged after 20 steps"):
+        asked = ul.sample(problem, walkers=8, max_steps=20, method="emcee")
+    monkeypatch.setattr(importance, "_LARGEST_INDEX", -np.inf)
+    with pytest.warns(ul.UnderlayWarning, match="not converged after 20 steps"):
+        declined = ul.sample(problem, walkers=8, max_steps=20)
+    for posterior in (asked, declined):
+        assert posterior.diagnostics.method == "emcee"
+        assert posterior.diagnostics.walkers == 8
+    assert declined.log_evidence is None
+
+
+def test_the_parts_of_a_likelihood_are_all_of_it():
+    likelihood = ul.marginalised(posed("drag step")).likelihood
+    physical = np.array([[9e5], [1e6], [1.02e6]])
+    parts = [part.likelihood(physical) for part in likelihood.parts]
+    assert len(parts) > 1
+    assert special.logsumexp(parts, axis=0) == pytest.approx(likelihood(physical), abs=1e-9)
+
+
+def test_evidences_of_the_same_blocks_compare():
+    problem = posed("clean", points=50)
+    models = {
+        "sphere": problem,
+        "paraboloid": problem.revised(scenes=[replace(SCENE, indenter=ul.Paraboloid(1e-3))]),
+    }
+    drawn = {name: (one, ul.sample(one)) for name, one in models.items()}
+    table = ul.compare_models(drawn)
+    told = {name: posterior.log_evidence.value for name, (_, posterior) in drawn.items()}
+    odds = np.exp(told["sphere"] - told["paraboloid"])
+    assert table.loc["sphere", "probability"] == pytest.approx(odds / (1.0 + odds), abs=1e-12)
+    # Averaged noise is not stated noise, and a posterior read from a file does not know its blocks.
+    white = problem.revised(noise=ul.Noise(force=1e-5))
+    other = ul.compare_models({**drawn, "white": (white, ul.sample(white, method="importance"))})
+    assert other["probability"].isna().all()

@@ -21,6 +21,7 @@ from underlay.inference.misfit.linearised import Linearised, Part, drift_columns
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.paraboloid_for_sphere import paraboloid_for_sphere
 from underlay.inference.misfit.sizes import Sizes
+from underlay.inference.misfit.whitened_squares import WhitenedSquares
 from underlay.inference.misfit.whitener import Whitener
 
 RNG = np.random.default_rng(7)
@@ -43,6 +44,15 @@ def test_products_are_those_under_the_inverse_of_the_variance(tau, share):
     allowed = 60 * np.finfo(float).eps * np.linalg.cond(V)
     expected = columns.T @ np.linalg.solve(V, columns)
     assert ahead.T @ solved == pytest.approx(expected, abs=allowed * np.abs(expected).max())
+    assert columns.T @ whitener.inverse_times(columns, share)[0] == pytest.approx(
+        expected, abs=allowed * np.abs(expected).max()
+    )
+    # Beside white noise, which takes nothing from it; 60 is no whole number of pieces.
+    both = WhitenedSquares.of([None, (whitener, share)], 60)
+    squares = both(columns)
+    assert squares[0] == pytest.approx(np.square(columns).sum(axis=0), rel=1e-14)
+    assert squares[1] == pytest.approx(np.diag(expected), abs=allowed * np.abs(expected).max())
+    assert both.part(np.array([1]))(columns)[0] == pytest.approx(squares[1], rel=1e-14)
     # A sum of 60 logarithms, none above log(1 + 60 g), less that of the spreads of W.
     size = 60 * np.log1p(60 * share)
     rounding = np.finfo(float).eps * np.abs(np.log(whitener.spread)).sum()

@@ -3,6 +3,7 @@
     python tests/studies/posterior_recipe.py benchmark       # results/posterior_benchmark.json
     python tests/studies/posterior_recipe.py random --count 60   # results/posterior_random.csv; stop it any time
     python tests/studies/posterior_recipe.py far        # results/posterior_far.csv
+    python tests/studies/posterior_recipe.py averaged   # results/posterior_averaged.json
 
 The benchmark is the posterior of E, thickness, E2 and contact point of a layer on an elastic base, 500 points. The
 moves of before (`moves()` without the mixture), the chain with it and weighted draws alone take turns in one
@@ -11,6 +12,10 @@ from quadrature (`support/posterior_quadrature.py`, no chain and no draws), in s
 
 The random posteriors have two to five free parameters; each is sampled as anybody would, and every 2.5, 50 and
 97.5 % quantile compared with quadrature. A row is written as it is made.
+
+Averaged: two samples whose noise nobody states, so that noise and misfit are averaged over. What `sample` answers
+is compared with 60,000 draws of a mixture half as wide again that is not aimed (`reference_error`, told by the
+draws themselves), and with a chain.
 
 Far: what a density costs (us) in batches of 64 near the scene's values, at 512 draws of the prior, whose tables are
 not there yet, and at the same again.
@@ -24,6 +29,7 @@ import sys
 import time
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -36,11 +42,16 @@ from sampling_speed import layered  # noqa: E402  # after the path is set
 from support.posterior_quadrature import LEVELS, reference  # noqa: E402
 from support.random_posteriors import random_problem  # noqa: E402
 from underlay.errors import FitError, UnderlayError  # noqa: E402
+from underlay.inference.from_files import problem_from, read_for, weak_bounds  # noqa: E402
 from underlay.inference.ridge.coordinates import PriorNormal  # noqa: E402
+from underlay.inference.ridge.trial import weigh  # noqa: E402
+from underlay.inference.ridge.weights import WeightedDraws  # noqa: E402
 from underlay.inference.sampling.convergence import tail_size  # noqa: E402
 from underlay.inference.sampling.counted import CountedDensity  # noqa: E402
+from underlay.inference.sampling.marginalised import marginalised  # noqa: E402
 from underlay.inference.sampling.run import sample  # noqa: E402
 from underlay.inference.sampling.weighted import Ridges  # noqa: E402
+from underlay.scene.scene_file import read_scene_file  # noqa: E402
 
 RESULTS = HERE / "results"
 
@@ -170,6 +181,58 @@ def random(count, first):
         print(row, flush=True)  # a command
 
 
+def averaged(seeds):
+    """Answers of two samples as they are asked for, then by chains."""
+    table = {"load before": os.getloadavg()[0]}
+    path = RESULTS / "posterior_averaged.json"
+    for asked in [*[(None, seed) for seed in range(seeds)], ("emcee", 0)]:
+        for name in ("gel_on_glass", "cartilage_on_bone"):
+            folder = HERE.parents[1] / "data_samples"
+            file = read_scene_file(folder / f"{name}.toml")
+            curve = read_for(file, folder / f"{name}.csv")
+            problem = problem_from(file, curve, weak_bounds(file, curve))
+            if name not in table:
+                long = long_run(problem)
+                table[name] = {
+                    "reference": problem.physical(long.quantiles()).T.tolist(),
+                    "reference_error": float(long.quantile_errors().max()),
+                    "reference_log_evidence": long.log_evidence,
+                    "rows": [],
+                }
+            table[name]["rows"].append(averaged_row(problem, table[name]["reference"], *asked))
+            path.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
+            print(name, table[name]["rows"][-1], flush=True)  # a command
+
+
+def averaged_row(problem, quantiles, method, seed):
+    """One answer against quantiles (parameters, levels)."""
+    posterior, seconds = timed(sample, problem, rng=seed, method=method, progress=False)
+    exact = SimpleNamespace(quantiles=dict(zip(problem.names, np.array(quantiles), strict=True)))
+    rows = off(posterior, exact)
+    return {
+        "asked": method or "what is best",
+        "answered by": posterior.diagnostics.method,
+        "converged": posterior.converged,
+        "processor seconds": round(seconds, 2),
+        "evaluations": posterior.diagnostics.evaluations,
+        "off": rows,
+        "worst": float(np.abs(list(rows.values())).max()),
+        "log_evidence": posterior.log_evidence,
+        "reason": posterior.diagnostics.reason,
+    }
+
+
+def long_run(problem):
+    """Weighted draws of a mixture of another seed, half as wide again."""
+    posed = marginalised(problem)
+    ridges = Ridges(posed, CountedDensity(posed), np.random.default_rng(99))
+    ridges.seek(None)
+    mixture, rng = ridges.mixture.widened(1.5), np.random.default_rng(98)
+    return WeightedDraws.joined(
+        [weigh(ridges.target, ridges.coordinates, mixture, 20_000, rng) for _ in range(3)]
+    )
+
+
 def far(count):
     rows = []
     for seed in range(count):
@@ -195,7 +258,7 @@ def far(count):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["benchmark", "random", "far"])
+    parser.add_argument("what", choices=["benchmark", "random", "far", "averaged"])
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--old-steps", type=int, default=6000)
@@ -205,6 +268,8 @@ def main():
         benchmark(arguments.old_steps, arguments.rounds)
     elif arguments.what == "far":
         far(arguments.count)
+    elif arguments.what == "averaged":
+        averaged(arguments.rounds + 2)
     else:
         random(arguments.count, arguments.first)
 

@@ -2,7 +2,10 @@
 
 import os
 import time
+from functools import partial
+from unittest import mock
 
+from underlay.app import posterior
 from underlay.app.tasks import Analyst
 from underlay.errors import InputError
 
@@ -38,7 +41,10 @@ class Tasks:
 
 
 class Waiting(Analyst):
-    """The tasks of the page; a sampler that has done enough waits there until it is told to stop."""
+    """The tasks of the page; a sampler that has done enough waits there until it is told to stop.
+
+    It makes a chain, also where weighted draws would do: there is nothing to stop in those.
+    """
 
     def sample(self, most, tell):
         def wait_there(value):
@@ -47,4 +53,5 @@ class Waiting(Analyst):
                 time.sleep(0.02)
                 tell(value)
 
-        return super().sample(most, wait_there)
+        with mock.patch.object(posterior, "sample", partial(posterior.sample, method="emcee")):
+            return super().sample(most, wait_there)

@@ -62,8 +62,8 @@ def sample(
             problem = free_model_error(problem)
         if problem.noise_is_open:
             say(
-                "note: no noise is stated, so it is averaged over, and misfit with it; that may take minutes. "
-                "A noise that is known is quicker: force in [noise] of the scene file"
+                "note: no noise is stated, so it is averaged over, and misfit with it. A noise that is known tells "
+                "more and is quicker: force in [noise] of the scene file"
             )
         posterior = sample_posterior(problem, walkers, max_steps, seed, backend=chain, resume=resume)
     say_table(posterior_table(posterior), f"Posterior of {curve.name}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, Self
 
@@ -25,7 +26,7 @@ from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["Given", "Likelihood", "Problem"]
+__all__ = ["Given", "Likelihood", "LikelihoodPart", "Problem"]
 
 
 class Likelihood(Protocol):
@@ -35,11 +36,32 @@ class Likelihood(Protocol):
         """Log-density (sets,) at physical vectors (sets, k), SI; -inf where no law exists."""
 
     @property
-    def about(self) -> tuple[FloatArray, FloatArray]:
-        """Normal distributions of the scaled vector that together look like it: (m, k), covariances (m, k, k).
+    def data(self) -> Sequence[FloatArray]:
+        """The numbers whose density it is: evidences of the same ones compare."""
 
-        What a sampler proposes from beside what it finds itself; none where there is nothing to say.
+    @property
+    def parts(self) -> Sequence[LikelihoodPart]:
+        """What it is a sum of, the heaviest first, but for what is like a heavier one; none where it is one.
+
+        A sampler looks for the ridges of each: of a narrow and a wide one the sum is neither.
         """
+
+
+@dataclass(frozen=True, eq=False)
+class LikelihoodPart:
+    """One of the densities that a likelihood is a sum of.
+
+    Parameters
+    ----------
+    middle, covariance : FloatArray
+        Normal distribution of the scaled vector that looks like it about its top, (k,) and (k, k).
+    likelihood : Likelihood
+        The density itself, in the unit of the sum.
+    """
+
+    middle: FloatArray
+    covariance: FloatArray
+    likelihood: Likelihood
 
 
 class Problem:

@@ -101,10 +101,12 @@ class _ToTolerance(Solver):
         return (_is_rounded_power_law(tip) or isinstance(tip, Sphere)) and _is_plain_layer(contact)
 
     def has_surfaces(self, contact: Contact) -> bool:
-        """Of a tip that sticks, where it has no corners."""
+        """Of a tip that sticks, where it has no corners, and of a sphere on an isotropic layer."""
         tip = contact.indenter
         smooth = _is_rounded_power_law(tip) or isinstance(tip, Sphere)
-        return contact.sticks and smooth and bool(np.isfinite(contact.thickness))
+        if contact.sticks:
+            return smooth and bool(np.isfinite(contact.thickness))
+        return isinstance(tip, Sphere) and _is_plain_layer(contact)
 
     def ranges(self, contact: Contact, depth: FloatArray) -> FloatArray:
         """Both the range that a law is solved for and that of its table."""

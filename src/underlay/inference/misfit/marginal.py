@@ -14,7 +14,8 @@ cents of themselves over a posterior, and are themselves uncertain by factors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,10 @@ from underlay.inference.misfit.averaging import Averaged
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.linearised import Linearised
+from underlay.inference.misfit.whitened_squares import WhitenedSquares
 from underlay.inference.misfit.whitener import Whitener
 from underlay.inference.model.forward_batch import batched_readings
+from underlay.inference.problem import LikelihoodPart
 
 __all__ = ["MarginalLikelihood"]
 
@@ -37,26 +40,26 @@ _ALIKE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class _UnderOneNoise:
-    """The combinations of one noise.
+class _Combinations:
+    """What the densities of all combinations are made of, noise by noise.
 
     Parameters
     ----------
-    whiteners : sequence of Whitener or None
-        Of each curve; None for white noise.
-    share : float
-        Variance of the correlated noise over that of the white.
+    squares : sequence of WhitenedSquares
+        Of each curve: r'V0^-1 r.
     solved : sequence of FloatArray
-        Of each curve: V0^-1 X, as `Whitener.inverse` gives it, (n, m).
+        Of each curve: V0^-1 X of every noise, transposed, (noises m, n).
+    noise : NDArray
+        Number of the noise of every combination, (c,).
     constants : FloatArray
         log prior - log det V / 2, (c,).
     reductions : FloatArray
         D (1 + D G D)^-1 D, (c, m, m).
     """
 
-    whiteners: Sequence[Whitener | None]
-    share: float
+    squares: Sequence[WhitenedSquares]
     solved: Sequence[FloatArray]
+    noise: NDArray[np.intp]
     constants: FloatArray
     reductions: FloatArray
 
@@ -65,39 +68,65 @@ class _UnderOneNoise:
         cls,
         model: Linearised,
         columns: Sequence[FloatArray],
-        noise: tuple[float, float] | None,
+        noises: Sequence[tuple[float, float] | None],
+        noise: NDArray[np.intp],
         sizes: FloatArray,
         log_prior: FloatArray,
-    ) -> _UnderOneNoise:
-        """Prepare a noise (tau, g) for columns (n, m) of each curve, of sizes over s (c, m)."""
-        whiteners = [None if noise is None else Whitener.of(part.time, noise[0]) for part in model.parts]
-        share = 0.0 if noise is None else noise[1]
-        solved, log_determinant = [], 0.0
-        products = np.zeros((columns[0].shape[1],) * 2)
-        for whitener, own in zip(whiteners, columns, strict=True):
-            ahead = own if whitener is None else whitener.ahead(own)
-            found, own_determinant = (own, 0.0) if whitener is None else whitener.inverse(ahead, share)
-            products += ahead.T @ found
-            solved.append(found)
-            log_determinant += own_determinant
-        inner = np.eye(len(products)) + sizes[:, :, None] * products * sizes[:, None, :]
+    ) -> _Combinations:
+        """Prepare combinations of noises (tau, g) and columns (n, m) of each curve, of sizes over s (c, m)."""
+        width = columns[0].shape[1]
+        products, log_determinants = np.zeros((len(noises), width, width)), np.zeros(len(noises))
+        squares, solved = [], []
+        for part, own in zip(model.parts, columns, strict=True):
+            whiteners = [
+                None if entry is None else (Whitener.of(part.time, entry[0]), entry[1]) for entry in noises
+            ]
+            found = []
+            for number, entry in enumerate(whiteners):
+                inverse, log_determinant = (
+                    (own, 0.0) if entry is None else entry[0].inverse_times(own, entry[1])
+                )
+                products[number] += own.T @ inverse
+                log_determinants[number] += log_determinant
+                found.append(inverse.T)
+            squares.append(WhitenedSquares.of(whiteners, len(own)))
+            solved.append(np.concatenate(found))
+        inner = np.eye(width) + sizes[:, :, None] * products[noise] * sizes[:, None, :]
         reductions = sizes[:, :, None] * np.linalg.inv(inner) * sizes[:, None, :]
-        constants = log_prior - 0.5 * (log_determinant + np.linalg.slogdet(inner)[1])
-        return cls(whiteners, share, solved, constants, reductions)
+        constants = log_prior - 0.5 * (log_determinants[noise] + np.linalg.slogdet(inner)[1])
+        return cls(squares, solved, noise, constants, reductions)
+
+    def part(self, rows: NDArray[np.intp]) -> _Combinations:
+        """Some of the combinations."""
+        numbers, noise = np.unique(self.noise[rows], return_inverse=True)
+        width = self.reductions.shape[-1]
+        solved = [own.reshape(-1, width, own.shape[-1])[numbers] for own in self.solved]
+        return _Combinations(
+            [own.part(numbers) for own in self.squares],
+            [own.reshape(-1, own.shape[-1]) for own in solved],
+            noise,
+            self.constants[rows],
+            self.reductions[rows],
+        )
 
     def log_densities(self, residuals: Sequence[FloatArray]) -> FloatArray:
         """Log of prior times density, (c, sets), of the residuals of each curve, (n, sets)."""
-        square = np.zeros(residuals[0].shape[1])
-        along = np.zeros((self.solved[0].shape[1], len(square)))
-        readings = 0
-        for whitener, solved, own in zip(self.whiteners, self.solved, residuals, strict=True):
-            ahead = own if whitener is None else whitener.ahead(own)
-            inverse = own if whitener is None else whitener.inverse(ahead, self.share)[0]
-            square += np.einsum("ns,ns->s", ahead, inverse)
-            along += solved.T @ ahead
-            readings += len(own)
-        taken = np.einsum("is,cis->cs", along, self.reductions @ along)
-        return np.asarray(self.constants[:, None] - 0.5 * readings * np.log(square - taken))
+        square = sum(own(part) for own, part in zip(self.squares, residuals, strict=True))
+        along = sum(own @ part for own, part in zip(self.solved, residuals, strict=True))
+        readings = sum(len(part) for part in residuals)
+        along = np.reshape(along, (-1, self.reductions.shape[-1], residuals[0].shape[1]))[self.noise]
+        taken = np.einsum("cis,cis->cs", along, self.reductions @ along)
+        return np.asarray(
+            self.constants[:, None] - 0.5 * readings * np.log(np.asarray(square)[self.noise] - taken)
+        )
+
+
+class _Alike(NamedTuple):
+    """Combinations that look alike: their rows, middle (k,) and covariance (k, k) of the heaviest, scaled."""
+
+    rows: NDArray[np.intp]
+    middle: FloatArray
+    covariance: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,18 +137,18 @@ class MarginalLikelihood:
     ----------
     blocked : Blocked
         The curves in blocks.
-    noises : sequence
-        The combinations that weigh something, noise by noise.
+    combinations : _Combinations
+        Those that weigh something, the heaviest first.
     means : sequence of FloatArray
         Of each curve: what its known errors are expected to add, over the scatter, (n,).
-    about : (FloatArray, FloatArray)
-        Middles (m, k) and covariances (m, k, k) of the scaled vector under combinations that differ.
+    unlike : sequence of _Alike
+        The combinations, those together that look alike.
     """
 
     blocked: Blocked
-    noises: Sequence[_UnderOneNoise]
+    combinations: _Combinations
     means: Sequence[FloatArray]
-    about: tuple[FloatArray, FloatArray]
+    unlike: Sequence[_Alike]
 
     @classmethod
     def of(cls, averaged: Averaged) -> MarginalLikelihood:
@@ -134,17 +163,19 @@ class MarginalLikelihood:
         model, known = blocked.linearised(averaged.vector), len(averaged.vector)
         columns = _columns(model, known)
         kept = _heaviest(competition.weights)
-        sizes = _sizes(blocked, competition, kept)
         prior = competition.sizes.log_prior(len(competition.noises))
-        noises = []
-        for number in np.unique(competition.places[kept, 0]):
-            rows = competition.places[kept, 0] == number
-            own = prior[number, competition.places[kept[rows], 1]]
-            noise = competition.noises[number]
-            noises.append(_UnderOneNoise.of(model, columns, noise, sizes[rows], own))
+        numbers, noise = np.unique(competition.places[kept, 0], return_inverse=True)
+        combinations = _Combinations.of(
+            model,
+            columns,
+            [competition.noises[number] for number in numbers],
+            noise,
+            _sizes(blocked, competition, kept),
+            prior[competition.places[kept, 0], competition.places[kept, 1]],
+        )
         expected = np.array([error.mean for error in blocked.errors])
         means = [part.jacobian[:, known:] @ expected for part in model.parts]
-        return cls(blocked, noises, means, _unlike(averaged, kept))
+        return cls(blocked, combinations, means, _unlike(averaged, kept))
 
     def __call__(self, physical: FloatArray) -> FloatArray:
         """Log-density (sets,)."""
@@ -152,9 +183,25 @@ class MarginalLikelihood:
         result = np.full(len(physical), -np.inf)
         if possible.any():
             residuals = [own[:, possible] for own in found]
-            densities = np.concatenate([noise.log_densities(residuals) for noise in self.noises])
-            result[possible] = special.logsumexp(densities, axis=0)
+            result[possible] = special.logsumexp(self.combinations.log_densities(residuals), axis=0)
         return result
+
+    @property
+    def data(self) -> Sequence[FloatArray]:
+        """Depths (m) and forces (N) of the blocks of each curve, (2, n)."""
+        return [np.array([curve.forward.depth, curve.force]) for curve in self.blocked.curves]
+
+    @property
+    def parts(self) -> Sequence[LikelihoodPart]:
+        """Combinations that look alike, together."""
+        return [
+            LikelihoodPart(
+                alike.middle,
+                alike.covariance,
+                replace(self, combinations=self.combinations.part(alike.rows), unlike=()),
+            )
+            for alike in self.unlike
+        ]
 
     def _residuals(self, physical: FloatArray) -> tuple[list[FloatArray], NDArray[np.bool_]]:
         """Model less data over the scatter, (n, sets) of each curve, and which sets exist."""
@@ -176,20 +223,22 @@ def _heaviest(weights: FloatArray) -> NDArray[np.intp]:
     return order[:count]
 
 
-def _unlike(averaged: Averaged, kept: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-    """Middles and covariances of the combinations, heaviest first, those left out that are like a heavier one."""
+def _unlike(averaged: Averaged, kept: NDArray[np.intp]) -> list[_Alike]:
+    """The combinations, heaviest first, each with those that are like it."""
     k, competition = len(averaged.vector), averaged.competition
-    free = [i for i in range(k) if i not in averaged.blocked.held]
+    if averaged.blocked.held:
+        return []
     middles = averaged.vector + competition.shift[kept, :k]
     covariances = competition.covariance[kept][:, :k, :k]
     deviations = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
-    chosen: list[int] = []
-    for row in range(len(kept) if len(free) == k else 0):
-        apart = np.abs(middles[chosen] - middles[row]) / deviations[row]
-        wider = np.abs(np.log(deviations[chosen] / deviations[row]))
-        if not ((apart < _ALIKE) & (wider < _ALIKE)).all(axis=1).any():
-            chosen.append(row)
-    return middles[chosen], covariances[chosen]
+    found: dict[int, list[int]] = {}
+    for row in range(len(kept)):
+        first = list(found)
+        apart = np.abs(middles[first] - middles[row]) / deviations[row]
+        wider = np.abs(np.log(deviations[first] / deviations[row]))
+        alike = np.flatnonzero(((apart < _ALIKE) & (wider < _ALIKE)).all(axis=1))
+        found.setdefault(first[alike[0]] if alike.size else row, []).append(row)
+    return [_Alike(np.array(rows), middles[row], covariances[row]) for row, rows in found.items()]
 
 
 def _columns(model: Linearised, known: int) -> list[FloatArray]:

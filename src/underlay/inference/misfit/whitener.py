@@ -68,3 +68,22 @@ class Whitener:
         pivots, lower, _ = lapack.dpttrf(self.diagonal + share, self.beside)
         solved, _ = lapack.dpttrs(pivots, lower, ahead)
         return solved, float(np.log(pivots).sum() + 2.0 * np.log(self.spread).sum())
+
+    def inverse_times(self, columns: FloatArray, share: float) -> tuple[FloatArray, float]:
+        """V^-1 times columns (n, m), for a share g of the process, and log det V."""
+        solved, log_determinant = self.inverse(self.ahead(columns), share)
+        solved[1:] /= self.spread[:, None]
+        solved[:-1] -= self.correlation[:, None] * solved[1:]
+        return solved, log_determinant
+
+    def recursion(self, share: float) -> FloatArray:
+        """alpha, beta, gamma (3, n) of e = D^(-1/2) L^-1 W r, T = L D L', for a share g of the process.
+
+        e_i = alpha_i r_i + beta_i r_(i-1) + gamma_i e_(i-1), and r' V^-1 r = e'e.
+        """
+        pivots, lower, _ = lapack.dpttrf(self.diagonal + share, self.beside)
+        root = np.sqrt(pivots)
+        alpha = 1.0 / (np.concatenate(([1.0], self.spread)) * root)
+        beta = -np.concatenate(([0.0], self.correlation)) * alpha
+        gamma = np.concatenate(([0.0], -lower * root[:-1] / root[1:]))
+        return np.array([alpha, beta, gamma])

@@ -6,11 +6,11 @@ Seven ways, the first that applies:
    adhesion's own table (`Adhesion.table`), a frame's compliance included;
 2. no ratio varies between the sets: one law of the reference serves them all through `Similarity`'s factors;
 3. one ratio alone varies: every set's curve is read off the table of its cell (`curve_family`);
-4. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
+4. a tip sticks to the surface or is a sphere, and one ratio alone varies: the sets are read off a surface in it and
+   the depth (`ratio_surface`);
+5. the solver says that `ExactBatch` gives its laws (an isotropic layer on an isotropic or rigid base): the sets
    go through it, in groups whose stiffness ratio and range are alike;
-5. moduli and thicknesses of a stack vary: through `ExactBatch` too, in groups of like ratios;
-6. a tip sticks to the surface, and one ratio alone varies: the sets are read off a surface in it and the depth
-   (`ratio_surface`);
+6. moduli and thicknesses of a stack vary: through `ExactBatch` too, in groups of like ratios;
 7. otherwise set by set, through `Forward.reading`: so DMT and a flat punch that sticks, a law and 1 to 2 ms a set,
    and Maugis, two tenths of a second.
 
@@ -104,15 +104,26 @@ def _of_this_depth(forward: Forward, values: Values, empty: Readings, *, stiffne
         return _sticking(forward, values, sets)
     if np.any(values[Frame.path]):
         return _one_by_one(forward, values, range(sets), empty)
-    asked = ParameterSets(forward, values, sets)
+    return _of_ratios(ParameterSets(forward, values, sets), empty, stiffness=stiffness)
+
+
+def _of_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Readings:
+    """All sets by what of their ratios varies."""
+    table = asked.forward.laws.table
+    entry = None if stiffness else _entry_of_surfaces(asked)
     if asked.shared is not None:
-        return _by_one_law(asked, asked.shared, stiffness=stiffness)
-    if forward.laws.table is not None:
-        return _from_tables(asked, forward.laws.table, stiffness=stiffness)
-    in_groups = (
-        _in_groups if _has_exact_batches(asked) else _in_stack_groups if has_stack_batches(asked) else _dear
-    )
-    return in_groups(asked, stiffness=stiffness)
+        readings = _by_one_law(asked, asked.shared, stiffness=stiffness)
+    elif table is not None:
+        readings = _from_tables(asked, table, stiffness=stiffness)
+    elif entry is not None:
+        readings = _on_surfaces(asked, entry)
+    elif _has_exact_batches(asked):
+        readings = _in_groups(asked, stiffness=stiffness)
+    elif has_stack_batches(asked):
+        readings = _in_stack_groups(asked, stiffness=stiffness)
+    else:
+        readings = _one_by_one(asked.forward, asked.values, range(asked.sets), empty)
+    return readings
 
 
 def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:
@@ -321,14 +332,14 @@ def _in_stack_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
     return _one_by_one(asked.forward, asked.values, alone, readings)
 
 
-def _dear(asked: ParameterSets, *, stiffness: bool) -> Readings:
-    """All sets of laws that are solved one by one, or read off surfaces in the one ratio that varies."""
+def _entry_of_surfaces(asked: ParameterSets) -> int | None:
+    """Number of the one ratio that varies, where the laws are read off surfaces in it; else None."""
     laws = asked.forward.laws
     varying = [entry for entry, ratio in enumerate(asked.ratios) if isinstance(ratio, np.ndarray)]
-    if stiffness or len(varying) != 1 or not laws.solver.has_surfaces(laws.contact):
-        empty = Readings.empty(asked.sets, len(asked.forward.depth))
-        return _one_by_one(asked.forward, asked.values, range(asked.sets), empty)
-    return _on_surfaces(asked, varying[0])
+    if len(varying) != 1 or not laws.solver.has_surfaces(laws.contact):
+        return None
+    # Of a tip that slides the laws of a surface are read off its tables, or it is dearer than what it saves.
+    return varying[0] if laws.contact.sticks or laws.tips is not None else None
 
 
 def _on_surfaces(asked: ParameterSets, entry: int) -> Readings:

@@ -1,15 +1,18 @@
 """Laws that differ in one number, read off a surface in that number and the depth.
 
-For solvers without tables or batches of their own, as that of a tip that sticks. Where of all ratios of a scene one
-alone varies between parameter sets (Poisson's ratio, a modulus of the base, a radius over a thickness), the law of
-the reference is solved at a few values of it, and ln(P/w^(1+1/p)) is a polynomial in that number and in w^(1/p), to
-which the contact radius is proportional at first. Cells of the number and ranges of the depth are fixed, so that a
-set's answer does not depend on the company it is asked in. What a surface is off by is measured at a value and at
-depths between its own, and one that is off by more than the tolerance is not used.
+For a tip that sticks, whose laws are dear, and for a sphere, whose size over the thickness no scaling removes.
+Where of all ratios of a scene one alone varies between parameter sets (Poisson's ratio, a modulus of the base,
+a radius over a thickness), the law of the reference is built at a few values of it, and ln(P/w^(1+1/p)) is a
+polynomial in that number and in w^(1/p), to which the contact radius is proportional at first. Cells of the
+number and ranges of the depth are fixed, so that a set's answer does not depend on the company it is asked in.
+Where the number is a length of the tip, depths are counted in it: a sphere ends on its own scale, and a curve's
+depth is known on it. What a surface is off by is measured at values and depths between its own, and one
+that is off by more than the tolerance is not used.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Self
@@ -31,9 +34,9 @@ _LOG_CELL, _LOG_EDGE = np.log(2.0), np.log(1.37)
 _CELL, _EDGE = 0.1, 0.5
 # Numbers of values and of terms in depth that are tried, and where between them a surface is judged.
 _VALUES, _TERMS = (6, 10, 16), (16, 32, 64)
-_JUDGED, _JUDGED_DEPTHS = 0.31, np.array([0.002, 0.01, 0.04, 0.13, 0.27, 0.46, 0.69, 0.94])
-# Of the tolerance: what the laws behind a surface may be off by.
-_SPARE = 0.2
+_JUDGED, _JUDGED_DEPTHS = np.array([-0.86, 0.31]), np.linspace(0.02, 0.99, 29) ** 2
+# Of the tolerance: what the laws behind a surface may be off by, and what it may be seen to be off by there.
+_SPARE, _SEEN = 0.2, 0.5
 
 
 @dataclass(frozen=True)
@@ -45,9 +48,11 @@ class RatioSurface:
     low, high : float
         Ends of the cell.
     reach : float
-        Largest depth (m) of the reference.
+        Largest depth of the reference, as `surfaces` counts it.
     power : float
         1/p.
+    in_lengths : bool
+        Whether the number is a length of the tip, in which depths are counted, and not in metres.
     coefficients : ndarray (values, terms)
         Chebyshev coefficients in the place in the cell and in (w/reach)^(1/p), each mapped to [-1, 1].
     """
@@ -56,6 +61,7 @@ class RatioSurface:
     high: float
     reach: float
     power: float
+    in_lengths: bool
     coefficients: FloatArray
 
     @classmethod
@@ -66,43 +72,50 @@ class RatioSurface:
         width, edge = _cells(source, entry)
         low, high, reach = edge + (cell - 1.0) * width, edge + cell * width, float(np.exp2(octave))
         tolerance = source.solver.tolerance
-        finer = replace(
-            source, solver=source.solver.with_tolerance(_SPARE * tolerance), table=None, tips=None
-        )
-
-        def law(place: float) -> ContactLaw:
-            number = 0.5 * (low + high + place * (high - low))
-            value = float(np.exp(number)) if _in_log(source, entry) else number
-            return finer.law((*ratios[:entry], value, *ratios[entry + 1 :]), reach)
-
+        finer = replace(source, solver=source.solver.with_tolerance(_SPARE * tolerance), table=None)
+        in_lengths = source.similarity.ratio_paths[entry] in source.similarity.lengths
         power = 1.0 / (source.similarity.exponent or 2.0)
+
+        def logs(places: Sequence[float], shares: FloatArray) -> FloatArray:
+            """Logarithms (places, n) at shares (n,) of the reach."""
+            numbers = [0.5 * (low + high + place * (high - low)) for place in places]
+            values = [float(np.exp(number)) if _in_log(source, entry) else number for number in numbers]
+            reduced = [(*ratios[:entry], value, *ratios[entry + 1 :]) for value in values]
+            reaches = [reach * value if in_lengths else reach for value in values]
+            finer.laws_of(reduced, reaches)
+            asked = zip(reduced, reaches, strict=True)
+            return np.array([_logs(finer.law(own, deep), deep * shares, power) for own, deep in asked])
+
+        judged = _JUDGED_DEPTHS**power
         try:
-            judge = law(_JUDGED)
+            judge = logs(_JUDGED.tolist(), _JUDGED_DEPTHS)
             for values, terms in product(_VALUES, _TERMS):
-                depths = reach * (0.5 + 0.5 * _nodes(terms)) ** (1.0 / power)
-                known = np.array([_logs(law(place), depths, power) for place in _nodes(values).tolist()])
-                found = cls(low, high, reach, power, _coefficients(_coefficients(known).T).T)
-                asked = reach * _JUDGED_DEPTHS
-                off = found.logs(np.array([_JUDGED]), asked[None])[0] - _logs(judge, asked, power)
-                if np.abs(off).max() <= tolerance:
+                known = logs(_nodes(values).tolist(), (0.5 + 0.5 * _nodes(terms)) ** (1.0 / power))
+                coefficients = _coefficients(_coefficients(known).T).T
+                found = cls(low, high, reach, power, in_lengths, coefficients)
+                off = found.logs(_JUDGED, np.tile(judged, (len(_JUDGED), 1))) - judge
+                if np.abs(off).max() <= _SEEN * tolerance:
                     return found
         except InputError:
             return None
         return None
 
-    def logs(self, place: FloatArray, depth: FloatArray) -> FloatArray:
-        """ln(P/w^(1+1/p)), (sets, n), at places (sets,) in [-1, 1] and depths (m) of the reference, positive."""
+    def logs(self, place: FloatArray, root: FloatArray) -> FloatArray:
+        """ln(P/w^(1+1/p)), (sets, n), at places (sets,) in [-1, 1] and (w/reach)^(1/p), (sets, n)."""
         # Not by a product of matrices: its last bit depends on how many sets there are.
         table = chebyshev.chebvander(place, len(self.coefficients) - 1)
         own = (table[:, :, None] * self.coefficients).sum(axis=1)
-        z = 2.0 * (depth / self.reach) ** self.power - 1.0
+        z = 2.0 * root - 1.0
         return np.asarray(chebyshev.chebval(z, own.T[:, :, None], tensor=False))
 
     def force(self, number: FloatArray, depth: FloatArray) -> FloatArray:
         """Force (N), (sets, n), at values (sets,) of the number and depths (m) of the reference, (sets, n)."""
         place = 2.0 * (number - self.low) / (self.high - self.low) - 1.0
-        inside = np.where(depth > 0.0, depth, self.reach)
-        force = np.exp(self.logs(place, inside)) * inside ** (1.0 + self.power)
+        reach = self.reach * np.exp(number)[:, None] if self.in_lengths else self.reach
+        inside = np.where(depth > 0.0, depth, reach)
+        # A square root costs a tenth of another power.
+        root = inside**self.power
+        force = np.exp(self.logs(place, root / reach**self.power)) * inside * root
         return np.where(depth > 0.0, force, 0.0)
 
 
@@ -126,7 +139,9 @@ def surfaces(
     """
     width, edge = _cells(source, entry)
     number = np.log(value) if _in_log(source, entry) else value
-    keys = np.column_stack((np.ceil((number - edge) / width), np.ceil(np.log2(depth))))
+    in_lengths = source.similarity.ratio_paths[entry] in source.similarity.lengths
+    counted = depth / value if in_lengths else depth
+    keys = np.column_stack((np.ceil((number - edge) / width), np.ceil(np.log2(counted))))
     others = (*ratios[:entry], *ratios[entry + 1 :])
     kept = source.store.surfaces
     found = []

@@ -18,14 +18,13 @@ from underlay.inference.ridge.climb import Density, Slice, climb, small_basis
 from underlay.inference.ridge.coordinates import FARTHEST, Target, log_normal
 from underlay.inference.ridge.march import Node, Ridge, march, march_inside
 from underlay.inference.ridge.mixture import Mixture
+from underlay.inference.ridge.parts import Part, nodes_of
 from underlay.inference.ridge.trial import Trial
 
 __all__ = ["Proposal", "learn"]
 
 # Optima this far below the best one's evidence say nothing; two this near are one; so near a ridge is on it.
 _FAR_BELOW, _ONE_PLACE, _ON_RIDGE = 12.0, 1.0, 2.5
-# Share of components that were known beforehand.
-_KNOWN = 0.5
 # A search begins inside the prior, with room for differences.
 _INSIDE = FARTHEST - 2.5
 # A place of a scan is looked at if it is farther than this from all that was walked, in standard deviations of
@@ -79,7 +78,7 @@ def learn(
     budget: Budget,
     *,
     places: Sequence[FloatArray] = (),
-    known: tuple[FloatArray, FloatArray] | None = None,
+    parts: Sequence[Part] = (),
 ) -> Proposal | None:
     """Find a mixture for a posterior.
 
@@ -95,8 +94,8 @@ def learn(
         Processor time it may take.
     places : sequence of FloatArray
         (p,) each: where else a ridge may be, though no optimum is; those on none that was walked are looked at.
-    known : (FloatArray, FloatArray), optional
-        Components that look like the posterior: places (m, p) and factors (m, p, p).
+    parts : sequence of Part
+        Densities that the posterior is a sum of.
 
     Returns
     -------
@@ -120,10 +119,9 @@ def learn(
     ridges = [ridge for ridge in ridges if ridge.slices]
     if not ridges:
         return None
-    ends = [open_end, *(ridge.open_end for ridge in ridges)]
-    mixture = Mixture.along([n for ridge in ridges for n in ridge.nodes])
-    if known is not None and len(known[0]):
-        mixture = mixture.with_more(*known, _KNOWN)
+    own, end = nodes_of(parts, budget)
+    ends = [open_end, end, *(ridge.open_end for ridge in ridges)]
+    mixture = Mixture.along([*(n for ridge in ridges for n in ridge.nodes), *own])
     # One batch, and without it nothing is known of a mixture: it is drawn whatever the walks have left of the time.
     trial = replace(Trial.of(target, target.coordinates, mixture, rng), density=density)
     try:

@@ -91,6 +91,10 @@ class Mixture:
         """Every component `factor` times as wide."""
         return Mixture(self.weights, self.places, factor * self.factors)
 
+    def reweighted(self, weights: FloatArray) -> Mixture:
+        """The same components with other weights (K,), of sum one."""
+        return Mixture(weights, self.places, self.factors)
+
     def with_more(self, places: FloatArray, factors: FloatArray, share: float) -> Mixture:
         """With components at `places` (m, p) of `factors` (m, p, p) that get `share` of the weight, each alike."""
         fresh = np.full(len(places), share / len(places))

@@ -95,6 +95,10 @@ class Trial:
         """How good it is: its share of effective draws, less its tail's index where that is too large."""
         return self.share if self.pilot.k_hat < _USABLE_INDEX else self.share - self.pilot.k_hat
 
+    def mended(self) -> Mixture:
+        """What its own draws teach, once."""
+        return _Known.of(self).learnt(self)
+
     def adapted(self) -> Trial:
         """Itself if it is good; else the best of what its wider twin learns in rounds from all draws so far."""
         best, mixture, known = self, self.mixture.with_twins(), _Known.of(self)

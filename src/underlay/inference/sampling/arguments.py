@@ -13,9 +13,9 @@ from underlay.inference.sampling.convergence import MIN_STEPS
 __all__ = ["check_arguments", "is_weighted", "seeded"]
 
 
-def is_weighted(method: str, backend: str | os.PathLike[str] | None) -> bool:
+def is_weighted(method: str | None, backend: str | os.PathLike[str] | None) -> bool:
     """Whether weighted draws alone are asked for."""
-    if method not in ("emcee", "importance"):
+    if method not in (None, "emcee", "importance"):
         raise InputError(f"unknown method {method!r}; known: 'emcee', 'importance'")
     if method == "importance" and backend is not None:
         raise InputError("weighted draws are no chain and are not kept in a file: leave backend out")

@@ -113,11 +113,9 @@ def _evidences(models: Sequence[tuple[Problem, Posterior]]) -> dict[str, FloatAr
     """Columns of the evidences and of the probabilities that follow from them."""
     told = [posterior.log_evidence or LogEvidence(np.nan, np.nan) for _, posterior in models]
     value = np.array([entry.value for entry in told])
-    # Noise of unknown size has an improper prior: its evidence compares with none that states the size. Blocks are
-    # taken about each model's own contact: they are not the same data.
+    # Noise of unknown size has an improper prior: its evidence compares with none that states the size.
     unknown = [[member.scale_is_unknown for member in problem.members] for problem, _ in models]
-    averaged = any(posterior.problem.likelihood is not None for _, posterior in models if posterior.problem)
-    if averaged or any(entry != unknown[0] for entry in unknown):
+    if any(entry != unknown[0] for entry in unknown) or not _of_the_same_data(models):
         value = np.full(len(value), np.nan)
     known = np.isfinite(value)
     probability = np.full(len(value), np.nan)
@@ -125,6 +123,29 @@ def _evidences(models: Sequence[tuple[Problem, Posterior]]) -> dict[str, FloatAr
         probability[known] = special.softmax(value[known])
     error = np.where(known, [entry.error for entry in told], np.nan)
     return {"log_evidence": value, "log_evidence_error": error, "probability": probability}
+
+
+def _of_the_same_data(models: Sequence[tuple[Problem, Posterior]]) -> bool:
+    """Whether all evidences are of the readings, or where noise is averaged over all of the same blocks of them.
+
+    Blocks are taken about each model's own contact, and a posterior that was read from a file has forgotten them.
+    """
+    own = [None if posterior.problem is None else posterior.problem.likelihood for _, posterior in models]
+    blocks = [[] if likelihood is None else likelihood.data for likelihood in own]
+    forgotten = any(
+        problem.noise_is_open and likelihood is None
+        for (problem, _), likelihood in zip(models, own, strict=True)
+    )
+    same = all(len(entry) == len(blocks[0]) for entry in blocks)
+    return (
+        same
+        and not forgotten
+        and all(
+            np.array_equal(mine, first)
+            for entry in blocks
+            for mine, first in zip(entry, blocks[0], strict=True)
+        )
+    )
 
 
 def pointwise_log_likelihood(problem: Problem, physical: FloatArray) -> FloatArray:

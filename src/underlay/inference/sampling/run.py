@@ -38,7 +38,7 @@ from underlay.inference.sampling.progress import SamplingProgress, Told
 from underlay.inference.sampling.second_opinion import second_opinion
 from underlay.inference.sampling.stopping import Outcome, judge
 from underlay.inference.sampling.walker_start import start_walkers
-from underlay.inference.sampling.weighted import Ridges, by_weights
+from underlay.inference.sampling.weighted import NotAcceptedError, Ridges, by_weights
 
 __all__ = ["sample"]
 
@@ -58,7 +58,7 @@ def sample(
     backend: str | os.PathLike[str] | None = None,
     resume: bool = False,
     progress: bool | Told | None = None,
-    method: str = "emcee",
+    method: str | None = None,
 ) -> Posterior:
     """Sample the posterior of a problem.
 
@@ -85,9 +85,12 @@ def sample(
         Show a progress line; by default only on a terminal. A function is called at every step with the steps done,
         those that will probably be needed and the effective samples so far; a KeyboardInterrupt that it raises ends
         the sampling as Ctrl-C does.
-    method : {"emcee", "importance"}
+    method : {"emcee", "importance"}, optional
         ``"importance"`` gives the weighted draws of the mixture alone, resampled, where they are accepted: for
         quick looks and for maps. It makes no chain, so `walkers`, `max_steps` and `backend` do not matter to it.
+        By default ``"emcee"``; but where noise is averaged over weighted draws are tried first, since such a
+        posterior has a narrow core and wide wings, in which a chain takes minutes. A chain that lies in `backend`
+        to be continued goes on.
 
     Returns
     -------
@@ -119,6 +122,13 @@ def sample(
     ridges = Ridges(problem, density, for_mixture)
     if is_weighted(method, backend):
         return by_weights(ridges, start, for_bands, seed=seed, begin=begin)
+    begun = resume and backend is not None and Path(backend).exists()
+    if method is None and problem.likelihood is not None and not begun:
+        try:
+            return by_weights(ridges, start, for_bands, seed=seed, begin=begin)
+        except NotAcceptedError:
+            # The chain is exact where they are not; what was learnt serves it.
+            pass
     with _chain_file(problem, walkers, max_steps, backend, resume=resume) as (file, before):
         run = _Run.begin(problem, density, ridges, walkers, max_steps, for_walkers, start, file, before)
         with SamplingProgress(max_steps, shown=progress) as line:

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import FitError
 from underlay.inference.problem import Problem
+from underlay.inference.ridge.aimed import aimed
 from underlay.inference.ridge.budget import Budget
 from underlay.inference.ridge.coordinates import PriorNormal, Target
-from underlay.inference.ridge.importance import judged, leak_of_walk, produced
+from underlay.inference.ridge.importance import Importance, judged, leak_of_walk, produced
 from underlay.inference.ridge.learn import Proposal, learn
 from underlay.inference.ridge.mixture import Mixture
+from underlay.inference.ridge.parts import Part
+from underlay.inference.ridge.trial import Trial, weigh
 from underlay.inference.ridge.weights import WeightedDraws
 from underlay.inference.sampling.assembly import Making, assemble_posterior
 from underlay.inference.sampling.counted import CountedDensity
@@ -23,14 +27,21 @@ from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.stopping import Outcome
 from underlay.inference.sampling.walker_start import checked_start, prior_marks
 
-__all__ = ["Ridges", "by_weights"]
+__all__ = ["NotAcceptedError", "Ridges", "by_weights"]
 
 # Processor seconds that walking and trying may take, and drawing: where a density costs milliseconds a chain of the
 # old moves is not slower than what a mixture would save.
 _TO_LEARN, _TO_DRAW = 10.0, 5.0
-# What a quantile of weighted draws that stand alone may be off by, in standard deviations.
-_ALONE_ERROR = 0.07
+# What a quantile of weighted draws that stand alone may be off by, in standard deviations; of those of a mixture
+# that is aimed, whose components are drawn in turn, rather less than this is seen.
+_ALONE_ERROR, _AIMED_ERROR = 0.07, 0.1
 _CHAINS = 8
+# Draws by which a mixture is aimed.
+_TO_AIM = 2000
+
+
+class NotAcceptedError(FitError):
+    """Weighted draws that are not believed."""
 
 
 class Ridges:
@@ -51,6 +62,7 @@ class Ridges:
         self.coordinates = PriorNormal(problem)
         self.target = Target(self.coordinates, problem, density.peek)
         self.proposal: Proposal | None = None
+        self._best: FloatArray | None = None
         self._for_pilots, self.for_draws = rng.spawn(2)
 
     @property
@@ -59,13 +71,15 @@ class Ridges:
         return None if self.proposal is None else self.proposal.mixture
 
     def seek(self, start: Mapping[str, float] | None) -> FloatArray:
-        """Lay the mixture from every optimum of the fit, or from `start` (SI); return the best fit, (k,), scaled.
+        """Lay the mixture from every optimum of the fit, or from `start` (SI), once; the best fit, (k,), scaled.
 
         Raises
         ------
         InputError
             If the start is outside the priors.
         """
+        if self._best is not None:
+            return self._best
         found, places = optima(self.problem, start)
         if start is None:
             low, *_, high = prior_marks(self.problem)
@@ -78,17 +92,25 @@ class Ridges:
             self._for_pilots,
             Budget(_TO_LEARN),
             places=list(starts[len(found) :]),
-            known=self._known,
+            parts=self._parts(),
         )
         self.count()
-        return found[0]
+        self._best = found[0]
+        return self._best
 
-    @property
-    def _known(self) -> tuple[FloatArray, FloatArray] | None:
-        """What the likelihood looks like, places (m, p) and factors (m, p, p) in z; None where unknown."""
+    def _parts(self) -> list[Part]:
+        """What the likelihood is a sum of, as parts of the posterior in z."""
         if self.problem.likelihood is None:
-            return None
-        return self.coordinates.factors(*self.problem.likelihood.about)
+            return []
+        parts = []
+        for part in self.problem.likelihood.parts:
+            places, factors = self.coordinates.factors(part.middle[None], part.covariance[None])
+            if not len(places):
+                continue
+            problem = self.problem.with_likelihood(part.likelihood)
+            target = Target(self.coordinates, problem, CountedDensity(problem).peek)
+            parts.append(Part(target, places[0], factors[0]))
+        return parts
 
     def count(self) -> None:
         """Count what was asked of the density here since the last time among its evaluations."""
@@ -100,14 +122,34 @@ class Ridges:
         if numbers is not None:
             self.proposal = Proposal.from_numbers(numbers)
 
-    def draws(self, error: float | None = None) -> WeightedDraws | None:
+    def draws(self) -> WeightedDraws | None:
         """Draw from the frozen mixture; None without one."""
         if self.proposal is None:
             return None
-        budget = Budget(_TO_DRAW)
-        if error is None:
-            return produced(self.target, self.proposal, self.for_draws, budget)
-        return produced(self.target, self.proposal, self.for_draws, budget, error=error)
+        return produced(self.target, self.proposal, self.for_draws, Budget(_TO_DRAW))
+
+    def answer(self) -> tuple[WeightedDraws, Importance] | None:
+        """Weighted draws that stand alone, and what they are worth; None without a mixture."""
+        if self.proposal is None:
+            return None
+        if self.problem.likelihood is None:
+            return self._judged(self.proposal, _ALONE_ERROR)
+        learnt = weigh(self.target, self.coordinates, self.proposal.mixture, _TO_AIM, self.for_draws)
+        proposal = replace(self.proposal, mixture=aimed(self.proposal.mixture, learnt))
+        drawn, importance = self._judged(proposal, _AIMED_ERROR)
+        if importance.refused:
+            # So many draws tell of what a pilot does not meet: they teach once more, and are not used otherwise.
+            taught = Trial(self.target, self.coordinates, self.for_draws, proposal.mixture, drawn).mended()
+            proposal = replace(proposal, mixture=aimed(taught, drawn))
+            drawn, importance = self._judged(proposal, _AIMED_ERROR)
+        return drawn, importance
+
+    def _judged(self, proposal: Proposal, error: float) -> tuple[WeightedDraws, Importance]:
+        """Draws of a frozen mixture until no quantile's error is above `error`, and what they are worth."""
+        drawn = produced(self.target, proposal, self.for_draws, Budget(_TO_DRAW), error=error)
+        leak = leak_of_walk(self.target, drawn, proposal, self.for_draws)
+        self.count()
+        return drawn, judged(drawn, proposal, leak)
 
 
 def by_weights(
@@ -126,24 +168,27 @@ def by_weights(
         If they are not accepted.
     """
     ridges.seek(start)
-    drawn = ridges.draws(_ALONE_ERROR)
-    if drawn is None or ridges.proposal is None:
-        raise FitError("weighted draws are not accepted: no ridge was found; take the sampler emcee")
-    leak = leak_of_walk(ridges.target, drawn, ridges.proposal, ridges.for_draws)
-    importance = judged(drawn, ridges.proposal, leak)
+    answer = ridges.answer()
+    if answer is None:
+        raise NotAcceptedError("weighted draws are not accepted: no ridge was found; take the sampler emcee")
+    drawn, importance = answer
     if importance.refused:
-        raise FitError(
+        raise NotAcceptedError(
             f"weighted draws are not accepted: {importance.refused}; take the sampler emcee, which is exact "
             "where they are not"
         )
-    ridges.count()
-    count = _CHAINS * max(1, int(drawn.effective) // _CHAINS)
+    # Systematic resampling keeps what every component is due; those of the wings, which many draws know well, must
+    # not be thinned to what the evenness of all weights is worth.
+    worth = len(drawn.z) if ridges.problem.likelihood is not None else int(drawn.effective)
+    count = _CHAINS * max(1, worth // _CHAINS)
     rows = drawn.resampled(count, ridges.for_draws).reshape(-1, _CHAINS)
     coords = drawn.vectors[rows]
+    flat = rows.ravel()
+    log_posterior = drawn.log_target[flat] + ridges.coordinates.log_slope(drawn.vectors[flat], drawn.z[flat])
     return assemble_posterior(
         ridges.problem,
         coords,
-        ridges.problem.log_posterior(coords),
+        log_posterior.reshape(rows.shape),
         _outcome(
             coords,
             drawn,
@@ -157,9 +202,9 @@ def by_weights(
 
 
 def _outcome(coords: FloatArray, drawn: WeightedDraws, reason: str) -> Outcome:
-    """Weighted draws as a chain that remembers nothing: as many draws as they are worth."""
+    """Weighted draws as a chain whose memory is what makes it worth as many draws as they are."""
     steps, chains, parameters = coords.shape
-    alone = np.ones(parameters)
+    times = np.full(parameters, max(1.0, steps * chains / drawn.effective))
     return Outcome(
-        steps, chains, 0, alone, alone, np.full(parameters, np.nan), drawn.quantile_errors(), True, reason
+        steps, chains, 0, times, times, np.full(parameters, np.nan), drawn.quantile_errors(), True, reason
     )
