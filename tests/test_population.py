@@ -83,7 +83,8 @@ def test_cells_share_a_normal_density_whatever_the_spread():
     edges = np.concatenate([[-np.inf], 0.5 * (grid.x[1:] + grid.x[:-1]), [np.inf]])
     for spread in (1e-3, 0.07, 3.0):
         expected = np.diff(stats.norm.cdf((edges - grid.x[:, None]) / spread), axis=1)
-        np.testing.assert_allclose(grid.kernel(spread), expected, atol=1e-12)
+        found = grid.kernel(spread, np.arange(len(grid.x)), slice(0, len(grid.x)))
+        np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_evidence_is_that_of_the_multivariate_normal():

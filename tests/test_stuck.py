@@ -144,6 +144,19 @@ def test_small_punches_follow_the_expansion(nu: float, moment: float) -> None:
     assert np.log2(left(0.02) / left(0.01)) == pytest.approx(3.0, abs=0.1)
 
 
+@pytest.mark.parametrize("base", [ul.RIGID, ul.Isotropic(3.0, 0.1), ul.Isotropic(0.02, 0.4)])
+@pytest.mark.parametrize("layer", [ul.Isotropic(1.0, 0.0), ul.Isotropic(1.0, 0.5), TI])
+def test_the_compliance_of_one_layer_is_that_of_a_stack_of_one(layer: ul.Material, base: ul.Base) -> None:
+    """Closed but for soft bases, against minors carried up; on a half-space of the layer nothing changes."""
+    u = np.append(np.geomspace(1e-5, 20.0, 60), 0.0)
+    kernel = ul.SubstrateKernel(layer, base)
+    expected = kernel._recursion.compliance(u)
+    for found, known in zip(kernel.compliance(u), expected, strict=True):
+        assert found == pytest.approx(known, rel=1e-12, abs=1e-13)
+    same = ul.SubstrateKernel(layer, layer)
+    assert np.abs(same.compliance(u)).max() == 0.0
+
+
 def test_a_thin_incompressible_layer_squeezes_out() -> None:
     """kappa -> (3 pi/16) eps^3 (1 + c/eps)^4 with c = 0.4264 at eps = 40: four times the frictionless one."""
     kernel = pair(0.5)
@@ -446,7 +459,7 @@ def test_the_law_costs_a_few_exact_laws_and_the_same_once_held() -> None:
             lambda: ul.contact_law(ul.Paraboloid(1.0), layer, ul.RIGID, max_depth=0.8, solver=solver)
         )
 
-    assert cold(ul.Stuck()) < 8.0 * cold(ul.Exact())
+    assert cold(ul.Stuck()) < 5.0 * cold(ul.Exact())
     depth = np.linspace(0.0, 0.8, 1000)
     held = [
         ul.contact_law(ul.Paraboloid(1.0), layer, ul.RIGID, max_depth=0.8, solver=s)
@@ -500,9 +513,12 @@ def test_sets_that_differ_in_one_ratio_are_read_off_a_surface(
     surfaces = member.forward.laws.store.surfaces
     assert surfaces
     assert None not in surfaces.values()
-    # Laws and surfaces are there: nothing more is built, and no set minds the company it is asked in.
+    # Laws and surfaces are there: nothing more is built, and no set minds the company it is asked in. Exponentials
+    # of arrays are rounded by their place in it.
     built = member.forward.laws.store.built
-    assert (member.readings(sets[3:4], stiffness=False).force[0] == found.force[3]).all()
+    for row in range(len(sets)):
+        lonely = member.readings(sets[row : row + 1], stiffness=False).force[0]
+        assert lonely == pytest.approx(found.force[row], rel=1e-14, abs=0.0)
     assert member.forward.laws.store.built == built
 
 

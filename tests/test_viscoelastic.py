@@ -207,7 +207,7 @@ def test_integrals_over_the_past_obey_their_recursion(uneven, span):
     time = np.linspace(0.0, span, 401)
     if uneven:
         time = np.sort(np.append(time[[0, -1]], rng.uniform(0.0, span, 399)))
-    memory = Memory(ul.Prony((0.2, 0.3, 0.1), (1.0, 0.02 * span, 30.0 * span)).modes(0.0, span), time)
+    memory = Memory.of(ul.Prony((0.2, 0.3, 0.1), (1.0, 0.02 * span, 30.0 * span)).modes(0.0, span), time)
     values, bend = rng.standard_normal(401), rng.standard_normal(400)
     found = memory.integrals(values, bend)
     for row, tau in zip(found, memory.modes.times, strict=True):
@@ -256,7 +256,7 @@ def test_equal_radius_solves_its_condition(points):
     depth = np.interp(time, (0.0, 3.0, 4.0, 5.0, 5.5, 9.0), (0.0, 1.0, 1.0, 0.8, 0.8, -0.2))
     turn = int(np.flatnonzero(time == 4.0)[-1])
     modes = ul.Prony((0.3, 0.2, 0.1), (0.01, 0.5, 20.0)).modes(0.0, 9.0)
-    found = equal_radius(depth, Memory(modes, time), turn)
+    found = equal_radius(depth, Memory.of(modes, time), turn)
     assert found.held[0]
     for number in np.flatnonzero(found.held)[:: max(points // 30, 1)]:
         now = time[turn + 1 + number]
@@ -299,6 +299,36 @@ def test_a_ramp_on_a_half_space_is_the_beta_function():
     force = Viscoelastic(ul.PowerLawRelaxation(0.3)).force(law.force, 0.1 * time, time)
     exact = law.force(0.1 * time[1:]) * 1.5 * special.beta(1.5, 0.7) * time[1:] ** -0.3
     assert np.abs(force[1:] - exact)[20:].max() < 1e-6 * exact.max()
+
+
+def test_a_ramp_and_hold_on_a_half_space_is_the_dawson_function():
+    """P_el ~ w^(3/2), one exponential: int_0^t exp(-(t - s) / tau) d(s^(3/2)) = 3/2 tau (sqrt t - sqrt tau D(x)).
+
+    With D the function of Dawson and x = sqrt(t / tau), by parts (Abramowitz and Stegun 1964, chapter 7); the hold
+    takes what the ramp has left down by exp(-t / tau).
+    """
+    law = ul.contact_law(ul.Paraboloid(1.0), ul.Layer(ul.Isotropic(1.0, 0.5)), None, max_depth=1.0)
+    time = np.linspace(0.0, 3.0, 1201)
+    ramp = np.minimum(time, 1.0)
+    force = Viscoelastic(ul.Prony((0.7,), (0.5,))).force(law.force, 0.1 * ramp, time)
+    past = 1.5 * 0.5 * (np.sqrt(ramp) - np.sqrt(0.5) * special.dawsn(np.sqrt(ramp / 0.5)))
+    exact = float(law.force(0.1)) * (0.3 * ramp**1.5 + 0.7 * past * np.exp(-(time - ramp) / 0.5))
+    # Quadratic steps: the bend of s^(3/2) next to first contact leaves some (step / time)^(5/2) of the force.
+    assert np.abs(force - exact).max() < 400.0**-2.5 * exact.max()
+
+
+@pytest.mark.parametrize(
+    ("indenter", "thickness"),
+    [(ul.Cone(np.radians(60.0)), 1.0), (ul.Paraboloid(1.0), 0.3), (ul.Sphere(2.0), 3.0)],
+)
+def test_contact_ends_when_it_does_for_every_tip_and_thickness(indenter, thickness):
+    """The equal radius follows from the motion alone, so all lose contact between the same two points."""
+    layer = ul.Layer(ul.Isotropic(1.0, 0.4), thickness)
+    law = ul.contact_law(indenter, layer, ul.RIGID, max_depth=0.2)
+    time = np.linspace(0.0, 1.9, 1901)
+    force = Viscoelastic(SOLID).force(law.force, triangle(time, 0.2), time)
+    assert force[1836] > 0.0
+    assert not force[1837:].any()
 
 
 def test_two_joined_ramps_are_one(laws):
@@ -403,8 +433,9 @@ def test_bad_sections_are_named(tmp_path, section, said):
         '[indenter]\nshape = "sphere"\nradius = "1 mm"\n[layer]\nE = "1 MPa"\nnu = 0.5\nthickness = "1 mm"\n'
     )
     path.write_text(f"{text}[layer.relaxation]\n{section}\n[substrate]\nrigid = true\n", encoding="utf-8")
-    with pytest.raises(ul.InputError, match=said):
+    with pytest.raises(ul.InputError, match=said) as told:
         ul.load_scene(path)
+    assert "\n" not in str(told.value)
 
 
 def test_a_base_a_thousand_times_stiffer_is_as_good_as_rigid():

@@ -1,14 +1,17 @@
 """Do the printed intervals hold the truth? Random tests of a user's range, undisturbed or disturbed.
 
     python tests/studies/intervals.py [--curves 200] [--world clean slope ...] [--free E h] [--stated] [--one]
-                                      [--seconds 600] [--output tests/studies/results/intervals.csv]
+                                      [--elastic] [--seed 16] [--seconds 600] [--rows rows.csv]
+                                      [--output tests/studies/results/intervals.csv]
 
 One row per world and set of free parameters is written over the row of the same study: how many 95 % intervals of
-each parameter hold the truth, how wide they are against the quadratic interval of white noise (median), how many
-verdicts were "model wrong", and the slowest headline in fits of the same curve. `--stated` hands the fit the noise
-it was made with. Worlds are those of `tests/support/worlds.py`; scenes those of `tests/support/user_scenes.py`, or
-with `--one` the single scene those worlds were first measured on. `--world all` runs every one, `--seconds` long
-each at most, and writes every row as it is done.
+each parameter hold the truth (and of fits with something on a bound alone), how wide they are against the quadratic
+interval of white noise (median), how many verdicts were "model wrong", and what the headline costs in fits of the
+same curve, and both together in seconds of processor time. `--stated` hands the fit the noise it was made with.
+Worlds are those of `tests/support/worlds.py`; scenes those of `tests/support/user_scenes.py`, with `--elastic`
+those on an elastic base alone, or with `--one` the single scene those worlds were first measured on. `--world all`
+runs every one, `--seconds` long each at most, and writes every row as it is done. With `--rows` every curve is kept
+in a file, and a run goes on where the last one ended.
 """
 
 from __future__ import annotations
@@ -30,6 +33,20 @@ from underlay.inference.headline.plain import quadratic_interval
 
 PATHS = {"E": "layer.E", "h": "layer.thickness", "E2": "substrate.E"}
 KEYS = ["scenes", "world", "free", "noise"]
+COLUMNS = [
+    *KEYS,
+    "seed",
+    "curve",
+    "kind",
+    "parameter",
+    "held",
+    "width",
+    "open",
+    "plain held",
+    "bound",
+    "verdict",
+]
+COLUMNS += ["cost", "seconds"]
 
 
 def one_scene():
@@ -38,73 +55,110 @@ def one_scene():
     return "one", ul.Scene(ul.Sphere(1e-3), layer, ul.RIGID), 1.5e-4, 240, 0.003
 
 
+def test_of(args, rng):
+    """Draw one test: (kind, scene, depth, points, noise)."""
+    while True:
+        test = one_scene() if args.one else user_test(rng)
+        if not args.elastic or isinstance(test[1].substrate, ul.Isotropic):
+            return test
+
+
 def measured(test, world, free, rng, *, stated):
-    """Rows (parameter, held, width ratio, open) of one curve, its verdict, and what its headline cost in fits."""
+    """Rows of one curve, one per parameter: held, width ratio, verdict and what fit and headline cost."""
     _, scene, depth, points, noise = test
     clean = Clean.of(scene, depth, points)
     curve = disturbed(clean, world, rng, noise)
-    names = [PATHS[word] for word in free if word != "E2" or isinstance(scene.substrate, ul.Isotropic)]
+    words = [word for word in free if word != "E2" or isinstance(scene.substrate, ul.Isotropic)]
     instrument = {"instrument.contact_depth": None, "instrument.baseline": None}
     given = ul.Noise(force=noise * clean.top) if stated else None
-    problem = ul.Problem(assumed(scene, world), curve, {**dict.fromkeys(names), **instrument}, given)
-    began = time.perf_counter()
+    free_paths = {**dict.fromkeys(PATHS[word] for word in words), **instrument}
+    problem = ul.Problem(assumed(scene, world), curve, free_paths, given)
+    began = time.process_time()
     fit = ul.fit(problem)
-    spent = time.perf_counter() - began
-    began = time.perf_counter()
-    intervals = {name: fit.interval(name) for name in names}
-    verdict = fit.verdict
-    own = time.perf_counter() - began
-    cost = own / spent, own
+    spent = time.process_time() - began
+    began = time.process_time()
+    intervals = {word: fit.interval(PATHS[word]) for word in words}
+    verdict = fit.verdict.word
+    own = time.process_time() - began
     rows = []
-    for name in names:
-        truth, known, plain = scene.parameters[name], intervals[name], quadratic_interval(fit, name, 0.95)
+    for word, known in intervals.items():
+        truth, plain = scene.parameters[PATHS[word]], quadratic_interval(fit, PATHS[word], 0.95)
         ratio = np.nan
         if not (known.is_open or plain.is_open):
             ratio = np.log(known.high / known.low) / np.log(plain.high / plain.low)
-        rows.append((name, truth in known, ratio, known.is_open, truth in plain, bool(fit.bounds_hit)))
-    return rows, verdict, cost
+        rows.append(
+            {
+                "parameter": word,
+                "held": truth in known,
+                "width": ratio,
+                "open": known.is_open,
+                "plain held": truth in plain,
+                "bound": bool(fit.bounds_hit),
+                "verdict": verdict,
+                "cost": own / spent,
+                "seconds": own + spent,
+            }
+        )
+    return rows
 
 
 def study(args, world):
-    """One line of the table."""
-    rng = np.random.default_rng(args.seed)
-    rows, words, costs, misses = [], [], [], 0
-    end = time.monotonic() + args.seconds
-    while len(words) < args.curves and time.monotonic() < end:
-        test = one_scene() if args.one else user_test(rng)
-        try:
-            own, verdict, cost = measured(test, world, args.free, rng, stated=args.stated)
-        except ul.UnderlayError as error:
-            misses += 1
-            print(f"{test[0]}: {error}")
-            continue
-        rows += own
-        words.append((verdict.word, all(row[1] for row in own)))
-        costs.append(cost)
-    frame = pd.DataFrame(rows, columns=["parameter", "held", "width", "open", "plain held", "bound"])
-    line = {
-        "scenes": "one" if args.one else "random",
+    """All rows of one study, those kept from an earlier run first; a curve that was not fitted has no parameter."""
+    key = {
+        "scenes": "one" if args.one else "elastic base" if args.elastic else "random",
         "world": world,
         "free": "+".join(args.free),
         "noise": "stated" if args.stated else "unknown",
         "seed": args.seed,
-        "curves": len(words),
-        "not fitted": misses,
     }
-    for word in args.free:
-        own = frame[frame["parameter"] == PATHS[word]]
+    kept = pd.DataFrame(columns=[*key, "curve"])
+    if args.rows is not None and args.rows.exists():
+        kept = pd.read_csv(args.rows)
+    frame = kept[(kept[list(key)] == pd.Series(key)).all(axis=1)]
+    end = time.monotonic() + args.seconds
+    for curve in range(frame["curve"].nunique(), args.curves):
+        if time.monotonic() > end:
+            break
+        rng = np.random.default_rng([args.seed, curve])
+        test = test_of(args, rng)
+        try:
+            rows = measured(test, world, args.free, rng, stated=args.stated)
+        except ul.UnderlayError as error:
+            print(f"{test[0]}: {error}")
+            rows = [{}]
+        own = pd.DataFrame([{**key, "curve": curve, "kind": test[0], **row} for row in rows])
+        frame = own if frame.empty else pd.concat([frame, own], ignore_index=True)
+        if args.rows is not None:
+            own = own.reindex(columns=COLUMNS)
+            own.to_csv(args.rows, mode="a", header=not args.rows.exists(), index=False, float_format="%.4g")
+    return key, frame
+
+
+def line_of(key, frame):
+    """One line of the table."""
+    fitted = frame.dropna(subset="parameter").astype({"held": bool, "plain held": bool, "open": bool})
+    line = {**key, "curves": fitted["curve"].nunique(), "not fitted": frame["parameter"].isna().sum()}
+    for word in key["free"].split("+"):
+        own = fitted[fitted["parameter"] == word]
+        bound = own[own["bound"].astype(bool)]
         line |= {
             f"{word} held %": round(100.0 * own["held"].mean(), 1),
             f"{word} quadratic held %": round(100.0 * own["plain held"].mean(), 1),
             f"{word} width": round(own["width"].median(), 2),
             f"{word} open %": round(100.0 * own["open"].mean(), 1),
+            f"{word} at a bound": len(bound),
+            f"{word} at a bound held %": round(100.0 * bound["held"].mean(), 1),
         }
-    line["model wrong %"] = round(100.0 * np.mean([word == "model wrong" for word, _ in words]), 1)
-    line["good %"] = round(100.0 * np.mean([word == "good" for word, _ in words]), 1)
-    line["held or wrong %"] = round(100.0 * np.mean([word == "model wrong" or ok for word, ok in words]), 1)
-    ratio, spent = np.array(costs).T
-    line["cost median"], line["cost largest"] = round(float(np.median(ratio)), 1), round(ratio.max(), 1)
-    line["slowest s"] = round(spent.max(), 2)
+    held = fitted.groupby("curve")["held"].all()
+    each = fitted.groupby("curve").first()
+    wrong = each["verdict"] == "model wrong"
+    line["model wrong %"] = round(100.0 * wrong.mean(), 1)
+    line["good %"] = round(100.0 * (each["verdict"] == "good").mean(), 1)
+    line["held or wrong %"] = round(100.0 * (wrong | held).mean(), 1)
+    line["cost median"], line["cost largest"] = round(each["cost"].median(), 1), round(each["cost"].max(), 1)
+    line["cost above 2 %"] = round(100.0 * (each["cost"] > 2.0).mean(), 1)
+    line["above 1 s %"] = round(100.0 * (each["seconds"] > 1.0).mean(), 1)
+    line["slowest s"] = round(each["seconds"].max(), 2)
     return line
 
 
@@ -127,12 +181,14 @@ def main() -> None:
     parser.add_argument("--free", nargs="+", choices=list(PATHS), default=["E"])
     parser.add_argument("--stated", action="store_true")
     parser.add_argument("--one", action="store_true")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--elastic", action="store_true")
+    parser.add_argument("--seed", type=int, default=16)
+    parser.add_argument("--rows", type=Path, default=None)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--output", type=Path, default=None)
     args = parser.parse_args()
     for world in WORLDS if "all" in args.world else args.world:
-        line = study(args, world)
+        line = line_of(*study(args, world))
         print(pd.Series(line).to_string(), flush=True)
         if args.output is not None:
             stored(line, args.output)

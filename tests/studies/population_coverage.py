@@ -1,6 +1,7 @@
 """How often intervals of a population cover, and how long 10,000 curves take, as commands whose results are kept.
 
     python tests/studies/population_coverage.py cover --output result.csv   # goes on where it was stopped
+    python tests/studies/population_coverage.py prior --output result.csv   # the same
     python tests/studies/population_coverage.py speed --output result.json
 
 Every cell is a kind of study (animals, spreads, open curves, unequal numbers), simulated many times with fresh
@@ -8,7 +9,11 @@ numbers. Per cell: coverage of the mean by the levels' interval, by the animals'
 controls that must fail, all sites taken for independent and open curves dropped; and the median length of the
 first over that of the second. Studies are numbered and kept fifty at a time: a run goes on where the last stopped.
 
-The speed is that of 30 groups of five animals with 67 sites each; a fifth of the curves is open to one side.
+`prior` asks whether another scale of the prior on the spread between animals would cover three of them better:
+the same studies with every scale, over true spreads.
+
+The speed is that of 30 groups of five animals with 67 sites each, with all curves closed and with almost half of
+them measuring a compliance, so that many are skewed and about a seventh is open to one side.
 """
 
 import argparse
@@ -28,6 +33,8 @@ sys.path[:0] = [str(HERE.parent / "src"), str(HERE)]
 
 from support.populations import made_study, table_of  # noqa: E402
 from underlay import population  # noqa: E402
+from underlay.inference.population.levels import GroupModel  # noqa: E402
+from underlay.inference.population.spreads import SpreadPrior  # noqa: E402
 
 #: animals, sites, between, within, openness, unequal numbers.
 CELLS = (
@@ -47,6 +54,9 @@ CELLS = (
 )
 CONTROLS = ("levels", "animal_means", "sites_independent", "open_dropped")
 AT_A_TIME = 50
+#: True spreads between three animals, and scales of the prior.
+SPREADS, SCALES = (0.1, 0.2, 0.3, 0.45, 0.6), (0.1, 0.2, 0.3, 0.5)
+ENDS = np.array([0.025, 0.975])
 #: Groups of the speed, and the share of curves that measure a compliance, of which 43 % are open.
 GROUPS, OF_COMPLIANCE = 30, 0.46
 FIELDS = (
@@ -135,39 +145,89 @@ def kind(row):
     return (int(row["animals"]), int(row["sites"]), *numbers, row["unequal"] == "True")
 
 
-def speed(path, seed):
-    """Processor and wall time of one call for 10,050 curves."""
-    tables = []
-    rng = np.random.default_rng(seed)
+def some_scales(spread, scales, numbers, seed):
+    """Counts of intervals that hold the mean, and lengths in ln, for every scale and for the animals' means."""
+    counts, lengths = dict.fromkeys((*scales, "t"), 0), {scale: [] for scale in (*scales, "t")}
+    for number in numbers:
+        rng = np.random.default_rng([seed, number, int(1000 * spread)])
+        curves, labels = made_study(rng, animals=3, sites=8, between=spread, within=0.3)
+        plain = population(table_of(curves, labels)).groups[""].plain
+        ends = {
+            scale: GroupModel(curves, labels, between=SpreadPrior(scale, 1.0)).mean.quantile(ENDS)
+            for scale in scales
+        }
+        for scale, (low, high) in (ends | {"t": np.log(plain[1:])}).items():
+            counts[scale] += low < 0.0 < high
+            lengths[scale].append(high - low)
+    return counts, {scale: float(np.median(each)) for scale, each in lengths.items()}
+
+
+def prior(path, studies, seed):
+    """Three animals: every true spread with every scale of the half-Cauchy prior."""
+    rows = []
+    if path.exists():
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    for spread in SPREADS:
+        if any(float(row["between"]) == spread for row in rows):
+            continue
+        counts, lengths = some_scales(spread, SCALES, range(studies), seed)
+        rows += [
+            {
+                "between": spread,
+                "interval": scale if scale == "t" else f"scale {scale}",
+                "studies": studies,
+                "covers": f"{100.0 * count / studies:.1f}",
+                "length": f"{lengths[scale]:.3f}",
+            }
+            for scale, count in counts.items()
+        ]
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, rows[0])
+            writer.writeheader()
+            writer.writerows(rows)
+        sys.stderr.write(f"{rows[-len(counts) :]}\n")
+
+
+def table_of_groups(seed, share):
+    """The table of a map of `GROUPS` groups, in which a share of the curves measures a compliance."""
+    rng, tables = np.random.default_rng(seed), []
     for number in range(GROUPS):
-        kinds = [
+        closed, compliant = (
             made_study(rng, animals=5, sites=67, between=0.2, within=0.3, openness=openness)
             for openness in (0.0, 0.4)
-        ]
-        open_or_not = rng.random(len(kinds[0][0])) < OF_COMPLIANCE
-        curves = [
-            other if which else one
-            for one, other, which in zip(kinds[0][0], kinds[1][0], open_or_not, strict=True)
-        ]
-        tables.append(table_of(curves, kinds[0][1], group=f"group {number}"))
-    table = pd.concat(tables, ignore_index=True)
-    began, wall = time.process_time(), time.perf_counter()
-    found = population(table, group="group")
-    row = {
-        "curves": len(table),
-        "groups": len(found.groups),
-        "open": sum(one.open_curves for one in found.groups.values()),
-        "processor seconds": round(time.process_time() - began, 2),
-        "wall seconds": round(time.perf_counter() - wall, 2),
-        "load": os.getloadavg()[0],
-    }
-    path.write_text(json.dumps(row, indent=1) + "\n", encoding="utf-8")
-    sys.stderr.write(f"{row}\n")
+        )
+        which = rng.random(len(closed[0])) < share
+        curves = [two if it else one for one, two, it in zip(closed[0], compliant[0], which, strict=True)]
+        tables.append(table_of(curves, closed[1], group=f"group {number}"))
+    return pd.concat(tables, ignore_index=True)
+
+
+def speed(path, seed):
+    """Processor and wall time of one call for 10,050 curves, closed and not."""
+    rows = []
+    for share in (0.0, OF_COMPLIANCE):
+        table = table_of_groups(seed, share)
+        began, wall = time.process_time(), time.perf_counter()
+        found = population(table, group="group")
+        rows.append(
+            {
+                "curves": len(table),
+                "groups": len(found.groups),
+                "tabulated": int((table["layer.E.likelihood"] != "").sum()),
+                "open": sum(one.open_curves for one in found.groups.values()),
+                "processor seconds": round(time.process_time() - began, 2),
+                "wall seconds": round(time.perf_counter() - wall, 2),
+                "load": os.getloadavg()[0],
+            }
+        )
+        sys.stderr.write(f"{rows[-1]}\n")
+    path.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["cover", "speed"])
+    parser.add_argument("what", choices=["cover", "prior", "speed"])
     parser.add_argument("--studies", type=int, default=500, help="simulated studies per cell")
     parser.add_argument("--first-cell", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
@@ -175,6 +235,8 @@ def main():
     arguments = parser.parse_args()
     if arguments.what == "speed":
         speed(arguments.output, arguments.seed)
+    elif arguments.what == "prior":
+        prior(arguments.output, arguments.studies, arguments.seed)
     else:
         cover(arguments.output, arguments.studies, arguments.seed, CELLS[arguments.first_cell :])
 

@@ -72,14 +72,12 @@ def headline(result: Fit) -> str:
     or finite strain could do something, ``"Layer modulus 0.62 MPa (0.61 to 0.63 from the noise; with friction and
     finite strain unknown 0.57 to 0.66, 95 %)."``
     """
-    told = [_sentence(entry) for entry in estimates(result) if is_of_the_sample(entry.name)]
-    return " ".join([*told, *_bonds(result)])
+    return " ".join([*map(_sentence, _of_the_sample(result)), *_bonds(result)])
 
 
 def summary(result: Fit) -> str:
     """Return the result as Markdown: numbers, verdict, inputs, rivals, what holds together, substrate, doubts."""
-    found = [entry for entry in estimates(result) if is_of_the_sample(entry.name)]
-    lines = [f"**{text}**" for text in (*map(_sentence, found), *_bonds(result))]
+    lines = [f"**{text}**" for text in (*map(_sentence, _of_the_sample(result)), *_bonds(result))]
     paragraphs = [" ".join(lines), f"**{verdict_sentence(result)}**", stands_on(result)]
     paragraphs += [*model_limits(result), *advice(result), *rivals(result)]
     paragraphs += [
@@ -91,6 +89,18 @@ def summary(result: Fit) -> str:
     paragraphs += [_substrate_sentence(result), _width_sentence(result), _narrowness_sentence(result)]
     paragraphs.append(_reservation_sentence(result))
     return printed("\n\n".join(text for text in paragraphs if text))
+
+
+def _of_the_sample(result: Fit) -> list[Estimate]:
+    """What a headline tells, each once: the E of a Prony series is the modulus at once."""
+    found = [entry for entry in estimates(result) if is_of_the_sample(entry.name)]
+    names = {entry.name for entry in found}
+    return [
+        entry
+        for entry in found
+        if "instantaneous_modulus" not in entry.name
+        or entry.name.replace("instantaneous_modulus", "E") not in names
+    ]
 
 
 def verdict_sentence(result: Fit) -> str:
@@ -273,8 +283,18 @@ def _width_sentence(result: Fit) -> str:
     allowed = f" They allow for {' and for '.join(errors)}." if errors else ""
     return (
         "No noise was stated: the intervals are averaged over white and correlated noise, a law that drifts with "
-        f"depth and a force that sets in at contact, each by its probability.{allowed}"
+        f"depth and a force that sets in at contact, each by its probability.{allowed} The fitted curve, its "
+        f"residuals and the test are drawn at the least-squares optimum for white noise{_at_optimum(result)}."
     )
+
+
+def _at_optimum(result: Fit) -> str:
+    """The first number of the sample there: ``": layer modulus 98.6 kPa"``."""
+    for entry in result.problem.coordinates:
+        if is_of_the_sample(entry.name):
+            value = format_quantity(result.values[entry.name], kind_of(entry.path))
+            return f": {label(entry.name)} {value}"
+    return ""
 
 
 def _narrowness_sentence(result: Fit) -> str:

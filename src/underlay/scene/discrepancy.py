@@ -1,28 +1,31 @@
-"""What the law of a scene leaves out, as two numbers: a share of full friction, and a size of finite strain.
+"""What the law of a scene leaves out, as numbers: a share of full friction, a size of finite strain, and of both.
 
-The force is P (1 + s (P_stuck/P - 1) + A e), with P the law without friction in small strains, P_stuck that of a
-tip that sticks, e the measured excess of finite strain (`mechanics/finite_strain`); s = 0 slides, s = 1 sticks, and
-A = 1 is a neo-Hookean layer. Neither is known: they are parameters with priors (`free_model_error`), or stay out.
+The force is P (1 + s (P_stuck/P - 1) + A e + B g), with P the law without friction in small strains, P_stuck that
+of a tip that sticks, e the measured excess of finite strain, g that of friction in large strains alone
+(`mechanics/finite_strain`); s = 0 slides, s = 1 sticks, A = 1 is a neo-Hookean layer, and B what friction adds to
+it beyond s. None is known: they are parameters with priors (`free_model_error`), or stay out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import ClassVar
 
 from underlay._arrays import FloatArray, finite
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.discrepant_law import DiscrepantLaw
-from underlay.mechanics.finite_strain import finite_strain_excess
+from underlay.mechanics.finite_strain import finite_strain_excess, friction_in_large_strains
 from underlay.mechanics.solver import Solver
 from underlay.quantities import Part, field_quantities, quantity
 
-__all__ = ["FINITE_STRAIN_PATH", "FRICTION_PATH", "Discrepancy"]
+__all__ = ["BOTH_PATH", "FINITE_STRAIN_PATH", "FRICTION_PATH", "Discrepancy"]
 
-#: Paths of the two numbers.
+#: Paths of the three numbers.
 FRICTION_PATH, FINITE_STRAIN_PATH = "discrepancy.friction", "discrepancy.finite_strain"
+BOTH_PATH = "discrepancy.friction_in_large_strains"
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,8 @@ class Discrepancy(Part):
         Share of what full friction does: 0 slides, 1 sticks.
     finite_strain : float
         Size of what finite strain does, over that of a neo-Hookean layer; zero where its shape is not known.
+    friction_in_large_strains : float, default 0
+        Size of what friction adds in large strains alone; zero where its shape is not known.
     """
 
     parts: ClassVar[tuple[str, ...]] = ("discrepancy",)
@@ -46,6 +51,16 @@ class Discrepancy(Part):
         metadata=quantity(
             "dimensionless", "finite strain over the neo-Hookean one", symbol="A", natural_scale=0.5
         )
+    )
+
+    friction_in_large_strains: float = field(
+        default=0.0,
+        metadata=quantity(
+            "dimensionless",
+            "what friction adds in large strains over the measured shape",
+            symbol="B",
+            natural_scale=0.5,
+        ),
     )
 
     def __post_init__(self) -> None:
@@ -61,9 +76,15 @@ class Discrepancy(Part):
             If the solver has no law for a tip that sticks.
         """
         free = build(solver)
-        sticks = build(solver.without_slip) if self.friction else None
+        sticks = build(solver.without_slip) if self.friction or self.friction_in_large_strains else None
 
         def excess(depth: FloatArray) -> FloatArray:
             return finite_strain_excess(contact, depth, free.contact_radius(depth))
 
-        return DiscrepantLaw.of(free, sticks, self.friction, self.finite_strain, excess)
+        return DiscrepantLaw.of(
+            free,
+            sticks,
+            (self.friction, self.finite_strain, self.friction_in_large_strains),
+            excess,
+            partial(friction_in_large_strains, contact),
+        )

@@ -6,7 +6,7 @@ It does not run the caller's script again, so scripts need no ``if __name__ == "
 Not a library's pool, and here is why. The workers of such a pool share one pipe behind one lock, and a worker
 that is killed while it holds the lock takes it along. Eight pools of pebble 5.2.3, two workers each with tasks
 of 2 ms and 300 kB, were killed a worker at a time at random moments: every one stopped for good, seven without
-a word, after two to seven kills (``tests/studies/worker_kills.py`` repeats it, and does the same to these). A
+a word, after one to seven kills (``tests/studies/worker_kills.py`` repeats it, and does the same to these). A
 pipe of its own is shared with nobody: the death of a worker is the end of its pipe and of nothing else.
 """
 

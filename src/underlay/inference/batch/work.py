@@ -262,7 +262,7 @@ class CurveFitter:
             {},
         )
         if self._model.intervals:
-            from underlay.inference.batch.stated import stated_interval_ends, stated_reasons  # noqa: PLC0415
+            from underlay.inference.batch.headline_cells import stated_interval_ends, stated_reasons  # noqa: PLC0415
 
             notes = (*stated_reasons(found), *outcome.notes)
             return replace(outcome, notes=notes, more=stated_interval_ends(found))

@@ -141,13 +141,13 @@ def _averaged(fit: Fit, held: frozenset[int], errors: Sequence[KnownError]) -> A
 
 
 def _sizes(fit: Fit) -> Sizes:
-    """What else is weighed: all where nobody stated the noise, else no drift and no jump."""
-    members = fit.problem.members
-    if all(member.scale_is_unknown and not member.noise.correlation for member in members):
-        return Sizes()
-    if any(member.noise.correlation for member in members):
-        return Sizes(drifts=(), jumps=(), exact=1.0, smooth=1.0)
-    return Sizes(shares=(), drifts=(), jumps=(), white=1.0, exact=1.0, smooth=1.0)
+    """What else is weighed: all that the interval from the noise weighs, and at the same odds."""
+    if fit.problem.noise_is_open:
+        return Sizes.of(fit.problem)
+    stated = Sizes(drifts=(), jumps=(), ramps=(), exact=1.0, smooth=1.0, level=1.0)
+    if any(member.noise.correlation for member in fit.problem.members):
+        return stated
+    return replace(stated, shares=(), white=1.0)
 
 
 def _told(errors: Iterable[KnownError]) -> list[str]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from underlay.errors import InputError
-from underlay.inference.misfit.left_out import FINITE_STRAIN, FRICTION, left_out
+from underlay.inference.misfit.left_out import BOTH, FINITE_STRAIN, FRICTION, left_out
 from underlay.inference.priors.densities import Normal
 from underlay.inference.problem import Problem
-from underlay.scene.discrepancy import FINITE_STRAIN_PATH, FRICTION_PATH, Discrepancy
+from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, Discrepancy
 
 __all__ = ["free_model_error"]
 
-_PATHS = {FRICTION: FRICTION_PATH, FINITE_STRAIN: FINITE_STRAIN_PATH}
+_PATHS = {FRICTION: FRICTION_PATH, FINITE_STRAIN: FINITE_STRAIN_PATH, BOTH: BOTH_PATH}
 
 
 def free_model_error(problem: Problem) -> Problem:
@@ -26,10 +26,10 @@ def free_model_error(problem: Problem) -> Problem:
     Returns
     -------
     Problem
-        The same with ``discrepancy.friction``, the share of full friction, and ``discrepancy.finite_strain``, over
-        that of a neo-Hookean layer, as parameters, shared by all curves, with the priors of
-        ``fit.interval(name, model_error=True)``: Normal(0.5, 0.35) and Normal(1, 0.5). What friction adds in large
-        strains alone, for which that interval allows too, is no parameter.
+        The same with ``discrepancy.friction``, the share of full friction, ``discrepancy.finite_strain``, over
+        that of a neo-Hookean layer, and ``discrepancy.friction_in_large_strains``, what friction adds to finite
+        strain alone, over a measured shape, as parameters, shared by all curves, with the priors of
+        ``fit.interval(name, model_error=True)``: Normal(0.5, 0.35), Normal(1, 0.5) and Normal(0.25, 0.5).
 
     Raises
     ------
@@ -43,7 +43,7 @@ def free_model_error(problem: Problem) -> Problem:
     >>> curve = ul.simulate(ball, np.linspace(0.0, 1e-4, 50))
     >>> problem = ul.Problem(ball, curve, {"layer.E": ul.LogUniform(1e5, 1e7)}, ul.Noise(force=1e-4))
     >>> ul.free_model_error(problem).names
-    ('layer.E', 'discrepancy.friction', 'discrepancy.finite_strain')
+    ('layer.E', 'discrepancy.friction', 'discrepancy.finite_strain', 'discrepancy.friction_in_large_strains')
     """
     parts = [
         left_out(scene, max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0))
@@ -56,7 +56,7 @@ def free_model_error(problem: Problem) -> Problem:
         why = dict.fromkeys(words for part in parts for words in (*part.unknown, *part.declared))
         raise InputError(f"no size of friction or finite strain can be freed here: {'; '.join(why)}")
     means = {words: errors[words].mean if words in errors else 0.0 for words in _PATHS}
-    told = Discrepancy(friction=means[FRICTION], finite_strain=means[FINITE_STRAIN])
+    told = Discrepancy(means[FRICTION], means[FINITE_STRAIN], means[BOTH])
     scenes = [
         replace(scene, discrepancy=told, friction="unknown", finite_strain=None)
         for scene in problem.base_scenes

@@ -4,8 +4,7 @@ The curve is taken in blocks (neighbouring readings of a real instrument shake t
 few numbers holds at full rate), its approach cut to twice the depth of contact (a long quiet approach tells of a
 noise that is not the noise in contact). About the white fit all combinations of noise, drift and jump are weighed
 (`Competition`), the fit is moved to the optimum of the heaviest, and they are weighed again there, until it stays.
-A jump moves the contact point of the white fit: where one is likely, the fit is also begun at other contacts, and
-every optimum found takes part by its own weight.
+Every optimum that the fit knows of takes part by its own weight.
 """
 
 from __future__ import annotations
@@ -27,16 +26,12 @@ from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley
 from underlay.inference.problem import Problem
-from underlay.scene.chain import ContactDepth
 
 __all__ = ["Averaged", "average"]
 
 _MOST_PASSES = 3
 # A shift whose square, what a linear model leaves out, is below this share of a standard deviation is not followed.
 _STRAIGHT = 0.2
-# Below this probability of no jump other contacts are tried, at these shares of the depth of contact.
-_JUMP_LIKELY = 0.5
-_CONTACTS = (-0.08, -0.04, 0.04, 0.08)
 # Optima nearer than this, in standard deviations, are one; one lighter than this share does not count.
 _APART, _LIGHTER = 0.3, 1e-4
 
@@ -204,59 +199,26 @@ def average(
     """
     sizes = sizes or Sizes.of(problem)
     blocked = Blocked.of(problem, vector, held, errors)
-    first = _settled(blocked, vector, sizes)
-    optima = [first, *(_settled(blocked, other, sizes) for other in others)]
-    if first[1].no_jump < _JUMP_LIKELY:
-        optima += [_settled(blocked, other, sizes) for other in _at_other_contacts(blocked, *first)]
-    return Averaged(blocked, _distinct(optima))
+    return Averaged(blocked, _distinct([_settled(blocked, start, sizes) for start in (vector, *others)]))
 
 
 def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> tuple[FloatArray, Competition]:
     """Optimum of the heaviest combination, from a start, and the weights about it."""
-    competition = Competition.of(blocked.linearised(vector), sizes)
+    model = blocked.linearised(vector)
+    competition = Competition.of(model, sizes)
     for _ in range(_MOST_PASSES):
         at, k = competition.heaviest, len(vector)
         shift, deviation = competition.shift[at][:k], _deviations(competition, at)[:k]
         if (shift * shift <= _STRAIGHT * deviation).all():
             break
-        vector = descend(blocked, vector, Combination.of(competition, at)).vector
-        competition = Competition.of(blocked.linearised(vector), sizes)
+        vector = descend(blocked, vector, Combination.of(competition, at), model=model).vector
+        model = blocked.linearised(vector)
+        competition = Competition.of(model, sizes)
     return vector, competition
 
 
 def _deviations(competition: Competition, at: int) -> FloatArray:
     return np.asarray(np.sqrt(np.diagonal(competition.covariance[at])))
-
-
-def _at_other_contacts(blocked: Blocked, vector: FloatArray, competition: Competition) -> list[FloatArray]:
-    """Further optima of the likeliest combination with a jump, begun with the contact point elsewhere."""
-    jumping = np.where(competition.amounts[:, 1] > 0.0, competition.weights, 0.0)
-    at = int(np.argmax(jumping))
-    deviation = _deviations(competition, at)[: len(vector)]
-    found = [vector]
-    for start in _other_contacts(blocked, vector):
-        other = descend(blocked, start, Combination.of(competition, at)).vector
-        if all((np.abs(other - known) > _APART * deviation).any() for known in found):
-            found.append(other)
-    return found[1:]
-
-
-def _other_contacts(blocked: Blocked, vector: FloatArray) -> list[FloatArray]:
-    """Starts with the contact point elsewhere, inside the bounds; none where it is known."""
-    problem = blocked.problem
-    physical = problem.physical(vector)
-    starts = []
-    for share in _CONTACTS:
-        moved = np.array(vector)
-        for curve in blocked.curves:
-            entry = curve.member.entries.get(ContactDepth.path)
-            if entry is not None:
-                scale = problem.coordinates[entry].scale or 1.0
-                moved[entry] += share * float(curve.forward.depth.max() - physical[entry]) / scale
-        low, high = problem.bounds.T
-        if (moved != vector).any() and (moved >= low).all() and (moved <= high).all():
-            starts.append(moved)
-    return starts
 
 
 def _distinct(

@@ -73,7 +73,7 @@ class Blocked:
         return cls(problem, curves, (*known_errors(problem.base_scenes), *errors), held)
 
     def released(self) -> Blocked:
-        """Return the same with nothing held, and with coarse laws, whose errors cancel between its places."""
+        """Return the same with nothing held, and with coarse laws where laws differ: their errors cancel."""
         return replace(self, curves=tuple(curve.coarse() for curve in self.curves), held=frozenset())
 
     def linearised(self, vector: FloatArray) -> Linearised:
@@ -139,8 +139,14 @@ class BlockedCurve:
         return cls(member, member.forward.moved(means(depth), means(force)), means(force), means(time[used]))
 
     def coarse(self) -> BlockedCurve:
-        """Return the same with laws of a tenth of a thousandth of the force, of its own store."""
+        """Return the same with laws of a tenth of a thousandth of the force, of its own store.
+
+        Where nothing that is fitted changes the law but by factors, the one that is there serves every place.
+        """
         laws = self.forward.laws
+        scales = laws.similarity
+        if not any(scales.ratio_slopes(path, scales.values) for path in self.member.entries):
+            return self
         laws = replace(laws, solver=laws.solver.with_tolerance(_COARSE), store=LawStore())
         return replace(self, forward=replace(self.forward, laws=laws), is_coarse=True)
 

@@ -6,8 +6,8 @@ About the present fit a reading is  F(theta) + Phi u + Z v + t y + e:
 - Phi u, a law whose relative error is a smooth function of the contact radius and nil at contact (finite strain,
   a base that is not what the scene says): Phi_j = P (w / w_max)^(j/2) / j, j = 1, 2, 3, u ~ N(0, sigma_drift^2).
   Its size is a share of the force, whatever the noise: laws are wrong by per cents on loud curves too;
-- Z v, a force that sets in near contact (adhesion, drag, a snap): steps about the contact point,
-  v ~ N(0, s^2 sigma_jump^2 / 8);
+- Z v, a force that sets in near contact (adhesion, drag, a snap): steps about contact and forces that grow
+  toward it, v ~ N(0, s^2 sigma_jump^2 / 8);
 - t y, a baseline that creeps in proportion to time, y ~ N(0, sigma_ramp^2), a share of the largest force: a line is
   no Ornstein-Uhlenbeck process, which is rough.
 

@@ -11,6 +11,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
+from underlay.inference.misfit.linearised import Linearised
 from underlay.inference.misfit.sizes import Sizes
 
 __all__ = ["Combination", "Place", "descend"]
@@ -54,7 +55,13 @@ class Place:
     @classmethod
     def of(cls, blocked: Blocked, vector: FloatArray, combination: Combination) -> Place:
         """Solve for the misfits and known errors at a scaled vector (k,); raises InputError without a law."""
-        model = blocked.linearised(vector)
+        return cls.about(blocked, vector, combination, blocked.linearised(vector))
+
+    @classmethod
+    def about(
+        cls, blocked: Blocked, vector: FloatArray, combination: Combination, model: Linearised
+    ) -> Place:
+        """Return the same where the model about the vector is known."""
         k, known, variance = len(model.precision), len(vector), combination.variance
         scales = Sizes.scales(combination.amounts[None], np.array([variance]), k, len(blocked.curves))
         scale = np.r_[scales[0], 1.0]
@@ -99,8 +106,11 @@ def descend(
     combination: Combination,
     held: int | None = None,
     most_steps: int = _MOST_STEPS,
+    model: Linearised | None = None,
 ) -> Place:
     """Optimum of one combination from a scaled vector (k,), with one entry held where it is if wanted.
+
+    `model` is that about the vector, where it is known.
 
     Raises
     ------
@@ -108,7 +118,8 @@ def descend(
         If there is no law at the vector.
     """
     low, high = blocked.problem.bounds.T
-    here, damping = Place.of(blocked, vector, combination), 1e-6
+    here = Place.about(blocked, vector, combination, model or blocked.linearised(vector))
+    damping = 1e-6
     for _ in range(most_steps):
         downhill = -here.gradient
         free = ((here.vector > low) | (downhill > 0.0)) & ((here.vector < high) | (downhill < 0.0))

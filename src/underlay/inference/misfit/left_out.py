@@ -4,10 +4,8 @@ Friction lies between none and full, and real friction between a law without it 
 it to 0.03 %): a share of their difference, any between 0 and 1, here a normal distribution. Finite strain has a
 measured shape (`mechanics/finite_strain`) and a size that depends on a strain energy nobody knows: 1 +- 0.5.
 
-The two are not a sum. What friction adds goes as the square of how far points would slide, and in large strains
-they would slide further: with f the excess of a stuck tip in small strains it is (+-sqrt(f) + q)^2 by the finite
-elements of `tests/studies/finite_elements.py`, q = w/(4 R) + w/(2 h), the sign that of outward sliding: nearly all
-of q^2 + 2 sqrt(f) q is added at nu = 0.49, a part of it taken off at nu = 0.3.
+The two are not a sum: what friction adds in large strains alone has a measured shape too, and a size between a part
+taken off (nu = 0.3) and nearly all of it added (nu = 0.49).
 """
 
 from __future__ import annotations
@@ -18,7 +16,12 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.misfit.known_error import KnownError, Pressed
-from underlay.mechanics.finite_strain import finite_strain_excess, require_measured, why_unmeasured
+from underlay.mechanics.finite_strain import (
+    finite_strain_excess,
+    friction_in_large_strains,
+    require_measured,
+    why_unmeasured,
+)
 from underlay.mechanics.solvers import Exact, Stuck
 from underlay.scene.scene import Scene
 
@@ -79,14 +82,14 @@ def _friction(scene: Scene) -> LeftOut:
 
 
 def _stuck_less_free(test: Pressed) -> FloatArray:
-    return np.asarray(test.force * _stuck_excess(test))
+    sticks, free = _forces(test)
+    return np.asarray(test.force * (np.divide(sticks, free, out=np.ones_like(free), where=free > 0.0) - 1.0))
 
 
-def _stuck_excess(test: Pressed) -> FloatArray:
-    """What a tip that sticks adds in small strains, over the force."""
+def _forces(test: Pressed) -> list[FloatArray]:
+    """With a tip that sticks and with one that slides (N), both by solvers of their own."""
     inside = np.maximum(test.depth, 0.0)
-    free, stuck = (test.by(solver).force(inside) for solver in (Exact(_RTOL), Stuck(_RTOL)))
-    return np.asarray(np.divide(stuck, free, out=np.ones_like(free), where=free > 0.0) - 1.0)
+    return [test.by(solver).force(inside) for solver in (Stuck(_RTOL), Exact(_RTOL))]
 
 
 def _both(scene: Scene, depth: float) -> LeftOut:
@@ -100,12 +103,9 @@ def _both(scene: Scene, depth: float) -> LeftOut:
 
 
 def _stuck_in_large_strains(test: Pressed) -> FloatArray:
-    # In small strains the excess may be negative by 3e-4.
-    root = np.sqrt(np.maximum(_stuck_excess(test), 0.0))
-    further = np.maximum(test.depth, 0.0) * (
-        0.25 / test.scene.parameters["indenter.radius"] + 0.5 / test.scene.layer.thickness
-    )
-    return np.asarray(test.force * further * (further + 2.0 * root))
+    sticks, free = _forces(test)
+    further = friction_in_large_strains(test.scene.contact, sticks, free, test.depth)
+    return np.asarray(test.force * further)
 
 
 def _finite_strain(scene: Scene, depth: float) -> LeftOut:

@@ -17,9 +17,11 @@ __all__ = ["DRIFTS", "JUMPS", "RAMPS", "Linearised", "Part", "drift_columns", "j
 
 #: Columns of a drift, in half powers of the depth.
 DRIFTS = 3
-#: Where the steps of a jump stand, as shares of the largest depth: before contact and a little into it.
-_STEPS = np.array([-0.15, -0.1, -0.06, -0.03, -0.01, 0.01, 0.04, 0.08])
-JUMPS = len(_STEPS)
+# Where the steps of a jump stand, as shares of the largest depth, before contact and a little into it; and the gaps
+# over which a force that grows toward contact does so (drag, attraction: no step is felt that far out).
+_STEPS, _GAPS = np.array([-0.06, -0.03, -0.01, 0.01, 0.04]), np.array([0.03, 0.1, 0.3])
+#: Columns of a force that sets in near contact.
+JUMPS = len(_STEPS) + len(_GAPS)
 #: Columns of a baseline that creeps.
 RAMPS = 1
 
@@ -46,9 +48,14 @@ def drift_columns(force: FloatArray, depth: FloatArray) -> FloatArray:
 
 
 def jump_columns(depth: FloatArray) -> FloatArray:
-    """Z: steps of the force about contact, (n, 8), for depths w (m), (n,), negative before contact."""
-    steps = depth[:, None] > _STEPS * depth.max()
-    return np.asarray(steps.astype(float) / np.sqrt(JUMPS))
+    """Z: forces that set in near contact, (n, 8), for depths w (m), (n,), negative before contact.
+
+    Steps about contact, and exponentials of the gap that stay at their largest from contact on.
+    """
+    share = depth[:, None] / depth.max()
+    steps = share > _STEPS
+    grown = np.exp(np.minimum(share, 0.0) / _GAPS)
+    return np.asarray(np.hstack((steps, grown)) / np.sqrt(JUMPS))
 
 
 def ramp_column(force: FloatArray, time: FloatArray) -> FloatArray:

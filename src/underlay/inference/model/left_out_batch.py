@@ -13,7 +13,7 @@ from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.parameter_sets import ParameterSets, Values
 from underlay.scene.chain import Frame
-from underlay.scene.discrepancy import FINITE_STRAIN_PATH, FRICTION_PATH
+from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
 
 __all__ = ["left_out_readings"]
 
@@ -46,7 +46,7 @@ def left_out_readings(
     sticks, _, _, also = batched(bare.solved_by(bare.laws.solver.without_slip), values, sets)
     asked = ParameterSets(bare, values, sets)
     upright: Any = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
-    excess = told.excess(forward, upright, asked.tip)
-    s, size = upright[FRICTION_PATH], upright[FINITE_STRAIN_PATH]
-    contact = free + s * (sticks - free) + size * free * excess
+    strained = upright[FINITE_STRAIN_PATH] * told.excess(forward, upright, asked.tip)
+    strained = strained + upright[BOTH_PATH] * told.further(upright, sticks, free, asked.tip)
+    contact = free + upright[FRICTION_PATH] * (sticks - free) + free * strained
     return contact, np.zeros_like(contact), asked.instrument_force(contact), exists & also

@@ -1,7 +1,8 @@
 """What a law leaves out, where its sizes are numbers of the scene: at one set of numbers, or at many.
 
-The force is P + s (P_stuck - P) + A P e. P and P_stuck are laws of the same numbers by two solvers; e is the
-measured function of depth over thickness and contact radius over tip radius. The radius is that of the scene's own
+The force is P + s (P_stuck - P) + P (A e + B g). P and P_stuck are laws of the same numbers by two solvers, g the
+measured function of both and the depth; e is that of depth over thickness and contact radius over tip radius. The
+radius is that of the scene's own
 ratios, seen through the sizes: where Poisson's ratio moves, e is off by less than a tenth of itself, and its size
 is known to a half.
 """
@@ -20,9 +21,9 @@ from underlay.inference.model.laws import LawSource
 from underlay.inference.model.stencils import STENCILS, first_possible
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.discrepant_law import DiscrepantLaw
-from underlay.mechanics.finite_strain import excess_of, why_unmeasured
+from underlay.mechanics.finite_strain import excess_of, further_of, why_unmeasured
 from underlay.mechanics.solver import Solver
-from underlay.scene.discrepancy import FINITE_STRAIN_PATH, FRICTION_PATH
+from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 
@@ -59,7 +60,7 @@ class LeftOutLaws:
     deepest : float
         Depth (m) that the curve reaches.
     strains : bool
-        Whether the size of finite strain is not zero.
+        Whether a size of what large strains add is not zero.
     """
 
     values: Mapping[str, float]
@@ -76,11 +77,12 @@ class LeftOutLaws:
             If finite strain is of a size, and its shape is not known there.
         """
         deepest = max(float(depth.max()) - scene.instrument.contact_depth, 0.0)
-        strains = scene.discrepancy is not None and scene.discrepancy.finite_strain != 0.0
+        values = scene.parameters
+        strains = [path for path in (FINITE_STRAIN_PATH, BOTH_PATH) if values.get(path)]
         why = why_unmeasured(scene.contact, deepest) if strains else ""
         if why:
-            raise InputError(f"{FINITE_STRAIN_PATH} is beyond what is known here: {why}; set it to 0")
-        return cls(scene.parameters, deepest, strains)
+            raise InputError(f"{strains[0]} is beyond what is known here: {why}; set it to 0")
+        return cls(values, deepest, bool(strains))
 
     def law(self, forward: BuildsBare, values: Mapping[str, float], deepest: float) -> DiscrepantLaw:
         """Law at `values` for depths up to `deepest` (m)."""
@@ -90,7 +92,11 @@ class LeftOutLaws:
         def excess(depth: FloatArray) -> FloatArray:
             return self.excess(forward, values, depth)
 
-        return DiscrepantLaw.of(free, sticks, values[FRICTION_PATH], values[FINITE_STRAIN_PATH], excess)
+        def further(stuck: FloatArray, slides: FloatArray, depth: FloatArray) -> FloatArray:
+            return self.further(values, stuck, slides, depth)
+
+        sizes = (values[FRICTION_PATH], values[FINITE_STRAIN_PATH], values[BOTH_PATH])
+        return DiscrepantLaw.of(free, sticks, sizes, excess, further)
 
     @staticmethod
     def sticking(forward: BuildsBare) -> BuildsBare:
@@ -106,6 +112,9 @@ class LeftOutLaws:
             return np.asarray(law.sticks.force(w) - law.free.force(w))
         if path == FINITE_STRAIN_PATH:
             return np.asarray(law.free.force(w) * law.excess(w))
+        if law.sticks is not None and path == BOTH_PATH:
+            slides = law.free.force(w)
+            return np.asarray(slides * law.further(law.sticks.force(w), slides, w))
         size = _STEP if kind_of(path) == "dimensionless" else _STEP * abs(values[path])
 
         def force(steps: float) -> FloatArray:
@@ -126,6 +135,16 @@ class LeftOutLaws:
         law = self._known(forward)
         inside = np.clip(depth / stretch, 0.0, law.max_depth)
         return excess_of(values["layer.nu"], depth / h, length * law.contact_radius(inside) / tip)
+
+    def further(
+        self, values: Mapping[str, Any], sticks: FloatArray, free: FloatArray, depth: FloatArray
+    ) -> FloatArray:
+        """Return g at depths (m) with forces (N), each (n,), or (sets, n) of numbers (sets, 1)."""
+        if not self.strains:
+            return np.zeros_like(depth)
+        return further_of(
+            sticks, free, depth, values["indenter.radius"], values.get("layer.thickness", np.inf)
+        )
 
     def _known(self, forward: BuildsBare) -> ContactLaw:
         """Law of the scene's own numbers, of one range whatever is asked."""

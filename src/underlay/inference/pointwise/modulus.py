@@ -75,6 +75,8 @@ class PointwiseModulus:
         The same by the formula of a half-space.
     layered : bool
         Whether there is anything under the layer; otherwise both pairs are the same.
+    relaxing : bool
+        Whether the sample relaxes: each modulus is then what was left of it when the tip came by.
     level : float
         Confidence of the intervals, point by point.
     """
@@ -88,6 +90,7 @@ class PointwiseModulus:
     apparent_halfspace: ModulusCurve
     incremental_halfspace: ModulusCurve
     layered: bool
+    relaxing: bool
     level: float
 
     @property
@@ -170,6 +173,7 @@ def pointwise_modulus(
         force=contact.force[shown],
         points=np.array([len(own) for own in reading.bins.points], dtype=float)[shown],
         layered=fit.problem.base_scenes[curve].substrate is not None,
+        relaxing=fit.problem.base_scenes[curve].memory is not None,
         level=level,
         **{name: _selected(found, shown) for name, found in curves.items()},
     )

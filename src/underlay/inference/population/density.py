@@ -11,7 +11,7 @@ from underlay._arrays import FloatArray
 __all__ = ["Density"]
 
 # Share of the largest below which a place holds nothing, and places of a difference.
-_NOTHING, _DIFFERENCES = 1e-10, 1602
+_NOTHING, _DIFFERENCES = 1e-10, 1600
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,17 @@ class Density:
         """Density of the difference of two independent ones."""
         (mine, own), (theirs, others) = self._held, other._held
         low, high = mine[0] - theirs[-1], mine[-1] - theirs[0]
-        at = np.linspace(low, high, _DIFFERENCES)
-        differences = (mine[:, None] - theirs[None, :]).ravel()
-        cells = np.rint((differences - low) / (at[1] - at[0])).astype(int)
-        shares = np.bincount(cells, np.outer(own, others).ravel(), minlength=len(at))
-        return Density(at, np.asarray(shares, dtype=np.float64))
+        step = (high - low) / _DIFFERENCES
+        shares = np.convolve(_evenly(mine, own, step), _evenly(-theirs[::-1], others[::-1], step))
+        return Density(low + step * np.arange(len(shares)), shares)
+
+
+def _evenly(x: FloatArray, shares: FloatArray, step: float) -> FloatArray:
+    """Shares of even places from the first on: each goes to its two neighbours, so that the mean stays."""
+    cells = (x - x[0]) / step
+    below = cells.astype(int)
+    part = cells - below
+    size = int(below[-1]) + 2
+    lower = np.bincount(below, shares * (1.0 - part), size)
+    upper = np.bincount(below + 1, shares * part, size)
+    return np.asarray(lower + upper, dtype=np.float64)

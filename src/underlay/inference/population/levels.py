@@ -6,8 +6,8 @@ and the mean analytically or cell by cell (`messages`), so there is no chain and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
 
 import numpy as np
@@ -16,10 +16,19 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.inference.population.density import Density
 from underlay.inference.population.likelihood import CurveLikelihood
-from underlay.inference.population.messages import Grid, IntArray, Messages, blurred, gathered
-from underlay.inference.population.spreads import BETWEEN, WITHIN, SpreadGrid, weighted_grid
+from underlay.inference.population.messages import Grid, IntArray, Messages, carried, multiplied_tables
+from underlay.inference.population.nesting import Units
+from underlay.inference.population.spreads import (
+    BETWEEN,
+    WITHIN,
+    SpreadGrid,
+    SpreadPrior,
+    Windows,
+    spread_windows,
+    weighted_grid,
+)
 
-__all__ = ["GroupModel", "Units"]
+__all__ = ["GroupModel"]
 
 _LOG_2PI = float(np.log(2.0 * np.pi))
 # A tenth of the curves may come from a step five times as wide, where outliers are allowed for.
@@ -27,43 +36,12 @@ _OUTLIERS, _WIDER = 0.1, 5.0
 # Cells are at most this wide in ln, at least this, and else half of the narrowest message: that adds two per cent
 # to its variance.
 _WIDEST, _NARROWEST = 0.05, 0.01
-# While it is looked for where the spreads are, this much wider.
-_LARGER = 2.5
+# While it is looked for where the spreads are, this much wider, and as if curves scattered at least so.
+_LARGER, _LEAST = 2.5, 0.05
 # The fine part of a grid goes this far beyond the middles of the curves, the coarse one far beyond that.
-_FINE, _COARSE, _GROWTH = 1.0, 8.0, 1.12
+_FINE, _COARSE, _GROWTH = 1.0, 8.0, 1.25
 # Places of a mean, how many of its standard deviations they reach, and what is left out below the largest.
 _PLACES, _FAR, _NEGLIGIBLE = 801, 9.0, 30.0
-
-
-@dataclass(frozen=True)
-class Units:
-    """How the curves of a group nest: per level, outermost first, which unit each unit below belongs to.
-
-    Parameters
-    ----------
-    names : tuple of tuple of str
-        Names of the units of each level, outermost first.
-    parents : tuple of ndarray of int
-        For each level, whose unit each unit of the level below it is; those of the innermost level hold curves.
-    """
-
-    names: tuple[tuple[tuple[str, ...], ...], ...]
-    parents: tuple[IntArray, ...]
-
-    @classmethod
-    def of(cls, labels: Sequence[tuple[str, ...]]) -> tuple[Units, IntArray]:
-        """Units of curves with these labels, and the order in which their units come one after the other."""
-        order = np.array(sorted(range(len(labels)), key=lambda i: labels[i]), dtype=int)
-        below: list[tuple[str, ...]] = [labels[i] for i in order]
-        names, parents = [], []
-        for depth in range(len(labels[0]), 0, -1):
-            heads = [label[:depth] for label in below]
-            distinct = list(dict.fromkeys(heads))
-            place = {head: number for number, head in enumerate(distinct)}
-            parents.append(np.array([place[head] for head in heads], dtype=int))
-            names.append(tuple(distinct))
-            below = distinct
-        return cls(tuple(names[::-1]), tuple(parents[::-1])), order
 
 
 class GroupModel:
@@ -77,8 +55,10 @@ class GroupModel:
         Of every curve its labels, outermost first (animal, site); empty tuples where curves are independent.
     outliers : bool
         Whether a tenth of the curves may come from steps five times as wide.
-    cells : float, default 1
-        How much wider the cells of tables are than a result asks for: for the search of the spreads.
+    between : SpreadPrior
+        Prior of the spread of every level of units.
+    rough : bool
+        Whether tables only need to tell where the spreads are.
     """
 
     def __init__(
@@ -87,7 +67,8 @@ class GroupModel:
         labels: Sequence[tuple[str, ...]],
         *,
         outliers: bool = False,
-        cells: float = 1.0,
+        between: SpreadPrior = BETWEEN,
+        rough: bool = False,
     ) -> None:
         self.units, order = Units.of(labels)
         self.curves = [curves[i] for i in order]
@@ -95,15 +76,19 @@ class GroupModel:
         self._middles = np.array([curve.middle for curve in self.curves])
         self._errors = np.array([curve.error for curve in self.curves])
         self._normal = np.array([curve.is_normal for curve in self.curves])
-        self._priors = (BETWEEN,) * len(self.units.names) + (WITHIN,)
-        self._cells = cells
-        self._rough = partial(GroupModel, curves, labels, outliers=outliers, cells=_LARGER)
+        self._priors = (between,) * len(self.units.names) + (WITHIN,)
+        self._is_rough = rough
+        self._rough = partial(GroupModel, curves, labels, outliers=outliers, between=between, rough=True)
         self._known: dict[str, tuple[tuple[bytes, ...], Messages]] = {}
 
     @cached_property
     def spreads(self) -> SpreadGrid:
         """Posterior of the spreads: of each level of units, outermost first, and of curves."""
-        return weighted_grid(self.log_evidence, self._priors, self._rough().log_evidence)
+        return weighted_grid(self.log_evidence, self._priors, self._windows)
+
+    @cached_property
+    def _windows(self) -> Windows:
+        return spread_windows(self._rough().log_evidence, self._priors)
 
     @cached_property
     def mean(self) -> Density:
@@ -173,77 +158,76 @@ class GroupModel:
 
     def _gathered(self, nodes: tuple[FloatArray, ...]) -> Messages:
         """The messages of the outermost units, blurred by their spread and multiplied."""
-        units = blurred(self._messages(nodes[1:]), nodes[0], self._grid) if self.units.names else None
-        if units is None:
-            units = self._seen_curves(nodes[0])
-        count = units.precision.shape[-1]
-        return gathered(units, np.zeros(count, dtype=int), 1)
+        if not self.units.names:
+            return self._of_curves(nodes[0], np.zeros(len(self.curves), dtype=int), 1)
+        count = len(self.units.names[0])
+        return carried(self._messages(nodes[1:]), nodes[0], np.zeros(count, dtype=int), 1, self._grid)
 
     def _carried(self, nodes: tuple[FloatArray, ...]) -> Messages:
         """The messages of the curves, carried up to the outermost units."""
-        units = self._seen_curves(nodes[-1])
-        inward = list(zip(self.units.names, self.units.parents, strict=True))[::-1]
-        for number, (names, parents) in enumerate(inward):
-            if number:
-                units = blurred(units, nodes[-1 - number], self._grid)
-            units = gathered(units, parents, len(names))
+        inward = zip(self.units.names, self.units.parents, nodes, strict=True)
+        (names, parents, within), *further = list(inward)[::-1]
+        units = self._of_curves(within, parents, len(names))
+        for names, parents, spreads in further:
+            units = carried(units, spreads, parents, len(names), self._grid)
         return units
 
-    def _seen_curves(self, within: FloatArray) -> Messages:
-        """Messages of the curves, blurred by the spread among curves, (spreads, curves)."""
-        count = len(self.curves)
+    def _of_curves(self, within: FloatArray, parents: IntArray, count: int) -> Messages:
+        """Messages of the innermost units, (spreads, units)."""
         normal = self._normal & (not self._outliers)
-        tabulated = np.flatnonzero(~normal)
-        errors = np.where(self._normal, self._errors, 1.0)
-        variance = errors**2 + within[:, None] ** 2
-        precision = np.where(normal, 1.0 / variance, 0.0)
-        constant = np.where(normal, -0.5 * np.log(variance) + np.log(errors), 0.0)
-        centre = np.broadcast_to(self._middles, (len(within), count))
-        tables = np.zeros((len(within), len(tabulated), len(self._grid.x)))
-        if len(tabulated):
-            tables = np.stack([self._tables(tabulated, float(spread)) for spread in within])
-        return Messages(precision, centre, constant, tables, tabulated)
-
-    def _tables(self, which: IntArray, within: float) -> FloatArray:
-        """Log-likelihoods of some curves on the grid, blurred, (curves, x)."""
-        plain = self._blurred_tables(which, within)
+        precision = np.where(normal, 1.0 / np.where(self._normal, self._errors, 1.0) ** 2, 0.0)
+        constant = np.zeros(len(self.curves))
         if not self._outliers:
-            return plain
-        wide = self._blurred_tables(which, _WIDER * within)
-        result: FloatArray = np.logaddexp(np.log1p(-_OUTLIERS) + plain, np.log(_OUTLIERS) + wide)
-        return result
-
-    def _blurred_tables(self, which: IntArray, within: float) -> FloatArray:
-        x = self._grid.x
-        tables = np.empty((len(which), len(x)))
-        normal = self._normal[which]
-        middles, errors = self._middles[which], self._errors[which]
-        if normal.any():
-            variance = errors[normal] ** 2 + within**2
-            off = x - middles[normal, None]
-            tables[normal] = (
-                -0.5 * off**2 / variance[:, None] + np.log(errors[normal] / np.sqrt(variance))[:, None]
+            curves = Messages(
+                precision, self._middles, constant, self._open_logarithms, np.flatnonzero(~normal)
             )
-        if not normal.all():
-            tables[~normal] = self._grid.blurred(self._open_logarithms, within)
+            return carried(curves, within, parents, count, self._grid)
+        none = np.zeros((len(within), count))
+        tables = multiplied_tables(self._tolerant_tables(within), within, parents, self._grid)
+        return Messages(none, none, none, tables, np.arange(count))
+
+    def _tolerant_tables(self, within: FloatArray) -> Iterator[FloatArray]:
+        """Log-likelihoods of all curves (curves, places) for each spread, some of which may lie far off."""
+        plain, wide = (
+            self._grid.blurred(self._open_logarithms, within, wider=wider) for wider in (1.0, _WIDER)
+        )
+        for spread, near, far in zip(within.tolist(), plain, wide, strict=True):
+            x = self._grid.x[self._grid.places(spread)]
+            yield np.logaddexp(
+                np.log1p(-_OUTLIERS) + self._with_normal_ones(near, x, spread),
+                np.log(_OUTLIERS) + self._with_normal_ones(far, x, _WIDER * spread),
+            )
+
+    def _with_normal_ones(self, open_ones: FloatArray, x: FloatArray, spread: float) -> FloatArray:
+        """Tables of all curves, blurred: those of the normal ones in closed form."""
+        tables = np.empty((len(self.curves), len(x)))
+        tables[~self._normal] = open_ones
+        errors = self._errors[self._normal]
+        variance = errors**2 + spread**2
+        off = x - self._middles[self._normal, None]
+        tables[self._normal] = -0.5 * off**2 / variance[:, None] + np.log(errors / np.sqrt(variance))[:, None]
         return tables
 
     @cached_property
     def _open_logarithms(self) -> FloatArray:
         """Log-likelihoods on the grid of the curves that are not normal, as they are, (curves, x)."""
         open_ones = np.flatnonzero(~self._normal)
-        return np.array([self.curves[i].log_at(self._grid.x) for i in open_ones])
+        tables = [self.curves[i].log_at(self._grid.x) for i in open_ones]
+        return np.array(tables).reshape(len(tables), len(self._grid.x))
 
     @cached_property
     def _grid(self) -> Grid:
         """Places for tables: fine where curves are, coarse far beyond, where what is open stays open."""
         if self._normal.all() and not self._outliers:
             return Grid(np.zeros(0), 0.0, 1.0, 1)
-        finest = _WIDEST
+        step = _WIDEST
         if self.units.names:
-            weights = 1.0 / (np.minimum(self._errors, 1.0) ** 2 + 0.05**2)
-            finest = 0.5 / np.sqrt(np.bincount(self.units.parents[-1], weights).max())
-        step = self._cells * float(np.clip(finest, _NARROWEST, _WIDEST))
+            least = _LEAST if self._is_rough else math.exp(self._windows[-1][0])
+            weights = 1.0 / (np.minimum(self._errors, 1.0) ** 2 + least**2)
+            finest = 0.5 / math.sqrt(np.bincount(self.units.parents[-1], weights).max())
+            step = min(max(finest, _NARROWEST), _WIDEST)
+        if self._is_rough:
+            step *= _LARGER
         low, high = self._middles.min() - _FINE, self._middles.max() + _FINE
         count = int(np.ceil((high - low) / step)) + 1
         further = int(np.ceil(np.log1p(_COARSE * (_GROWTH - 1.0) / step) / np.log(_GROWTH)))

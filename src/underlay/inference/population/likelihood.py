@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import stats
@@ -105,7 +106,7 @@ class CurveLikelihood:
         bounds = np.log([max(coordinate.low, np.finfo(float).tiny), coordinate.high])
         return _of_grid(at, log_density, tuple(bounds.tolist()))
 
-    @property
+    @cached_property
     def is_normal(self) -> bool:
         """Whether the nine numbers are those of a normal density."""
         places = np.array(self.places)
@@ -119,7 +120,7 @@ class CurveLikelihood:
         """Where the likelihood is largest, ln of the parameter."""
         return self.places[_MIDDLE]
 
-    @property
+    @cached_property
     def error(self) -> float:
         """A third of half the width at z = 3, or the nearest to it that there is; inf where both ends are open."""
         finite = np.isfinite(self.places)

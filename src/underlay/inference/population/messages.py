@@ -12,6 +12,8 @@ infinity, so that what is open stays open and no spread is too small for the gri
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
@@ -22,14 +24,15 @@ from scipy import interpolate, special
 
 from underlay._arrays import FloatArray
 
-__all__ = ["Grid", "IntArray", "Messages", "blurred", "gathered"]
+__all__ = ["Grid", "IntArray", "Messages", "carried", "multiplied_tables"]
 
 IntArray: TypeAlias = NDArray[np.intp]
-# Of a table's largest value: what lies further down is as good as nothing, and its logarithm stays finite.
-_NOTHING = 1e-290
-# So far below its table's largest a cell counts for nothing; distance between places that are computed, in standard
-# deviations of the normal.
-_NEGLIGIBLE, _APART = 300.0, 0.25
+# Logarithm, below its table's largest, of what counts for nothing, and how many standard deviations off a normal
+# is as low.
+_NEGLIGIBLE = 300.0
+_NOTHING, _FURTHEST = math.exp(-_NEGLIGIBLE), math.sqrt(2.0 * _NEGLIGIBLE)
+# Distance between places that are computed, in standard deviations of the normal.
+_APART = 1.0 / 3.0
 
 
 @dataclass(frozen=True)
@@ -63,44 +66,77 @@ class Grid:
         widths: FloatArray = np.gradient(self.x)
         return widths
 
-    def blurred(self, logarithms: FloatArray, spread: float) -> FloatArray:
-        """Logarithm of exp(logarithms), (..., x), under a normal of standard deviation `spread`.
+    def blurred(
+        self, logarithms: FloatArray, spreads: FloatArray, *, wider: float = 1.0
+    ) -> Iterator[FloatArray]:
+        """Logarithms of exp(logarithms), (..., x), under normals of standard deviation `wider` times each spread.
 
-        Only cells that hold something are summed, and where the normal is wide beside the cells only some of the
-        even places are computed: the logarithm of what it smoothed is a spline between them.
+        Each is given at the places of `self.places(spread)` alone. Cells that hold nothing are not summed.
         """
         largest = logarithms.max(axis=-1, keepdims=True)
         off = logarithms - largest
-        held = np.flatnonzero((off > -_NEGLIGIBLE).reshape(-1, len(self.x)).any(axis=0))
-        columns = slice(int(held[0]), int(held[-1]) + 1)
+        some = np.flatnonzero((off > -_NEGLIGIBLE).reshape(-1, len(self.x)).any(axis=0))
+        held = slice(int(some[0]), int(some[-1]) + 1) if len(some) else slice(0, 0)
+        shares = np.exp(off[..., held]).reshape(math.prod(off.shape[:-1]), held.stop - held.start)
+        for spread in spreads.tolist():
+            rows = self.places(spread)
+            found = shares @ self.kernel(wider * spread, rows, held).T
+            found = found.reshape(*logarithms.shape[:-1], len(rows))
+            np.log(np.maximum(found, _NOTHING, out=found), out=found)
+            found += largest
+            yield found
+
+    def places(self, spread: float) -> IntArray:
+        """Which places tell all of what a normal of this standard deviation has blurred."""
         stride = max(int(_APART * spread / self.step), 1)
         outer, last = len(self.outside), len(self.outside) + self.count - 1
-        rows = np.unique(np.r_[:outer, outer : last + 1 : stride, last : len(self.x)])
-        share = np.exp(off[..., columns]) @ self.kernel(spread, rows, columns).T
-        found: FloatArray = np.log(np.maximum(share, _NOTHING)) + largest
-        if stride == 1:
-            return found
-        return np.asarray(interpolate.CubicSpline(self.x[rows], found, axis=-1)(self.x))
+        parts = np.arange(outer), np.arange(outer, last, stride), np.arange(last, len(self.x))
+        return np.concatenate(parts)
 
-    def kernel(self, spread: float, rows: IntArray | None = None, columns: slice | None = None) -> FloatArray:
-        """Share of a normal density about each place (rows) that falls into each cell (columns), all or some."""
-        size, outer, count = len(self.x), len(self.outside), self.count
-        rows = np.arange(size) if rows is None else rows
-        columns = slice(0, size) if columns is None else columns
-        marks = np.arange(columns.start, columns.stop + 1)
-        edges = np.concatenate([[-np.inf], 0.5 * (self.x[1:] + self.x[:-1]), [np.inf]])[marks]
-        below = np.empty((len(rows), len(marks)))
-        is_even = (rows >= outer) & (rows < outer + count)
-        between_even = (marks > outer) & (marks < outer + count)
-        below[~is_even] = special.ndtr((edges - self.x[rows[~is_even], None]) / spread)
-        here = self.x[rows[is_even], None]
-        below[np.ix_(is_even, ~between_even)] = special.ndtr((edges[~between_even] - here) / spread)
+    def everywhere(self, logarithms: FloatArray, spread: float) -> FloatArray:
+        """What is known at `places(spread)`, (..., places), at all of them, (..., x): a spline between."""
+        rows = self.places(spread)
+        if len(rows) == len(self.x):
+            return logarithms
+        return np.asarray(interpolate.make_interp_spline(self.x[rows], logarithms, axis=-1)(self.x))
+
+    def kernel(self, spread: float, rows: IntArray, columns: slice) -> FloatArray:
+        """Share of a normal density about each place (rows) that falls into each cell (columns)."""
+        outer, count = len(self.outside), self.count
+        share = np.empty((len(rows), columns.stop - columns.start))
         # Among even places only the distance counts.
-        steps = special.ndtr((np.arange(-count, count) + 0.5) * self.step / spread)
-        away = marks[between_even] - 1 - rows[is_even][:, None]
-        below[np.ix_(is_even, between_even)] = steps[away + count]
-        share: FloatArray = np.diff(below, axis=1)
+        first, last = max(columns.start, outer + 1), min(columns.stop, outer + count - 1)
+        is_even = (rows >= outer) & (rows < outer + count)
+        edges = np.concatenate([[-np.inf], 0.5 * (self.x[1:] + self.x[:-1]), [np.inf]])
+        if not is_even.any() or first >= last:
+            return _shares_of_cells(edges[columns.start : columns.stop + 1], self.x[rows], spread)
+        inside = slice(first - columns.start, last - columns.start)
+        here = self.x[rows[is_even]]
+        share[~is_even] = _shares_of_cells(
+            edges[columns.start : columns.stop + 1], self.x[rows[~is_even]], spread
+        )
+        share[is_even, : inside.start] = _shares_of_cells(edges[columns.start : first + 1], here, spread)
+        share[is_even, inside.stop :] = _shares_of_cells(edges[last : columns.stop + 1], here, spread)
+        away = (np.arange(count + 1) - 0.5) * self.step / spread
+        upwards = -np.diff(special.ndtr(-away))
+        steps = np.concatenate([upwards[:0:-1], upwards])
+        windows = np.lib.stride_tricks.sliding_window_view(steps, last - first)
+        share[is_even, inside] = windows[first - rows[is_even] + count - 1]
         return share
+
+
+def _shares_of_cells(edges: FloatArray, x: FloatArray, spread: float) -> FloatArray:
+    """Share of a normal about each x (rows) that falls between neighbouring edges (columns + 1)."""
+    away = (edges - x[:, None]) / spread
+    # What lies beyond an edge on its far side keeps its digits however little it is.
+    beyond = np.zeros(away.shape)
+    near = np.abs(away) < _FURTHEST
+    beyond[near] = special.ndtr(-np.abs(away[near]))
+    above = away > 0.0
+    holds_x = above[:, 1:] & ~above[:, :-1]
+    share: FloatArray = np.abs(np.diff(beyond, axis=1))
+    share[holds_x] = 1.0 - (beyond[:, 1:] + beyond[:, :-1])[holds_x]
+    return share
 
 
 @dataclass(frozen=True)
@@ -124,42 +160,46 @@ class Messages:
     tabulated: IntArray
 
 
-def blurred(units: Messages, spreads: FloatArray, grid: Grid) -> Messages:
-    """Return the messages as the level above sees them, with a new leading axis of `spreads`."""
-    spread = spreads.reshape(-1, *([1] * units.precision.ndim))
-    widened = 1.0 + units.precision * spread**2
-    precision = units.precision / widened
-    constant = units.constant - 0.5 * np.log(widened)
-    centre = np.broadcast_to(units.centre, precision.shape)
-    if not len(units.tabulated):
-        tables = np.zeros((len(spreads), *units.tables.shape))
-        return Messages(precision, centre, constant, tables, units.tabulated)
+def carried(units: Messages, spreads: FloatArray, parents: IntArray, count: int, grid: Grid) -> Messages:
+    """Return what the level above sees: messages blurred by each of the spreads, those of each parent multiplied.
+
+    `parents` (units,) says whose each is, 0 to `count` - 1, in order; the spreads are a new leading axis.
+    """
     of = units.tabulated
-    whole = (
-        units.constant[..., of, None]
-        - 0.5 * units.precision[..., of, None] * (grid.x - units.centre[..., of, None]) ** 2
-        + units.tables
-    )
-    tables = np.stack([grid.blurred(whole, float(s)) for s in spreads])
-    # All of such a unit is in its table now.
-    precision, constant = precision.copy(), constant.copy()
-    precision[..., of], constant[..., of] = 0.0, 0.0
-    return Messages(precision, centre, constant, tables, units.tabulated)
-
-
-def gathered(units: Messages, parents: IntArray, count: int) -> Messages:
-    """Multiply the units of each parent: `parents` (units,) says whose each is, 0 to `count` - 1, in order."""
+    # All of a unit that has a table goes into its table.
+    own, constant = units.precision.copy(), units.constant.copy()
+    own[..., of], constant[..., of] = 0.0, 0.0
+    widened = 1.0 + own * spreads.reshape(-1, *([1] * own.ndim)) ** 2
+    precision, constant = own / widened, constant - 0.5 * np.log(widened)
     starts = np.searchsorted(parents, np.arange(count))
-    precision = np.add.reduceat(units.precision, starts, axis=-1)
-    weighted = np.add.reduceat(units.precision * units.centre, starts, axis=-1)
-    # A parent whose units are all tabulated has no normal part: any centre does.
-    centre = np.divide(weighted, precision, out=np.zeros_like(weighted), where=precision > 0.0)
+    together = np.add.reduceat(precision, starts, axis=-1)
+    weighted = np.add.reduceat(precision * units.centre, starts, axis=-1)
+    # A parent whose units all have tables has no normal part: any centre does.
+    centre = np.divide(weighted, together, out=np.zeros_like(weighted), where=together > 0.0)
     off = units.centre - np.repeat(centre, np.diff([*starts, len(parents)]), axis=-1)
-    constant = np.add.reduceat(units.constant - 0.5 * units.precision * off**2, starts, axis=-1)
-    of = parents[units.tabulated]
-    tabulated = np.unique(of)
-    shape = (*units.tables.shape[:-2], len(tabulated), units.tables.shape[-1])
-    tables = np.zeros(shape)
-    if len(tabulated):
-        tables = np.add.reduceat(units.tables, np.searchsorted(of, tabulated), axis=-2)
-    return Messages(precision, centre, constant, tables, tabulated)
+    constants = np.add.reduceat(constant - 0.5 * precision * off**2, starts, axis=-1)
+    tables = np.zeros((*precision.shape[:-1], 0, 0))
+    if len(of):
+        whole = (
+            units.constant[..., of, None]
+            - 0.5 * units.precision[..., of, None] * (grid.x - units.centre[..., of, None]) ** 2
+            + units.tables
+        )
+        tables = multiplied_tables(grid.blurred(whole, spreads), spreads, parents[of], grid)
+    return Messages(together, centre, constants, tables, np.unique(parents[of]))
+
+
+def multiplied_tables(
+    each: Iterable[FloatArray], spreads: FloatArray, parents: IntArray, grid: Grid
+) -> FloatArray:
+    """Tables (spreads, ..., parents, x) of parents, of those (..., units, places of the spread) of `each` spread.
+
+    They are added before they are known everywhere: a spline of a sum is the sum of splines.
+    """
+    starts = np.searchsorted(parents, np.unique(parents))
+    return np.stack(
+        [
+            grid.everywhere(np.add.reduceat(tables, starts, axis=-2), spread)
+            for tables, spread in zip(each, spreads.tolist(), strict=True)
+        ]
+    )

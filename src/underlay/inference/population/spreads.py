@@ -7,14 +7,20 @@ freedom and scale 0.5 among curves of one animal, chosen by coverage for three t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from underlay._arrays import FloatArray
 
-__all__ = ["BETWEEN", "WITHIN", "SpreadGrid", "SpreadPrior", "weighted_grid"]
+__all__ = ["BETWEEN", "WITHIN", "SpreadGrid", "SpreadPrior", "Windows", "spread_windows", "weighted_grid"]
+
+LogLikelihood: TypeAlias = Callable[[tuple[FloatArray, ...]], FloatArray]
+#: Per level, outermost first: ln of the smallest and the largest spread that count.
+Windows: TypeAlias = tuple[tuple[float, float], ...]
 
 _SMALLEST, _LARGEST = 1e-3, 5.0
 # Nodes per axis: while it is looked for where the posterior is, and for the sums.
@@ -83,33 +89,34 @@ class SpreadGrid:
         return result
 
 
-def weighted_grid(
-    log_likelihood: Callable[[tuple[FloatArray, ...]], FloatArray],
-    priors: Sequence[SpreadPrior],
-    rough: Callable[[tuple[FloatArray, ...]], FloatArray],
-) -> SpreadGrid:
-    """Find where the posterior of the spreads lies, and its weights there.
+def spread_windows(log_likelihood: LogLikelihood, priors: Sequence[SpreadPrior]) -> Windows:
+    """Find where the posterior of the spreads is: for each level, in ln of its spread, where it is all but nothing.
 
     Parameters
     ----------
     log_likelihood : callable
-        Of a tuple of nodes per level: the logarithm of the likelihood at all combinations.
+        Of a tuple of nodes per level: the logarithm of the likelihood at all combinations, to a log unit or so.
     priors : sequence of SpreadPrior
         One per level, outermost first.
-    rough : callable
-        The same as `log_likelihood`, to a log unit or so: for the search.
     """
-    windows = [(np.log(_SMALLEST), np.log(_LARGEST))] * len(priors)
+    windows: Windows = ((math.log(_SMALLEST), math.log(_LARGEST)),) * len(priors)
     for _ in range(_PASSES):
         log_nodes = [np.linspace(low, high, _FIRST) for low, high in windows]
-        found = _log_posterior(rough, log_nodes, priors)
-        narrowed = [_window(found, axis, log_nodes[axis]) for axis in range(len(priors))]
+        found = _log_posterior(log_likelihood, log_nodes, priors)
+        narrowed = tuple(_window(found, axis, log_nodes[axis]) for axis in range(len(priors)))
         shrunk = any(
             high - low < 0.6 * (b - a) for (low, high), (a, b) in zip(narrowed, windows, strict=True)
         )
         windows = narrowed
         if not shrunk:
             break
+    return windows
+
+
+def weighted_grid(
+    log_likelihood: LogLikelihood, priors: Sequence[SpreadPrior], windows: Windows
+) -> SpreadGrid:
+    """Weigh a grid over the windows of the spreads, outermost level first."""
     counts = _NODES.get(len(priors), (_MOST,) * len(priors))
     log_nodes = [np.linspace(low, high, count) for (low, high), count in zip(windows, counts, strict=True)]
     found = _log_posterior(log_likelihood, log_nodes, priors)
@@ -127,7 +134,7 @@ def weighted_grid(
 
 
 def _log_posterior(
-    log_likelihood: Callable[[tuple[FloatArray, ...]], FloatArray],
+    log_likelihood: LogLikelihood,
     log_nodes: Sequence[FloatArray],
     priors: Sequence[SpreadPrior],
 ) -> FloatArray:

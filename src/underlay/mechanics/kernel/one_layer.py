@@ -7,7 +7,9 @@ Formula (Hankel space, u = wavenumber times thickness; J = diag(-1, 1); 1 = laye
 - passage through the layer           E = exp(-u sigma/2) [[ch - sigma sh/2, p sh], [-sh, ch + sigma sh/2]],
   ch = cosh(u d), sh = sinh(u d)/d, d^2 = sigma^2/4 - p (of any sign; p, sigma of the layer);
 - step 3: G = E R E and 1 - L = 2 (G22 - det G)/(1 - G11 + G22 - det G), det G = det R exp(-2 sigma u);
-- step 4, small u on a soft substrate: L = 2 Y11/det Y - 1, Y = I + J G with the cancellation worked out.
+- step 4, small u on a soft substrate: L = 2 Y11/det Y - 1, Y = I + J G with the cancellation worked out;
+- with friction the whole surface compliance, (C1 - J C1 G) (I + J G)^-1: over that of the layer's half-space it
+  lacks 1 - L axially, -2 (G11 + det G)/(1 - G11 + G22 - det G) radially, and 2 G12/(...)/sqrt(p) is added across.
 
 It is the L(u) of (1.6) and of the paper's appendix, for a layer bonded to its base, without the appendix's
 division by gamma_1 - gamma_2: real, equal and complex roots and nu = 0.5 are one formula. Identical materials
@@ -26,7 +28,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray, read_only
 from underlay.mechanics.plane_constants import PlaneConstants, Real, magnitude
 
-__all__ = ["EQUAL_ROOTS", "one_minus_L", "passage"]
+__all__ = ["EQUAL_ROOTS", "compliance", "one_minus_L", "passage"]
 
 #: |d^2|/p below which the two roots count as equal: ch and sh are then exp(-u sigma/2) times 1 and u. The
 # rounding of isotropic constants leaves up to 2.0 eps. Error of L at the switch, on a rigid base: 6e-16 with
@@ -76,12 +78,8 @@ def one_minus_L(u: FloatArray, layer: PlaneConstants, substrate: PlaneConstants 
         Absolute error of L below 1e-14; relative error of L below 1e-13 where the substrate is softer.
     """
     pair = _interface(layer, substrate)
-    p, sigma, m12, scale = pair.p, pair.sigma, pair.m12, 1.0 / pair.determinant
-    r11 = -(pair.m22 * pair.d11 + m12 * m12) * scale
-    r12 = -m12 * (pair.m22 + pair.d22) * scale
-    r21 = m12 * (pair.d11 + pair.m11) * scale
-    r22 = (m12 * m12 + pair.m11 * pair.d22) * scale
-    det_r = (m12 * m12 - pair.d11 * pair.d22) * scale
+    p, sigma = pair.p, pair.sigma
+    r11, r12, r21, r22, det_r = _reflection(pair)
     ch, sh = passage(u, p, pair.sigma2, sigma)
     ch2, chsh, sh2 = ch * ch, ch * sh, sh * sh
     # G22 and G22 - G11, with E = ch + sh [[-k, p], [-1, k]] multiplied out.
@@ -91,7 +89,7 @@ def one_minus_L(u: FloatArray, layer: PlaneConstants, substrate: PlaneConstants 
     g22_g11 = spread * ch2 + sigma * (r11 + r22) * chsh + ((k * k + p) * spread + sigma * w) * sh2
     numerator, denominator = 2.0 * (g22 - det_g), 1.0 + g22_g11 - det_g
     # The denominator is det Y: 4 C1_11 C1_22/det(C1 + J C2 J) at u = 0.
-    soft = 4.0 * p * pair.sigma2 < _SOFT * pair.determinant
+    soft = _is_soft(pair)
     if _holds_for_none(soft):
         return numerator / denominator
     small = soft & (np.maximum(sigma, 2.0 * p**0.5) * u < _SMALL_U)
@@ -101,6 +99,47 @@ def one_minus_L(u: FloatArray, layer: PlaneConstants, substrate: PlaneConstants 
     recovered = _soft_small_u(u[nodes], pair, ch2[..., nodes], chsh[..., nodes], sh2[..., nodes])
     value[..., nodes] = np.where(small[..., nodes], recovered, value[..., nodes])
     return value
+
+
+def compliance(
+    u: FloatArray, layer: PlaneConstants, substrate: PlaneConstants | None
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Change of the surface's compliance, radial, mixed and axial, each (nodes,), at `u` (nodes,) of one pair.
+
+    None on a soft substrate, where it loses digits at small u. Absolute error below 1e-14.
+    """
+    pair = _interface(layer, substrate)
+    if _is_soft(pair):
+        return None
+    p, sigma = pair.p, pair.sigma
+    r11, r12, r21, r22, det_r = _reflection(pair)
+    ch, sh = passage(u, p, pair.sigma2, sigma)
+    ch2, chsh, sh2 = ch * ch, ch * sh, sh * sh
+    # G = E R E with E = ch + sh [[-k, p], [-1, k]] multiplied out.
+    k, w = 0.5 * sigma, p * r21 - r12
+    det_g = det_r * np.exp(-2.0 * sigma * u)
+    g11 = r11 * ch2 + (w - sigma * r11) * chsh + (k * (k * r11 - w) - p * r22) * sh2
+    g12 = r12 * ch2 + p * (r11 + r22) * chsh + (p * (k * (r22 - r11) + p * r21) - k * k * r12) * sh2
+    g22 = r22 * ch2 + (w + sigma * r22) * chsh + (k * (k * r22 + w) - p * r11) * sh2
+    scale = 2.0 / (1.0 + (g22 - g11) - det_g)
+    return -scale * (g11 + det_g), scale * g12 / p**0.5, scale * (g22 - det_g)
+
+
+def _is_soft(pair: _Interface) -> bool | NDArray[np.bool_]:
+    """Whether the substrate is so soft that step 3 loses digits at small u."""
+    return 4.0 * pair.p * pair.sigma2 < _SOFT * pair.determinant
+
+
+def _reflection(pair: _Interface) -> tuple[Real, Real, Real, Real, Real]:
+    """R, row by row, and its determinant."""
+    m12, scale = pair.m12, 1.0 / pair.determinant
+    return (
+        -(pair.m22 * pair.d11 + m12 * m12) * scale,
+        -m12 * (pair.m22 + pair.d22) * scale,
+        m12 * (pair.d11 + pair.m11) * scale,
+        (m12 * m12 + pair.m11 * pair.d22) * scale,
+        (m12 * m12 - pair.d11 * pair.d22) * scale,
+    )
 
 
 def _interface(layer: PlaneConstants, substrate: PlaneConstants | None) -> _Interface:

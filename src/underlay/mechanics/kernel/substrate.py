@@ -10,7 +10,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.mechanics.body import Base, Material
 from underlay.mechanics.kernel.kernel import Compliance, Kernel
-from underlay.mechanics.kernel.one_layer import one_minus_L
+from underlay.mechanics.kernel.one_layer import compliance, one_minus_L
 from underlay.mechanics.kernel.quadrature import u_rule
 from underlay.mechanics.kernel.recursion import Recursion, Sheet, scaled
 from underlay.mechanics.kernel.scales import Scales
@@ -105,7 +105,8 @@ class SubstrateKernel(Kernel):
 
     def compliance(self, u: FloatArray) -> Compliance:
         """Change of the surface's compliance in every direction at `u` (nodes,)."""
-        return self._recursion.compliance(u)
+        found = compliance(u, *self.constants)
+        return self._recursion.compliance(u) if found is None else Compliance(*found)
 
     @cached_property
     def _recursion(self) -> Recursion:

@@ -20,7 +20,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.mechanics.exact.master_curve import Stretch, chebyshev_angles, chebyshev_coefficients
 from underlay.mechanics.indenters import Indenter, PowerLawShape
-from underlay.mechanics.stuck.basis import end_rule
+from underlay.mechanics.stuck.basis import GROWTH_RULES, end_rule
 from underlay.mechanics.stuck.stuck_punch import StuckPunch
 
 __all__ = ["Growth", "chebyshev_radii"]
@@ -52,31 +52,39 @@ class Growth:
     ) -> Self:
         """Grow by the punches of the Chebyshev radii of `stretch`, integrating over `steps` nodes."""
         radii, count = punch.eps, punch.eps.size
-        rule, angles = end_rule(steps), chebyshev_angles(count)
-        orders = np.arange(count)
-        # T_k at s = x t, (radii x, steps, terms), and interpolation from values at the radii.
-        within = np.arccos(np.minimum(stretch.z(np.multiply.outer(radii, rule.nodes)), 1.0))
-        table = np.cos(np.multiply.outer(within, orders))
+        rule, angles = GROWTH_RULES.get(steps) or end_rule(steps), chebyshev_angles(count)
+        # T_k at s = x t, (terms, radii x, steps), and interpolation from values at the radii.
+        table = _chebyshev(stretch.z(np.multiply.outer(radii, rule.nodes)), count)
         to_terms = chebyshev_coefficients(np.eye(count), angles)
-        beside = to_terms @ punch.beside(radii)
-        bond = 1.0 + (table @ beside.T[:, :, None])[:, :, 0]
+        bonds = (to_terms @ punch.beside(radii))[:, :, None]
         if punch.basis.gamma:
-            outside = to_terms @ punch.fields @ punch.basis.outside(rule)
-            bond -= np.einsum("iqk,kq->iq", table, outside)
+            bonds = bonds - (to_terms @ punch.fields @ punch.basis.outside(rule))[:, None, :]
+        bond = 1.0 + (table * bonds).sum(axis=0)
         weights = rule.weights * _share_of_growth(indenter, radii * thickness, rule.nodes)
-        matrix = ((weights * bond)[:, None, :] @ table)[:, 0, :]
+        matrix = (table * (weights * bond)).sum(axis=2).T
         rate = np.linalg.solve(matrix, np.ones(count))
         kappa = to_terms @ punch.kappa
-        grown = weights * (table @ rate)
-        depth = grown.sum(axis=1)
-        force = (grown * rule.nodes * (table @ kappa)).sum(axis=1)
-        found = (kappa, to_terms @ depth, to_terms @ force, rate)
-        return cls(stretch, np.column_stack(found))
+        flat = table.reshape(count, -1)
+        grown = weights * (rate @ flat).reshape(bond.shape)
+        carried = grown * rule.nodes * (kappa @ flat).reshape(bond.shape)
+        both = to_terms @ np.stack((grown.sum(axis=1), carried.sum(axis=1)), axis=1)
+        return cls(stretch, np.column_stack((kappa, both, rate)))
 
     def values(self, eps: FloatArray) -> FloatArray:
         """The four ratios (n, 4) at `eps` (n,)."""
         angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
         return np.cos(np.multiply.outer(angle, np.arange(len(self.coefficients)))) @ self.coefficients
+
+
+def _chebyshev(z: FloatArray, count: int) -> FloatArray:
+    """T_k(z) for k < `count`, (count, *z.shape); at least two, z in [-1, 1] but for rounding."""
+    table = np.empty((count, *z.shape))
+    table[0], table[1] = 1.0, z
+    twice = 2.0 * z
+    for k in range(2, count):
+        np.multiply(twice, table[k - 1], out=table[k])
+        table[k] -= table[k - 2]
+    return table
 
 
 def _share_of_growth(indenter: Indenter, lengths: FloatArray, nodes: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ than its base folds: there points do not stick in the order in which they are to
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import ceil, log10
+from math import acosh, ceil, log, log10
 from typing import Self
 
 import numpy as np
@@ -68,10 +68,17 @@ class _Counts:
     steps: int
 
     @classmethod
-    def choose(cls, eps: float, rtol: float, softness: float) -> Self:
+    def choose(cls, eps: float, rtol: float, softness: float, end: float = np.inf) -> Self:
+        """Counts up to `eps` for a shape that is smooth up to a circle of radius `end`, both over the thickness."""
         digits = 0.5 - log10(rtol)
         wide = 0.8 + 0.5 * eps + 0.02 * eps * eps + 0.1 * np.log1p(softness * eps)
-        return cls.of(6 + max(0, ceil(digits * wide) - 5), digits)
+        radii = 6 + max(0, ceil(digits * wide) - 5)
+        if end < np.inf:
+            # A polynomial's error falls as rho^-n, rho by the ellipse through what is not smooth; its logarithm
+            # takes 0.85 of that.
+            z = max(float(Stretch.to(eps, softness).z(np.array([end]))[0]), 1.01)
+            radii = max(radii, ceil(0.85 * digits * log(10.0) / acosh(z)))
+        return cls.of(radii, digits)
 
     @classmethod
     def of(cls, radii: int, digits: float) -> Self:
@@ -227,7 +234,8 @@ def _solve(problem: ContactProblem, last: float, rtol: float) -> _Solved:
     """Grow up to `last` = a/h, with as many nodes as it takes."""
     scales = problem.scales
     resolution = proved_resolution(problem.kernel, last, rtol)
-    counts, most, uneven = _Counts.choose(last, rtol, scales.softness), _MOST_RADII, 1.0
+    end = problem.indenter.radius / problem.thickness if isinstance(problem.indenter, Sphere) else np.inf
+    counts, most, uneven = _Counts.choose(last, rtol, scales.softness, end), _MOST_RADII, 1.0
     if not isinstance(problem.indenter, PowerLawShape | Sphere):
         counts, most, uneven = replace(counts, steps=_MEASURED_STEPS), _MEASURED_RADII, _UNEVEN
     stretch = Stretch.to(last, scales.softness)

@@ -20,7 +20,8 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.mechanics.relaxation import Modes
 from underlay.mechanics.response import Elastic
-from underlay.mechanics.viscoelastic.memory import Memory, even
+from underlay.mechanics.viscoelastic.clock import even
+from underlay.mechanics.viscoelastic.memory import Memory
 
 __all__ = ["Bed", "depth_under"]
 
@@ -110,10 +111,10 @@ def _pressed(stiffness: FloatArray, offset: FloatArray, rate: float, target: flo
 
 def _stepped(path: FloatArray, modes: Modes, clock: FloatArray, springs: FloatArray) -> FloatArray:
     """Q of every spring at every step, (n, springs), per unit modulus (m)."""
-    memory = Memory(modes, clock)
+    memory = Memory.of(modes, clock)
     shape = (len(modes.times), len(path) - 1)
-    decay = np.broadcast_to(memory.decay, shape)
-    even = np.broadcast_to(modes.weights[:, None] * memory.even, shape)
+    decay = np.broadcast_to(memory.clock.decay, shape)
+    even = np.broadcast_to(modes.weights[:, None] * memory.clock.even, shape)
     compression = np.maximum(path[0] - springs, 0.0)
     parts = modes.weights[:, None] * compression
     forces = np.empty((len(path), len(springs)))

@@ -26,8 +26,9 @@ from underlay.errors import InputError
 from underlay.mechanics.relaxation import Modes
 from underlay.mechanics.response import Invertible
 from underlay.mechanics.viscoelastic.bed import depth_under
+from underlay.mechanics.viscoelastic.clock import even
 from underlay.mechanics.viscoelastic.equal_radius import EqualRadius, equal_radius
-from underlay.mechanics.viscoelastic.memory import Memory, even
+from underlay.mechanics.viscoelastic.memory import Memory
 
 __all__ = ["Creep", "crept"]
 
@@ -76,7 +77,7 @@ class Creep:
 
     def hereditary(self, values: FloatArray, time: FloatArray) -> FloatArray:
         """int j(t - s) dF(s) at every point, (n,), of a function linear between the points."""
-        crept = Memory(self.modes, time).hereditary(values)
+        crept = Memory.of(self.modes, time).hereditary(values)
         if self.flow:
             grown = 0.5 * np.diff(time) * (values[1:] + values[:-1])
             crept = crept + self.flow * np.append(0.0, np.cumsum(grown))
@@ -124,7 +125,7 @@ def crept(law: Invertible, modes: Modes, force: FloatArray, time: FloatArray) ->
     way_in = np.asarray(law.depth(elastic))
     if turn == len(force) - 1:
         return way_in
-    memory = Memory(modes, time)
+    memory = Memory.of(modes, time)
     found = equal_radius(elastic, memory, turn, force[turn + 1 :])
     return np.concatenate((way_in, _recovered(law, memory, way_in, found)))
 
@@ -137,7 +138,7 @@ def _recovered(law: Invertible, memory: Memory, way_in: FloatArray, found: Equal
     at, held = np.zeros(points, dtype=np.intp), np.flatnonzero(found.held)
     reached[held] = law.depth(found.depth[held])
     at[held], clock[held] = found.step[held], found.time[held]
-    y = Memory(modes, time[: turn + 1]).integrals(way_in)
+    y = Memory.of(modes, time[: turn + 1]).integrals(way_in)
     part = (clock - time[at]) / modes.times[:, None]
     y1 = np.exp(-part) * y[:, at] + even(part) * (reached - way_in[at])
     seen = modes.constant * reached + modes.weights @ (

@@ -96,7 +96,7 @@ def equal_radius(
     else:
         y = memory.integrals(way_in)
     # exp(-(t - t1) / tau) is the product of what is left at the turn and after it, decaying factors both.
-    lags = memory.lags(turn)
+    lags = memory.clock.lags(turn)
     before_turn, since_turn = lags[..., : turn + 1], lags[..., turn + 1 :]
     at_turn = before_turn * y[..., : turn + 1]
     at_first = modes.constant * way_in[..., :1] + memory.weighted(since_turn * at_turn[..., :1])

@@ -17,7 +17,7 @@ from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.creep import crept
 from underlay.mechanics.viscoelastic.equal_radius import equal_radius
 from underlay.mechanics.viscoelastic.loading import Loading
-from underlay.mechanics.viscoelastic.memory import Memory
+from underlay.mechanics.viscoelastic.memory import LastMemory, Memory
 from underlay.mechanics.viscoelastic.unloading import Unloading
 from underlay.quantities import inlined, numbers_of
 
@@ -45,12 +45,15 @@ class Viscoelastic(History):
     ----------
     relaxation : Relaxation
         How its modulus falls.
+    last : LastMemory, optional
+        Keeps what depends on the times of a record and of the relaxation alone.
     """
 
     parts: ClassVar[tuple[str, ...]] = ("layer",)
     prefix: ClassVar[str] = "layer.relaxation"
 
     relaxation: Relaxation = field(metadata=inlined())
+    last: LastMemory = field(default_factory=LastMemory, compare=False, repr=False)
 
     def force(self, elastic: Elastic, depth: FloatArray, time: FloatArray) -> FloatArray:
         """Force (N), (n,), of depths since contact (m), (n,), at times (s), (n,).
@@ -78,8 +81,7 @@ class Viscoelastic(History):
 
     def _form(self, depth: FloatArray, time: FloatArray) -> Loading | Unloading | Bed:
         """The simplest construction that holds for depths (m) at times (s), each (n,)."""
-        modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
-        memory = Memory(modes, time)
+        modes, memory = self.last.of(self.relaxation, time)
         for ripple in RIPPLES:
             found = _closed(depth, memory, ripple)
             if found is not None:
@@ -95,8 +97,7 @@ class Viscoelastic(History):
         """Depth (m), (n,), under any forces (N), (n,), that press."""
         if len(force) < 2:
             return np.asarray(law.depth(force))
-        modes = self.relaxation.modes(float(np.diff(time).min()), float(time[-1] - time[0]))
-        return crept(law, modes, force, time)
+        return crept(law, self.last.of(self.relaxation, time)[0], force, time)
 
     def require_told(self, free: Sequence[str], time: FloatArray) -> None:
         """Refuse a free relaxation time, or a free fraction at a time, that the record does not tell.

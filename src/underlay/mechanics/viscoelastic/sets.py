@@ -70,12 +70,12 @@ def _by_turn(
         return elastic(rows, w)
 
     if turn == len(time) - 1:
-        return Loading(depth, Memory(modes, time))(asked), np.ones(len(rows), dtype=bool)
+        return Loading(depth, Memory.of(modes, time))(asked), np.ones(len(rows), dtype=bool)
     if begun:
         # The contact shrinks back through the radii of the sudden step, which must have a time.
         depth, time = led_in(depth, time, SUDDEN)
         turn += 1
-    memory = Memory(modes, time)
+    memory = Memory.of(modes, time)
     way = np.concatenate((np.maximum(depth[:, : turn + 1], 0.0), depth[:, turn + 1 :]), axis=1)
     found = equal_radius(way, memory, turn)
     force = Unloading(depth, turn, memory, found)(asked)

@@ -17,9 +17,10 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.mechanics.response import Elastic
+from underlay.mechanics.viscoelastic.clock import curved, even
 from underlay.mechanics.viscoelastic.equal_radius import EqualRadius
 from underlay.mechanics.viscoelastic.loading import ModeSlopes, WayIn
-from underlay.mechanics.viscoelastic.memory import Memory, curved, even
+from underlay.mechanics.viscoelastic.memory import Memory
 from underlay.mechanics.viscoelastic.radius_search import at
 
 __all__ = ["Unloading"]
