@@ -69,7 +69,7 @@ def test_several_places_at_once_say_what_each_says_alone(case):
     curve = ul.Curve(depth, scene.force(depth))
     p = problem(scene, free, curve, noise=Noise(force=1e-3 * float(np.ptp(curve.force))))
     objective = Objective(p, freeze(p, p.start, p.noises(p.start)))
-    assert objective.places_in_batches
+    assert objective.asked.in_batches
     vectors = np.random.default_rng(0).normal(0.0, 0.15, (4, len(free)))
     low, high = np.full((2, *vectors.shape), 9.0) * np.array([-1.0, 1.0])[:, None, None]
     places = objective.places(vectors, low, high)
@@ -128,8 +128,10 @@ def test_bounds_hold_every_place_that_is_asked_for():
     p = problem(scene, {E: (0.9e6, 1.02e6), H: (4e-4, 5.02e-4), C: (-1e-4, 1e-4)}, measured(scene, rng=4))
     asked = []
     objective = Objective(p, freeze(p, p.start, [Noise(force=1e-4)]))
-    models = objective._columns
-    objective._columns = lambda physical, **how: asked.append(np.array(physical)) or models(physical, **how)
+    models = objective.asked.columns
+    objective.asked.columns = lambda physical, **how: (
+        asked.append(np.array(physical)) or models(physical, **how)
+    )
     minimise(objective, p.start)
     low, high = np.array([[c.low, c.high] for c in p.coordinates]).T
     assert len(asked) > 2

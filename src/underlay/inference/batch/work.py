@@ -30,7 +30,7 @@ from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
 from underlay.inference.file_facts import EVERYTHING, settle
 from underlay.inference.from_files import require_elastic, within_range
-from underlay.inference.least_squares.instrument_modulus import instrument_modulus
+from underlay.inference.least_squares.instrument_modulus import STATED, instrument_modulus
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.plausibility import in_doubt, require_sizes, require_travel
 from underlay.inference.problem import Problem
@@ -165,7 +165,7 @@ class CurveFitter:
         outcome = self._fast(place, curve) or self._thorough(place, curve)
         _require_contact(curve, outcome)
         row.update(outcome.values)
-        if "layer.E" in outcome.values:
+        if "layer.E" in outcome.values and STATED in curve.metadata:
             told = instrument_modulus(
                 self._model.scene.with_values({**place.values, **self._of_scene(outcome)}), curve
             )

@@ -85,7 +85,7 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
     # One after another, so that a search is left as soon as an earlier one says so; where places are less work
     # all at once, together.
     rows = np.arange(len(order))
-    together = blocked.places_in_batches or blocked.laws_in_batches
+    together = blocked.asked.in_batches or blocked.asked.laws_in_batches
     for group in [rows] if together else rows[:, None]:
 
         def ended(row: int, minimum: Minimum, group: NDArray[np.intp] = group) -> None:

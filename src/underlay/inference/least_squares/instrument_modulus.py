@@ -10,8 +10,10 @@ from underlay.data.curve import Curve
 from underlay.inference.problem import Problem
 from underlay.scene.scene import Scene
 
-__all__ = ["InstrumentModulus", "instrument_moduli", "instrument_modulus"]
+__all__ = ["STATED", "InstrumentModulus", "instrument_moduli", "instrument_modulus"]
 
+#: Entry of a curve's metadata by which its file says a reduced modulus (Pa).
+STATED = "instrument_reduced_modulus"
 _PATH = "layer.E"
 
 
@@ -43,7 +45,7 @@ class InstrumentModulus:
 
 def instrument_modulus(scene: Scene, curve: Curve) -> InstrumentModulus | None:
     """Compare the layer of a fitted scene with what the curve's file says; None where it says nothing."""
-    reduced = curve.metadata.get("instrument_reduced_modulus")
+    reduced = curve.metadata.get(STATED)
     if isinstance(reduced, bool) or not isinstance(reduced, int | float):
         return None
     if not (math.isfinite(reduced) and reduced > 0.0):

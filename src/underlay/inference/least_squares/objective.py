@@ -7,7 +7,7 @@ large noise.)
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -18,9 +18,9 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.fractions import Fractions
 from underlay.inference.least_squares.frozen_noise import FrozenNoise
+from underlay.inference.least_squares.models import Models
 from underlay.inference.least_squares.places import Places, Rows, projected
 from underlay.inference.least_squares.projection import LinearDirections, Point
-from underlay.inference.model.jacobian_batch import batched_jacobians, goes_together
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.scene.noise_model import NoiseModel
@@ -47,19 +47,21 @@ class Objective:
         Entries of a vector that a search leaves alone.
     members : tuple of Member, optional
         Curves that stand for the problem's, such as their blocks.
-    evaluations, failures : int
-        Models asked, and how many did not exist.
+    failures : int
+        Models that did not exist.
+
+    Attributes
+    ----------
+    asked : Models
+        Where models and their derivatives come from.
     """
 
     problem: Problem
     noise: FrozenNoise
     held: frozenset[int] = frozenset()
     members: tuple[Member, ...] = ()
-    evaluations: int = 0
     failures: int = 0
     _largest: float = field(default=1.0, repr=False)
-    _last_models: tuple[bytes, list[FloatArray]] = field(default=(b"", []), repr=False)
-    _last_columns: dict[bool, tuple[bytes, list[FloatArray]]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         self.members = self.members or self.problem.members
@@ -69,13 +71,12 @@ class Objective:
         self.active = [i for i in range(len(coordinates)) if i not in noisy and i not in self.held]
         self._informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
         self._entries = [np.array(list(member.entries.values()), dtype=np.intp) for member in self.members]
-        # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
-        self._one_law = not any(
-            member.forward.similarity.ratio_slopes(path, member.base)
-            for member in self.members
-            if not member.forward.laws.know_slopes
-            for path in member.entries
-        )
+        self.asked = Models(self.members)
+
+    @property
+    def evaluations(self) -> int:
+        """Models asked."""
+        return self.asked.count
 
     @cached_property
     def points(self) -> int:
@@ -99,7 +100,7 @@ class Objective:
             return self._refused()
         physical = self.problem.physical(vector)
         try:
-            models = self._models(physical)
+            models = self.asked.models(physical)
         except InputError:
             return self._refused()
         residuals = self._weighted(models, physical)
@@ -122,7 +123,7 @@ class Objective:
     def jacobian(self, vector: FloatArray, *, rough: bool = False) -> FloatArray:
         """d residuals / d vector, (n + priors, k); `rough` as in `Forward.jacobian`."""
         physical = self.problem.physical(vector)
-        return self._rows(self._columns(physical, rough=rough), physical).T
+        return self._rows(self.asked.columns(physical, rough=rough), physical).T
 
     def normals(self, vector: FloatArray) -> tuple[list[FloatArray], FloatArray]:
         """J'J over the active entries of each curve, and of all with the priors, each (active, active)."""
@@ -132,7 +133,7 @@ class Objective:
         parts = [
             (self._normal([own], [entries]) * scale)[kept]
             for own, entries in zip(
-                self._whitened_rows(self._columns(physical, rough=False)), self._entries, strict=True
+                self._whitened_rows(self.asked.columns(physical, rough=False)), self._entries, strict=True
             )
         ]
         return parts, sum(parts, self._prior_places(vector[None], physical[None]).normal[0][kept])
@@ -140,7 +141,7 @@ class Objective:
     def exists(self, vector: FloatArray) -> bool:
         """Whether there is a contact law at a vector (k,), and beside it for its derivatives."""
         try:
-            self._columns(self.problem.physical(vector), rough=True)
+            self.asked.columns(self.problem.physical(vector), rough=True)
         except InputError:
             return False
         return True
@@ -155,25 +156,7 @@ class Objective:
 
     def models(self, vector: FloatArray) -> list[FloatArray]:
         """Instrument's force (N) of every curve at a vector (k,); raises InputError where no law exists."""
-        return self._models(self.problem.physical(vector))
-
-    @property
-    def laws_in_batches(self) -> bool:
-        """Whether laws of several vectors at once are less work than one by one."""
-        return any(member.forward.laws.tips is not None for member in self.members)
-
-    @cached_property
-    def places_in_batches(self) -> bool:
-        """Whether several places at once are less work than one by one."""
-        return self._one_law and all(
-            goes_together(member.forward, member.base, tuple(member.entries)) for member in self.members
-        )
-
-    def prepare(self, physical: FloatArray) -> None:
-        """Make ready what the models at vectors (SI), (s, k), need, where that is less work all at once."""
-        if self.laws_in_batches and len(physical) > 1:
-            for member in self.members:
-                member.forward.prepare([member.values_at(one) for one in physical])
+        return self.asked.models(self.problem.physical(vector))
 
     # --- what the engine asks ---------------------------------------------------------------------------
 
@@ -209,7 +192,7 @@ class Objective:
         if not possible.all():
             vectors = np.where(possible[:, None], vectors, 0.0)
         physical = self.problem.physical(vectors)
-        columns, models = self._several(physical, possible)
+        columns, models = self.asked.several(physical, possible)
         slopes = self.problem.space.slopes(physical)
         curves = [
             Rows(
@@ -227,53 +210,6 @@ class Objective:
             return here
         self.failures += int(np.count_nonzero(~possible))
         return replace(here, square=np.where(possible, here.square, np.inf))
-
-    def _several(
-        self, physical: FloatArray, possible: NDArray[np.bool_]
-    ) -> tuple[list[FloatArray], list[FloatArray]]:
-        """d force / d own entry, (s, own, n), and forces, (s, n), of every curve at vectors (s, k).
-
-        Rows without a law are taken out of `possible` (s,), and zero.
-        """
-        sets = len(physical)
-        if sets > 1 and self.places_in_batches:
-            together = [
-                batched_jacobians(member.forward, member.values_of(physical), sets, tuple(member.entries))
-                for member in self.members
-            ]
-            known = [found for found in together if found is not None]
-            if len(known) == len(together):
-                missing = possible & ~np.all([found.possible for found in known], axis=0)
-                self.evaluations += int(np.count_nonzero(possible & ~missing))
-                columns, models = [found.columns for found in known], [found.force for found in known]
-                self._one_by_one(physical, np.flatnonzero(missing), possible, columns, models)
-                return columns, models
-        self.prepare(physical[possible])
-        columns = [
-            np.zeros((sets, len(entries), len(member.force)))
-            for entries, member in zip(self._entries, self.members, strict=True)
-        ]
-        models = [np.zeros((sets, len(member.force))) for member in self.members]
-        self._one_by_one(physical, np.flatnonzero(possible), possible, columns, models)
-        return columns, models
-
-    def _one_by_one(
-        self,
-        physical: FloatArray,
-        rows: NDArray[np.intp],
-        possible: NDArray[np.bool_],
-        columns: Sequence[FloatArray],
-        models: Sequence[FloatArray],
-    ) -> None:
-        """Fill some rows of what `_several` returns."""
-        for row in rows.tolist():
-            try:
-                own, forces = self._columns(physical[row], rough=True), self._models(physical[row])
-            except InputError:
-                possible[row] = False
-                continue
-            for into, each in zip((*columns, *models), (*(part.T for part in own), *forces), strict=True):
-                into[row] = each
 
     @cached_property
     def _linear(self) -> LinearDirections:
@@ -303,37 +239,7 @@ class Objective:
             normal[row] = columns.T @ columns
         return Places(vectors, square, gradient, normal)
 
-    # --- models, derivatives and their weights -----------------------------------------------------------
-
-    # MINPACK asks for its first point twice and lmfit for its last; the noise may change in between. So the
-    # last answers are kept without weights. And nearly every point whose force is asked is then asked for its
-    # derivatives, which bring the force along: where they cost no law they are computed at once.
-
-    def _models(self, physical: FloatArray) -> list[FloatArray]:
-        key = physical.tobytes()
-        if self._last_models[0] != key:
-            if self._one_law:
-                self._columns(physical, rough=False)
-            else:
-                self.evaluations += 1
-                self._last_models = key, [member.model(physical) for member in self.members]
-        return self._last_models[1]
-
-    def _columns(self, physical: FloatArray, *, rough: bool) -> list[FloatArray]:
-        """d force / d own entry (SI), (n, own), of every curve."""
-        key, wanted = physical.tobytes(), rough and not self._one_law
-        last, columns = self._last_columns.get(wanted, (b"", []))
-        if last != key:
-            both = [
-                member.forward.jacobian(member.values_at(physical), tuple(member.entries), rough=wanted)
-                for member in self.members
-            ]
-            columns = [own for _, own in both]
-            self._last_columns[wanted] = key, columns
-            if self._last_models[0] != key:
-                self.evaluations += 1
-                self._last_models = key, [reading.force for reading, _ in both]
-        return columns
+    # --- their weights ------------------------------------------------------------------------------------
 
     def _weighted(self, models: list[FloatArray], physical: FloatArray) -> FloatArray:
         """Residuals of all points and of the priors, (n + p,)."""

@@ -44,6 +44,8 @@ from underlay.scene.scene import Scene
 __all__ = ["Landscape", "scan"]
 
 _SCAN_RTOL = 1e-2
+# What a grid tries, and what scales out of its laws with that.
+_TRIED = (MODULUS, BASE_MODULUS, THICKNESS)
 _BLOCKS = 16  # enough to tell a contact to a grid step
 # Base over layer with which the contact is looked for first.
 _FIRST_RATIO = 10.0
@@ -181,7 +183,9 @@ def _scanned(member: Member, problem: Problem) -> ScanCurve:
         rounded = replace(member.scene, indenter=Paraboloid(tip.radius))
         solver = forward.laws.solver
         forward = Forward.compile(rounded, blocks.depth, tuple(member.entries), solver, LawStore())
-    forward = replace(forward, laws=replace(forward.laws, scattered=True))
+    # What the grid does not try stays where it is: laws that would vary with it are those of a table here.
+    tried = [path for path in free if path in _TRIED]
+    forward = replace(forward, laws=replace(forward.laws.varying(tried), scattered=True))
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
     return ScanCurve(forward, blocks, free, tried_contacts(free, blocks, member.base[CONTACT]), scales, tip)
 

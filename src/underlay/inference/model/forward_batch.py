@@ -41,7 +41,7 @@ from underlay.mechanics.indenters import PowerLawShape
 from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
 from underlay.scene.chain import Frame
 
-__all__ = ["Readings", "batched_pull_offs", "batched_readings", "has_batches"]
+__all__ = ["Readings", "batched_pull_offs", "batched_readings", "by_one_law", "has_batches"]
 
 
 class Readings(NamedTuple):
@@ -112,7 +112,7 @@ def _of_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Rea
     table = asked.forward.laws.table
     entry = None if stiffness else _entry_of_surfaces(asked)
     if asked.shared is not None:
-        readings = _by_one_law(asked, asked.shared, stiffness=stiffness)
+        readings = by_one_law(asked, asked.shared, stiffness=stiffness)
     elif table is not None:
         readings = _from_tables(asked, table, stiffness=stiffness)
     elif entry is not None:
@@ -216,7 +216,7 @@ def batched_pull_offs(forward: Forward, values: Values, sets: int) -> tuple[Floa
     return (c * force, depth / b) if np.isfinite(force + depth).all() else None
 
 
-def _by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:
+def by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:
     """All sets through one law, another only where the range it needs belongs to another span."""
     readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     b, c = asked.factors
@@ -228,9 +228,12 @@ def _by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: 
         try:
             law = asked.forward.reference_law(reduced, float(depth[rows].max()))
             w = b[rows, None] * asked.tip[rows]
-            readings.contact[rows] = c[rows, None] * law.force(w)
             if stiffness:
-                readings.stiffness[rows] = (b * c)[rows, None] * law.stiffness(w)
+                force, slope = law.force_and_stiffness(w)
+                readings.stiffness[rows] = (b * c)[rows, None] * slope
+            else:
+                force = law.force(w)
+            readings.contact[rows] = c[rows, None] * force
         except InputError:
             # One of them is out of reach: the others are not.
             alone += rows.tolist()

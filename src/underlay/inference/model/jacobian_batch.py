@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError
 from underlay.inference.model.forward import Forward
+from underlay.inference.model.forward_batch import by_one_law
 from underlay.inference.model.parameter_sets import ParameterSets, Values
 from underlay.inference.model.tables import OneRatio
 from underlay.mechanics.exact.family_batch import family_batch
@@ -93,7 +93,8 @@ def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequen
 def _laws(asked: ParameterSets) -> _Laws | None:
     laws = asked.forward.laws
     if asked.shared is not None:
-        return _one_law(asked, asked.shared)
+        readings = by_one_law(asked, asked.shared, stiffness=True)
+        return _Laws(readings.contact, readings.stiffness, {}, readings.possible)
     if laws.table is not None and laws.table.family is not None:
         return _tabulated(asked, laws.table)
     return None if laws.tips is None else _of_tips(asked, laws.tips)
@@ -141,20 +142,6 @@ def _mechanical(asked: ParameterSets, path: str, laws: _Laws) -> FloatArray:
     if path in laws.through_ratios:
         total += laws.through_ratios[path]
     return np.asarray(total / value)
-
-
-def _one_law(asked: ParameterSets, reduced: tuple[float, ...]) -> _Laws | None:
-    """All sets through one law, as far as that of the deepest serves them all."""
-    b, c = (factor[:, None] for factor in asked.factors)
-    depth = asked.factors[0] * asked.deepest
-    spans = asked.forward.laws.spans(depth)
-    possible = spans == spans.max()
-    try:
-        law = asked.forward.reference_law(reduced, float(depth.max()))
-        force, stiffness = law.force_and_stiffness(b * asked.tip)
-    except InputError:
-        return None
-    return _Laws(c * force, (b * c) * stiffness, {}, possible)
 
 
 def _tabulated(asked: ParameterSets, table: OneRatio) -> _Laws | None:

@@ -123,9 +123,17 @@ class LawSource:
     ) -> LawSource:
         """Source for what may vary at the paths `free`; `reference` names its laws in the store."""
         contact = similarity.scene.contact
-        table = one_ratio(similarity, free) if solver.has_table(contact) else None
-        tips = tip_ratio(similarity, free) if solver.has_tip_tables(contact) else None
-        return cls(similarity, solver, store, store.number(reference), contact, table, tips)
+        source = cls(similarity, solver, store, store.number(reference), contact, None)
+        return source.varying(free)
+
+    def varying(self, free: Sequence[str]) -> LawSource:
+        """Return the same where only the paths `free` vary: tables serve more the fewer these are."""
+        has_table, has_tips = self.solver.has_table(self.contact), self.solver.has_tip_tables(self.contact)
+        return replace(
+            self,
+            table=one_ratio(self.similarity, free) if has_table else None,
+            tips=tip_ratio(self.similarity, free) if has_tips else None,
+        )
 
     @property
     def know_slopes(self) -> bool:

@@ -1,0 +1,132 @@
+"""Models of curves and their derivatives, as searches ask for them: at one vector, kept; at several, together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.errors import InputError
+from underlay.inference.model.jacobian_batch import batched_jacobians, goes_together
+from underlay.inference.model.members import Member
+
+__all__ = ["Models"]
+
+
+class Models:
+    """What the curves' models say at vectors in SI, (k,) or (s, k); `count` counts them.
+
+    MINPACK asks for its first point twice and lmfit for its last; the noise may change in between. So the last
+    answers are kept, without weights. And nearly every point whose force is asked is then asked for its
+    derivatives, which bring the force along: where they cost no law they are computed at once.
+
+    Parameters
+    ----------
+    members : sequence of Member
+        The curves.
+    """
+
+    def __init__(self, members: Sequence[Member]) -> None:
+        self.members, self.count = members, 0
+        self._last_models: tuple[bytes, list[FloatArray]] = (b"", [])
+        self._last_columns: dict[bool, tuple[bytes, list[FloatArray]]] = {}
+        # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
+        self._one_law = not any(
+            member.forward.similarity.ratio_slopes(path, member.base)
+            for member in members
+            if not member.forward.laws.know_slopes
+            for path in member.entries
+        )
+
+    @property
+    def laws_in_batches(self) -> bool:
+        """Whether laws of several vectors at once are less work than one by one."""
+        return any(member.forward.laws.tips is not None for member in self.members)
+
+    @cached_property
+    def in_batches(self) -> bool:
+        """Whether derivatives at several vectors at once are less work than one by one."""
+        return self._one_law and all(
+            goes_together(member.forward, member.base, tuple(member.entries)) for member in self.members
+        )
+
+    def models(self, physical: FloatArray) -> list[FloatArray]:
+        """Instrument's force (N), (n,), of every curve; raises InputError where no law exists."""
+        key = physical.tobytes()
+        if self._last_models[0] != key:
+            if self._one_law:
+                self.columns(physical, rough=False)
+            else:
+                self.count += 1
+                self._last_models = key, [member.model(physical) for member in self.members]
+        return self._last_models[1]
+
+    def columns(self, physical: FloatArray, *, rough: bool) -> list[FloatArray]:
+        """d force / d own entry (SI), (n, own), of every curve; `rough` as in `Forward.jacobian`."""
+        key, wanted = physical.tobytes(), rough and not self._one_law
+        last, columns = self._last_columns.get(wanted, (b"", []))
+        if last != key:
+            both = [
+                member.forward.jacobian(member.values_at(physical), tuple(member.entries), rough=wanted)
+                for member in self.members
+            ]
+            columns = [own for _, own in both]
+            self._last_columns[wanted] = key, columns
+            if self._last_models[0] != key:
+                self.count += 1
+                self._last_models = key, [reading.force for reading, _ in both]
+        return columns
+
+    def several(
+        self, physical: FloatArray, possible: NDArray[np.bool_]
+    ) -> tuple[list[FloatArray], list[FloatArray]]:
+        """d force / d own entry, (s, own, n), and forces, (s, n), of every curve at vectors (s, k).
+
+        Rows without a law are taken out of `possible` (s,), and zero.
+        """
+        together = self._together(physical) if len(physical) > 1 and self.in_batches else None
+        if together is not None:
+            columns, models, known = together
+            missing = possible & ~known
+            self.count += int(np.count_nonzero(possible & known))
+        else:
+            columns = [
+                np.zeros((len(physical), len(member.entries), len(member.force))) for member in self.members
+            ]
+            models = [np.zeros((len(physical), len(member.force))) for member in self.members]
+            missing = possible.copy()
+            self._prepare(physical[possible])
+        for row in np.flatnonzero(missing).tolist():
+            try:
+                own, forces = self.columns(physical[row], rough=True), self.models(physical[row])
+            except InputError:
+                possible[row] = False
+                continue
+            for into, each in zip((*columns, *models), (*(part.T for part in own), *forces), strict=True):
+                into[row] = each
+        return columns, models
+
+    def _together(
+        self, physical: FloatArray
+    ) -> tuple[list[FloatArray], list[FloatArray], NDArray[np.bool_]] | None:
+        """All rows at once, and which of them (s,) have their answers; None where none has."""
+        found = [
+            batched_jacobians(
+                member.forward, member.values_of(physical), len(physical), tuple(member.entries)
+            )
+            for member in self.members
+        ]
+        known = [each for each in found if each is not None]
+        if len(known) < len(found):
+            return None
+        possible: NDArray[np.bool_] = np.all([each.possible for each in known], axis=0)
+        return [each.columns for each in known], [each.force for each in known], possible
+
+    def _prepare(self, physical: FloatArray) -> None:
+        """Make ready what the models at vectors (s, k) need, where that is less work all at once."""
+        if self.laws_in_batches and len(physical) > 1:
+            for member in self.members:
+                member.forward.prepare([member.values_at(one) for one in physical])
