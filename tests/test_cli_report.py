@@ -62,6 +62,21 @@ def test_sample_then_report_needs_nothing_more(run, tmp_path):
     assert (tmp_path / "results" / "page.html").read_text().count("<img") == 3
 
 
+def test_weighted_draws_are_asked_for_by_name(run, tmp_path):
+    scene = tmp_path / "scene.toml"
+    bounded = 'instrument.baseline = { min = "-10 mN", max = "10 mN" }\n[noise]\nforce = "0.6 mN"'
+    scene.write_text(scene.read_text().replace("instrument.baseline = {}", bounded), encoding="utf-8")
+    words = ("sample", "curve.csv", "--scene", "scene.toml", "--output", "weighted", "--method", "importance")
+    code, out, err = run(*words)
+    assert code == 0, err
+    assert "effective draws" in out
+    # No chain is kept, so none goes on.
+    assert sorted(path.suffix for path in (tmp_path / "weighted").iterdir()) == [".csv", ".npz", ".png", ".png"]
+    code, _, err = run(*words, "--resume")
+    assert code == 2
+    assert "leave --method out" in err
+
+
 def test_page_of_a_kept_posterior_without_its_scene(run, tmp_path):
     problem, posterior = small_posterior()
     replace(posterior, problem=None, missing="kept the draws alone").save(tmp_path / "draws.npz")

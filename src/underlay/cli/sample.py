@@ -32,6 +32,13 @@ def sample(
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue the chain in the output folder where it stopped.")
     ] = False,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            help="emcee for a chain, importance for weighted draws alone. Without it a chain, or where no noise is "
+            "stated weighted draws, and a chain where they are declined."
+        ),
+    ] = None,
     model_error: Annotated[
         bool,
         typer.Option("--model-error", help="Sample the sizes of friction and finite strain too."),
@@ -55,7 +62,11 @@ def sample(
     part = read_for(file, curve).with_metadata(scene_path=str(file.path))
     weak = weak_bounds(file, part)
     problem = problem_from(file, part, weak)
-    chain = _chain_file(output, curve.stem, resume=resume)
+    if resume and method == "importance":
+        raise InputError("--resume continues a chain, and weighted draws are none: leave --method out")
+    if output is not None:
+        require_writable_folder(output)
+    chain = None if method == "importance" else _chain_file(output, curve.stem, resume=resume)
     with gathered_warnings() as notes:
         problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))
         if model_error:
@@ -65,7 +76,9 @@ def sample(
                 "note: no noise is stated, so it is averaged over, and misfit with it. A noise that is known tells "
                 "more and is quicker: force in [noise] of the scene file"
             )
-        posterior = sample_posterior(problem, walkers, max_steps, seed, backend=chain, resume=resume)
+        posterior = sample_posterior(
+            problem, walkers, max_steps, seed, backend=chain, resume=resume, method=method
+        )
     say_table(posterior_table(posterior), f"Posterior of {curve.name}")
     say_table(prior_table(posterior), "What the data told")
     say(posterior.diagnostics.reason)
@@ -82,7 +95,6 @@ def _chain_file(output: Path | None, stem: str, *, resume: bool) -> Path | None:
         if resume:
             raise InputError("--resume continues the chain of an output folder: name it with --output")
         return None
-    require_writable_folder(output)
     if importlib.util.find_spec("h5py") is None and not resume:
         say("note: h5py is not installed, so this run cannot be resumed (pip install 'underlay[uq]')")
         return None
