@@ -71,7 +71,12 @@ def test_weighted_draws_are_asked_for_by_name(run, tmp_path):
     assert code == 0, err
     assert "effective draws" in out
     # No chain is kept, so none goes on.
-    assert sorted(path.suffix for path in (tmp_path / "weighted").iterdir()) == [".csv", ".npz", ".png", ".png"]
+    assert sorted(path.suffix for path in (tmp_path / "weighted").iterdir()) == [
+        ".csv",
+        ".npz",
+        ".png",
+        ".png",
+    ]
     code, _, err = run(*words, "--resume")
     assert code == 2
     assert "leave --method out" in err

@@ -571,8 +571,8 @@ def test_bad_methods(options, message):
 def test_a_disagreement_is_said(monkeypatch):
     draws = Ridges.draws
 
-    def shifted(self, error=None):
-        drawn = draws(self, error)
+    def shifted(self):
+        drawn = draws(self)
         return replace(drawn, vectors=drawn.vectors + 0.7 * drawn.deviations)
 
     monkeypatch.setattr(Ridges, "draws", shifted)

@@ -257,5 +257,8 @@ def _crossing(q: FloatArray, z: FloatArray, limit: Limit) -> float | None:
     def over(x: float) -> float:
         return float(z_at(x) - limit(np.asarray(q[0] + towards * x)))
 
+    # The walk may have ended on the limit: what is drawn through its points is below it there by a rounding.
+    if over(outwards[last + 1]) <= 0.0:
+        return float(q[last + 1])
     reached = optimize.brentq(over, outwards[last], outwards[last + 1])
     return float(q[0] + towards * reached)

@@ -19,7 +19,7 @@ from underlay.mechanics.viscoelastic.equal_radius import equal_radius
 from underlay.mechanics.viscoelastic.loading import Loading
 from underlay.mechanics.viscoelastic.memory import LastMemory, Memory
 from underlay.mechanics.viscoelastic.unloading import Unloading
-from underlay.quantities import inlined, numbers_of
+from underlay.quantities import inlined, no_number, numbers_of
 
 __all__ = ["RIPPLES", "SUDDEN", "Viscoelastic", "ViscoelasticMotion", "led_in", "times_told", "turns"]
 
@@ -53,7 +53,7 @@ class Viscoelastic(History):
     prefix: ClassVar[str] = "layer.relaxation"
 
     relaxation: Relaxation = field(metadata=inlined())
-    last: LastMemory = field(default_factory=LastMemory, compare=False, repr=False)
+    last: LastMemory = field(default_factory=LastMemory, compare=False, repr=False, metadata=no_number())
 
     def force(self, elastic: Elastic, depth: FloatArray, time: FloatArray) -> FloatArray:
         """Force (N), (n,), of depths since contact (m), (n,), at times (s), (n,).
