@@ -14,7 +14,7 @@ from underlay.errors import InputError
 from underlay.inference.least_squares import fit
 from underlay.inference.priors.densities import Normal
 from underlay.inference.profiles import Interval, delta_chi_square_at, profile
-from underlay.inference.profiling.profile_result import _crossing
+from underlay.inference.profiling.profile_result import _constant, _crossing
 from underlay.scene.noise import Noise
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
@@ -212,6 +212,6 @@ def test_a_walk_that_ends_on_the_limit_has_its_end_there():
     rng = np.random.default_rng(0)
     for _ in range(500):
         places, z = np.sort(rng.uniform(0.0, 1.0, 9)), np.sort(rng.uniform(0.0, 4.0, 9))
-        found = _crossing(places, z, lambda q, limit=np.nextafter(z[-1], 0.0): np.full(np.shape(q), limit))
+        found = _crossing(places, z, _constant(float(np.nextafter(z[-1], 0.0))))
         # Where the curve is level there, a rounding of z is the root of one along the walk.
         assert found == pytest.approx(places[-1], abs=1e-6)
