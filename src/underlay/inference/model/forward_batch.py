@@ -350,7 +350,7 @@ def _on_surfaces(asked: ParameterSets, entry: int) -> Readings:
     # Not loaded for laws that have tables.
     from underlay.inference.model.ratio_surface import surfaces  # noqa: PLC0415  see above
 
-    readings = Readings.empty(asked.sets, len(asked.forward.depth))
+    readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
     b, c = asked.factors
     touching = np.flatnonzero(asked.deepest > 0.0)
     found = surfaces(
