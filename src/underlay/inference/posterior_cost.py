@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError, UnderlayWarning
+from underlay.errors import FitError, InputError, UnderlayWarning
 from underlay.inference.answer_cost import CONTACT, MODULUS, THICKNESS, OwnCurve, timed
 from underlay.inference.least_squares import fit
 from underlay.inference.priors.densities import LogUniform, Uniform
@@ -24,10 +24,12 @@ from underlay.scene.scene import Scene
 __all__ = ["posterior_cost"]
 
 # Lengths of the chains, and the quantiles that are compared.
-_STEPS = (50, 100, 200, 400, 800)
+_STEPS = (50, 100, 200, 400)
 _LEVELS = (0.05, 0.5, 0.95)
 _FROM_MEDIAN = 1.6449  # standard deviations to the outer ones, where a posterior is normal
 _RTOL = 1e-4  # a fiftieth of the noise
+# Runs whose means all are compared with.
+_REFERENCES = 4
 # Priors reach this factor to either side of the scene's values.
 _WIDE = 30.0
 #: Ways to draw a posterior beside walkers by their steps: names that `sample` may know as its `method`.
@@ -55,9 +57,9 @@ def posterior_cost(
     pandas.DataFrame
         One row per way: ``way`` (``"fit"``, the normal of the least-squares fit; ``"emcee"``, by its steps; and
         every further `method` that `sample` knows), ``steps``, ``error`` (largest difference of the 5, 50 and
-        95 % quantiles of modulus and thickness from those of a converged chain, in its standard deviations),
-        ``seconds`` and ``ratio`` (to lmfit's fit of Hertz's formula). ``.attrs["reference_error"]`` is half of
-        what the two halves of the converged chain differ by, which is its own error: none below it can be told.
+        95 % quantiles of modulus and thickness from the means of four other runs, in standard deviations),
+        ``seconds`` and ``ratio`` (to lmfit's fit of Hertz's formula). ``.attrs["reference_error"]`` is the largest
+        standard error of those means, by how the four differ: no error below it can be told.
 
     Raises
     ------
@@ -72,9 +74,11 @@ def posterior_cost(
     with warnings.catch_warnings():
         # Chains that are too short are what is shown.
         warnings.simplefilter("ignore", UnderlayWarning)
-        longest = _drawn(problem, rng=seed + 1)
-        truth, spread = _quantiles(longest), longest.std(axis=(0, 1))
-        first, second = (_quantiles(half) for half in np.array_split(longest, 2))
+        references = _references(problem, seed)
+        known = np.array([_quantiles(draws) for draws in references])
+        truth = known.mean(axis=0)
+        spread = np.mean([draws.std(axis=(0, 1)) for draws in references], axis=0)
+        uncertain = known.std(axis=0, ddof=1) / np.sqrt(len(known))
         found, seconds = timed(lambda: fit(problem))
         normal = [
             [found.values[name] + sign * _FROM_MEDIAN * found.stderr[name] for name in (MODULUS, THICKNESS)]
@@ -82,14 +86,14 @@ def posterior_cost(
         ]
         rows.append(("fit", np.nan, _off(np.array(normal), truth, spread), seconds))
         for count in steps:
-            chain, seconds = timed(partial(_drawn, problem, rng=seed, max_steps=count))
+            chain, seconds = timed(partial(_drawn, problem, rng=seed, max_steps=count, method="emcee"))
             rows.append(("emcee", float(count), _off(_quantiles(chain), truth, spread), seconds))
         for way in _ways_of_sampling():
             chain, seconds = timed(partial(_drawn, problem, rng=seed, method=way))
             rows.append((way, np.nan, _off(_quantiles(chain), truth, spread), seconds))
     table = pd.DataFrame(rows, columns=["way", "steps", "error", "seconds"])
     table["ratio"] = table["seconds"] / own.unit
-    table.attrs |= {"unit_seconds": own.unit, "reference_error": 0.5 * _off(first, second, spread)}
+    table.attrs |= {"unit_seconds": own.unit, "reference_error": float((uncertain / spread).max())}
     return table
 
 
@@ -102,6 +106,15 @@ def _problem(own: OwnCurve, max_depth: float) -> Problem:
         CONTACT: Uniform(known[CONTACT] - room, known[CONTACT] + room),
     }
     return Problem(own.scene, own.curve, free, noise=own.noise, solver=Exact(_RTOL))
+
+
+def _references(problem: Problem, seed: int) -> list[FloatArray]:
+    """Runs that share nothing but the problem: weighted draws, or converged chains where these are not accepted."""
+    seeds = range(seed + 1, seed + 1 + _REFERENCES)
+    try:
+        return [_drawn(problem, rng=one, method="importance") for one in seeds]
+    except FitError:
+        return [_drawn(problem, rng=one, method="emcee") for one in seeds]
 
 
 def _drawn(problem: Problem, **asked: Any) -> FloatArray:
