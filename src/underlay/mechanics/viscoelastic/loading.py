@@ -55,9 +55,9 @@ class WayIn:
     def _moves(self) -> tuple[NDArray[np.intp], FloatArray]:
         """Numbers of the steps in which a tip moves, (m,), and depths (m) before and after each, (..., m + 1)."""
         moves = self.depth[..., 1:] != self.depth[..., :-1]
-        moved = np.flatnonzero(moves if moves.ndim == 1 else moves.any(axis=0))
-        if len(moved) == moves.shape[-1]:
-            return moved, self.depth
+        moved = (moves if moves.ndim == 1 else moves.any(axis=0)).nonzero()[0]
+        if _is_run(moved):
+            return moved, self.depth[..., moved[0] : moved[-1] + 2]
         return moved, np.concatenate((self.depth[..., :1], self.depth[..., 1:].take(moved, axis=-1)), axis=-1)
 
     @cached_property
@@ -117,9 +117,16 @@ class WayIn:
         if len(moved) == steps:
             return at, bends
         # Where the tip rests, and before contact, the force is that of the point before.
+        bend = np.zeros((*at.shape[:-1], steps))
+        if _is_run(moved):
+            run = slice(moved[0], moved[-1] + 1)
+            bend[..., run] = bends
+            force = np.empty((*at.shape[:-1], steps + 1))
+            force[..., : run.start], force[..., run.stop :] = at[..., :1], at[..., -1:]
+            force[..., run.start : run.stop + 1] = at
+            return force, bend
         held = np.zeros(steps + 1, dtype=np.intp)
         held[moved + 1] = 1
-        bend = np.zeros((*at.shape[:-1], steps))
         bend[..., moved] = bends
         return at.take(held.cumsum(), axis=-1), bend
 
@@ -137,6 +144,11 @@ class WayIn:
         known = 4.0 * half - 2.0 * (at.take(exact, axis=-1) + at.take(exact + 1, axis=-1))
         bends[..., exact] = known if at.ndim == 1 else np.where(across[..., exact], bends[..., exact], known)
         return bends
+
+
+def _is_run(numbers: NDArray[np.intp]) -> bool:
+    """Whether numbers in order (m,) leave none out: slices then take the place of lists of them."""
+    return len(numbers) > 0 and int(numbers[-1] - numbers[0]) == len(numbers) - 1
 
 
 @dataclass(frozen=True)

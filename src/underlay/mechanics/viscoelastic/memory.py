@@ -92,7 +92,9 @@ class Memory:
 
     def hereditary(self, values: FloatArray, bend: FloatArray | None = None) -> FloatArray:
         """int e(t - s) dF(s) at every point, (..., n); the arguments are those of `integrals`."""
-        return np.asarray(self.modes.constant * values + self.weighted(self.integrals(values, bend)))
+        force = self.weighted(self.integrals(values, bend))
+        force += self.modes.constant * values
+        return force
 
 
 class LastMemory:
