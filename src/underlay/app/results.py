@@ -70,7 +70,7 @@ def _parts(
     """The parts of `Found`, quickest first."""
     yield {
         "headline": spoken(headline(result)),
-        "verdict": _named(verdict_sentence(result), result),
+        "verdict": printed(spoken(verdict_sentence(result))),
         "values": {name: repr(float(value)) for name, value in result.values.items()},
         "table": rows_of(interval_table(result)),
     }

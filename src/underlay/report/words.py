@@ -104,8 +104,11 @@ def _of_the_sample(result: Fit) -> list[Estimate]:
 
 
 def verdict_sentence(result: Fit) -> str:
-    """Return the verdict with its reasons: ``"Verdict: good."``."""
-    return f"Verdict: {markdown_text(one_line(result.verdict))}."
+    """Return the verdict with its reasons, parameters by their words: ``"Verdict: good."``."""
+    told = one_line(result.verdict)
+    for name in sorted(result.names, key=len, reverse=True):
+        told = told.replace(name, label(name))
+    return f"Verdict: {markdown_text(told)}."
 
 
 def stands_on(result: Fit) -> str:
