@@ -20,7 +20,7 @@ from underlay.quantities import (
     quantity,
     replace_values,
 )
-from underlay.report.labels import label, symbol
+from underlay.report.labels import label, labelled, symbol
 from underlay.scene.chain import Chain
 from underlay.units import KINDS
 
@@ -213,3 +213,11 @@ def test_what_a_path_is_does_not_hang_on_what_was_imported(module):
         for path, kind in paths.items()
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_sentence_calls_parameters_by_their_words():
+    said = "layer.E of layer.E_axial and layer.E[1] is on its bound: free layer.thickness. Not layer.E."
+    assert labelled(said, ["layer.E", "layer.thickness"]) == (
+        "layer modulus of layer.E_axial and layer.E[1] is on its bound: free layer thickness. Not layer modulus."
+    )
+    assert labelled(said, ["layer.E", "layer.E[1]"]).count("layer modulus (curve 2)") == 1

@@ -23,7 +23,7 @@ from underlay.inference.least_squares import Fit
 from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.inference.problem import Problem
 from underlay.report import plots
-from underlay.report.labels import label
+from underlay.report.labels import labelled
 from underlay.report.model_limits import model_limits
 from underlay.report.open_ends import advice, rivals
 from underlay.report.pointwise_tables import pointwise_of, pointwise_sentence
@@ -99,9 +99,7 @@ def _parts(
 
 def _named(sentence: str, result: Fit) -> str:
     """Say a sentence of the library as the page does, with every parameter called by its words."""
-    for name in sorted(result.names, key=len, reverse=True):
-        sentence = sentence.replace(name, label(name))
-    return printed(spoken(sentence))
+    return printed(spoken(labelled(sentence, result.names)))
 
 
 def _by_depth(

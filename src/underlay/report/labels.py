@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 from underlay.inference.sampling.derived import DERIVED
 from underlay.quantities import curve_of, path_of
 from underlay.scene.parameters import declared
 
-__all__ = ["is_of_the_sample", "label", "start", "symbol"]
+__all__ = ["is_of_the_sample", "label", "labelled", "start", "symbol"]
 
 # Parameters are paths: words, dots, and numbers in brackets. What else a file may hold in place of one could mean
 # something to Markdown, or to the formulas of a picture.
@@ -26,6 +27,13 @@ def label(name: str) -> str:
     path, curve = path_of(name), curve_of(name)
     words = _words(path)
     return words if curve is None else f"{words} (curve {curve + 1})"
+
+
+def labelled(text: str, names: Iterable[str]) -> str:
+    """Return `text` with parameters called by their words: ``"layer.E is ..."`` -> ``"layer modulus is ..."``."""
+    # A name may begin a longer one, and may end a sentence.
+    named = re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, names))})(?!\w|\[|\.\w)")
+    return named.sub(lambda found: label(found[1]), text)
 
 
 def _words(path: str) -> str:

@@ -13,7 +13,7 @@ from underlay.inference.headline.known_inputs import FORCE
 from underlay.inference.misfit.known_errors import known_errors
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.intervals import Estimate, estimates, is_averaged, standing
-from underlay.report.labels import is_of_the_sample, label, start
+from underlay.report.labels import is_of_the_sample, label, labelled, start
 from underlay.report.markdown import markdown_text
 from underlay.report.model_limits import model_limits
 from underlay.report.open_ends import advice, rivals
@@ -105,10 +105,7 @@ def _of_the_sample(result: Fit) -> list[Estimate]:
 
 def verdict_sentence(result: Fit) -> str:
     """Return the verdict with its reasons, parameters by their words: ``"Verdict: good."``."""
-    told = one_line(result.verdict)
-    for name in sorted(result.names, key=len, reverse=True):
-        told = told.replace(name, label(name))
-    return f"Verdict: {markdown_text(told)}."
+    return f"Verdict: {markdown_text(labelled(one_line(result.verdict), result.names))}."
 
 
 def stands_on(result: Fit) -> str:

@@ -8,8 +8,8 @@ with p the force per modulus of a law that stays put. For a contact depth c the 
 problem, so the search runs over c alone (variable projection: Golub and Pereyra 1973, doi:10.1137/0710036;
 the step is Kaufman's 1975, doi:10.1007/BF01932995). It ends where `least_squares.fit` ends, on the same sum
 of squares. Measured on 1000 points on a rigid base, modulus and contact free: by the engine a whole row of a map
-takes 2.5 times as long, its scan and the making of its problem included (processor time, median of 9 pairs of maps
-of 24 curves). Whatever is unusual (a parameter near a bound, a step that does not descend, an ill-conditioned set,
+takes 3 times as long, its scan and the making of its problem included (processor time, median of 9 pairs of maps of
+24 curves). Whatever is unusual (a parameter near a bound, a step that does not descend, an ill-conditioned set,
 a depth the law does not reach) is left to `least_squares.fitting.quick_fit`: the answer is then None.
 """
 

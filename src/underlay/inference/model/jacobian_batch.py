@@ -131,7 +131,7 @@ def _of_tips(asked: ParameterSets, tips: OneRatio) -> _Laws | None:
 
 
 def _mechanical(asked: ParameterSets, path: str, laws: _Laws) -> FloatArray:
-    """dP/dp at fixed tip depth, as in `Forward`: the two factors, then the ratios the parameter moves."""
+    """dP/dp at fixed tip depth, as in `LawSlopes`: the two factors, then the ratios the parameter moves."""
     similarity, value = asked.forward.similarity, asked.column(path)
     # They raise and multiply: arrays go through as numbers do.
     numbers: Any = asked.values
