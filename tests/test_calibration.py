@@ -23,7 +23,7 @@ def study(understated):
     rows = [
         row
         for seed in range(REPLICAS)
-        for row in replica(case, seed, walkers=8, max_steps=400, understated=understated)[0].values()
+        for row in replica(case, seed, walkers=24, max_steps=100, understated=understated)[0].values()
     ]
     return np.array([row["rank"] for row in rows]), sum(row["inside90"] for row in rows)
 

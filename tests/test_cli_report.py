@@ -88,7 +88,9 @@ def test_page_of_a_kept_posterior_without_its_scene(run, tmp_path):
     assert run("report", "draws.npz")[0] == 0
     text = page_text(tmp_path / "report.html")
     assert "Uncertainty of an indentation test" in text
-    assert "does not hold its scene (kept the draws alone)" in text
+    assert "Not shown: this posterior does not hold its scene (kept the draws alone)" in text
+    assert "underlay report POSTERIOR.npz CURVE --scene SCENE.toml" in text
+    assert (tmp_path / "report.html").read_text().count("<img") == 2
     # With the files that were sampled it is shown; with others it is refused.
     (tmp_path / "made.csv").write_text(curve_csv(problem.curves[0]), encoding="utf-8")
     problem.base_scenes[0].save(tmp_path / "made.toml")

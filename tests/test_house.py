@@ -46,12 +46,18 @@ HOMES = {
 }
 
 
-def modules():
-    return sorted(PACKAGE.rglob("*.py"))
-
-
 def name_of(path):
     return path.relative_to(PACKAGE).with_suffix("").as_posix()
+
+
+def parsed(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def modules():
+    """Every module of the package by its name, parsed once."""
+    return {name_of(path): parsed(path) for path in sorted(PACKAGE.rglob("*.py"))}
 
 
 def floor_of(name):
@@ -63,9 +69,8 @@ def floor_of(name):
     return FLOORS.index("cli" if head.startswith("cli") or head == "app" else head)
 
 
-def imported(path):
-    """(module, is it under TYPE_CHECKING) for every import in a file, wherever it stands."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+def imported(tree):
+    """(module, is it under TYPE_CHECKING) for every import in a module, wherever it stands."""
     typing_only = {
         id(node)
         for branch in ast.walk(tree)
@@ -78,7 +83,7 @@ def imported(path):
             for alias in node.names:
                 yield alias.name, id(node) in typing_only
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
+            assert node.level == 0, f"relative import: {ast.unparse(node)}"
             for alias in node.names:
                 # `from underlay.data.readers import optics11` imports a module, not a name of the package.
                 inner = PACKAGE.parent / f"{node.module}.{alias.name}".replace(".", "/")
@@ -86,32 +91,60 @@ def imported(path):
                 yield f"{node.module}.{alias.name}" if is_module else node.module, id(node) in typing_only
 
 
-@pytest.mark.parametrize("path", modules(), ids=name_of)
-def test_imports_go_down_only(path):
-    here = floor_of(name_of(path))
-    for module, _ in imported(path):
+@pytest.fixture(scope="module")
+def imports(modules):
+    """What each module imports, as `imported` says it."""
+    return {name: list(imported(tree)) for name, tree in modules.items()}
+
+
+def upward(name, found):
+    """Imports of a module that do not go down."""
+    here = floor_of(name)
+    for module, _ in found:
         if module == "underlay":
-            assert here >= FLOORS.index("cli"), f"{name_of(path)} imports the whole package"
-        elif module.startswith("underlay."):
-            there = floor_of(module.removeprefix("underlay.").replace(".", "/"))
-            assert there <= here, f"{name_of(path)} imports upward: {module}"
+            if here < FLOORS.index("cli"):
+                yield f"{name} imports the whole package"
+        elif (
+            module.startswith("underlay.")
+            and floor_of(module.removeprefix("underlay.").replace(".", "/")) > here
+        ):
+            yield f"{name} imports upward: {module}"
 
 
-@pytest.mark.parametrize("path", modules(), ids=name_of)
-def test_third_parties_live_in_one_place(path):
-    name = name_of(path)
-    for module, typing_only in imported(path):
+def astray(name, found):
+    """Third parties that a module imports outside their home."""
+    for module, typing_only in found:
         homes = HOMES.get(module.split(".")[0])
-        if homes is not None and not typing_only:
-            assert name.startswith(homes), f"{name} imports {module}; its home is {homes}"
+        if homes is not None and not typing_only and not name.startswith(homes):
+            yield f"{name} imports {module}; its home is {homes}"
 
 
-def test_no_import_circles():
-    graph = {}
-    for path in modules():
-        name = "underlay." + name_of(path).replace("/", ".").removesuffix(".__init__")
+def test_imports_go_down_only(imports):
+    assert not [line for name, found in imports.items() for line in upward(name, found)]
+
+
+def test_third_parties_live_in_one_place(imports):
+    assert not [line for name, found in imports.items() for line in astray(name, found)]
+
+
+def test_the_search_for_imports_finds_them():
+    tree = ast.parse(
+        "import lmfit\nfrom underlay.report import tables\nimport underlay\ndef f():\n    import emcee\n"
+    )
+    found = list(imported(tree))
+    assert len(list(upward("mechanics/laws", found))) == 2
+    assert len(list(astray("mechanics/laws", found))) == 2
+    assert not list(upward("cli/app", found))
+
+
+def test_no_import_circles(imports):
+    graph = {
         # Annotations count: what two modules say of each other they cannot say apart.
-        graph[name] = {module for module, _ in imported(path) if module.startswith("underlay.")}
+        "underlay." + name.replace("/", ".").removesuffix(".__init__"): {
+            module for module, _ in found if module.startswith("underlay.")
+        }
+        for name, found in imports.items()
+    }
     done, trail = set(), []
 
     def visit(name):
@@ -193,9 +226,9 @@ DOORS = {
 }
 
 
-def opening_calls(path):
-    """Dotted name, as far as it is one, of every call in a file that opens or parses a file."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def opening_calls(tree):
+    """Dotted name, as far as it is one, of every call in a module that opens or parses a file."""
+    for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
             name = ast.unparse(node.func)
             last = name.rpartition(".")[2]
@@ -204,15 +237,14 @@ def opening_calls(path):
                 yield name if name.replace(".", "").replace("_", "").isalnum() else last
 
 
-@pytest.mark.parametrize("path", modules(), ids=name_of)
-def test_files_come_in_through_one_door(path):
-    assert set(opening_calls(path)) <= DOORS.get(name_of(path), set())
+def test_files_come_in_through_one_door(modules):
+    found = {name: set(opening_calls(tree)) - DOORS.get(name, set()) for name, tree in modules.items()}
+    assert not {name: calls for name, calls in found.items() if calls}
 
 
-def test_the_search_for_open_files_finds_them(tmp_path):
-    made = tmp_path / "module.py"
-    made.write_text("open(p)\nPath(p).read_bytes()\nnp.load(p)\npd.read_csv(p)\nf.opened(p)\njson.dumps(p)\n")
-    assert set(opening_calls(made)) == {"open", "read_bytes", "np.load", "pd.read_csv"}
+def test_the_search_for_open_files_finds_them():
+    text = "open(p)\nPath(p).read_bytes()\nnp.load(p)\npd.read_csv(p)\nf.opened(p)\njson.dumps(p)\n"
+    assert set(opening_calls(ast.parse(text))) == {"open", "read_bytes", "np.load", "pd.read_csv"}
 
 
 #: What outlives its callers, and where it is argued why.
@@ -232,9 +264,8 @@ CONTAINERS = {
 }
 
 
-def kept_for_the_process(path):
+def kept_for_the_process(tree):
     """Names of a module that caches or containers filled later are bound to, and functions that write globals."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     for node in ast.walk(tree):
         if isinstance(node, ast.Global):
             yield from node.names
@@ -260,15 +291,14 @@ def is_to_be_filled(value):
     )
 
 
-@pytest.mark.parametrize("path", modules(), ids=name_of)
-def test_one_store_outlives_its_callers(path):
-    assert set(kept_for_the_process(path)) == KEPT_FOR_THE_PROCESS.get(name_of(path), set())
+def test_one_store_outlives_its_callers(modules):
+    found = {name: set(kept_for_the_process(tree)) for name, tree in modules.items()}
+    assert {name: names for name, names in found.items() if names} == KEPT_FOR_THE_PROCESS
 
 
-def test_the_search_for_caches_finds_them(tmp_path):
-    made = tmp_path / "module.py"
-    made.write_text(
+def test_the_search_for_caches_finds_them():
+    text = (
         "A = {}\nB: dict = dict()\nF: Mapping = {}\nC = {1: 2}\nD = OrderedDict()\nE = frozenset({1})\n"
         "@lru_cache(maxsize=3)\ndef f():\n    global g\n@functools.cache\ndef h(): ...\n"
     )
-    assert set(kept_for_the_process(made)) == {"A", "B", "D", "f", "g", "h"}
+    assert set(kept_for_the_process(ast.parse(text))) == {"A", "B", "D", "f", "g", "h"}

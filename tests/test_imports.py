@@ -1,6 +1,7 @@
 """What is loaded, and when: nobody waits for a library that he does not use."""
 
 import inspect
+import json
 import os
 import subprocess
 import sys
@@ -43,16 +44,22 @@ def loaded_by(*words):
     return loaded_after(COMMAND.format(words=["underlay", *map(str, words)]))
 
 
-def loaded_after(code):
-    """Heavy modules that a fresh interpreter holds after `code`."""
+def fresh(code, given=""):
+    """What a fresh interpreter writes that runs `code`."""
     done = subprocess.run(
-        [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"],
+        [sys.executable, "-c", code],
+        input=given,
         env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
         capture_output=True,
         text=True,
         check=True,
     )
-    return HEAVY & set(done.stdout.splitlines()[-1].split())
+    return done.stdout
+
+
+def loaded_after(code):
+    """Heavy modules that a fresh interpreter holds after `code`."""
+    return HEAVY & set(fresh(f"{code}\nimport sys; print(*sys.modules)").splitlines()[-1].split())
 
 
 LAW = """
@@ -74,12 +81,31 @@ def test_help_and_version_load_no_command():
     assert loaded_by("--version") == set()
 
 
-@pytest.mark.parametrize("name", list(typer.main.get_command(app).commands))
-def test_the_help_of_a_command_loads_nothing_of_what_it_does(name):
-    # One interpreter for all would do; a command that loads at its head is then not told from its neighbours.
-    module = sys.modules[typer.main.get_command(app).commands[name].callback.__module__]
-    heads = [line for line in inspect.getsource(module).splitlines() if line.startswith(("import ", "from "))]
-    assert loaded_after("\n".join(heads)) == set()
+#: Each text runs in a fork of one interpreter that has loaded nothing, so that none is taken for its neighbour.
+FORKS = """
+import json, os, sys
+for name, text in json.loads(sys.stdin.read()).items():
+    if not os.fork():
+        exec(text)
+        print(json.dumps([name, list(sys.modules)]), flush=True)
+        os._exit(0)
+    assert not os.wait()[1], name
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_the_help_of_a_command_loads_nothing_of_what_it_does():
+    commands = typer.main.get_command(app).commands
+    heads = {}
+    for name, command in commands.items():
+        lines = inspect.getsource(sys.modules[command.callback.__module__]).splitlines()
+        heads[name] = "\n".join(line for line in lines if line.startswith(("import ", "from ")))
+    # The control: a module that is loaded is told.
+    done = fresh(FORKS, json.dumps(heads | {"control": "import numpy"}))
+    found = dict(map(json.loads, done.splitlines()))
+    assert set(found) == {*commands, "control"}
+    assert HEAVY & set(found.pop("control")) == {"numpy"}
+    assert not {name: HEAVY & set(loaded) for name, loaded in found.items() if HEAVY & set(loaded)}
 
 
 def test_a_plain_fit_loads_no_pictures():

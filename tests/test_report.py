@@ -28,6 +28,8 @@ from underlay.report.page import html_page
 from underlay.report.problem_source import _exact_csv, problem_source, write_inputs
 from underlay.scene.effects import effects_table
 
+pytestmark = pytest.mark.xdist_group("pages")  # made once for test_page.py too
+
 # --- words -----------------------------------------------------------------------------------------------
 
 
@@ -375,15 +377,6 @@ def test_report_of_a_joint_posterior_shows_every_scene(tmp_path):
     assert "quantity curve 1 curve 2 curve 3" in text
     for entry in posterior.provenance["curves"]:
         assert entry["data_sha256"] in text
-
-
-def test_report_of_a_posterior_without_its_problem_says_so(tmp_path):
-    _, posterior = small_posterior()
-    page = ul.report(replace(posterior, problem=None, missing="kept the draws alone"), tmp_path / "old.html")
-    text = page_text(page)
-    assert "Not shown: this posterior does not hold its scene (kept the draws alone)" in text
-    assert "underlay report POSTERIOR.npz CURVE --scene SCENE.toml" in text
-    assert page.read_text().count("<img") == 2
 
 
 def test_report_of_another_problem_is_refused(tmp_path):

@@ -41,6 +41,18 @@ def distance_p_value(draws, distribution):
     return float(stats.kstwobign.sf(statistic * np.sqrt(size)))
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """File of the chain that `plain` is."""
+    return tmp_path_factory.mktemp("chain") / "chain.h5"
+
+
+@pytest.fixture(scope="module")
+def plain(kept):
+    """The posterior of the half-space: a chain that converges, kept in a file."""
+    return sample(halfspace_problem(), walkers=8, backend=kept)
+
+
 # --- the distribution -------------------------------------------------------------------------------------
 
 
@@ -111,11 +123,14 @@ def test_noise_as_a_parameter_is_found():
 
 
 def test_the_same_seed_gives_the_same_chain():
-    runs = [sample(halfspace_problem(), walkers=8, max_steps=3000, rng=seed) for seed in (5, 5, 6)]
+    with pytest.warns(UnderlayWarning, match="not converged"):
+        runs = [sample(baseline_problem(), walkers=8, max_steps=60, rng=seed) for seed in (5, 5, 6)]
     np.testing.assert_array_equal(runs[0].chain, runs[1].chain)
     assert runs[0].chain.shape != runs[2].chain.shape or (runs[0].chain != runs[2].chain).any()
     assert runs[0].diagnostics.seed == 5
-    assert sample(baseline_problem(), walkers=8, rng=np.random.default_rng(5)).diagnostics.seed is None
+    with pytest.warns(UnderlayWarning, match="not converged"):
+        unseeded = sample(baseline_problem(), walkers=8, max_steps=60, rng=np.random.default_rng(5))
+    assert unseeded.diagnostics.seed is None
 
 
 def test_walkers_start_wider_than_the_posterior_and_the_start_is_forgotten(monkeypatch):
@@ -170,15 +185,14 @@ def test_too_few_steps_are_said_to_be_too_few():
     assert posterior.diagnostics.steps == 60
 
 
-def test_a_converged_chain_met_the_rule():
-    posterior = sample(halfspace_problem(), walkers=16)
-    details = posterior.diagnostics
+def test_a_converged_chain_met_the_rule(plain):
+    details = plain.diagnostics
     kept = details.steps - details.burn_in
     assert details.converged
     assert kept > 50.0 * max(details.autocorrelation_time)
     assert max(details.rhat) < 1.01
-    assert (posterior.summary()["rhat"] < 1.02).all()
-    assert details.evaluations >= details.steps * 16
+    assert (plain.summary()["rhat"] < 1.02).all()
+    assert details.evaluations >= details.steps * 8
     assert 0.1 < details.acceptance < 0.9
 
 
@@ -219,10 +233,10 @@ def failing(problem, edge, *, how):
 
 
 @pytest.mark.parametrize("how", ["nan", "impossible", "raises"])
-def test_failed_evaluations_are_counted_reported_and_impossible(how):
+def test_failed_evaluations_are_counted_reported_and_impossible(how, plain):
     # A fit knows nothing of the edge: it is put a quarter of a standard deviation above the middle, so that the
     # best fit, which is not quite there, lies below it.
-    edge = float(sample(halfspace_problem(), walkers=8).samples["layer.E"].quantile(0.6))
+    edge = float(plain.samples["layer.E"].quantile(0.6))
     problem = failing(halfspace_problem(), edge, how=how)
     with pytest.warns(UnderlayWarning, match=r"model evaluations failed.*layer\.E") as caught:
         posterior = sample(problem, walkers=8)
@@ -234,10 +248,9 @@ def test_failed_evaluations_are_counted_reported_and_impossible(how):
     assert f"{details.failures} of {details.evaluations}" in str(caught[0].message)
 
 
-def test_a_good_model_fails_nowhere():
-    posterior = sample(halfspace_problem(), walkers=8)
-    assert posterior.diagnostics.failures == 0
-    assert posterior.diagnostics.failure_region == {}
+def test_a_good_model_fails_nowhere(plain):
+    assert plain.diagnostics.failures == 0
+    assert plain.diagnostics.failure_region == {}
 
 
 # --- stop and resume --------------------------------------------------------------------------------------
@@ -299,10 +312,9 @@ def test_kill_9_loses_nothing(tmp_path):
         np.testing.assert_array_equal(stored, kept.chain)
 
 
+@pytest.mark.usefixtures("plain")
 @pytest.mark.parametrize("what", ["curve", "noise", "prior"])
-def test_a_chain_of_another_problem_is_refused(tmp_path, what):
-    path = tmp_path / "chain.h5"
-    sample(halfspace_problem(), walkers=8, max_steps=2000, backend=path)
+def test_a_chain_of_another_problem_is_refused(kept, what):
     other = {
         "curve": halfspace_problem(halfspace_curve(seed=2)),
         "noise": halfspace_problem(noise=Noise(force=1.1 * WHITE)),
@@ -314,7 +326,7 @@ def test_a_chain_of_another_problem_is_refused(tmp_path, what):
         ),
     }[what]
     with pytest.raises(InputError, match="the chain of another problem"):
-        sample(other, walkers=8, backend=path, resume=True)
+        sample(other, walkers=8, backend=kept, resume=True)
 
 
 def test_resume_begins_where_there_is_nothing_yet(tmp_path):

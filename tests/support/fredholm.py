@@ -60,7 +60,7 @@ def frictionless_kernel(u):
 
 def flat_punch(kernel, eps):
     """Layer factor kappa_inf(eps) of a flat punch of radius eps h: P = 4 theta a w kappa_inf."""
-    return np.array([_system(kernel, e).mean for e in np.atleast_1d(eps)])
+    return np.array([system.mean for _, system in _systems(kernel, eps)])
 
 
 def power_law(kernel, eps, exponent):
@@ -69,8 +69,7 @@ def power_law(kernel, eps, exponent):
     The half-space force at the same depth w is 4 theta w^(1+1/exponent) exponent/(exponent+1).
     """
     depth, force = [], []
-    for e in np.atleast_1d(eps):
-        system = _system(kernel, e)
+    for e, system in _systems(kernel, eps):
         profile = np.linalg.solve(system.operator, -((e * system.x) ** exponent))
         edge = -(e**exponent) + system.edge_row @ profile
         w = -edge / system.edge  # f(1) = 0
@@ -84,8 +83,7 @@ def power_law(kernel, eps, exponent):
 def fixed_radius_factor(kernel, eps):
     """P/P_Hertz of a paraboloid whose contact radius is held at its half-space value, eps h."""
     factor = []
-    for e in np.atleast_1d(eps):
-        system = _system(kernel, e)
+    for _, system in _systems(kernel, eps):
         profile = np.linalg.solve(system.operator, 1.0 - system.x**2)
         factor.append(1.5 * (system.weight @ profile))
     return np.array(factor)
@@ -100,13 +98,15 @@ class _System(NamedTuple):
     edge: float  # its value at x = 1
 
 
-def _system(kernel, eps):
+def _systems(kernel, eps):
+    """(eps, its system) of each contact radius; the kernel does not know of them."""
     x, weight = np.polynomial.legendre.leggauss(NODES)
     x, weight = 0.5 * (x + 1.0), 0.5 * weight
     u, du = u_rule()
-    spectrum = (2.0 * eps / np.pi) * kernel(u) * du
-    cosines = np.cos(eps * np.outer(x, u))
-    operator = np.eye(NODES) - ((cosines * spectrum) @ cosines.T) * weight
-    edge_row = ((np.cos(eps * u) * spectrum) @ cosines.T) * weight
-    unit = np.linalg.solve(operator, np.ones(NODES))
-    return _System(x, weight, operator, edge_row, weight @ unit, 1.0 + edge_row @ unit)
+    density = (2.0 / np.pi) * kernel(u) * du
+    for e in np.atleast_1d(eps):
+        cosines, edge = np.cos(e * np.outer(x, u)), np.cos(e * u)
+        operator = np.eye(NODES) - e * ((cosines * density) @ cosines.T) * weight
+        edge_row = e * ((edge * density) @ cosines.T) * weight
+        unit = np.linalg.solve(operator, np.ones(NODES))
+        yield e, _System(x, weight, operator, edge_row, weight @ unit, 1.0 + edge_row @ unit)

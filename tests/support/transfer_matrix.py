@@ -9,6 +9,7 @@ of the closed form under test is used: the materials enter through their complia
 
 from __future__ import annotations
 
+from itertools import product
 from math import isqrt
 from typing import Any
 
@@ -82,40 +83,74 @@ class TransferMatrixKernel:
 
     def __init__(self, layer: Isotropic | TransverselyIsotropic, substrate: Any) -> None:
         self.layer, self.substrate = layer, substrate
+        self._parts: dict[int, tuple[Any, Any, Any]] = {}
         with mp.workdps(DIGITS):
             self.sigma = float(root_constants(system_matrix(layer))[1])
 
+    def _at(self, digits: int) -> tuple[Any, Any, Any]:
+        """A of the layer, the condition on the state below it, and its half-space's answer, in so many digits."""
+        if digits not in self._parts:
+            with mp.workdps(digits):
+                A = system_matrix(self.layer)
+                if isinstance(self.substrate, Rigid):
+                    condition = mp.matrix([[1, 0, 0, 0], [0, 1, 0, 0]])
+                else:
+                    Z = decaying_impedance(system_matrix(self.substrate))
+                    condition = mp.matrix([[-Z[0, 0], -Z[0, 1], 1, 0], [-Z[1, 0], -Z[1, 1], 0, 1]])
+                halfspace = mp.lu_solve(decaying_impedance(A), mp.matrix([0, -1]))
+                self._parts[digits] = A, condition, halfspace
+        return self._parts[digits]
+
     def L(self, u: float) -> Any:
         """L(u) as an mpf."""
-        # The two growing solutions differ by at most exp(sigma u): what solving for the surface cancels.
-        with mp.workdps(int(DIGITS + self.sigma * u / mp.log(10)) + 20):
-            A = system_matrix(self.layer)
-            through = exponential(mp.mpf(u) * A)
-            # Rows of the condition at the interface, on the state below the surface.
-            if isinstance(self.substrate, Rigid):
-                condition = mp.matrix([[1, 0, 0, 0], [0, 1, 0, 0]])
-            else:
-                Z = decaying_impedance(system_matrix(self.substrate))
-                condition = mp.matrix([[-Z[0, 0], -Z[0, 1], 1, 0], [-Z[1, 0], -Z[1, 1], 0, 1]])
+        # The two growing solutions differ by at most exp(sigma u): what solving for the surface cancels. Digits by
+        # the hundred: few wavenumbers need materials of their own.
+        digits = 100 * int(mp.ceil((DIGITS + self.sigma * u / mp.log(10) + 20) / 100))
+        A, condition, halfspace = self._at(digits)
+        with mp.workdps(digits):
             # y(0) = (U, W, 0, -1): solve for U, W.
-            rows = condition * through
+            rows = condition * exponential(mp.mpf(u) * A)
             surface = mp.lu_solve(rows[:, :2], rows[:, 3])
-            halfspace = mp.lu_solve(decaying_impedance(A), mp.matrix([0, -1]))
             return surface[1] / halfspace[1]
 
 
 def exponential(A: Any) -> Any:
-    """exp(A) by its Taylor series after scaling, squared back."""
-    size = mp.mnorm(A, 1)
-    halvings = isqrt(mp.mp.prec) // 2 + max(0, int(mp.ceil(mp.log(size, 2))))
-    with mp.extradps(halvings // 3 + 10):
-        scaled = A / 2**halvings
-        result = mp.eye(4) + scaled
-        term, k = scaled, 1
-        while mp.mnorm(term, 1) > mp.eps:
-            k += 1
-            term = term * scaled / k
-            result = result + term
+    """exp(A) by Taylor series after scaling, doubled back.
+
+    Equilibrium couples (U, N) to (W, T) and these to (U, N): with the blocks X and Y of A, all is said by
+    C = cosh(sqrt(B)) and S = sinh(sqrt(B))/sqrt(B) of B = X Y, series in B. B is 2 x 2 and B^2 = t B - d, its trace
+    and determinant: every power is a pair (a, b), a + b B.
+    """
+    odd, even = (1, 2), (0, 3)
+    X, Y = (mp.matrix([[A[i, j] for j in to] for i in at]) for at, to in ((even, odd), (odd, even)))
+    halvings = isqrt(mp.mp.prec) // 2 + max(0, int(mp.ceil(mp.log(mp.mnorm(A, 1), 2))))
+    # An error of C near one grows fourfold with each doubling.
+    with mp.extradps(2 * halvings // 3 + 10):
+        B = X * Y / mp.mpf(4) ** halvings
+        trace, determinant, size = B[0, 0] + B[1, 1], mp.det(B), mp.mnorm(B, 1)
+
+        def times(one: Any, two: Any) -> Any:
+            square = one[1] * two[1]
+            return (
+                one[0] * two[0] - square * determinant,
+                one[0] * two[1] + one[1] * two[0] + square * trace,
+            )
+
+        C = S = term = (mp.mpf(1), mp.mpf(0))
+        k = 0
+        while abs(term[0]) + abs(term[1]) * size > mp.eps:
+            k += 2
+            step = k * (k - 1)
+            term = (-term[1] * determinant / step, (term[0] + term[1] * trace) / step)
+            C = (C[0] + term[0], C[1] + term[1])
+            S = (S[0] + term[0] / (k + 1), S[1] + term[1] / (k + 1))
         for _ in range(halvings):
-            result = result * result
+            square, S = times(C, C), times(S, C)
+            C = (2 * square[0] - 1, 2 * square[1])
+        C, S = (a * mp.eye(2) + b * B for a, b in (C, S))
+        blocks = ((even, even, C), (even, odd, S * X), (odd, even, Y * S), (odd, odd, X**-1 * C * X))
+        result = mp.zeros(4)
+        for at, to, block in blocks:
+            for i, j in product(range(2), repeat=2):
+                result[at[i], to[j]] = block[i, j]
     return result

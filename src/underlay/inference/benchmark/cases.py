@@ -11,7 +11,7 @@ from underlay._door import FileKind, read_text
 from underlay.data.samples import sample
 from underlay.errors import InputError
 
-__all__ = ["Case", "benchmark_cases", "benchmark_kinds", "rows_of"]
+__all__ = ["Case", "benchmark_cases", "rows_of"]
 
 _TABLE = FileKind("a table of the benchmark", 1_000_000, "install underlay again")
 
@@ -65,11 +65,6 @@ def benchmark_cases(kinds: Collection[str] = ()) -> tuple[Case, ...]:
         for row in rows
         if row["kind"] in (kinds or known)
     )
-
-
-def benchmark_kinds() -> tuple[str, ...]:
-    """List the kinds of sample there are."""
-    return tuple(dict.fromkeys(case.kind for case in benchmark_cases()))
 
 
 def rows_of(name: str) -> list[dict[str, str]]:
