@@ -92,7 +92,14 @@ def map_curves(
     if excel is not None:
         require_excel(excel)
     path = folder / f"map.{table_format}"
-    labels = tuple(folders.split("/")) if folders else ()
+    options = MapOptions(
+        solver=wanted,
+        quality=check,
+        sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
+        intervals=intervals,
+        resume=resume,
+        folders=tuple(folders.split("/")) if folders else (),
+    )
     try:
         table = fit_many(
             curves,
@@ -101,14 +108,7 @@ def map_curves(
             workers=workers,
             scheduler=scheduler,
             output=path,
-            options=MapOptions(
-                solver=wanted,
-                quality=check,
-                sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
-                intervals=intervals,
-                resume=resume,
-                folders=labels,
-            ),
+            options=options,
         )
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")
@@ -124,9 +124,7 @@ def map_curves(
 
         # As `fit_many` listed the curves.
         own = [entry for entry in (manifest, scene, path) if entry is not None]
-        pages = write_review(
-            table, curves, scene, folder, decisions=decided, solver=wanted, folders=labels, leave_out=own
-        )
+        pages = write_review(table, curves, scene, folder, options=options, decisions=decided, leave_out=own)
         say(f"wrote {pages[0]}{f' and {len(pages) - 2} more' if len(pages) > 2 else ''}")
         say(f"wrote {pages[-1]}: fill it in, and run this again with --resume --decisions {pages[-1]}")
     for picture in _draw(counted, folder):
