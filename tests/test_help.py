@@ -61,6 +61,9 @@ def test_example_works_as_written(example, folder, monkeypatch, capsys):
     if example.split()[1] == "app":
         # It would serve until Ctrl-C; tests/test_app_browser.py lets it.
         monkeypatch.setattr("underlay.app.server.serve", lambda *_, **__: None)
+    if example.split()[1] == "report":
+        # Cells of the same notebooks are run by tests/test_cli_report.py.
+        monkeypatch.setattr("underlay.report.render.execute", lambda notebook, _: notebook)
     timed_once(monkeypatch)
     code = 0
     try:

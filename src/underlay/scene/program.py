@@ -11,10 +11,7 @@ import numpy as np
 from underlay._arrays import FloatArray, finite, positive
 from underlay.errors import InputError
 
-__all__ = ["PROGRAMS", "Program", "SimulatedDepths"]
-
-#: Motions that a scene file names.
-PROGRAMS = ("ramp", "triangle", "steps")
+__all__ = ["Program", "SimulatedDepths"]
 
 
 @dataclass(frozen=True)
