@@ -1,5 +1,6 @@
 """What tests share: the command line as the shell calls it, and pages that take seconds to make."""
 
+import os
 import sys
 
 import pytest
@@ -8,6 +9,10 @@ from hypothesis import HealthCheck, settings
 import underlay as ul
 from support.reports import SAMPLES, joint_fit, small_posterior
 from underlay.cli.app import main
+
+# Tests start hundreds of processes: where none may keep what it compiled, each compiles the whole package anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # A busy machine is no fault of the code: no test of a property depends on the clock.
 settings.register_profile("no clock", deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -81,9 +81,10 @@ def test_help_and_version_load_no_command():
     assert loaded_by("--version") == set()
 
 
-#: Each text runs in a fork of one interpreter that has loaded nothing, so that none is taken for its neighbour.
+#: Each text runs in a fork of one interpreter that has loaded what every command begins with, so that none is taken
+#: for its neighbour.
 FORKS = """
-import json, os, sys
+import json, os, sys, typer
 for name, text in json.loads(sys.stdin.read()).items():
     if not os.fork():
         exec(text)
