@@ -19,14 +19,6 @@ settings.register_profile("no clock", deadline=None, suppress_health_check=[Heal
 settings.load_profile("no clock")
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
-    """With -n, the tests of a file share what takes seconds to make, and so do files of one mark: one worker."""
-    for item in items:
-        if item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(item.path.stem))
-
-
 @pytest.fixture(scope="session")
 def report_pages(tmp_path_factory):
     """``{"fit": (fit, page), "joint": (fit, page), "posterior": (posterior, page)}``, the pages written."""

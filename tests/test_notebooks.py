@@ -30,11 +30,7 @@ def shown(notebook):
     ]
 
 
-# They share nothing: with -n each goes to the worker that is free.
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(path, id=path.stem, marks=pytest.mark.xdist_group(path.stem)) for path in notebooks()],
-)
+@pytest.mark.parametrize("path", notebooks(), ids=lambda path: path.stem)
 def test_notebook_runs(path):
     ran, committed = executed(path), nbformat.read(path, as_version=4)
     assert shown(ran) == shown(committed), "its outputs are old: run python tests/support/notebooks.py"

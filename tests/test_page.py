@@ -4,10 +4,9 @@ import pytest
 
 from support.chromium import browser, chromium
 
-pytestmark = [
-    pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine: the page is not opened"),
-    pytest.mark.xdist_group("pages"),
-]
+pytestmark = pytest.mark.skipif(
+    chromium() is None, reason="no Chromium on this machine: the page is not opened"
+)
 
 WIDTHS, SCHEMES = (400, 1400), ("light", "dark")
 

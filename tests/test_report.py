@@ -28,8 +28,6 @@ from underlay.report.page import html_page
 from underlay.report.problem_source import _exact_csv, problem_source, write_inputs
 from underlay.scene.effects import effects_table
 
-pytestmark = pytest.mark.xdist_group("pages")  # made once for test_page.py too
-
 # --- words -----------------------------------------------------------------------------------------------
 
 
