@@ -15,7 +15,7 @@ from underlay.mechanics.viscoelastic import history
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.equal_radius import equal_radius
 from underlay.mechanics.viscoelastic.history import Viscoelastic
-from underlay.mechanics.viscoelastic.loading import WayIn
+from underlay.mechanics.viscoelastic.loading import Loading, WayIn
 from underlay.mechanics.viscoelastic.memory import Memory
 from underlay.report import plots
 
@@ -243,6 +243,19 @@ def test_forces_and_their_bends_are_read_off_the_answers():
         value, turned = one.read(one.asked**1.5)
         assert np.array_equal(values[number], value[0])
         assert np.array_equal(bends[number], turned[0])
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_a_hold_fades_as_the_recursion_has_it(uneven):
+    """The closed form after the last step, and the recursion through all points: rounding alone is between them."""
+    time = np.linspace(0.0, 10.0, 400)
+    if uneven:
+        time = np.sort(np.random.default_rng(0).uniform(0.0, 10.0, 400))
+    memory = Memory.of(ul.Prony((0.3, 0.2, 0.1), (0.1, 1.0, 10.0)).modes(0.0, 10.0), time)
+    depth = np.interp(time, (0.0, 3.0, 10.0), (-0.1, 1.0, 1.0))
+    way_in = WayIn(np.maximum(depth, 0.0))
+    through = memory.hereditary(*way_in.read(way_in.asked**1.5))
+    assert Loading(depth, memory)(lambda w: w**1.5) == pytest.approx(through, abs=1e-14)
 
 
 @pytest.mark.parametrize("points", [12, 120, 6000])
