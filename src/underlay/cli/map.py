@@ -12,6 +12,7 @@ from underlay.cli.console import say, say_error, say_table
 from underlay.cli.excel_file import require_excel
 from underlay.cli.options import ExcelFile, Rtol, SceneOption, Seed, SolverName
 from underlay.cli.wanted_solver import wanted_solver
+from underlay.cli.wording import spoken
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
@@ -113,8 +114,10 @@ def map_curves(
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")
         raise typer.Exit(_INTERRUPTED) from None
+    written, table = table, _spoken(table)
     if decided is not None:
         table = decided.applied(table)
+    if not table.equals(written):
         write_frame(path, table)
     counted = without_refused(table)
     _show(counted)
@@ -131,6 +134,12 @@ def map_curves(
         say(f"wrote {picture}")
     if excel is not None:
         say(f"wrote {_write_excel(table, excel, scene, wanted)}")
+
+
+def _spoken(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with its reasons in the words of the command line."""
+    reasons = [spoken(reason) if isinstance(reason, str) else reason for reason in table["reason"]]
+    return table.assign(reason=reasons)
 
 
 def _write_excel(table: pd.DataFrame, path: Path, scene: Path, solver: Solver) -> Path:
