@@ -88,11 +88,6 @@ class Viscoelastic(History):
                 return found
         return Bed.of(depth, modes, time)
 
-    def only_grows(self, depth: FloatArray) -> bool:
-        """Whether depths since contact (m), (n,), grow or rest but for the noise of a reading."""
-        w = np.maximum(depth, 0.0)
-        return bool((np.maximum.accumulate(w) - w <= (RIPPLES[-1] + _ROUNDING) * w.max()).all())
-
     def depth(self, law: Invertible, force: FloatArray, time: FloatArray) -> FloatArray:
         """Depth (m), (n,), under any forces (N), (n,), that press."""
         if len(force) < 2:
