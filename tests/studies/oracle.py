@@ -19,8 +19,8 @@ and among all sets of u that a procedure may state, those of least clean width f
 p_disturbed + m p_clean >= l (Neyman and Pearson; m and l so that the mean clean width is as asked, in units of
 white noise's, and at least 95 % of clean sets hold the truth). Sets, not intervals, and true sizes among the draws:
 the figures are bounds from above. The mean width is what is bounded: a bound on the median alone lets half of the
-clean curves be as wide as one likes. "wrong %": disturbed curves that the likelihood ratio finds, at one false verdict in
-200 clean curves. "held or wrong %": that verdict or else such a set.
+clean curves be as wide as one likes. "wrong %": disturbed curves that the likelihood ratio finds, at one false
+verdict in 200 clean curves. "held or wrong %": that verdict or else such a set.
 """
 
 from __future__ import annotations
