@@ -56,7 +56,7 @@ class Sizes:
     jumps: tuple[float, ...] = (1.0, 4.64, 21.5, 100.0)
     ramps: tuple[float, ...] = (0.03,)
     white: float = 0.7
-    exact: float = 0.75
+    exact: float = 0.8
     smooth: float = 0.5
     level: float = 0.8
 
