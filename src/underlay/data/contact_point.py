@@ -48,7 +48,7 @@ _MOST_CORRELATED = 0.98
 # the length of the baseline; 0.025 for 1.2, 0.061 for 1.8, nothing for 1 and 2 (a test computes it).
 _PARABOLA_SHARE = 0.053
 
-# By how much the exponent of a foot may be off where its law is not the one it was given: over 150 tests of a user's
+# By how much the exponent of a foot may be off where its law is not the one it was given. Over 150 tests of a user's
 # range whose law was given, and whose law was taken for a half-space's, the median |z| is 0.39 and 0.78, and 0 and
 # 1 % lie beyond two errors; the scatter of the three estimators had 0.10 and 0.92, 0 and 21 %.
 _EXPONENT_OFF = 0.2
@@ -253,8 +253,8 @@ def _change_point(foot: Foot) -> ContactEstimate | None:
 def _with_a_doubtful_shape(foot: Foot, shape: _Shape, contact: ContactEstimate) -> float:
     """Standard error (m) of the foot's contact where its law may rise with another power of the depth.
 
-    A foot's own error is that of its law, which has a thickness or a modulus yet to be found: on a thin layer it was
-    eight times too small. So the law is right with even odds, or its exponent off by a normal deviate of
+    A foot's own error is that of its law, which has a thickness or a modulus yet to be found: on a thin layer it
+    was eight times too small. So the law is right with even odds, or its exponent off by a normal deviate of
     `_EXPONENT_OFF`; the curve weighs the two (the ratio of the density of no change after and before the curve:
     Dickey 1971, Ann. Math. Stat. 42, 204), and the error is the mean square distance of the truth from the
     estimate over both.
