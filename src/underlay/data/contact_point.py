@@ -48,8 +48,8 @@ _MOST_CORRELATED = 0.98
 # the length of the baseline; 0.025 for 1.2, 0.061 for 1.8, nothing for 1 and 2 (a test computes it).
 _PARABOLA_SHARE = 0.053
 
-# By how much the exponent of a foot may be off where its law is not the one it was given. Over 150 tests of a user's
-# range whose law was given, and whose law was taken for a half-space's, the median |z| is 0.39 and 0.78, and 0 and
+# By how much the exponent of a foot may be off where its law is not the one it was given. Over 150 tests of users'
+# ranges whose law was given, and whose law was taken for a half-space's, the median |z| is 0.39 and 0.78, and 0 and
 # 1 % lie beyond two errors; the scatter of the three estimators had 0.10 and 0.92, 0 and 21 %.
 _EXPONENT_OFF = 0.2
 # Points in contact from which on four numbers can be told, and a logarithm of odds beyond which nothing changes.
