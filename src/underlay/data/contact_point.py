@@ -82,7 +82,8 @@ class ContactPoint:
     Parameters
     ----------
     depth, uncertainty : float
-        By the estimator `method` (m). The uncertainty holds the spread of all estimators.
+        By the estimator `method` (m). The uncertainty of a foot's holds that its law may rise with another power,
+        that of others the scatter of all estimators.
     method : str
         One of `METHODS`.
     estimates : tuple of ContactEstimate
@@ -103,6 +104,11 @@ class ContactPoint:
     baseline_slope: float
     noise: float
     notes: tuple[str, ...] = ()
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation (m) of all estimates: large where there is more to see than a contact."""
+        return float(np.std([estimate.depth for estimate in self.estimates]))
 
 
 def find_contact(
@@ -163,26 +169,20 @@ def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, expo
         If the method gives none.
     """
     shape = _power_law(exponent) if law is None else _shape_of(law)
-    found = (
+    tried = (
         _scan("foot", foot, shape),
         # Without a stretch in front of contact there is no change to find.
         _change_point(foot) if foot.has_baseline else None,
         _threshold(foot, exponent),
     )
-    estimates = tuple(estimate for estimate in found if estimate is not None)
+    estimates = tuple(estimate for estimate in tried if estimate is not None)
     chosen = [estimate for estimate in estimates if method in {"auto", estimate.method}]
     if not chosen:
         raise CurveError(f"no contact found by {method}: the force does not rise as from a contact")
     contact = chosen[0]
-    if contact.method == "foot":
-        uncertainty = _with_a_doubtful_shape(foot, shape, contact)
-    else:
-        # These know nothing of a shape: they differ by what theirs do.
-        spread = float(np.std([estimate.depth for estimate in estimates]))
-        uncertainty = float(np.hypot(contact.uncertainty, spread))
-    return ContactPoint(
+    found = ContactPoint(
         depth=contact.depth,
-        uncertainty=uncertainty,
+        uncertainty=contact.uncertainty,
         method=contact.method,
         estimates=estimates,
         baseline=foot.baseline,
@@ -190,6 +190,10 @@ def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, expo
         noise=foot.noise,
         notes=_notes(foot),
     )
+    if contact.method == "foot":
+        return replace(found, uncertainty=_with_a_doubtful_shape(foot, shape, contact))
+    # These know nothing of a shape: they differ by what theirs do.
+    return replace(found, uncertainty=float(np.hypot(contact.uncertainty, found.scatter)))
 
 
 def _power_law(exponent: float) -> _Shape:
