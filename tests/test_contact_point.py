@@ -165,3 +165,21 @@ def test_contacts_lie_beyond_two_of_their_errors_as_often_as_they_should():
     beyond = (np.abs(z) > 2.0).mean(axis=0)
     # Six of 40 happen once in fifty times at 5 %; before the parabola's own error was counted it was nine of ten.
     assert (beyond <= 0.15).all()
+
+
+def test_a_contacts_error_is_neither_over_wide_under_its_law_nor_too_small_under_another():
+    rng = np.random.default_rng(12)
+    depth = np.linspace(-0.5e-6, 1e-6, 300)
+
+    def z(power):
+        at = rng.uniform(-1e-7, 1e-7)
+        force = np.maximum((depth - at) / 1e-6, 0.0) ** power + 0.005 * rng.standard_normal(depth.size)
+        found = find_contact(Curve(depth, force), "foot")
+        return abs(found.depth - at) / found.uncertainty
+
+    own, other = (np.array([z(power) for _ in range(40)]) for power in (1.5, 1.8))
+    # 0.67 were all of it known, and half the weight of a doubtful exponent widens it; off by 0.1 for 40.
+    assert 0.3 < np.median(own) < 0.9
+    # The exponent is off by one and a half of what is allowed for.
+    assert np.median(other) < 1.5
+    assert (other > 2.0).mean() <= 0.1

@@ -12,6 +12,7 @@ from support import real_data
 from support.real_data import real_file
 from underlay.errors import InputError
 from underlay.inference.headline.plain import quadratic_interval
+from underlay.inference.misfit.averaging import average
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, Place, descend
@@ -21,6 +22,7 @@ from underlay.inference.misfit.linearised import Linearised, Part, drift_columns
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.paraboloid_for_sphere import paraboloid_for_sphere
 from underlay.inference.misfit.sizes import Sizes
+from underlay.inference.misfit.valley import Valley
 from underlay.inference.misfit.whitened_squares import WhitenedSquares
 from underlay.inference.misfit.whitener import Whitener
 
@@ -358,3 +360,40 @@ def test_the_heaviest_noise_of_a_real_curve_has_its_optimum_at_128_pascal():
     assert heights[:5] == sorted(heights[:5], reverse=True)
     assert heights[2] == pytest.approx(3.5, abs=0.4)
     assert min(heights[0], heights[5]) > 3.84
+
+
+def thin_ball(seed=3):
+    """A sphere on a layer whose thickness the curve does not fix: a thinner one has no law soon."""
+    made = ul.Scene(ul.Sphere(3e-3), ul.Layer(ul.Isotropic(3e5, 0.3), 2e-4), ul.RIGID)
+    data = ul.synthesize(made, np.linspace(-5e-5, 1.2e-4, 120), ul.Noise(force=0.1), seed)
+    return ul.Problem(
+        made, data, ["layer.E", "layer.thickness", "instrument.contact_depth", "instrument.baseline"]
+    )
+
+
+def test_a_second_optimum_without_a_law_does_not_take_the_average_away():
+    problem = thin_ball()
+    beyond = np.array(problem.start)
+    beyond[problem.names.index("layer.thickness")] = -6.0
+    with pytest.raises(InputError):
+        average(problem, beyond)
+    alone, with_it = average(problem, problem.start), average(problem, problem.start, [beyond])
+    np.testing.assert_array_equal(with_it.vector, alone.vector)
+    assert len(with_it.optima) == 1
+
+
+def test_a_path_does_not_creep_to_the_end_of_the_laws_where_it_cannot_rise_to_its_height(monkeypatch):
+    problem = thin_ball()
+    valley = average(problem, problem.start).valley
+    index = problem.names.index("layer.thickness")
+    asked = []
+    held = Valley.held
+
+    def counted(self, entry, q, start):
+        place = held(self, entry, q, start)
+        asked.append(place)
+        return place
+
+    monkeypatch.setattr(Valley, "held", counted)
+    assert valley.end(index, -1.0, 30.0) == -np.inf
+    assert sum(place is None for place in asked) <= 2

@@ -61,6 +61,19 @@ def test_a_sphere_off_the_tables_errs_by_less_than_it_says(rtol, ratio, nu):
         assert largest_error(law, reference, depth) <= law.error_estimate + reference.error_estimate
 
 
+@pytest.mark.parametrize("ratio", [None, 1e4])
+@pytest.mark.parametrize("width", [8.0, 10.0])
+def test_contacts_many_thicknesses_wide_are_off_the_tables_too(width, ratio):
+    # Where a thin layer is walked to: laws of 1e-4 of the force, a/h up to 15.
+    tip = Sphere(80.0)
+    depth = float(tip.abel(np.array(width)))
+    law = tabulated(tip, ratio, depth, 1e-4, 0.3)
+    assert law is not None
+    assert law.error_estimate <= 1e-4
+    reference = exact_law(contact(tip, ratio, 0.3), depth, 1e-7)
+    assert largest_error(law, reference, depth) <= law.error_estimate + reference.error_estimate
+
+
 def test_where_the_tables_do_not_reach_there_is_no_law_rather_than_a_wrong_one():
     # A contact five thicknesses wide takes more points at 1e-9 than a polynomial may have.
     wide = Sphere(10.0)

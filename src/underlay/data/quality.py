@@ -231,10 +231,11 @@ def _doubts(
             f"the force falls by {format_quantity(fall, 'force')} ({100.0 * fall / peak:.0f} % of its peak) "
             "while the indenter goes in: it slipped or the sample broke"
         )
-    if contact.uncertainty > _CONTACT_SHARE * deepest:
+    unsure = max(contact.uncertainty, contact.scatter)
+    if unsure > _CONTACT_SHARE * deepest:
         yield (
-            f"the contact depth is known to {format_quantity(contact.uncertainty, 'length')} only, "
-            f"{100.0 * contact.uncertainty / deepest:.0f} % of the depth pressed"
+            f"the contact depth is known to {format_quantity(unsure, 'length')} only, "
+            f"{100.0 * unsure / deepest:.0f} % of the depth pressed"
         )
     if scene is None or scene.adhesion is None:
         yield from _stickiness(curve, contact, beyond, peak)

@@ -69,7 +69,14 @@ class HalfspaceLaw(ContactLaw):
         return self.indenter.halfspace_radius(depth)
 
     def _force(self, depth: FloatArray) -> FloatArray:
+        return self._force_of(depth, self.indenter.halfspace_radius(depth))
+
+    def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
         radius = self.indenter.halfspace_radius(depth)
+        return np.stack((self._force_of(depth, radius), 4.0 * self.theta * radius))
+
+    def _force_of(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
+        """Force (N) at depths (m) where the contact radii (m) are known, (n,)."""
         if isinstance(self.indenter, PowerLawShape):
             exponent = self.indenter.exponent
             return 4.0 * self.theta * exponent / (exponent + 1.0) * depth * radius

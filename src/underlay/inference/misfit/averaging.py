@@ -10,6 +10,7 @@ Every optimum that the fit knows of takes part by its own weight.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,6 +18,7 @@ import numpy as np
 from scipy import special
 
 from underlay._arrays import FloatArray
+from underlay.errors import InputError
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, descend
@@ -199,7 +201,12 @@ def average(
     """
     sizes = sizes or Sizes.of(problem)
     blocked = Blocked.of(problem, vector, held, errors)
-    return Averaged(blocked, _distinct([_settled(blocked, start, sizes) for start in (vector, *others)]))
+    optima = [_settled(blocked, vector, sizes)]
+    for other in others:
+        # A second optimum may lie at the very end of the laws; the first one then speaks alone.
+        with suppress(InputError):
+            optima.append(_settled(blocked, other, sizes))
+    return Averaged(blocked, _distinct(optima))
 
 
 def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> tuple[FloatArray, Competition]:
@@ -211,9 +218,13 @@ def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> tuple[FloatA
         shift, deviation = competition.shift[at][:k], _deviations(competition, at)[:k]
         if (shift * shift <= _STRAIGHT * deviation).all():
             break
-        vector = descend(blocked, vector, Combination.of(competition, at), model=model).vector
-        model = blocked.linearised(vector)
-        competition = Competition.of(model, sizes)
+        ahead = descend(blocked, vector, Combination.of(competition, at), model=model).vector
+        try:
+            model = blocked.linearised(ahead)
+        except InputError:
+            # The last step of a descent is the linear model's, and may end beyond the laws.
+            break
+        vector, competition = ahead, Competition.of(model, sizes)
     return vector, competition
 
 

@@ -30,6 +30,8 @@ FARTHEST = 5.0
 # A law that nothing tabulates costs some 50 ms: so many places on the way, and steps of a descent to each.
 _MOST_STEPS, _DESCENT = 10, 6
 _SHORTEST = 0.02
+# A path that would have to rise so much steeper than it did on its last step ends open where the laws do.
+_STEEPER = 2.0
 # Shares of a step that went too far.
 _LEAST, _MOST = 0.2, 0.7
 
@@ -99,6 +101,8 @@ class Valley:
             begin = _ahead(vectors, index, step) if gone else vectors[0] + direction * step * tangent
             place = self.held(index, here + direction * (gone + step), begin)
             height = math.inf if place is None else max(self.z(place), heights[-1])
+            if place is None and not self._may_reach(highest, heights, vectors, index, step):
+                break
             if height - heights[-1] > _STEEPEST and step > _SHORTEST:
                 # What was found too far ahead serves where the path comes near it.
                 beyond = beyond if place is None else (place.vector, height)
@@ -120,6 +124,19 @@ class Valley:
             if beyond is not None:
                 step = min(step, _MOST * abs(float(beyond[0][index] - vectors[-1][index])))
         return np.array([vector[index] for vector in vectors]), np.array(heights)
+
+    @staticmethod
+    def _may_reach(
+        highest: float, heights: list[float], vectors: list[FloatArray], index: int, room: float
+    ) -> bool:
+        """Whether a path could still rise to `highest` before the laws end, `room` further on.
+
+        It would have to rise more than twice as steeply as on its last step: then its end is an open one.
+        """
+        if len(heights) < 2:
+            return True
+        slope = (heights[-1] - heights[-2]) / abs(float(vectors[-1][index] - vectors[-2][index]))
+        return heights[-1] + _STEEPER * slope * room >= highest
 
     @cached_property
     def _covariance(self) -> FloatArray:

@@ -42,7 +42,8 @@ from underlay.mechanics.kernel import Family, Scales
 
 __all__ = ["TipContacts", "TipCurves", "tip_curves"]
 
-# No further than this share of the end of the shape: there the solution of each contact knows better.
+# No further than this share of the end of the shape, or of what is solved for: there the solution of each contact
+# knows better.
 _SHARE_OF_SHAPE = 0.97
 _PLACED = 1e-2  # the radii are placed as well as this
 # The radii are placed this much wider than the power law would have them: too near a curve would end too soon.
@@ -129,9 +130,9 @@ class _Placing(NamedTuple):
 
 
 def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> tuple[FloatArray, FloatArray]:
-    """Ends of curves in varpi, of their range or of the shape (sets,), and a/h at their radii (sets, count)."""
+    """Ends of curves in varpi (sets,), of their range, the shape or what is solved for; a/h (sets, count) there."""
     tops = asked.top.copy()
-    end = asked.tip.max_radius / asked.thickness
+    end = np.minimum(asked.tip.max_radius / asked.thickness, LARGEST_EPS)
     varpi, eps = _radii(asked, placing, tops, count)
     # Radii beyond the shape lie at its end: between few of them a straight line leaves the last too far out.
     while (beyond := eps[:, -1] > 0.5 * (1.0 + _SHARE_OF_SHAPE) * end).any():
