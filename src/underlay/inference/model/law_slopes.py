@@ -87,6 +87,8 @@ class LawSlopes:
         """dP/d ln k of a ratio where the law says it itself."""
         if ratio == "adhesion.work":
             return self.law.work_slope(self.w)
+        if ratio in self.laws.beside:
+            return self.law.beside_slope(self.laws.beside.index(ratio), self.w, self.P)
         tips = self.laws.tips
         if tips is None:
             return None
