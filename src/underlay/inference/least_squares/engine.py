@@ -24,7 +24,8 @@ __all__ = ["FINE", "GiveUp", "Minimum", "Search", "descend", "minimise"]
 #: Asked before each step with the steps made, the least sum of squares and the vector proposed: whether to leave.
 GiveUp: TypeAlias = Callable[[int, float, FloatArray], bool]
 
-_MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
+# Harder by ten after a step that led up, searches that began with little damping took a tenth more models.
+_MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 100.0
 # Below this the damping of two columns that are one to rounding would be rounding itself.
 _LEAST_DAMPING = 1e-13
 _VENTURE = 10.0  # how much higher than its beginning a step up the side may end
