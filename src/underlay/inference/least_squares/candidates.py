@@ -79,8 +79,9 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
     found: list[Candidate] = []
 
     def give_up(count: int, square: float, proposed: FloatArray) -> bool:
-        """Whether a search is on its way to what is known, or left behind by it."""
-        return (count >= _PATIENCE and square > enough) or _near(proposed, found)
+        """Whether a search is on its way to what is known, or left behind by it; not where it stands lower."""
+        known = [entry for entry in found if entry.square <= square]
+        return (count >= _PATIENCE and square > enough) or _near(proposed, known)
 
     # One after another, so that a search is left as soon as an earlier one says so; where places are less work
     # all at once, together.
