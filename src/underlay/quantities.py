@@ -323,7 +323,7 @@ def replace_values(
 
 
 def _replaced(part: Any, prefix: str, values: Mapping[str, float], touched: Container[str]) -> Any:
-    """Return the part with new numbers; itself where none of `values`, in the parts `touched`, is one of its own."""
+    """Return the part with new numbers; itself where none of `values`, in the parts `touched`, is its own."""
     changed = {}
     for entry in fields(part):
         old, path = getattr(part, entry.name), _path(prefix, entry)
