@@ -316,23 +316,25 @@ def replace_values(
         if path not in paths:
             there = ", ".join(sorted(numbers_of(whole, prefix)))
             raise ParameterError(f"there is no number {path!r} here, but {there}")
-    changed: Whole = _replaced(whole, prefix, {path: float(value) for path, value in values.items()})
+    touched = {path[:end] for path in values for end, sign in enumerate(path) if sign in ".["} | values.keys()
+    numbers = {path: float(value) for path, value in values.items()}
+    changed: Whole = _replaced(whole, prefix, numbers, touched)
     return changed
 
 
-def _replaced(part: Any, prefix: str, values: Mapping[str, float]) -> Any:
-    """Return the part with new numbers; itself where none of `values` is one of its own."""
+def _replaced(part: Any, prefix: str, values: Mapping[str, float], touched: Container[str]) -> Any:
+    """Return the part with new numbers; itself where none of `values`, in the parts `touched`, is its own."""
     changed = {}
     for entry in fields(part):
         old, path = getattr(part, entry.name), _path(prefix, entry)
-        if path and not any(key.startswith(path) for key in values):
+        if path and path not in touched:
             continue
         new = old
         if is_dataclass(old):
-            new = _replaced(old, path, values)
+            new = _replaced(old, path, values, touched)
         elif isinstance(old, tuple):
             items = (
-                _replaced(item, f"{path}[{index}]", values)
+                _replaced(item, f"{path}[{index}]", values, touched)
                 if is_dataclass(item)
                 else values.get(f"{path}[{index}]", item)
                 for index, item in enumerate(old)

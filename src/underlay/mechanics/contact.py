@@ -23,7 +23,7 @@ from underlay.mechanics.kernel import Kernel, StackKernel, SubstrateKernel
 from underlay.mechanics.stack import stacked
 from underlay.quantities import Part
 
-__all__ = ["Adhesion", "AdhesionTable", "AdhesiveReadings", "BuildsElastic", "Contact"]
+__all__ = ["Adhesion", "AdhesionTable", "AdhesiveReadings", "Beside", "BuildsElastic", "Contact"]
 
 
 class BuildsElastic(Protocol):
@@ -146,6 +146,24 @@ class IsotropicLayer:
         return cls(layer, base if isinstance(base, Material) else None)
 
 
+class Beside(NamedTuple):
+    """A body a small step away from that of a contact, in one number.
+
+    Parameters
+    ----------
+    kernel : Kernel
+        Of that body.
+    log_theta : float
+        ln of its theta over the contact's.
+    step : float
+        Of the number, small enough for a difference of kernels to be their derivative.
+    """
+
+    kernel: Kernel
+    log_theta: float
+    step: float
+
+
 @dataclass(frozen=True)
 class Contact:
     """One indenter on one body.
@@ -169,6 +187,8 @@ class Contact:
         contact with adhesion is built by `Adhesion.law`.
     friction : str
         One of `FRICTIONS`; ``"unknown"`` is computed as ``"none"``.
+    beside : tuple of Beside
+        Bodies towards which the law's derivatives are wanted; a solver that cannot tell them leaves them aside.
     """
 
     indenter: Indenter
@@ -178,6 +198,7 @@ class Contact:
     isotropic: IsotropicLayer | None = None
     adhesion: Adhesion | None = None
     friction: str = "none"
+    beside: tuple[Beside, ...] = ()
 
     @classmethod
     def of(cls, indenter: Indenter, layer: Layer, substrate: Body | None) -> Self:

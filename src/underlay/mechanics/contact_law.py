@@ -189,6 +189,14 @@ class ContactLaw(Response, ABC):
         del depth, force
         return None
 
+    def beside_slope(self, which: int, depth: FloatArray, force: FloatArray) -> FloatArray | None:
+        """dP/ds (N) at depths (m) where the force (N) is `force`, s the number of one of `Contact.beside`.
+
+        None where the law does not know it.
+        """
+        del which, depth, force
+        return None
+
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
         """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,); None where the law does not know it."""
         del depth

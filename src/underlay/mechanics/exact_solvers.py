@@ -76,6 +76,11 @@ class _ToTolerance(Solver):
         """See `tabulated_law`."""
         return tabulated_law(contact, family, ratio, depth, self.rtol, alone=alone)
 
+    def has_slopes(self, contact: Contact) -> bool:
+        """Laws of tips that slide on layers say them, without adhesion; a flat punch has no curve to say them."""
+        layered = bool(np.isfinite(contact.thickness)) and contact.adhesion is None
+        return layered and not isinstance(contact.indenter, FlatPunch) and not contact.sticks
+
     def has_tip_tables(self, contact: Contact) -> bool:
         """Such tables are for tips that end, or spheres, on an isotropic layer."""
         tip = contact.indenter
@@ -188,6 +193,11 @@ class Stuck(_ToTolerance):
 
     def has_table(self, contact: Contact) -> bool:
         """There are no tables."""
+        del contact
+        return False
+
+    def has_slopes(self, contact: Contact) -> bool:
+        """They do not."""
         del contact
         return False
 

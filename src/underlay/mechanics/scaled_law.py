@@ -60,6 +60,10 @@ class ScaledLaw(ContactLaw):
         """As the reference: the slope goes with the force."""
         return self.law.ratio_slope(self.b * depth, force)
 
+    def beside_slope(self, which: int, depth: FloatArray, force: FloatArray) -> FloatArray | None:
+        """As the reference: the slope goes with the force."""
+        return self.law.beside_slope(which, self.b * depth, force)
+
     def size_slope(self, depth: FloatArray, force: FloatArray, stiffness: FloatArray) -> FloatArray | None:
         """As the reference: the slope goes with the force."""
         slope = self.law.size_slope(self.b * depth, force / self.c, stiffness / (self.b * self.c))

@@ -144,6 +144,11 @@ class Solver(ABC):
         del contact, family, ratio, depth, alone
         return None
 
+    def has_slopes(self, contact: Contact) -> bool:
+        """Whether laws of contacts like this one say their derivatives towards the bodies `Contact.beside`."""
+        del contact
+        return False
+
     def has_tip_tables(self, contact: Contact) -> bool:
         """Whether laws of tips that are no power law are read off tables, on bodies that differ in one ratio."""
         del contact

@@ -24,14 +24,17 @@ __all__ = ["Blocks", "blocked_forward", "blocked_objective"]
 
 _RTOL = 1e-3
 _BLOCKS = 32
+# Blocks from the middle of a parabola to its ends.
+_AWAY = 3
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """A curve with neighbouring points taken together: depth (m), force (N), each (m,)."""
+    """A curve with neighbouring points taken together: depth (m), force (N), squared depth (m^2), each (m,)."""
 
     depth: FloatArray
     force: FloatArray
+    square: FloatArray
 
     @classmethod
     def of(cls, curve: Curve, count: int, *, averages: bool = False) -> Blocks:
@@ -47,7 +50,22 @@ class Blocks:
             first, others = values[:end].reshape(longer, size + 1), values[end:].reshape(-1, size)
             return np.concatenate((middle(first), middle(others)))
 
-        return cls(in_blocks(curve.depth[order]), in_blocks(curve.force[order]))
+        depth = curve.depth[order]
+        return cls(in_blocks(depth), in_blocks(curve.force[order]), in_blocks(depth * depth))
+
+    def straightened(self) -> Blocks:
+        """The same without what curvature adds to an average: f(mean w) = mean f - f'' var(w)/2.
+
+        f'' is that of the parabola through a block and two some blocks away: through its neighbours it would
+        bring a tenth of a block's scatter along.
+        """
+        w, f, away = self.depth, self.force, _AWAY
+        if len(w) <= 2 * away or not (np.diff(w) > 0.0).all():
+            return self
+        slope = (f[away:] - f[:-away]) / (w[away:] - w[:-away])
+        half_curvature = (slope[away:] - slope[:-away]) / (w[2 * away :] - w[: -2 * away])
+        spread = self.square - w * w
+        return replace(self, force=f - spread * np.pad(half_curvature, away, mode="edge"))
 
 
 def blocked_objective(problem: Problem, *, robust: bool) -> Objective:
@@ -58,6 +76,8 @@ def blocked_objective(problem: Problem, *, robust: bool) -> Objective:
     members, noises, sigmas = [], [], []
     for member in problem.members:
         blocks = Blocks.of(member.curve, _BLOCKS, averages=not robust)
+        if not robust:
+            blocks = blocks.straightened()
         forward = blocked_forward(member, blocks, _RTOL)
         members.append(replace(member, curve=Curve(blocks.depth, blocks.force), forward=forward))
         sigma = member.scatter * (len(blocks.force) / len(member.force)) ** 0.5

@@ -16,12 +16,12 @@ from underlay.inference.least_squares.scan_curve import BASE_MODULUS, MODULUS
 
 __all__ = ["Candidate", "candidates"]
 
-# A step that lowers the sum of squares by less than this share came from within a fifth of a standard error of
-# the blocks; what is left is far less.
-_SEARCH = Search(steps=12, settled=1e-3)
+# A step that lowers the sum of squares by less than this share came from within a third of a standard error of
+# the blocks; what is left is far less. Damped by 1e-5 searches took a tenth more places.
+_SEARCH = Search(steps=12, settled=3e-3, damping=1e-7)
 # Nothing explains the data better than down to their scatter. Once one start does, another that is not among
 # those that may be the optimum after so many steps is given up.
-_PATIENCE = 3
+_PATIENCE = 2
 # Chi-square per block below which a model explains the data.
 _EXPLAINED = 1.4
 # A search stays between the neighbours of its grid point: 0.55 apart in ln h, 2.3 in the logarithm of a ratio; the
@@ -79,8 +79,9 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
     found: list[Candidate] = []
 
     def give_up(count: int, square: float, proposed: FloatArray) -> bool:
-        """Whether a search is on its way to what is known, or left behind by it."""
-        return (count >= _PATIENCE and square > enough) or _near(proposed, found)
+        """Whether a search is on its way to what is known, or left behind by it; not where it stands lower."""
+        known = [entry for entry in found if entry.square <= square]
+        return (count >= _PATIENCE and square > enough) or _near(proposed, known)
 
     # One after another, so that a search is left as soon as an earlier one says so; where places are less work
     # all at once, together.

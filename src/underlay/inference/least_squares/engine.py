@@ -24,7 +24,8 @@ __all__ = ["FINE", "GiveUp", "Minimum", "Search", "descend", "minimise"]
 #: Asked before each step with the steps made, the least sum of squares and the vector proposed: whether to leave.
 GiveUp: TypeAlias = Callable[[int, float, FloatArray], bool]
 
-_MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
+# Harder by ten after a step that led up, searches that began with little damping took a tenth more models.
+_MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 100.0
 # Below this the damping of two columns that are one to rounding would be rounding itself.
 _LEAST_DAMPING = 1e-13
 _VENTURE = 10.0  # how much higher than its beginning a step up the side may end
@@ -32,6 +33,9 @@ _VENTURE = 10.0  # how much higher than its beginning a step up the side may end
 _LONGEST = 3.0
 # Steps shorter than this in every coordinate move nothing that a curve could tell.
 _SHORTEST = 1e-10
+# A last step that should gain less than this share of the sum of squares, a thousandth of a standard error with
+# 1000 points, is not made: the model is known where the search stands.
+_STILL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -50,12 +54,13 @@ class Search:
     """
 
     steps: int = 60
-    settled: float = 1e-7
+    settled: float = 2e-7
     damping: float = 1e-5
 
 
 #: Of all points: the last step is within some hundredths of a standard error, what it leaves within a thousandth.
-FINE = Search()
+#: It begins beside its end, where damping would leave a valley's length to further steps.
+FINE = Search(damping=1e-9)
 
 
 @dataclass(frozen=True)
@@ -203,6 +208,7 @@ class _Running(NamedTuple):
         step, gain = _steps(self.now, self.damping, active, self.low, self.high)
         little = gain <= search.settled * self.best.square
         little |= np.abs(step).max(axis=1) <= _SHORTEST
+        step = np.where((gain > _STILL * self.best.square)[:, None], step, 0.0)
         return np.clip(self.now.vector + step, self.low, self.high), little & ~self.ventured
 
     def moved(self, there: Places, search: Search) -> tuple[Self, list[str]]:
@@ -233,6 +239,26 @@ def _steps(
     norms = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
     inside = ((places.vector > low) | (gradient < 0.0)) & ((places.vector < high) | (gradient > 0.0))
     which = active & acting(norms) & inside
+    step = _solved(gradient, normal, which, norms, damping)
+    there = places.vector + step
+    beyond = which & ((there < low) | (there > high))
+    if beyond.any():
+        # What would leave its ends goes to the end, and the others to where they are best beside it.
+        held = np.where(beyond, np.clip(there, low, high) - places.vector, 0.0)
+        moved = gradient + (normal @ held[:, :, None])[:, :, 0]
+        step = held + _solved(moved, normal, which & ~beyond, norms, damping)
+    longest = np.abs(step).max(axis=1, initial=0.0)
+    if (longest > _LONGEST).any():
+        step *= (_LONGEST / np.maximum(longest, _LONGEST))[:, None]
+    if not beyond.any():
+        return step, -np.einsum("sk,sk->s", step, gradient)
+    return step, -np.einsum("sk,sk->s", step, 2.0 * gradient + (normal @ step[:, :, None])[:, :, 0])
+
+
+def _solved(
+    gradient: FloatArray, normal: FloatArray, which: NDArray[np.bool_], norms: FloatArray, damping: FloatArray
+) -> FloatArray:
+    """Damped steps (s, k) of the entries `which` (s, k), from J'r (s, k) and J'J (s, k, k); the others rest."""
     # An entry that rests has a row of its own, and no gradient.
     scale = np.where(which, norms, 1.0)
     both = which[:, :, None] & which[:, None, :]
@@ -240,8 +266,4 @@ def _steps(
     count = scaled.shape[1]
     scaled.reshape(-1, count * count)[:, :: count + 1] = np.where(which, 1.0 + damping[:, None], 1.0)
     downhill = np.where(which, gradient / scale, 0.0)
-    step = -np.linalg.solve(scaled, downhill[:, :, None])[:, :, 0] / scale
-    longest = np.abs(step).max(axis=1, initial=0.0)
-    if (longest > _LONGEST).any():
-        step *= (_LONGEST / np.maximum(longest, _LONGEST))[:, None]
-    return step, -np.einsum("sk,sk->s", step, gradient)
+    return -np.linalg.solve(scaled, downhill[:, :, None])[:, :, 0] / scale

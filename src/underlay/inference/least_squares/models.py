@@ -50,7 +50,9 @@ class Models:
     def in_batches(self) -> bool:
         """Whether derivatives at several vectors at once are less work than one by one."""
         return self._one_law and all(
-            goes_together(member.forward, member.base, tuple(member.entries)) for member in self.members
+            not member.forward.laws.beside
+            and goes_together(member.forward, member.base, tuple(member.entries))
+            for member in self.members
         )
 
     def models(self, physical: FloatArray) -> list[FloatArray]:

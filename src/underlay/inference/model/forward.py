@@ -95,7 +95,7 @@ class Forward:
 
     def solved_by(self, solver: Solver) -> Forward:
         """Return the same with laws of another solver that scale alike, kept beside its own."""
-        return replace(self, laws=replace(self.laws, solver=solver, table=None, tips=None))
+        return replace(self, laws=replace(self.laws, solver=solver, table=None, tips=None, beside=()))
 
     def moved(self, depth: FloatArray, force: FloatArray) -> Forward:
         """Return the same for other depth readings (m) and their force readings (N), (n,)."""

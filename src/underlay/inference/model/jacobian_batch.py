@@ -9,7 +9,7 @@ on more than the depth, or on the frame, goes one by one (`Forward.jacobian`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.forward_batch import by_one_law
+from underlay.inference.model.law_slopes import slope_by_factors
 from underlay.inference.model.parameter_sets import ParameterSets, Values
 from underlay.inference.model.tables import OneRatio
 from underlay.mechanics.exact.family_batch import family_batch
@@ -86,7 +87,7 @@ def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequen
         elif path == ContactDepth.path:
             np.negative(laws.stiffness, out=columns[:, row])
         else:
-            columns[:, row] = _mechanical(asked, path, laws)
+            columns[:, row] = _slope(asked, path, laws)
     return Jacobians(asked.instrument_force(laws.force), columns, laws.possible)
 
 
@@ -130,18 +131,13 @@ def _of_tips(asked: ParameterSets, tips: OneRatio) -> _Laws | None:
     return _Laws(force, stiffness, moved, possible)
 
 
-def _mechanical(asked: ParameterSets, path: str, laws: _Laws) -> FloatArray:
+def _slope(asked: ParameterSets, path: str, laws: _Laws) -> FloatArray:
     """dP/dp at fixed tip depth, as in `LawSlopes`: the two factors, then the ratios the parameter moves."""
-    similarity, value = asked.forward.similarity, asked.column(path)
-    # They raise and multiply: arrays go through as numbers do.
-    numbers: Any = asked.values
-    log_b, log_c = (np.reshape(slope, (-1, 1)) for slope in similarity.factor_slopes(path, numbers))
-    total = log_c * laws.force
-    if log_b.any():
-        total += log_b * asked.tip * laws.stiffness
+    similarity = asked.forward.similarity
+    total = slope_by_factors(similarity, path, asked.values, asked.tip, laws.force, laws.stiffness)
     if path in laws.through_ratios:
         total += laws.through_ratios[path]
-    return np.asarray(total / value)
+    return np.asarray(total / asked.column(path))
 
 
 def _tabulated(asked: ParameterSets, table: OneRatio) -> _Laws | None:

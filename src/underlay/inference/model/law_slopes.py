@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from underlay.inference.model.stencils import ROUGH_STENCILS, STENCILS, first_po
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.scene.parameters import kind_of
 
-__all__ = ["LawSlopes", "force_scale"]
+__all__ = ["LawSlopes", "force_scale", "slope_by_factors"]
 
 # Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
 # derivative, and a law's own error of 1e-6 enters with 1e-3.
@@ -31,6 +32,21 @@ def force_scale(similarity: Similarity, path: str, values: Mapping[str, float]) 
     if log_b or similarity.ratio_slopes(path, values):
         return None
     return log_c / values[path]
+
+
+def slope_by_factors(
+    similarity: Similarity, path: str, values: Mapping[str, Any], w: FloatArray, P: FloatArray, S: FloatArray
+) -> FloatArray:
+    """dP/d ln p (N) at fixed depths w (m) and ratios, from P (N) and S = dP/dw (N/m), each (n,) or (sets, n).
+
+    With numbers (sets,) in `values`, one for each row.
+    """
+    column = (-1, *(1,) * (P.ndim - 1))
+    log_b, log_c = (np.reshape(slope, column) for slope in similarity.factor_slopes(path, values))
+    total = log_c * P
+    if log_b.any():
+        total += log_b * w * S
+    return np.asarray(total)
 
 
 @dataclass(frozen=True)
@@ -69,8 +85,7 @@ class LawSlopes:
     def of(self, path: str) -> FloatArray:
         """dP/dp (n,): by the two factors, then by the ratios that the parameter moves."""
         value = self.values[path]
-        log_b, log_c = self.similarity.factor_slopes(path, self.values)
-        derivative = (log_c * self.P + log_b * self.w * self.S) / value
+        derivative = slope_by_factors(self.similarity, path, self.values, self.w, self.P, self.S) / value
         if self.laws.table is not None and (slope := self.laws.table.slope(path)):
             known = self.law.ratio_slope(self.w, self.P)
             if known is not None:
@@ -87,6 +102,8 @@ class LawSlopes:
         """dP/d ln k of a ratio where the law says it itself."""
         if ratio == "adhesion.work":
             return self.law.work_slope(self.w)
+        if ratio in self.laws.beside:
+            return self.law.beside_slope(self.laws.beside.index(ratio), self.w, self.P)
         tips = self.laws.tips
         if tips is None:
             return None

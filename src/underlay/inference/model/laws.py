@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import RangeError, UnderlayWarning
+from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.inference.model.similarity import Similarity
 from underlay.inference.model.tables import OneRatio, one_ratio, tip_ratio
-from underlay.mechanics.contact import AdhesionTable, Contact
+from underlay.mechanics.contact import AdhesionTable, Beside, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.solver import Solver
@@ -30,19 +30,23 @@ __all__ = ["LawSource", "LawStore", "quiet_law"]
 _LAWS_KEPT = 128
 # Laws that are subtracted over a step of 1e-3 must not be rougher than this.
 _STENCIL_RTOL = 1e-6
+# Kernels are known to 1e-14: their difference over this step is the derivative to 1e-7.
+_KERNEL_STEP = 1e-6
 
 _NOT_TABULATED = RangeError("no table has this law")
 
 
-def quiet_law(scene: Scene, solver: Solver, max_depth: float) -> ContactLaw:
-    """Build the law of `scene` up to `max_depth` (m) without a word.
+def quiet_law(scene: Scene, solver: Solver, max_depth: float, beside: tuple[Beside, ...] = ()) -> ContactLaw:
+    """Build the law of `scene` up to `max_depth` (m) without a word, with derivatives towards bodies `beside`.
 
     A published correction warns where it leaves its range; a fit passes through such places and reports only
     those of its result, which the law carries itself.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnderlayWarning)
-        return scene.contact_law(max_depth, solver=solver)
+        if not beside:
+            return scene.contact_law(max_depth, solver=solver)
+        return solver.law(replace(scene.contact, beside=beside), max_depth)
 
 
 @dataclass
@@ -99,6 +103,8 @@ class LawSource:
         The one ratio that can change the law, where the solver reads such laws off a table.
     tips : OneRatio or None
         The same for a tip that is no power law: its size over the thickness may vary too.
+    beside : tuple of str
+        Paths of the ratios in which its laws say their own derivatives (`Contact.beside`).
     scattered : bool
         Whether it is asked for ratios far apart, as a grid holds them: each is solved for itself.
     """
@@ -110,6 +116,7 @@ class LawSource:
     contact: Contact
     table: OneRatio | None
     tips: OneRatio | None = None
+    beside: tuple[str, ...] = ()
     scattered: bool = False
 
     @classmethod
@@ -128,17 +135,24 @@ class LawSource:
 
     def varying(self, free: Sequence[str]) -> LawSource:
         """Return the same where only the paths `free` vary: tables serve more the fewer these are."""
-        has_table, has_tips = self.solver.has_table(self.contact), self.solver.has_tip_tables(self.contact)
-        return replace(
-            self,
-            table=one_ratio(self.similarity, free) if has_table else None,
-            tips=tip_ratio(self.similarity, free) if has_tips else None,
-        )
+        similarity, solver = self.similarity, self.solver
+        table = one_ratio(similarity, free) if solver.has_table(self.contact) else None
+        tips = tip_ratio(similarity, free) if solver.has_tip_tables(self.contact) else None
+        beside: tuple[str, ...] = ()
+        if table is None and tips is None and solver.has_slopes(self.contact):
+            slopes = [similarity.ratio_slopes(path, similarity.values) for path in free]
+            beside = tuple(dict.fromkeys(path for moved in slopes for path in moved))
+        return replace(self, table=table, tips=tips, beside=beside)
+
+    @property
+    def from_tables(self) -> bool:
+        """Whether the laws are read off tables, where those reach."""
+        return self.table is not None or self.tips is not None
 
     @property
     def know_slopes(self) -> bool:
         """Whether the laws say their derivatives in what may vary: no further law is needed for them."""
-        return self.table is not None or self.tips is not None
+        return self.from_tables or bool(self.beside)
 
     @property
     def for_differences(self) -> LawSource:
@@ -276,7 +290,7 @@ class LawSource:
 
     def _solved(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         octave = float(np.ceil(np.log2(depth))) if depth > 0.0 else -np.inf
-        key = (self.number, self.solver, self.similarity.length, reduced, octave)
+        key = (self.number, self.solver, self.similarity.length, reduced, octave, self.beside)
         law = self.store.get(key)
         if law is None:
             law = self.store.keep(key, self._build(reduced, float(np.exp2(octave))))
@@ -306,10 +320,27 @@ class LawSource:
     def _build(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | RangeError:
         """Law up to `depth` (m), or as deep as it reaches; the refusal itself where it reaches nowhere."""
         scene = self._scene(reduced)
+        beside = self._bodies_beside(scene, reduced)
         try:
-            return quiet_law(scene, self.solver, depth)
+            return quiet_law(scene, self.solver, depth, beside)
         except RangeError as error:
             if not error.max_depth:
                 return error
             # A hair less: the depth a message quotes may be rounded up.
-            return quiet_law(scene, self.solver, error.max_depth * (1.0 - 1e-6))
+            return quiet_law(scene, self.solver, error.max_depth * (1.0 - 1e-6), beside)
+
+    def _bodies_beside(self, scene: Scene, reduced: tuple[float, ...]) -> tuple[Beside, ...]:
+        """Bodies a step away in each of the ratios `beside`; none where one of them does not exist."""
+        found, here = [], scene.contact
+        try:
+            for path in self.beside:
+                entry, in_log = self.similarity.ratio_paths.index(path), path not in self.similarity.direct
+                # Downwards: there is nothing beyond a Poisson's ratio of one half.
+                value = reduced[entry] * np.exp(-_KERNEL_STEP) if in_log else reduced[entry] - _KERNEL_STEP
+                there = self._scene((*reduced[:entry], value, *reduced[entry + 1 :])).contact
+                if there.thickness != here.thickness or there.indenter != here.indenter:
+                    return ()
+                found.append(Beside(there.kernel, float(np.log(there.theta / here.theta)), -_KERNEL_STEP))
+        except InputError:
+            return ()
+        return tuple(found)

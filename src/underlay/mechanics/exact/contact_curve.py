@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Self
 
@@ -184,6 +184,7 @@ def _direct(
 
 def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
     """Solve at Chebyshev points up to `last` and expand in chi, with as many terms as it takes."""
+    problem = replace(problem, beside=())
     stretch = Stretch.to(last, problem.scales.softness)
     # What is asked for to place the radii of another solution needs no proof.
     resolution = problem.resolution(last, rtol) if rtol < _COARSE else problem.guess(last, rtol)

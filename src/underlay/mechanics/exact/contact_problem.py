@@ -9,7 +9,8 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError
-from underlay.mechanics.exact.gauss import EvenRule, even_legendre, legendre_rule
+from underlay.mechanics.contact import Beside
+from underlay.mechanics.exact.gauss import EvenRule, even_legendre, even_rule, legendre_rule
 from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
@@ -47,6 +48,8 @@ class ContactProblem:
         Of the body.
     scales : Scales
         Its own: what the node counts depend on.
+    beside : tuple of Beside
+        Bodies towards which derivatives are wanted.
     """
 
     indenter: Indenter
@@ -54,11 +57,14 @@ class ContactProblem:
     thickness: float
     kernel: Kernel
     scales: Scales
+    beside: tuple[Beside, ...] = ()
 
     @classmethod
-    def of(cls, indenter: Indenter, thickness: float, kernel: Kernel) -> Self:
+    def of(
+        cls, indenter: Indenter, thickness: float, kernel: Kernel, beside: tuple[Beside, ...] = ()
+    ) -> Self:
         """Build the problem."""
-        return cls(indenter, depth_measure(indenter), thickness, kernel, kernel.scales)
+        return cls(indenter, depth_measure(indenter), thickness, kernel, kernel.scales, beside)
 
     @property
     def end(self) -> float:
@@ -98,9 +104,26 @@ class ContactProblem:
         return proved_resolution(self.kernel, float(self.eps(np.array([chi]))[0]), rtol)
 
     def solve(self, chi: FloatArray, resolution: Resolution) -> tuple[FloatArray, FloatArray]:
-        """Varpi (radii,) and the logarithms of the three factors (radii, 3) at radii `chi`."""
-        punch = PunchSolution.solve(self.kernel, self.eps(chi), resolution)
-        return contact_factors(punch, self.indenter, self.measure, self.thickness)
+        """Varpi (radii,) and the logarithms of the three factors (radii, 3) at radii `chi`.
+
+        After these, a column each, d ln P/ds at fixed depth towards the bodies beside.
+        """
+        eps = self.eps(chi)
+        if not self.beside:
+            punch = PunchSolution.solve(self.kernel, eps, resolution)
+            return contact_factors(punch, self.indenter, self.measure, self.thickness)
+        weights = _weights_over_depth(
+            self.indenter, self.measure, even_rule(resolution.radial), eps * self.thickness
+        )
+        punch = PunchSolution.solve(self.kernel, eps, resolution, weights)
+        varpi, logarithms = contact_factors(punch, self.indenter, self.measure, self.thickness)
+        u = resolution.wavenumber_rule()[0]
+        here, there = self.kernel.values(u), [body.kernel.values(u) for body in self.beside]
+        steps = np.array([body.step for body in self.beside])
+        moved = punch.in_kernel @ ((np.array(there) - here).T / steps)
+        moved /= punch.depth_and_force(weights)[1][:, None]
+        moved += np.array([body.log_theta for body in self.beside]) / steps
+        return varpi, np.concatenate((logarithms, moved), axis=1)
 
 
 def contact_factors(
@@ -113,15 +136,14 @@ def contact_factors(
     exponent = measure.exponent
     factors = np.empty((*punch.kappa.shape, len(Factor)))
     factors[..., Factor.STIFFNESS] = punch.kappa
+    lengths = punch.eps * thickness
+    depth, force = punch.depth_and_force(_weights_over_depth(indenter, measure, punch.rule, lengths))
     if indenter is measure:
-        depth, force = punch.depth_and_force(punch.rule.power_weights(exponent))
         swell = depth ** (1.0 / exponent)
         factors[..., Factor.RADIUS] = 1.0 / swell
         factors[..., Factor.FORCE] = (1.0 + 1.0 / exponent) * force / (depth * swell)
         return punch.eps * swell, np.log(factors, out=factors)
-    lengths = punch.eps * thickness
     shape = indenter.abel(lengths)
-    depth, force = punch.depth_and_force(_shape_weights(indenter, punch.rule, lengths) / shape[..., None])
     depth = depth * shape
     radius = measure.halfspace_radius(depth)
     factors[..., Factor.RADIUS] = lengths / radius
@@ -152,6 +174,15 @@ def depth_measure(indenter: Indenter) -> PowerLawShape:
     exponent = max(1.0, round(float(np.log2(far / near))))
     deepest = float(indenter.abel(np.array(indenter.max_radius)))
     return PowerLaw(exponent, deepest / (abel_factor(exponent) * indenter.max_radius**exponent))
+
+
+def _weights_over_depth(
+    indenter: Indenter, measure: PowerLawShape, rule: EvenRule, lengths: FloatArray
+) -> FloatArray:
+    """Weights of int_0^1 H(a x)/H(a) p(x) dx at contact radii `lengths` (m): of a power law (nodes,), for all."""
+    if indenter is measure:
+        return rule.power_weights(measure.exponent)
+    return _shape_weights(indenter, rule, lengths) / indenter.abel(lengths)[..., None]
 
 
 def _shape_weights(indenter: Indenter, rule: EvenRule, lengths: FloatArray) -> FloatArray:

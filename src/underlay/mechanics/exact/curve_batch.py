@@ -59,7 +59,7 @@ class CurveBatch:
         """Some of the sets."""
         return type(self)(
             self.measure,
-            np.broadcast_to(self.top, len(self.lengths))[rows],
+            self.top[rows] if isinstance(self.top, np.ndarray) else self.top,
             self.lengths[rows],
             self.softness[rows],
             self.coefficients[rows],

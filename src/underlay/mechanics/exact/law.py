@@ -20,7 +20,7 @@ from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import solve_curve
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem
 from underlay.mechanics.exact.curve_batch import CurveBatch
-from underlay.mechanics.exact.master_curve import Factor, MasterCurve
+from underlay.mechanics.exact.master_curve import Factor, MasterCurve, piecewise
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape
@@ -87,6 +87,15 @@ class ExactLaw(ContactLaw):
         """Whether a law shares all but its curve, which must be in one piece."""
         alike = law.measure == self.measure and law.theta == self.theta and law.thickness == self.thickness
         return alike and len(law.curve.edges) == 2
+
+    def beside_slope(self, which: int, depth: FloatArray, force: FloatArray) -> FloatArray | None:
+        """dP/ds (N) at fixed depth (m), (n,), towards one of `Contact.beside`; None where the curve folds."""
+        column = len(Factor) + which
+        if column >= self.curve.coefficients.shape[1]:
+            return None
+        varpi = self.measure.halfspace_radius(np.maximum(depth, 0.0)) / self.thickness
+        z = self.curve.stretch.z(varpi)
+        return np.asarray(force * piecewise(self.curve.edges, self.curve.coefficients[:, column], z))
 
     @property
     def _beyond(self) -> str:
@@ -210,7 +219,7 @@ def exact_law(contact: Contact, max_depth: float, rtol: float = 1e-6) -> Contact
     length = contact.thickness
     if length == np.inf:
         length = float(indenter.halfspace_radius(np.array([max_depth]))[0])
-    problem = ContactProblem.of(indenter, length, contact.kernel)
+    problem = ContactProblem.of(indenter, length, contact.kernel, contact.beside)
     top = float(problem.measure.halfspace_radius(np.array([max_depth]))[0]) / length
     solved = solve_curve(problem, top, rtol)
     reason = (

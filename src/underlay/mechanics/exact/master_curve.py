@@ -182,7 +182,8 @@ class MasterCurve:
     edges : tuple of pieces + 1 floats
         Ends of the pieces in z, from -1 to 1.
     coefficients : ndarray (pieces, 3, rows, 4)
-        Of each factor's logarithm, in powers of the piece's own variable in [-1, 1]: entry (j, i) of the last
+        Of each factor's logarithm (and after these of d ln P/ds at fixed depth, one for each of
+        `ContactProblem.beside`), in powers of the piece's own variable in [-1, 1]: entry (j, i) of the last
         two axes goes with power 4 j + i.
     error_estimate : float
         Largest truncation error of the logarithms.
@@ -213,7 +214,7 @@ class MasterCurve:
             Increasing, and in z close to Chebyshev points: others make the interpolation unstable, which the
             error estimate then shows.
         logarithms : ndarray (n, 3)
-            Of the factors.
+            Of the factors, and columns of derivatives after them.
         """
         stretch = Stretch(Stretch.to(float(varpi[-1]), softness).length * reach(varpi.size), softness)
         angles = np.arccos(stretch.z(varpi))
@@ -236,7 +237,8 @@ class MasterCurve:
         stacked = np.array(pieces)
         table = in_powers(stacked)
         table.flags.writeable = False
-        return cls(stretch, tuple(edges), table, float(truncation_error(stacked).max()), jumps)
+        error = float(truncation_error(stacked[..., : len(Factor)]).max())
+        return cls(stretch, tuple(edges), table, error, jumps)
 
     def factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
         """One of the factors at `varpi` (n,)."""

@@ -11,13 +11,19 @@ shape with half-space depth function H,
     f_H(1) = H(a) + int rho H dx,   g(1) = 1 + int rho dx,   w = f_H(1)/g(1),
     P = 4 theta a [w int g dx - int H(ax) g dx],   dP/dw = 4 theta a int g dx = 4 theta a kappa_inf(eps).
 
+A step of 1 - L(u), from one body to another beside it, moves the force at fixed depth by
+
+    dP = 4 theta a (2 eps/pi) int_0^inf d[1 - L(u)] g^(u) f^(u) du,   v^(u) = int_0^1 v(x) cos(eps u x) dx:
+
+the contact radius moves too, but P is stationary in it where f(1) = 0, and the operator is self-adjoint.
+
 The kernel is smooth and even, so Nystrom's method on the positive half of a Gauss-Legendre rule converges
 geometrically; it factorises over the wavenumbers u, so that a matrix product builds it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -53,6 +59,8 @@ class PunchSolution:
         Solution for a unit right-hand side, and the resolvent's row at the edge.
     kappa : ndarray (..., radii)
         kappa_inf(eps) = int_0^1 g dx, the flat punch's factor (9.5).
+    in_kernel : ndarray (radii, wavenumbers), optional
+        d[P/(4 theta a H(a))]/d[1 - L(u)] at fixed depth, at the nodes in u, where a shape was given.
     """
 
     eps: FloatArray
@@ -60,10 +68,13 @@ class PunchSolution:
     g: FloatArray
     rho: FloatArray
     kappa: FloatArray
+    in_kernel: FloatArray | None = None
 
     @classmethod
-    def solve(cls, body: Kernel, eps: FloatArray, resolution: Resolution) -> Self:
-        """Solve for all `eps` in one batch."""
+    def solve(
+        cls, body: Kernel, eps: FloatArray, resolution: Resolution, shape_weights: FloatArray | None = None
+    ) -> Self:
+        """Solve for all `eps` in one batch; for a shape, as `depth_and_force` takes it, with `in_kernel`."""
         rule = even_rule(resolution.radial)
         u, weights = resolution.wavenumber_rule()
         count = resolution.radial
@@ -72,11 +83,22 @@ class PunchSolution:
         kernel = (waves * np.multiply.outer(eps, strength)[:, None, :]) @ waves.transpose(0, 2, 1)
         matrix = kernel[:, :count, :count] * -rule.weights
         matrix.reshape(eps.size, count * count)[:, :: count + 1] += 1.0
-        sides = np.ones((eps.size, count, 2))
+        sides = np.ones((eps.size, count, 2 if shape_weights is None else 3))
         sides[:, :, 1] = kernel[:, :count, count]
+        inside, spread = waves[:, :count], eps[:, None] * strength
+        if shape_weights is not None:
+            shape_wave = _transform(np.broadcast_to(shape_weights, (eps.size, count)), inside)
+            sides[:, :, 2] = (inside @ (spread * shape_wave)[:, :, None])[:, :, 0]
         solved: FloatArray = np.asarray(np.linalg.solve(matrix, sides), dtype=np.float64)
         g = solved[:, :, 0]
-        return cls(eps=eps, rule=rule, g=g, rho=solved[:, :, 1], kappa=g @ rule.weights)
+        found = cls(eps=eps, rule=rule, g=g, rho=solved[:, :, 1], kappa=g @ rule.weights)
+        if shape_weights is None:
+            return found
+        # f = w g - f_H, and f_H is H and what was solved for.
+        g_wave = _transform(g * rule.weights, inside)
+        shape_wave += _transform(solved[:, :, 2] * rule.weights, inside)
+        f_wave = found.depth_and_force(shape_weights)[0][:, None] * g_wave - shape_wave
+        return replace(found, in_kernel=(2.0 / np.pi) * np.multiply.outer(eps, weights) * g_wave * f_wave)
 
     def depth_and_force(self, shape_weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """w/H(a) and P/(4 theta a H(a)) for a shape, each (..., radii).
@@ -94,6 +116,11 @@ class PunchSolution:
             g_shape = (self.g * shape_weights).sum(axis=-1)
         depth = (1.0 + rho_shape) / edge
         return depth, depth * self.kappa - g_shape
+
+
+def _transform(weighted: FloatArray, waves: FloatArray) -> FloatArray:
+    """Integrals v^(u), (radii, wavenumbers), of what is known at the nodes with their weights, (radii, nodes)."""
+    return np.asarray((weighted[:, None, :] @ waves)[:, 0])
 
 
 def proved_resolution(body: Kernel, eps: float, rtol: float) -> Resolution:

@@ -25,7 +25,7 @@ from underlay.mechanics.exact.contact_problem import (
     depth_measure,
 )
 from underlay.mechanics.exact.curve_batch import CurveBatch, curves_through
-from underlay.mechanics.exact.curve_family import Cell, curve_family, range_end, range_number
+from underlay.mechanics.exact.curve_family import Cell, curve_family, range_end, range_number, ratio_span
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -106,7 +106,8 @@ def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves
         placing = _placing(part, depth_measure(asked.tip).exponent)
         if placing is None:
             return
-        count = max(terms, curve_terms(placing.scales, range_end(asked.octave), placing.exponent, asked.rtol))
+        end, tighter = range_end(asked.octave), asked.rtol / UNEVEN
+        count = max(terms, curve_terms(placing.scales, end, placing.exponent, tighter))
         tops, eps = _within_shape(part, placing, min(count, MOST_TERMS))
         part, terms = part._replace(top=tops), eps.shape[1] + _MORE_TERMS
         numbers = np.array([range_number(last) for last in eps[:, -1].tolist()])
@@ -121,12 +122,25 @@ def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves
 
 
 class _Placing(NamedTuple):
-    """What places the radii: exponent, scales of a body in the middle of the span, ln(a/a_half) against varpi."""
+    """What places the radii: exponent, scales of a body in the middle of the span, ln(a/a_half) against varpi.
+
+    `radius` (ratio terms, rows, 4) is in powers of the place of ln k in the span, and of z, as in `CurveFamily`.
+    """
 
     exponent: float
     scales: Scales
     stretch: Stretch
     radius: FloatArray
+
+    def table(self, asked: TipContacts) -> FloatArray:
+        """Polynomials in z (sets or 1, rows, 4) of the contacts."""
+        terms = len(self.radius)
+        if asked.span is None or terms == 1:
+            return self.radius[:1]
+        low, high = ratio_span(asked.span)
+        place = (asked.log_ratio - low) * (2.0 / (high - low)) - 1.0
+        powers = place[:, None] ** np.arange(terms)
+        return (powers @ self.radius.reshape(terms, -1)).reshape(-1, *self.radius.shape[1:])
 
 
 def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> tuple[FloatArray, FloatArray]:
@@ -151,7 +165,7 @@ def _radii(
     # The last point lies at the end itself, wherever the shape leaves the others.
     ends = [reach(count) * Stretch.to(top, stretch.softness).length for top in tops.tolist()]
     varpi = np.stack([Stretch(end, stretch.softness).v(points) for end in ends])
-    chi = _WIDER * varpi * np.exp(polynomial(placing.radius, stretch.z(varpi)))
+    chi = _WIDER * varpi * np.exp(polynomial(placing.table(asked), stretch.z(varpi)))
     thickness = asked.thickness[:, None]
     deepest = asked.tip.abel(np.array(asked.tip.max_radius))
     lengths = asked.tip.halfspace_radius(np.minimum(measure.abel(chi * thickness), deepest))
@@ -159,18 +173,18 @@ def _radii(
 
 
 def _placing(asked: TipContacts, exponent: float) -> _Placing | None:
-    if asked.span is None:
-        return TABLES.get(
-            ("placing", exponent, asked.family, asked.octave), lambda: _on_one_body(asked, exponent)
-        )
-    cell = Cell(exponent, asked.family, asked.span, asked.octave, _PLACED)
+    made = _on_one_body if asked.span is None else _on_a_family
+    key = ("placing", exponent, asked.family, asked.span, asked.octave)
+    return TABLES.get(key, lambda: made(asked, exponent))
+
+
+def _on_a_family(asked: TipContacts, exponent: float) -> _Placing | None:
+    cell = Cell(exponent, asked.family, asked.span or 0, asked.octave, _PLACED)
     table = curve_family(cell)
     if table is None or len(table.edges) > 2:
         return None
     middle = asked.family.kernel(float(np.exp(0.5 * sum(cell.log_ratios))))
-    return _Placing(
-        exponent, middle.scales, table.stretch, table.tables(asked.log_ratio)[:, 0, Factor.RADIUS]
-    )
+    return _Placing(exponent, middle.scales, table.stretch, table.coefficients[:, 0, Factor.RADIUS])
 
 
 def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:

@@ -1,0 +1,57 @@
+"""Derivatives that an exact law says of itself: towards a body beside its own, at fixed depth."""
+
+import numpy as np
+import pytest
+
+import underlay as ul
+from support.inverse import layer_on, measured, problem
+from underlay.inference.least_squares import fit
+from underlay.inference.model.forward import Forward
+from underlay.inference.model.laws import LawStore
+from underlay.mechanics.solvers import Exact
+
+E, NU, H, C, BASE = "layer.E", "layer.nu", "layer.thickness", "instrument.contact_depth", "substrate.E"
+DEPTH = np.linspace(-5e-6, 4e-5, 60)
+BODIES = {
+    "rigid": layer_on(ul.RIGID),
+    "stiff": layer_on(ul.Isotropic(4e6, 0.3)),
+    "soft": layer_on(ul.Isotropic(3e5, 0.3)),
+    "sphere": layer_on(ul.Isotropic(4e6, 0.3), indenter=ul.Sphere(1e-3)),
+    "cone": layer_on(ul.Isotropic(4e6, 0.3), indenter=ul.Cone(1.2)),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [(name, path) for name in BODIES for path in (E, NU, BASE) if (name, path) != ("rigid", BASE)],
+)
+def test_a_law_says_its_derivative_towards_a_body_beside(name, path):
+    scene = BODIES[name]
+    forward = Forward.compile(scene, DEPTH, list({E: 0, NU: 0, C: 0, path: 0}), Exact(1e-8), LawStore())
+    values = dict(scene.parameters)
+    said = forward.jacobian(values, [path])[1][:, 0]
+    assert forward.laws.beside
+    assert forward.laws.store.built == 1
+    step = 1e-3 * values[path]
+    above, below = (forward.force(values | {path: values[path] + side * step}) for side in (1.0, -1.0))
+    asked = (above - below) / (2.0 * step)
+    # The difference leaves out (1e-3)^2 of the third derivative, some thirty times the first in Poisson's ratio;
+    # laws of 1e-8 enter it with 1e-5.
+    assert np.abs(said - asked).max() < 1e-4 * np.abs(asked).max()
+    assert np.abs(asked).max() > 0.0
+
+
+def test_tables_and_a_solved_law_say_the_same_derivative():
+    scene = BODIES["stiff"]
+    columns = []
+    for free in ([E, BASE], [E, BASE, NU]):
+        forward = Forward.compile(scene, DEPTH, free, Exact(1e-8), LawStore())
+        columns.append(forward.jacobian(dict(scene.parameters), [E, BASE])[1])
+        assert bool(forward.laws.beside) == (NU in free)
+    assert columns[0] == pytest.approx(columns[1], rel=1e-5, abs=1e-7 * np.abs(columns[0]).max())
+
+
+def test_a_fit_of_poissons_ratio_solves_one_law_a_model():
+    scene = layer_on(ul.Isotropic(4e6, 0.3))
+    found = fit(problem(scene, [E, NU, C], measured(scene)))
+    assert found.statistics.laws_built == found.statistics.evaluations
