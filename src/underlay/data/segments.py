@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from underlay._arrays import FloatArray
+from underlay._arrays import FloatArray, median
 
 __all__ = ["HOLD", "LOADING", "UNLOADING", "label_pieces", "one_label", "segments_from_motion"]
 
@@ -136,7 +136,7 @@ def _only_loads(motion: FloatArray, clock: FloatArray) -> bool:
 def _noise(motion: FloatArray) -> float:
     """Standard deviation of white noise, from second differences: a smooth motion leaves none."""
     second = np.diff(motion, 2)
-    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
+    return 1.4826 * median(np.abs(second)) / 6.0**0.5
 
 
 def _moving_mean(motion: FloatArray, width: int) -> FloatArray:

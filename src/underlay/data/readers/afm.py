@@ -22,7 +22,7 @@ from underlay._arrays import FloatArray
 from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
-from underlay.data.readers._hdf5 import HDF5_MAGIC, curve_groups, is_own, open_checked
+from underlay.data.readers._hdf5 import HDF5_MAGIC, Checked, curve_groups, is_own, open_checked
 from underlay.data.readers._lever import Lever, lever_curve
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import decode
@@ -136,7 +136,7 @@ def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> l
             source,
             [
                 {
-                    "data": {name: group[name][()] for name in _COLUMNS if name in group},
+                    "data": {name: group[name] for name in _COLUMNS if name in group},
                     "metadata": {**group.attrs, "enum": int(number)},
                 }
                 for number, group in ((number, file[number]) for number in groups)
@@ -144,10 +144,10 @@ def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> l
         )
 
 
-def _require_afmformats(source: Source, file: Any, groups: Sequence[str]) -> None:
+def _require_afmformats(source: Source, file: Checked, groups: Sequence[str]) -> None:
     """Refuse a sound HDF5 file whose layout is not known here, and say what it holds."""
     group = file[groups[0]] if groups else None
-    if "software" in file.attrs and group is not None and {"force"} <= set(group):
+    if "software" in file.attrs and isinstance(group, Checked) and "force" in group:
         return
     there = names_there(file)
     if "nsf_file_version_major" in file.attrs:
