@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, median
 
-__all__ = ["HOLD", "LOADING", "UNLOADING", "label_pieces", "one_label", "segments_from_motion"]
+__all__ = ["HOLD", "LOADING", "UNLOADING", "label_pieces", "one_label", "one_of_each", "segments_from_motion"]
 
 LOADING = "loading"
 HOLD = "hold"
@@ -96,6 +96,11 @@ def segments_from_motion(
 def one_label(label: str, count: int) -> NDArray[np.str_]:
     """Return the same label for so many points, kept once, read-only: written out, a million take 36 MB."""
     return np.broadcast_to(np.array(label, dtype="<U9"), (count,))
+
+
+def one_of_each(labels: NDArray[np.str_]) -> NDArray[np.str_]:
+    """Return the labels, or the one that all of them are where `one_label` made them: (n,) or (1,)."""
+    return labels[:1] if labels.strides == (0,) else labels
 
 
 def label_pieces(
