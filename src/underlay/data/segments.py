@@ -141,7 +141,7 @@ def _only_loads(motion: FloatArray, clock: FloatArray) -> bool:
 def _noise(motion: FloatArray) -> float:
     """Standard deviation of white noise, from second differences: a smooth motion leaves none."""
     second = np.diff(motion, 2)
-    return 1.4826 * median(np.abs(second)) / 6.0**0.5
+    return float(1.4826 * median(np.abs(second)) / np.sqrt(6.0))
 
 
 def _moving_mean(motion: FloatArray, width: int) -> FloatArray:
@@ -179,9 +179,13 @@ def _polyline(clock: FloatArray, motion: FloatArray, tolerance: float) -> list[i
         x = clock[first : last + 1]
         y = motion[first : last + 1]
         run = x[-1] - x[0]
-        line = y[0] + (y[-1] - y[0]) * (x - x[0]) / run if run > 0.0 else np.full_like(y, y[0])
-        miss = np.abs(y - line)
-        split = int(np.argmax(miss))
+        # In place: most pieces are short, and calls are what they cost.
+        miss = x - x[0]
+        miss *= (y[-1] - y[0]) / run if run > 0.0 else 0.0
+        miss += y[0]
+        miss -= y
+        np.abs(miss, out=miss)
+        split = int(miss.argmax())
         if miss[split] > tolerance and 0 < split < last - first:
             heapq.heappush(worst, (-float(miss[split]), first, first + split, last))
 

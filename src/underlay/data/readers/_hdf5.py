@@ -97,9 +97,7 @@ class Checked:
             return Checked(h5py, self._where, h5py.Group(found), self._claimed)
         made = found.get_create_plist()
         if made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL:
-            raise FileFormatError(
-                f"{self._where} keeps {name!r:.80} in another file; that is not followed"
-            )
+            raise FileFormatError(f"{self._where} keeps {name!r:.80} in another file; that is not followed")
         shape, dtype = found.shape or (), found.dtype
         self._claimed[0] += prod(shape) * dtype.itemsize
         if self._claimed[0] > MAX_BYTES:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import io
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
@@ -129,8 +129,8 @@ def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> l
     if override:
         raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
     with open_checked(source) as file:
-        groups = curve_groups(source, file)
-        _require_afmformats(source, file, groups)
+        groups = [(number, file[number]) for number in curve_groups(source, file)]
+        _require_afmformats(source, file, groups[0][1] if groups else None)
         # The columns of a curve alone: `afmformats.formats.fmt_hdf5` lists all that there might be for every one.
         return _curves(
             source,
@@ -139,14 +139,13 @@ def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> l
                     "data": {name: group[name] for name in _COLUMNS if name in group},
                     "metadata": {**group.attrs, "enum": int(number)},
                 }
-                for number, group in ((number, file[number]) for number in groups)
+                for number, group in groups
             ],
         )
 
 
-def _require_afmformats(source: Source, file: Checked, groups: Sequence[str]) -> None:
+def _require_afmformats(source: Source, file: Checked, group: Any) -> None:
     """Refuse a sound HDF5 file whose layout is not known here, and say what it holds."""
-    group = file[groups[0]] if groups else None
     if "software" in file.attrs and isinstance(group, Checked) and "force" in group:
         return
     there = names_there(file)

@@ -63,7 +63,9 @@ def _split(line: str, separator: str) -> list[str]:
 
 def _split_all(source: Source, lines: list[str], separator: str) -> Sequence[Sequence[str]]:
     # What stands above the table may quote: nothing is looked at line by line where nothing below does.
-    quoted = bool(lines) and source.data.rfind(b'"') >= source.data.find(lines[0].encode("latin-1", "replace"))
+    quoted = bool(lines) and source.data.rfind(b'"') >= source.data.find(
+        lines[0].encode("latin-1", "replace")
+    )
     if quoted and separator != " " and any('"' in line for line in lines):
         return [_split(line, separator) for line in lines]
     return Lines(lines, separator)

@@ -191,7 +191,8 @@ _STORED = {_TEXT: "str", _NUMBER: "float64", _COUNT: "Int64"}
 
 def _column(cells: Sequence[str], kind: str) -> Any:
     # Not a Series: a table of these looks at the index of each.
-    return pd.array([_READ[kind](cell) for cell in cells], dtype=_STORED[kind])
+    dtype: Any = _STORED[kind]
+    return pd.array([_READ[kind](cell) for cell in cells], dtype=dtype)
 
 
 def write_table(path: Path, layout: Layout, lines: Iterable[str]) -> Path:

@@ -9,17 +9,18 @@ depth c the rest is a linear least-squares problem, so the search runs over c al
 Pereyra 1973, doi:10.1137/0710036; the step is Kaufman's 1975, doi:10.1007/BF01932995). On an elastic base the law
 changes with E / E2: it is taken as linear in ln E about the last one, dP/d ln E is read off the tables of
 `curve_family`, and E moves along with c, nearly as a power of the force. The search ends where `least_squares.fit`
-ends, on the same sum of squares. Measured on 1000 points on a rigid base, modulus and contact free: by the engine a whole row of a map
-takes 3 times as long, its scan and the making of its problem included (processor time, median of 9 pairs of maps of
-24 curves). Whatever is unusual (a parameter near a bound, a step that does not descend, an ill-conditioned set,
-a depth the law does not reach) is left to `least_squares.fitting.quick_fit`: the answer is then None.
+ends, on the same sum of squares. Measured on 1000 points on a rigid base, modulus and contact free: by the engine a
+whole row of a map takes 3 times as long, its scan and the making of its problem included (processor time, median of
+9 pairs of maps of 24 curves); on a base ten times stiffer 3.5 times, under a sphere there 3 times. Whatever is
+unusual (a parameter near a bound, a step that does not descend, an ill-conditioned set, a depth the law does not
+reach) is left to `least_squares.fitting.quick_fit`: the answer is then None.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import exp, log, nan
+from math import exp
 from typing import Self
 
 import numpy as np
@@ -27,6 +28,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
+from underlay.inference.batch.separable_step import ContactStep, LinearModel, solved
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.law_slopes import LawSlopes
@@ -53,7 +55,7 @@ _SETTLED = 1e-8
 _LINEAR = 2e-6
 # A change of ln E below this leaves an error of its square at most: 1e-10.
 _SAME_LAW = 1e-5
-# Where E is known no better than this, a base may hide it and there may be other optima: `quick_fit` looks for them.
+# Where E is known no better than this, a base may hide it, and there may be other optima: `quick_fit` looks.
 _LOOSE = 0.1
 _MOST_STEPS = 25
 _MOST_HALVINGS = 6
@@ -103,96 +105,6 @@ class SeparableFit:
     law_method: str
     law_error: float
     steps: int
-
-
-@dataclass(frozen=True)
-class _Model:
-    """Model at one contact, the linear parameters solved for.
-
-    Parameters
-    ----------
-    modulus : float
-        Of the layer (Pa), of the law.
-    power : float
-        d ln P / d ln E; one where the force is proportional to the modulus.
-    columns : FloatArray
-        d model / d linear parameter, brought to unit length, (p, n); the first is dP/d ln E.
-    products : FloatArray
-        Their inner products, (p, p).
-    lengths : FloatArray
-        What they were divided by, (p,).
-    weights : FloatArray
-        Solution in the unit columns, (p,).
-    stiffness : FloatArray
-        dP/dw (N/m), (n,).
-    residuals : FloatArray
-        Data minus model (N), (n,).
-    sum_of_squares : float
-        Of them.
-    law_method, law_error
-        Of the contact law.
-    """
-
-    modulus: float
-    power: float
-    columns: FloatArray
-    products: FloatArray
-    lengths: FloatArray
-    weights: FloatArray
-    stiffness: FloatArray
-    residuals: FloatArray
-    sum_of_squares: float
-    law_method: str
-    law_error: float
-
-    @property
-    def linear(self) -> FloatArray:
-        """One more than the change of ln E to first order, then baseline and slope (SI) as far as free, (p,)."""
-        return self.weights / self.lengths
-
-    @property
-    def gain(self) -> float:
-        """Force over that of the law, taken for a power of the modulus."""
-        return 1.0 + self.power * (float(self.linear[0]) - 1.0)
-
-    def turn(self, step: _Step) -> float:
-        """Change of ln E that goes with a step of the contact; NaN where no positive modulus will do."""
-        after = self.after(step).gain
-        return log(after) / self.power if after > 0.0 < self.power else nan
-
-    def step(self) -> _Step:
-        """Kaufman's step of the contact depth; of NaN metres where the contact does not act."""
-        along = _solve(self.products, self.columns @ self.stiffness)
-        across = self.stiffness - along @ self.columns
-        power, gain = float(across @ across), self.gain
-        if not (power > 0.0 and gain > 0.0):
-            return _Step(nan, along, across)
-        return _Step(-float(across @ self.residuals) / (gain * power), along, across)
-
-    def after(self, step: _Step) -> _Model:
-        """The model after a step so short that it is linear there."""
-        change = self.gain * step.length
-        residuals = self.residuals + change * step.across
-        return replace(
-            self,
-            weights=self.weights + change * step.along,
-            residuals=residuals,
-            sum_of_squares=float(residuals @ residuals),
-        )
-
-
-@dataclass(frozen=True)
-class _Step:
-    """Length (m) of a step of the contact; the stiffness along (p,) and across (n,) the linear columns."""
-
-    length: float
-    along: FloatArray
-    across: FloatArray
-
-
-def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a small symmetric system; a single equation needs no library."""
-    return np.asarray(right / matrix[0, 0] if len(right) == 1 else np.linalg.solve(matrix, right))
 
 
 @dataclass(frozen=True)
@@ -320,7 +232,7 @@ class _Search:
             law = self._law = self._forward.bare_law(self._values, deepest)
         return law
 
-    def _at(self, contact: float, modulus: float) -> _Model | None:
+    def _at(self, contact: float, modulus: float) -> LinearModel | None:
         """Model at a contact depth (m) and a modulus (Pa); None where the contact gives no force at all."""
         deepest = max(self._deepest - contact, 0.0)
         law = self._law_for(deepest, modulus)
@@ -355,9 +267,9 @@ class _Search:
         lengths = np.sqrt(np.einsum("pn,pn->p", columns, columns))
         columns /= lengths[:, None]
         products = columns @ columns.T
-        weights = _solve(products, columns @ data)
+        weights = solved(products, columns @ data)
         residuals = data - weights @ columns
-        return _Model(
+        return LinearModel(
             modulus=modulus,
             power=power,
             columns=columns,
@@ -396,16 +308,16 @@ class _Search:
             contact, model = contact + length, trial
         return None
 
-    def _merit(self, model: _Model) -> float:
-        """Sum of squares at the modulus of the law itself, to which the change of ln E that is solved for is added."""
+    def _merit(self, model: LinearModel) -> float:
+        """Sum of squares at the modulus of the law itself, without the change of ln E that is solved for."""
         change = (float(model.linear[0]) - 1.0) * float(model.lengths[0]) if self._follows else 0.0
         return model.sum_of_squares + change * change  # residuals are at right angles to the columns
 
-    def _step(self, model: _Model) -> _Step:
+    def _step(self, model: LinearModel) -> ContactStep:
         """Step of the contact; none where it is held."""
         if _CONTACT in self._free:
             return model.step()
-        return _Step(0.0, np.zeros(len(model.lengths)), np.zeros(len(self._depth)))
+        return ContactStep(0.0, np.zeros(len(model.lengths)), np.zeros(len(self._depth)))
 
     def _allows(self, path: str, value: float) -> bool:
         """Whether a value lies within its bounds, if it is free; not where it is not a number."""
@@ -443,7 +355,7 @@ class _Search:
         sizes = np.diff(edges, append=len(depth))
         return np.add.reduceat(depth, edges) / sizes, np.add.reduceat(force, edges) / sizes
 
-    def _result(self, contact: float, model: _Model, steps: int) -> SeparableFit | None:
+    def _result(self, contact: float, model: LinearModel, steps: int) -> SeparableFit | None:
         n, k = len(self._depth), len(self._free)
         if n <= k or not model.sum_of_squares > 0.0:
             return None
@@ -515,7 +427,7 @@ class _Place:
     """A contact depth (m), the model there and how many were computed."""
 
     contact: float
-    model: _Model | None
+    model: LinearModel | None
     steps: int
 
 

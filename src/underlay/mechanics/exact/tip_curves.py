@@ -166,10 +166,9 @@ def _placing(asked: TipContacts, exponent: float) -> _Placing | None:
     table = curve_family(cell)
     if table is None or len(table.edges) > 2:
         return None
-    middle = asked.family.kernel(float(np.exp(0.5 * sum(cell.log_ratios))))
-    return _Placing(
-        exponent, middle.scales, table.stretch, table.tables(asked.log_ratio)[:, 0, Factor.RADIUS]
-    )
+    middle = float(np.exp(0.5 * sum(cell.log_ratios)))
+    scales = TABLES.get(("scales", asked.family, middle), lambda: asked.family.kernel(middle).scales)
+    return _Placing(exponent, scales, table.stretch, table.tables(asked.log_ratio)[:, 0, Factor.RADIUS])
 
 
 def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
