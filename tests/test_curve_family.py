@@ -7,7 +7,13 @@ from support.laws import exact_law
 from underlay.errors import RangeError
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.exact.curve_family import Cell, IsotropicPair, curve_family, range_number
+from underlay.mechanics.exact.curve_family import (
+    Cell,
+    IsotropicPair,
+    curve_family,
+    family_holding,
+    range_number,
+)
 from underlay.mechanics.exact.family_law import tabulated_law
 from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw
 from underlay.mechanics.materials import Isotropic
@@ -81,6 +87,18 @@ def test_every_ratio_and_range_has_a_cell_that_holds_it():
         assert low <= np.log(ratio) <= high
         assert varpi <= cell.top
         assert cell.top <= 2.0 * varpi or cell.range == range_number(0.0)
+
+
+def test_where_little_accuracy_is_asked_for_one_table_holds_several_ranges():
+    """A loose search passes through them all: it waits for one table, which errs by no more than was asked."""
+    loose, fine = (Cell.holding(2.0, IsotropicPair(0.45, 0.3), 3.0, 1.0, rtol) for rtol in (1e-3, 1e-6))
+    tables = [family_holding(loose._replace(range=number)) for number in (-2, -1, 0, 1)]
+    assert all(table is tables[-1] for table in tables)
+    assert family_holding(fine) is curve_family(fine)
+    varpi = np.linspace(0.0, fine.top, 30)
+    here, there = tables[-1].curve(np.log(3.0)), curve_family(fine).curve(np.log(3.0))
+    for which in range(3):
+        assert np.abs(here.logarithm(which, varpi) - there.logarithm(which, varpi)).max() < 1e-3 + 1e-6
 
 
 def test_another_cell_s_ratio_is_refused():

@@ -17,6 +17,8 @@ SCENES = {
     "cone": ul.Scene(ul.Cone(np.radians(70.0)), LAYER, ul.RIGID),
     "sphere": ul.Scene(ul.Sphere(5e-4), LAYER, ul.RIGID),
     "half-space": ul.Scene(ul.Paraboloid(5e-4), ul.Layer(ul.Isotropic(1e6, 0.45))),
+    "soft base": ul.Scene(ul.Paraboloid(5e-4), LAYER, ul.Isotropic(3e5, 0.3)),
+    "stiff base under a sphere": ul.Scene(ul.Sphere(5e-4), LAYER, ul.Isotropic(1e7, 0.3)),
 }
 CONTACT = {"layer.E": (1e3, 1e9), "instrument.contact_depth": (-1e-4, 1e-4)}
 FREE = {
@@ -45,11 +47,8 @@ def made(scene, seed, noise=2e-4, points=400):
 
 def given(true, free):
     """The scene with the made numbers of what is not fitted."""
-    held = {path: value for path, value in true.parameters.items() if path not in free and "." in path}
-    return SCENES_OF[type(true.indenter).__name__ + str(true.substrate is None)].with_values(held)
-
-
-SCENES_OF = {type(s.indenter).__name__ + str(s.substrate is None): s for s in SCENES.values()}
+    start = {"layer.E": 1e6} | {path: 0.0 for path in free if path != "layer.E"}
+    return true.with_values({path: start[path] for path in free})
 
 
 @pytest.mark.parametrize("free", FREE)
@@ -76,6 +75,18 @@ def test_the_optimum_is_that_of_the_general_fit(scene, free):
         assert quick.sum_of_squares <= residuals @ residuals * (1.0 + 1e-9)
         found = separable_warnings(quick, lambda problem=problem: problem)
         assert [text[:40] for text in found] == [str(w)[:40] for w in general.warnings]
+
+
+@pytest.mark.parametrize("scene", ["paraboloid", "sphere", "soft base", "stiff base under a sphere"])
+def test_a_row_with_a_poissons_ratio_of_its_own_is_that_of_a_map_of_it(scene):
+    own = SCENES[scene].with_values({"layer.nu": 0.3})
+    curve = made(own, 3)[1]
+    with_own, plain = (
+        ul.fit_many([curve], start, CONTACT, manifest, workers=0)
+        for start, manifest in ((SCENES[scene], [{"file": "curve 0", "layer.nu": 0.3}]), (own, None))
+    )
+    for path in CONTACT:
+        assert with_own[path][0] == pytest.approx(plain[path][0], rel=1e-9)
 
 
 def test_a_known_noise_sets_the_errors():
@@ -115,9 +126,10 @@ def test_what_is_not_separable_is_left_to_the_general_fit():
         (scene, {"instrument.contact_depth": (-1e-4, 1e-4)}, None),
         (scene, {**CONTACT, "layer.E": ul.LogNormal(1e6, 0.1)}, None),
         (scene, CONTACT, ul.Noise(force=1e-5, relative=0.01)),
-        (soft, CONTACT, None),
     ):
         assert SeparableModel.of(ul.Problem(other, curve, free, noise)) is None
+    # On an elastic base a law must tell its derivative in E.
+    assert SeparableModel.of(ul.Problem(soft, curve, CONTACT, solver=ul.Asymptotic())) is None
     model = SeparableModel.of(ul.Problem(scene, curve, CONTACT))
     assert model.fit(curve, {**scene.parameters, "instrument.compliance": 1e-4}) is None
     # On a bound, without contact, with an impossible depth: nothing is guessed.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from underlay._arrays import SMALLEST_LENGTH, ArrayLike, FloatArray
 from underlay.data.equilibrium import equilibrium_points
 from underlay.data.metadata import Metadata
-from underlay.data.segments import HOLD, LOADING, UNLOADING, one_label, segments_from_motion
+from underlay.data.segments import HOLD, LOADING, UNLOADING, one_label, one_of_each, segments_from_motion
 from underlay.errors import CurveError
 
 __all__ = ["MIN_POINTS", "Curve", "check_fittable"]
@@ -223,7 +223,8 @@ class Curve:
         return Curve(points.depth, points.force, points.time, None, metadata, self.truth)
 
     def _part(self, label: str) -> Curve:
-        here = self.segments() == label
+        labels = self.segments()
+        here = np.broadcast_to(one_of_each(labels) == label, labels.shape)
         count = int(np.count_nonzero(here))
         if count == len(self):
             return self if self.segment is not None else replace(self, segment=one_label(label, count))

@@ -15,9 +15,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from underlay._arrays import FloatArray
+from underlay._arrays import FloatArray, median
 
-__all__ = ["HOLD", "LOADING", "UNLOADING", "label_pieces", "one_label", "segments_from_motion"]
+__all__ = ["HOLD", "LOADING", "UNLOADING", "label_pieces", "one_label", "one_of_each", "segments_from_motion"]
 
 LOADING = "loading"
 HOLD = "hold"
@@ -98,6 +98,11 @@ def one_label(label: str, count: int) -> NDArray[np.str_]:
     return np.broadcast_to(np.array(label, dtype="<U9"), (count,))
 
 
+def one_of_each(labels: NDArray[np.str_]) -> NDArray[np.str_]:
+    """Return the labels, or the one that all of them are where `one_label` made them: (n,) or (1,)."""
+    return labels[:1] if labels.strides == (0,) else labels
+
+
 def label_pieces(
     depth: FloatArray, starts: NDArray[np.intp], known: Mapping[int, str] | None = None
 ) -> NDArray[np.str_]:
@@ -136,7 +141,7 @@ def _only_loads(motion: FloatArray, clock: FloatArray) -> bool:
 def _noise(motion: FloatArray) -> float:
     """Standard deviation of white noise, from second differences: a smooth motion leaves none."""
     second = np.diff(motion, 2)
-    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0))
+    return float(1.4826 * median(np.abs(second)) / np.sqrt(6.0))
 
 
 def _moving_mean(motion: FloatArray, width: int) -> FloatArray:
@@ -174,9 +179,13 @@ def _polyline(clock: FloatArray, motion: FloatArray, tolerance: float) -> list[i
         x = clock[first : last + 1]
         y = motion[first : last + 1]
         run = x[-1] - x[0]
-        line = y[0] + (y[-1] - y[0]) * (x - x[0]) / run if run > 0.0 else np.full_like(y, y[0])
-        miss = np.abs(y - line)
-        split = int(np.argmax(miss))
+        # In place: most pieces are short, and calls are what they cost.
+        miss = x - x[0]
+        miss *= (y[-1] - y[0]) / run if run > 0.0 else 0.0
+        miss += y[0]
+        miss -= y
+        np.abs(miss, out=miss)
+        split = int(miss.argmax())
         if miss[split] > tolerance and 0 < split < last - first:
             heapq.heappush(worst, (-float(miss[split]), first, first + split, last))
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from underlay.data.curve import Curve
+from underlay.data.segments import UNLOADING, one_of_each
 
 __all__ = ["Lowest", "lowest_of", "remembering_withdrawal"]
 
@@ -39,8 +40,10 @@ def lowest_of(curve: Curve) -> Lowest | None:
 
 
 def _of_the_points(curve: Curve) -> Lowest | None:
+    if not (one_of_each(curve.segments()) == UNLOADING).any():
+        return None
     out = curve.unloading()
-    if not len(out) or len(out) == len(curve):
+    if len(out) == len(curve):
         return None
     at = int(np.argmin(out.force))
     # Its own scatter: the noise in front of contact is no measure where the tip jumped in.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import zipfile
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from underlay._door import FileKind, PathLike, printable, read_bytes
@@ -21,6 +22,8 @@ MAX_BYTES = 256 * _MB
 MAX_TEXT_BYTES = 64 * _MB
 #: What the door is told of a file of curves.
 CURVES = FileKind("a file of curves", MAX_BYTES, "export it again, or split it into one file per test")
+# Of a text in UTF-8, and how much of it all formats but those with long headers look at.
+_MARK, _FIRST = b"\xef\xbb\xbf", 65_536
 # How an archive says it is something else than a folder of instrument files.
 _OFFICE_MEMBER = "[Content_Types].xml"
 _JPK_MEMBER = "header.properties"
@@ -59,12 +62,21 @@ class Source:
 
     def head(self, size: int = 16_384) -> str:
         """Return the first bytes as text for recognition, line ends unified; binary content gives ''."""
-        start = self.data[:size]
-        if start[:2] in {b"\xff\xfe", b"\xfe\xff"}:
+        if self.data[:2] in {b"\xff\xfe", b"\xfe\xff"}:
+            start = self.data[:size]
             return start[: len(start) // 2 * 2].decode("utf-16", errors="ignore").replace("\r", "\n")
-        if b"\0" in start:
+        if self.data.find(b"\0", 0, size) >= 0:
             return ""
-        return start.removeprefix(b"\xef\xbb\xbf").decode("latin-1").replace("\r", "\n")
+        mark = len(_MARK) if self.data.startswith(_MARK) else 0
+        return self._first[: size - mark] if size <= _FIRST else self._letters(size)[: size - mark]
+
+    @cached_property
+    def _first(self) -> str:
+        # Every format looks at it.
+        return self._letters(_FIRST)
+
+    def _letters(self, size: int) -> str:
+        return self.data[:size].removeprefix(_MARK).decode("latin-1").replace("\r", "\n")
 
 
 def load(path: PathLike) -> Source:

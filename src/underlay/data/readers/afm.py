@@ -12,7 +12,7 @@ from __future__ import annotations
 import io
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
@@ -22,7 +22,7 @@ from underlay._arrays import FloatArray
 from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
-from underlay.data.readers._hdf5 import HDF5_MAGIC, curve_groups, is_own, open_checked
+from underlay.data.readers._hdf5 import HDF5_MAGIC, Checked, curve_groups, is_own, open_checked
 from underlay.data.readers._lever import Lever, lever_curve
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import decode
@@ -129,25 +129,24 @@ def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> l
     if override:
         raise InputError(f"{source.name} holds forces, not signals; a calibration cannot be given")
     with open_checked(source) as file:
-        groups = curve_groups(source, file)
-        _require_afmformats(source, file, groups)
+        groups = [(number, file[number]) for number in curve_groups(source, file)]
+        _require_afmformats(source, file, groups[0][1] if groups else None)
         # The columns of a curve alone: `afmformats.formats.fmt_hdf5` lists all that there might be for every one.
         return _curves(
             source,
             [
                 {
-                    "data": {name: group[name][()] for name in _COLUMNS if name in group},
+                    "data": {name: group[name] for name in _COLUMNS if name in group},
                     "metadata": {**group.attrs, "enum": int(number)},
                 }
-                for number, group in ((number, file[number]) for number in groups)
+                for number, group in groups
             ],
         )
 
 
-def _require_afmformats(source: Source, file: Any, groups: Sequence[str]) -> None:
+def _require_afmformats(source: Source, file: Checked, group: Any) -> None:
     """Refuse a sound HDF5 file whose layout is not known here, and say what it holds."""
-    group = file[groups[0]] if groups else None
-    if "software" in file.attrs and group is not None and {"force"} <= set(group):
+    if "software" in file.attrs and isinstance(group, Checked) and "force" in group:
         return
     there = names_there(file)
     if "nsf_file_version_major" in file.attrs:

@@ -44,6 +44,8 @@ def _separator_of_table(text: str) -> str | None:
     """Return the separator of a text that looks like a table: a row of two numbers or more."""
     for line in text.split("\n")[: _MAX_PREAMBLE * 4]:
         for separator in ("\t", ";", ",", " "):
+            if separator not in line and separator != " ":
+                continue
             cells = _split(line, separator)
             filled = [cell for cell in cells if cell.strip()]
             if len(filled) >= 2 and sum(map(is_number, filled)) >= 2:
@@ -59,8 +61,12 @@ def _split(line: str, separator: str) -> list[str]:
     return line.split(separator)
 
 
-def _split_all(lines: list[str], separator: str) -> Sequence[Sequence[str]]:
-    if separator != " " and any('"' in line for line in lines):
+def _split_all(source: Source, lines: list[str], separator: str) -> Sequence[Sequence[str]]:
+    # What stands above the table may quote: nothing is looked at line by line where nothing below does.
+    quoted = bool(lines) and source.data.rfind(b'"') >= source.data.find(
+        lines[0].encode("latin-1", "replace")
+    )
+    if quoted and separator != " " and any('"' in line for line in lines):
         return [_split(line, separator) for line in lines]
     return Lines(lines, separator)
 
@@ -95,7 +101,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
         preamble = [line.strip() for line in lines[:names_at]]
         # Kept once: the lines of a million points take more than all else.
         del lines[: names_at + 1]
-        cells = _split_all(lines, separator)
+        cells = _split_all(source, lines, separator)
     except csv.Error as error:
         raise FileFormatError(f"{source.name} is not a readable table: {error}") from error
     texts = [comment for comment in comments if not comment.startswith(METADATA_MARK)]

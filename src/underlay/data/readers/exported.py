@@ -113,11 +113,11 @@ def _read_hdf5(source: Source, options: Options) -> list[Curve]:
     with open_checked(source) as file:
         for name in sorted(curve_groups(source, file), key=int):
             group = file[name]
-            columns: dict[str, Any] = {key: group[key][()] for key in group if key != "about"}
+            columns: dict[str, Any] = {key: group[key] for key in group}
+            about = columns.pop("about", b"{}")
             segment = columns.get("segment")
             if segment is not None:
                 columns["segment"] = np.char.decode(np.asarray(segment, dtype=np.bytes_), "ascii").tolist()
-            about = group["about"][()] if "about" in group else b"{}"
             curves.append(_curve(source, columns, parse_json(bytes(about).decode("utf-8"))))
     return curves
 

@@ -165,7 +165,7 @@ def to_frame(layout: Layout, lines: Iterable[str]) -> pd.DataFrame:
     columns = zip(*rows, strict=True) if rows else repeat(())
     return pd.DataFrame(
         {
-            name: _series(cells, kind)
+            name: _column(cells, kind)
             for (name, kind), cells in zip(layout.kinds.items(), columns, strict=False)
         }
     )
@@ -189,8 +189,10 @@ _READ: Mapping[str, Callable[[str], str | float | None]] = {
 _STORED = {_TEXT: "str", _NUMBER: "float64", _COUNT: "Int64"}
 
 
-def _series(cells: Sequence[str], kind: str) -> pd.Series[Any]:
-    return pd.Series([_READ[kind](cell) for cell in cells], dtype=_STORED[kind])
+def _column(cells: Sequence[str], kind: str) -> Any:
+    # Not a Series: a table of these looks at the index of each.
+    dtype: Any = _STORED[kind]
+    return pd.array([_READ[kind](cell) for cell in cells], dtype=dtype)
 
 
 def write_table(path: Path, layout: Layout, lines: Iterable[str]) -> Path:

@@ -1,22 +1,26 @@
-"""The fit a map repeats ten thousand times: a modulus, a contact point and a baseline on a held law.
+"""The fit a map repeats ten thousand times: a modulus, a contact point and a baseline.
 
-Where the layer's modulus is the only one, the reading is linear in all parameters but one:
+The reading is
 
-    F(d) = E p(d - c) + baseline + slope d,
+    F(d) = P(d - c; E) + baseline + slope d.
 
-with p the force per modulus of a law that stays put. For a contact depth c the rest is a linear least-squares
-problem, so the search runs over c alone (variable projection: Golub and Pereyra 1973, doi:10.1137/0710036;
-the step is Kaufman's 1975, doi:10.1007/BF01932995). It ends where `least_squares.fit` ends, on the same sum
-of squares. Measured on 1000 points on a rigid base, modulus and contact free: by the engine a whole row of a map
-takes 3 times as long, its scan and the making of its problem included (processor time, median of 9 pairs of maps of
-24 curves). Whatever is unusual (a parameter near a bound, a step that does not descend, an ill-conditioned set,
-a depth the law does not reach) is left to `least_squares.fitting.quick_fit`: the answer is then None.
+Where the layer's modulus is the only one, P is E times a force that stays put: all is linear but c. For a contact
+depth c the rest is a linear least-squares problem, so the search runs over c alone (variable projection: Golub and
+Pereyra 1973, doi:10.1137/0710036; the step is Kaufman's 1975, doi:10.1007/BF01932995). On an elastic base the law
+changes with E / E2: it is taken as linear in ln E about the last one, dP/d ln E is read off the tables of
+`curve_family`, and E moves along with c, nearly as a power of the force. The search ends where `least_squares.fit`
+ends, on the same sum of squares. Measured on 1000 points on a rigid base, modulus and contact free: by the engine a
+whole row of a map takes 3 times as long, its scan and the making of its problem included (processor time, median of
+9 pairs of maps of 24 curves); on a base ten times stiffer 3.5 times, under a sphere there 3 times. Whatever is
+unusual (a parameter near a bound, a step that does not descend, an ill-conditioned set, a depth the law does not
+reach) is left to `least_squares.fitting.quick_fit`: the answer is then None.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import exp
 from typing import Self
 
 import numpy as np
@@ -24,8 +28,10 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
+from underlay.inference.batch.separable_step import ContactStep, LinearModel, solved
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Forward
+from underlay.inference.model.law_slopes import LawSlopes
 from underlay.inference.problem import Problem
 from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.scene.noise import Noise
@@ -36,6 +42,7 @@ _MODULUS = "layer.E"
 _CONTACT = "instrument.contact_depth"
 _BASELINE = "instrument.baseline"
 _SLOPE = "instrument.baseline_slope"
+_EXPONENT = "indenter.exponent"
 _SEPARABLE = frozenset({_MODULUS, _CONTACT, _BASELINE, _SLOPE})
 
 # Contacts tried first, in ranges of depth from the first reading: half a step is within reach of the search.
@@ -46,6 +53,10 @@ _BLOCKS = 32  # means of neighbouring points for that trial
 _SETTLED = 1e-8
 # Over a step below this share the stiffness, and so the standard errors, change by as little.
 _LINEAR = 2e-6
+# A change of ln E below this leaves an error of its square at most: 1e-10.
+_SAME_LAW = 1e-5
+# Where E is known no better than this, a base may hide it, and there may be other optima: `quick_fit` looks.
+_LOOSE = 0.1
 _MOST_STEPS = 25
 _MOST_HALVINGS = 6
 # Sums of squares that differ by less than their rounding are the same.
@@ -97,80 +108,6 @@ class SeparableFit:
 
 
 @dataclass(frozen=True)
-class _Model:
-    """Model at one contact, the linear parameters solved for.
-
-    Parameters
-    ----------
-    columns : FloatArray
-        d model / d linear parameter, brought to unit length, (p, n); the first is the force's.
-    products : FloatArray
-        Their inner products, (p, p).
-    lengths : FloatArray
-        What they were divided by, (p,).
-    weights : FloatArray
-        Solution in the unit columns, (p,).
-    stiffness : FloatArray
-        dP/dw (N/m) at the starting modulus, (n,).
-    residuals : FloatArray
-        Data minus model (N), (n,).
-    sum_of_squares : float
-        Of them.
-    law_method, law_error
-        Of the contact law.
-    """
-
-    columns: FloatArray
-    products: FloatArray
-    lengths: FloatArray
-    weights: FloatArray
-    stiffness: FloatArray
-    residuals: FloatArray
-    sum_of_squares: float
-    law_method: str
-    law_error: float
-
-    @property
-    def linear(self) -> FloatArray:
-        """Modulus over the starting one, then baseline and slope (SI) as far as free, (p,)."""
-        return self.weights / self.lengths
-
-    def step(self) -> _Step:
-        """Kaufman's step of the contact depth; of NaN metres where the contact does not act."""
-        along = _solve(self.products, self.columns @ self.stiffness)
-        across = self.stiffness - along @ self.columns
-        power, amplitude = float(across @ across), float(self.weights[0] / self.lengths[0])
-        if not (power > 0.0 and amplitude > 0.0):
-            return _Step(float("nan"), along, across)
-        return _Step(-float(across @ self.residuals) / (amplitude * power), along, across)
-
-    def after(self, step: _Step) -> _Model:
-        """The model after a step so short that it is linear there."""
-        change = float(self.linear[0]) * step.length
-        residuals = self.residuals + change * step.across
-        return replace(
-            self,
-            weights=self.weights + change * step.along,
-            residuals=residuals,
-            sum_of_squares=float(residuals @ residuals),
-        )
-
-
-@dataclass(frozen=True)
-class _Step:
-    """Length (m) of a step of the contact; the stiffness along (p,) and across (n,) the linear columns."""
-
-    length: float
-    along: FloatArray
-    across: FloatArray
-
-
-def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a small symmetric system; a single equation needs no library."""
-    return np.asarray(right / matrix[0, 0] if len(right) == 1 else np.linalg.solve(matrix, right))
-
-
-@dataclass(frozen=True)
 class SeparableModel:
     """What all curves of a map have in common, compiled.
 
@@ -201,7 +138,9 @@ class SeparableModel:
             and member.forward.left_out is None
             and member.scene.lever is None
             and set(problem.names) <= _SEPARABLE
-            and member.forward.similarity.force_scales == (_MODULUS,)
+            and _MODULUS in member.forward.similarity.force_scales
+            and not member.forward.similarity.energies
+            and (member.forward.similarity.force_scales == (_MODULUS,) or member.forward.laws.know_slopes)
             and not any(coordinate.prior.informative for coordinate in problem.coordinates)
             and isinstance(noise, Noise)
             and not (noise.follows_force or noise.correlation)
@@ -222,10 +161,26 @@ class SeparableModel:
         if values["instrument.compliance"]:
             return None
         try:
-            return _Search(self, replace(self.forward, depth=curve.depth), curve, values).solve()
+            return _Search(self, self._forward_of(curve, values), curve, values).solve()
         except InputError:
             # No law reaches a contact that was tried; the bounded search steps back from such places.
             return None
+
+    def _forward_of(self, curve: Curve, values: Mapping[str, float]) -> Forward:
+        """The forward model of a curve; with tables of its own where its scene differs in what those here hold."""
+        similarity, laws = self.forward.similarity, self.forward.laws
+        served = {_MODULUS, similarity.length, *similarity.shape} - {_EXPONENT}
+        served |= set() if laws.table is None else {laws.table.path}
+        served |= set() if laws.tips is None else {laws.tips.path, *similarity.lengths}
+        own = {
+            path: values[path]
+            for path, held in similarity.values.items()
+            if path not in served and not path.startswith("instrument.") and values[path] != held
+        }
+        if not own:
+            return replace(self.forward, depth=curve.depth)
+        scene, free = similarity.scene.with_values(own), [entry.path for entry in self.coordinates]
+        return Forward.compile(scene, curve.depth, free, laws.solver, laws.store)
 
 
 class _Search:
@@ -248,6 +203,8 @@ class _Search:
         self._span = self._deepest - float(depth[0])
         self._force_span = float(force.max() - force.min())
         self._law: ScaledLaw | None = None
+        # Whether a law serves one modulus alone.
+        self._follows = bool(forward.similarity.ratio_slopes(_MODULUS, values))
         self._linear = self._linear_columns(self._depth)
 
     def solve(self) -> SeparableFit | None:
@@ -256,8 +213,8 @@ class _Search:
             start = self._first_contact()
             found = None if start is None else self._descend(start)
         else:
-            found = _Place(self._values[_CONTACT], self._at(self._values[_CONTACT]), 1)
-        if found is None or found.model is None or not found.model.linear[0] > 0.0:
+            found = self._descend(self._values[_CONTACT])
+        if found is None or found.model is None or not found.model.gain > 0.0:
             return None
         return self._result(found.contact, found.model, found.steps)
 
@@ -265,34 +222,56 @@ class _Search:
         columns = {_BASELINE: np.ones_like(depth), _SLOPE: depth}
         return [column for path, column in columns.items() if path in self._free]
 
-    def _law_for(self, deepest: float) -> ScaledLaw:
+    def _law_for(self, deepest: float, modulus: float) -> ScaledLaw:
         """Law for tip depths up to `deepest` (m); the one at hand where it is the same."""
         law = self._law
         # Laws reach to a power of two (see `forward`): within the last octave the store would give the same.
-        if law is None or not 0.5 * law.max_depth < deepest <= law.max_depth:
+        is_other = modulus != self._values[_MODULUS]
+        if law is None or is_other or not 0.5 * law.max_depth < deepest <= law.max_depth:
+            self._values = {**self._values, _MODULUS: modulus}
             law = self._law = self._forward.bare_law(self._values, deepest)
         return law
 
-    def _at(self, contact: float) -> _Model | None:
-        """Model at a contact depth (m); None where the contact gives no force at all."""
-        law = self._law_for(max(self._deepest - contact, 0.0))
+    def _at(self, contact: float, modulus: float) -> LinearModel | None:
+        """Model at a contact depth (m) and a modulus (Pa); None where the contact gives no force at all."""
+        deepest = max(self._deepest - contact, 0.0)
+        law = self._law_for(deepest, modulus)
         before = int(np.searchsorted(self._depth, contact, side="right"))
         if before == len(self._depth):
             return None
         w = self._depth[before:] - contact
         columns = np.zeros((1 + len(self._linear), len(self._depth)))
         stiffness = np.zeros(len(self._depth))
-        columns[0, before:] = law.force(w)
-        stiffness[before:] = law.stiffness(w)
+        force, stiffness[before:] = law.force_and_stiffness(w)
+        columns[0, before:] = force
+        data, power = self._force, 1.0
+        if self._follows:
+            slopes = LawSlopes(
+                self._forward.similarity,
+                self._forward.laws,
+                self._values,
+                law,
+                deepest,
+                w,
+                force,
+                stiffness[before:],
+                rough=False,
+            )
+            column = columns[0, before:] = modulus * slopes.of(_MODULUS)
+            power = float(column @ force) / float(force @ force)
+            data = data.copy()
+            data[before:] += column - force
         for row, column in enumerate(self._linear, start=1):
             columns[row] = column
         # Columns of unit length: newtons beside ones and metres would cost digits.
         lengths = np.sqrt(np.einsum("pn,pn->p", columns, columns))
         columns /= lengths[:, None]
         products = columns @ columns.T
-        weights = _solve(products, columns @ self._force)
-        residuals = self._force - weights @ columns
-        return _Model(
+        weights = solved(products, columns @ data)
+        residuals = data - weights @ columns
+        return LinearModel(
+            modulus=modulus,
+            power=power,
             columns=columns,
             products=products,
             lengths=lengths,
@@ -305,28 +284,46 @@ class _Search:
         )
 
     def _descend(self, contact: float) -> _Place | None:
-        low, high = self._free[_CONTACT].low, self._free[_CONTACT].high
-        model, steps = self._at(contact), 1
+        model, steps = self._at(contact, self._values[_MODULUS]), 1
         before = 0.0
         while model is not None and steps < _MOST_STEPS:
-            step = model.step()
-            length = step.length
+            step = self._step(model)
+            length, turn = step.length, model.turn(step) if self._follows else 0.0
             # Steps shrink at a steady rate at least: the next one would be shorter by as much again.
             rate = min(1.0, abs(length) / before) if before else 1.0
-            if abs(length) <= _LINEAR * self._span and abs(length) * rate <= _SETTLED * self._span:
+            is_short = abs(length) <= _LINEAR * self._span and abs(length) * rate <= _SETTLED * self._span
+            if is_short and abs(turn) <= _SAME_LAW:
                 return _Place(contact + length, model.after(step), steps)
             before = abs(length)
             for _ in range(_MOST_HALVINGS):
-                if not low < contact + length < high:
+                modulus = model.modulus * exp(turn)
+                if not (self._allows(_CONTACT, contact + length) and self._allows(_MODULUS, modulus)):
                     return None
-                trial, steps = self._at(contact + length), steps + 1
-                if trial is not None and trial.sum_of_squares <= model.sum_of_squares * _NO_ASCENT:
+                trial, steps = self._at(contact + length, modulus), steps + 1
+                if trial is not None and self._merit(trial) <= self._merit(model) * _NO_ASCENT:
                     break
-                length *= 0.5
+                length, turn = 0.5 * length, 0.5 * turn
             else:
                 return None
             contact, model = contact + length, trial
         return None
+
+    def _merit(self, model: LinearModel) -> float:
+        """Sum of squares at the modulus of the law itself, without the change of ln E that is solved for."""
+        change = (float(model.linear[0]) - 1.0) * float(model.lengths[0]) if self._follows else 0.0
+        return model.sum_of_squares + change * change  # residuals are at right angles to the columns
+
+    def _step(self, model: LinearModel) -> ContactStep:
+        """Step of the contact; none where it is held."""
+        if _CONTACT in self._free:
+            return model.step()
+        return ContactStep(0.0, np.zeros(len(model.lengths)), np.zeros(len(self._depth)))
+
+    def _allows(self, path: str, value: float) -> bool:
+        """Whether a value lies within its bounds, if it is free; not where it is not a number."""
+        if path not in self._free:
+            return True
+        return self._free[path].low < value < self._free[path].high
 
     def _first_contact(self) -> float | None:
         """Best contact of a coarse grid on block means; None where no contact explains any force."""
@@ -340,7 +337,7 @@ class _Search:
         if not grid.size:
             return None
         w = depth - grid[:, None]
-        shapes = self._law_for(max(float(depth[-1] - grid[0]), 0.0)).force(w)
+        shapes = self._law_for(max(float(depth[-1] - grid[0]), 0.0), self._values[_MODULUS]).force(w)
         linear = self._linear_columns(depth)
         if linear:
             q, _ = np.linalg.qr(np.stack([column / np.linalg.norm(column) for column in linear], axis=1))
@@ -358,7 +355,7 @@ class _Search:
         sizes = np.diff(edges, append=len(depth))
         return np.add.reduceat(depth, edges) / sizes, np.add.reduceat(force, edges) / sizes
 
-    def _result(self, contact: float, model: _Model, steps: int) -> SeparableFit | None:
+    def _result(self, contact: float, model: LinearModel, steps: int) -> SeparableFit | None:
         n, k = len(self._depth), len(self._free)
         if n <= k or not model.sum_of_squares > 0.0:
             return None
@@ -366,12 +363,12 @@ class _Search:
         found = dict(zip(paths, model.linear.tolist(), strict=True))
         rows = dict(zip(paths, model.columns, strict=True))
         units = dict(zip(paths, model.lengths.tolist(), strict=True))
-        reference = self._values[_MODULUS]
+        reference = model.modulus
         steepness = float(np.sqrt(model.stiffness @ model.stiffness))
         rows[_CONTACT] = model.stiffness / steepness
-        units[_CONTACT] = -found[_MODULUS] * steepness
+        units[_CONTACT] = -model.gain * steepness
         found[_CONTACT] = contact
-        found[_MODULUS] *= reference
+        found[_MODULUS] = reference * (found[_MODULUS] if not self._follows else exp(found[_MODULUS] - 1.0))
         units[_MODULUS] /= reference
         values = np.array([found[c.path] for c in self._model.coordinates])
         jacobian = np.stack([rows[c.path] for c in self._model.coordinates])
@@ -382,13 +379,16 @@ class _Search:
         noise = self._model.noise or float(np.sqrt(model.sum_of_squares / (n - k)))
         covariance = np.linalg.inv(products) * (noise**2 / np.outer(lengths, lengths))
         errors = np.sqrt(np.diag(covariance)) / np.array(self._natural_sizes(values))
+        modulus = [c.path for c in self._model.coordinates].index(_MODULUS)
+        if self._follows and not errors[modulus] < _LOOSE:
+            return None
         return SeparableFit(
             values=values,
             covariance=covariance,
             sum_of_squares=model.sum_of_squares,
             noise=noise,
             residuals=self._as_measured(model.residuals),
-            modulus=[c.path for c in self._model.coordinates].index(_MODULUS),
+            modulus=modulus,
             scaled_errors=tuple(errors.tolist()),
             law_method=model.law_method,
             law_error=model.law_error,
@@ -427,7 +427,7 @@ class _Place:
     """A contact depth (m), the model there and how many were computed."""
 
     contact: float
-    model: _Model | None
+    model: LinearModel | None
     steps: int
 
 

@@ -95,8 +95,9 @@ class CurveFitter:
 
     def __init__(self, model: BatchModel, layout: Layout) -> None:
         self._model, self._layout = model, layout
-        self._separable = SeparableModel.of(model.template)
-        self._names, self._coordinates = model.template.names, model.template.coordinates
+        template = model.template
+        self._separable = SeparableModel.of(template)
+        self._names, self._coordinates = template.names, template.coordinates
         self._base = model.scene.parameters
 
     def rows(self, places: Iterable[CurvePlace]) -> Iterator[tuple[int, str]]:

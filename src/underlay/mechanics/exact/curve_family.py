@@ -47,6 +47,7 @@ __all__ = [
     "IsotropicPair",
     "RigidBase",
     "curve_family",
+    "family_holding",
     "first_ratios",
     "range_end",
     "range_number",
@@ -67,6 +68,8 @@ _SHARE_OF_PIECE = 0.25  # of rtol: the tail with what its terms do not show
 _NARROWEST = 0.3  # of a piece in z: eight pieces at most
 _DIGITS_PER_TERM = 0.9  # log10 of the gain above, a little less
 _MOST_RATIOS = 24
+# From this rtol on a table of so many ranges takes little longer than that of one.
+_LOOSE, _WIDE = 1e-3, 4
 
 
 class IsotropicPair(NamedTuple):
@@ -229,6 +232,17 @@ class CurveFamily:
 def curve_family(cell: Cell) -> CurveFamily | None:
     """Table of one cell; None where there is none: beyond 20 thicknesses, at a fold, out of terms, no body."""
     return TABLES.get(("family", cell), lambda: _tabulated(cell))
+
+
+def family_holding(cell: Cell) -> CurveFamily | None:
+    """Table of one cell, or of one of several ranges where little accuracy is asked for; None as `curve_family`.
+
+    A search at a loose tolerance passes through many ranges, and the first of a process waits for every table.
+    """
+    if cell.rtol < _LOOSE:
+        return curve_family(cell)
+    wide = curve_family(cell._replace(range=_WIDE * ceil((cell.range - 1) / _WIDE) + 1))
+    return curve_family(cell) if wide is None or wide.error_estimate > cell.rtol else wide
 
 
 def _tabulated(cell: Cell) -> CurveFamily | None:

@@ -12,7 +12,7 @@ from underlay.mechanics.exact.curve_batch import CurveBatch
 from underlay.mechanics.exact.curve_family import (
     Cell,
     CurveFamily,
-    curve_family,
+    family_holding,
     range_numbers,
     ratio_numbers,
 )
@@ -114,7 +114,7 @@ def family_batch(
     missing = {number: first for first, number in enumerate(numbers) if number not in tables.places}
     for number, first in missing.items():
         cell = Cell(indenter.exponent, family, int(spans[first]), int(ranges[first]), rtol)
-        tables = tables.with_table(number, cell, curve_family(cell))
+        tables = tables.with_table(number, cell, family_holding(cell))
     if missing:
         # Never changed but replaced, so that another thread finds it whole.
         TABLES.put(key, tables)

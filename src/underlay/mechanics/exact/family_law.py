@@ -16,7 +16,7 @@ from underlay.mechanics.exact.curve_family import (
     Cell,
     CurveFamily,
     RigidBase,
-    curve_family,
+    family_holding,
     range_end,
     range_number,
     ratio_number,
@@ -109,7 +109,7 @@ def tabulated_law(
             resolution=solved.resolution,
             radii=solved.radii,
         )
-    table = curve_family(Cell(indenter.exponent, family, ratio_number(ratio), reach, rtol))
+    table = family_holding(Cell(indenter.exponent, family, ratio_number(ratio), reach, rtol))
     if table is None or table.error_estimate > rtol:
         return None
     return FamilyLaw(
