@@ -26,7 +26,12 @@ def gallery(tmp_path_factory):
     rows = [{**row, "file": curves[n].metadata["name"]} for n, row in enumerate(made_manifest(COUNT))]
     table = fit(curves, rows, workers=0)
     folder = tmp_path_factory.mktemp("review")
-    return table, curves, folder, ul.write_review(table, curves, SCENE, folder, solver=SOLVER)
+    return (
+        table,
+        curves,
+        folder,
+        ul.write_review(table, curves, SCENE, folder, options=ul.MapOptions(solver=SOLVER)),
+    )
 
 
 def test_the_gallery_shows_every_curve_worst_first(gallery):
@@ -59,7 +64,7 @@ def test_what_is_drawn_is_the_fit_of_the_table(gallery):
 
 def test_more_curves_than_a_page_holds_are_paged(gallery, tmp_path):
     table, curves, *_ = gallery
-    paths = ul.write_review(table, curves, SCENE, tmp_path, solver=SOLVER, per_page=4)
+    paths = ul.write_review(table, curves, SCENE, tmp_path, options=ul.MapOptions(solver=SOLVER), per_page=4)
     assert [path.name for path in paths] == ["review.html", "review-2.html", "decisions.csv"]
     assert [path.read_text().count("<article") for path in paths[:2]] == [4, 2]
     assert "<h2>5. " in paths[1].read_text()
@@ -82,7 +87,9 @@ def test_decisions_come_back_and_are_kept_in_the_csv(gallery, tmp_path):
         name(1): ul.Decision(False, "=1+1 bubble; on glass"),
         "<script>alert(1)</script>": ul.Decision(True),
     }
-    again = ul.write_review(table, curves, SCENE, tmp_path, decisions=decisions, solver=SOLVER)
+    again = ul.write_review(
+        table, curves, SCENE, tmp_path, decisions=decisions, options=ul.MapOptions(solver=SOLVER)
+    )
     assert ul.read_decisions(again[-1]) == decisions
     assert "decided: refuse: =1+1 bubble; on glass" in again[0].read_text()
     # In the file no cell begins as a formula does.
@@ -157,4 +164,4 @@ def test_decisions_of_another_map_are_refused(gallery):
     with pytest.raises(ul.InputError, match="has no fit"):
         ul.Decisions({name(4): ul.Decision(True)}).applied(table)
     with pytest.raises(ul.InputError, match="6 rows, but there are 5 curves"):
-        ul.write_review(table, curves[:5], SCENE, folder, solver=SOLVER)
+        ul.write_review(table, curves[:5], SCENE, folder, options=ul.MapOptions(solver=SOLVER))

@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from support.maps import SCENE_TOML, write_folder
+from underlay.inference.batch import fit_many as batch_fit_many
 from underlay.inference.batch import work as batch_work
 
 COUNT = 12
@@ -64,6 +65,21 @@ def test_a_review_is_filled_in_and_read_back(run, site, tmp_path):
     code, printed, err = run(*words, *again)
     assert (code, printed) == (2, "")
     assert "say in the column 'reason'" in err
+
+
+def test_reasons_are_in_the_words_of_the_command_line(run, site, tmp_path, monkeypatch):
+    words, _ = site
+
+    def doubting(*arguments, **options):
+        return fitted(*arguments, **options).assign(
+            reason="known only together; see identifiability(problem)"
+        )
+
+    fitted = batch_fit_many.fit_many
+    monkeypatch.setattr(batch_fit_many, "fit_many", doubting)
+    assert run(*words, "--output", tmp_path, "--review")[0] == 0
+    assert set(pd.read_csv(tmp_path / "map.csv")["reason"]) == {"known only together; see underlay identify"}
+    assert "see underlay identify" in (tmp_path / "review.html").read_text()
 
 
 def test_ctrl_c_keeps_everything_and_resume_goes_on(run, site, tmp_path, monkeypatch):

@@ -185,7 +185,7 @@ def test_an_arm_that_no_optimum_leads_to_is_found_by_the_scan():
     """A thin layer whose contact is at the end of its prior: 2.7 % of the mass, behind a saddle."""
     problem = random_problem(7)
     ridges = Ridges(problem, CountedDensity(problem), np.random.default_rng(0))
-    ridges.seek(None)
+    ridges.seek()
     thickness = problem.names.index("layer.thickness")
     z = ridges.mixture.places[:, thickness]
     # By quadrature 2.6 % of the posterior are thinner than the saddle, at z = -0.8.
@@ -543,7 +543,7 @@ def test_weighted_draws_alone(posterior):
 
 
 def test_weighted_draws_that_are_not_accepted_say_why(monkeypatch):
-    def seek(self, _):
+    def seek(self):
         self.proposal = _narrow(self)
 
     monkeypatch.setattr(Ridges, "seek", seek)
@@ -586,8 +586,8 @@ def test_a_disagreement_is_said(monkeypatch):
 def test_a_mixture_that_is_no_good_costs_the_evidence_and_not_the_chain(monkeypatch):
     seek = Ridges.seek
 
-    def spoilt(self, start):
-        best = seek(self, start)
+    def spoilt(self):
+        best = seek(self)
         self.proposal = _narrow(self)
         return best
 

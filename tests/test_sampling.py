@@ -26,6 +26,7 @@ from underlay.inference.priors.densities import Flat, LogUniform, Normal, Unifor
 from underlay.inference.problem import Problem
 from underlay.inference.sampling import run as sampling
 from underlay.inference.sampling.convergence import autocorrelation_time, effective_size
+from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.informed import INFORMED, NOT_INFORMED
 from underlay.inference.sampling.moves import moves
 from underlay.inference.sampling.run import sample
@@ -334,9 +335,10 @@ def test_an_improper_prior_is_refused():
         sample(problem)
 
 
-def test_a_start_outside_the_prior_is_refused():
-    with pytest.raises(InputError, match=r"the start is outside the prior: layer\.E = 1e\+09"):
-        sample(halfspace_problem(), start={"layer.E": 1e9})
+def test_a_best_fit_without_a_law_is_refused(monkeypatch):
+    monkeypatch.setattr(CountedDensity, "__call__", lambda _, vectors: np.full(len(vectors), -np.inf))
+    with pytest.raises(InputError, match="no contact law exists at the best fit"):
+        sample(halfspace_problem())
 
 
 @pytest.mark.parametrize(
@@ -347,7 +349,6 @@ def test_a_start_outside_the_prior_is_refused():
         ({"rng": -1}, "rng must be a seed"),
         ({"rng": "today"}, "rng must be a seed"),
         ({"resume": True}, "resume=True needs backend"),
-        ({"start": {"layer.nu": 0.4}}, r"'layer\.nu' is not free"),
     ],
 )
 def test_bad_options(options, message):

@@ -15,7 +15,7 @@ from underlay.mechanics.viscoelastic import history
 from underlay.mechanics.viscoelastic.bed import Bed
 from underlay.mechanics.viscoelastic.equal_radius import equal_radius
 from underlay.mechanics.viscoelastic.history import Viscoelastic
-from underlay.mechanics.viscoelastic.loading import WayIn
+from underlay.mechanics.viscoelastic.loading import Loading, WayIn
 from underlay.mechanics.viscoelastic.memory import Memory
 from underlay.report import plots
 
@@ -221,17 +221,15 @@ def test_integrals_over_the_past_obey_their_recursion(uneven, span):
             assert row[n + 1] == pytest.approx(z, rel=1e-9, abs=1e-9)
 
 
-def test_middles_of_steps_are_asked_only_where_they_count():
-    """Many even steps: the bend of w^(3/2) against the force in the middle, and how often that is asked."""
-    depth = np.linspace(0.0, 1.0, 401)
+def test_forces_and_their_bends_are_read_off_the_answers():
+    """The bend of w^(3/2) against the force in the middle of each step."""
+    depth = np.append(np.linspace(0.0, 1.0, 401), (1.0, 1.0))
     way_in = WayIn(depth)
-    assert len(way_in.asked) < 410
     force, bend = way_in.read(way_in.asked**1.5)
     assert force == pytest.approx(depth**1.5, abs=1e-15)
     exact = 4.0 * (0.5 * (depth[1:] + depth[:-1])) ** 1.5 - 2.0 * (depth[1:] ** 1.5 + depth[:-1] ** 1.5)
-    assert bend[:5] == pytest.approx(exact[:5], rel=1e-9)
-    assert bend[5:] == pytest.approx(exact[5:], rel=5e-3)
-    assert bend[20:] == pytest.approx(exact[20:], rel=4e-4)
+    assert bend == pytest.approx(exact, abs=1e-15)
+    assert [part.shape for part in way_in.moving(way_in.asked**1.5)] == [(401,), (400,)]
     # Rests, steps back and uneven steps do not matter, and of many sets each is as alone.
     rough = np.maximum.accumulate(np.random.default_rng(0).uniform(0.0, 1.0, 900))
     paths = np.maximum(np.linspace(-0.1, 1.0, 900) - np.array([[0.0], [0.05], [-0.2]]), 0.0)
@@ -245,6 +243,19 @@ def test_middles_of_steps_are_asked_only_where_they_count():
         value, turned = one.read(one.asked**1.5)
         assert np.array_equal(values[number], value[0])
         assert np.array_equal(bends[number], turned[0])
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_a_hold_fades_as_the_recursion_has_it(uneven):
+    """The closed form after the last step, and the recursion through all points: rounding alone is between them."""
+    time = np.linspace(0.0, 10.0, 400)
+    if uneven:
+        time = np.sort(np.random.default_rng(0).uniform(0.0, 10.0, 400))
+    memory = Memory.of(ul.Prony((0.3, 0.2, 0.1), (0.1, 1.0, 10.0)).modes(0.0, 10.0), time)
+    depth = np.interp(time, (0.0, 3.0, 10.0), (-0.1, 1.0, 1.0))
+    way_in = WayIn(np.maximum(depth, 0.0))
+    through = memory.hereditary(*way_in.read(way_in.asked**1.5))
+    assert Loading(depth, memory)(lambda w: w**1.5) == pytest.approx(through, abs=1e-14)
 
 
 @pytest.mark.parametrize("points", [12, 120, 6000])

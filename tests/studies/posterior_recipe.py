@@ -60,8 +60,8 @@ def without_mixture(problem, steps):
     """A chain of the moves of before: no ridge is looked for."""
     learn = Ridges.seek
 
-    def only_the_fit(self, start):
-        found = learn(self, start)
+    def only_the_fit(self):
+        found = learn(self)
         self.proposal = None
         return found
 
@@ -226,7 +226,7 @@ def long_run(problem):
     """Weighted draws of a mixture of another seed, half as wide again."""
     posed = marginalised(problem)
     ridges = Ridges(posed, CountedDensity(posed), np.random.default_rng(99))
-    ridges.seek(None)
+    ridges.seek()
     mixture, rng = ridges.mixture.widened(1.5), np.random.default_rng(98)
     return WeightedDraws.joined(
         [weigh(ridges.target, ridges.coordinates, mixture, 20_000, rng) for _ in range(3)]

@@ -12,6 +12,7 @@ from underlay.cli.console import say, say_error, say_table
 from underlay.cli.excel_file import require_excel
 from underlay.cli.options import ExcelFile, Rtol, SceneOption, Seed, SolverName
 from underlay.cli.wanted_solver import wanted_solver
+from underlay.cli.wording import spoken
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
@@ -92,7 +93,14 @@ def map_curves(
     if excel is not None:
         require_excel(excel)
     path = folder / f"map.{table_format}"
-    labels = tuple(folders.split("/")) if folders else ()
+    options = MapOptions(
+        solver=wanted,
+        quality=check,
+        sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
+        intervals=intervals,
+        resume=resume,
+        folders=tuple(folders.split("/")) if folders else (),
+    )
     try:
         table = fit_many(
             curves,
@@ -101,20 +109,15 @@ def map_curves(
             workers=workers,
             scheduler=scheduler,
             output=path,
-            options=MapOptions(
-                solver=wanted,
-                quality=check,
-                sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
-                intervals=intervals,
-                resume=resume,
-                folders=labels,
-            ),
+            options=options,
         )
     except KeyboardInterrupt:
         say_error(f"interrupted; what was finished is kept in {path}: continue with --resume")
         raise typer.Exit(_INTERRUPTED) from None
+    written, table = table, _spoken(table)
     if decided is not None:
         table = decided.applied(table)
+    if not table.equals(written):
         write_frame(path, table)
     counted = without_refused(table)
     _show(counted)
@@ -124,15 +127,19 @@ def map_curves(
 
         # As `fit_many` listed the curves.
         own = [entry for entry in (manifest, scene, path) if entry is not None]
-        pages = write_review(
-            table, curves, scene, folder, decisions=decided, solver=wanted, folders=labels, leave_out=own
-        )
+        pages = write_review(table, curves, scene, folder, options=options, decisions=decided, leave_out=own)
         say(f"wrote {pages[0]}{f' and {len(pages) - 2} more' if len(pages) > 2 else ''}")
         say(f"wrote {pages[-1]}: fill it in, and run this again with --resume --decisions {pages[-1]}")
     for picture in _draw(counted, folder):
         say(f"wrote {picture}")
     if excel is not None:
         say(f"wrote {_write_excel(table, excel, scene, wanted)}")
+
+
+def _spoken(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with its reasons in the words of the command line."""
+    reasons = [spoken(reason) if isinstance(reason, str) else reason for reason in table["reason"]]
+    return table.assign(reason=reasons)
 
 
 def _write_excel(table: pd.DataFrame, path: Path, scene: Path, solver: Solver) -> Path:

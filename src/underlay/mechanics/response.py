@@ -281,6 +281,6 @@ def checked_times(time: ArrayLike | None, depth: FloatArray, what: str = "depth"
     t = as_finite(time, "time")
     if t.shape != depth.shape or depth.ndim != 1:
         raise InputError(f"a history needs one time for each {what}, (n,); got {t.shape} and {depth.shape}")
-    if not (np.diff(t) > 0.0).all():
+    if not (t[1:] > t[:-1]).all():
         raise InputError("the times of a history must increase from point to point")
     return t

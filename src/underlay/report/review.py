@@ -21,10 +21,11 @@ from underlay.errors import InputError, UnderlayError
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, read_place
 from underlay.inference.batch.decisions import Decisions
 from underlay.inference.batch.model import scene_file_of
+from underlay.inference.batch.options import MapOptions
 from underlay.inference.batch.results_table import FITTED
 from underlay.inference.from_files import within_range
 from underlay.mechanics.solver import Solver
-from underlay.mechanics.solvers import AnySolver, Auto, as_solver
+from underlay.mechanics.solvers import Auto, as_solver
 from underlay.report.labels import label, start
 from underlay.report.maps import sample_parameters
 from underlay.report.small_pictures import Small, small_picture
@@ -83,9 +84,8 @@ def write_review(
     scene: Scene | SceneFile | str | os.PathLike[str],
     folder: str | os.PathLike[str],
     *,
+    options: MapOptions | None = None,
     decisions: Decisions | None = None,
-    solver: AnySolver | None = None,
-    folders: Sequence[str] = (),
     leave_out: Sequence[Path] = (),
     per_page: int = 60,
 ) -> list[Path]:
@@ -95,15 +95,13 @@ def write_review(
     ----------
     table : DataFrame
         What `fit_many` returned.
-    curves, scene, folders
-        As `fit_many` was given them.
+    curves, scene, options
+        As `fit_many` was given them. Of the options solver and folders matter.
     folder : path
         Where ``review.html`` (and ``review-2.html``, ... as needed) and ``decisions.csv`` are written. The
         pages open offline and hold no script. `read_decisions` reads the CSV back.
     decisions : Decisions, optional
         What was decided already: it is shown, and kept in the CSV.
-    solver : Solver or str, optional
-        What the fits used; by default what the scene file says.
     leave_out : sequence of Path
         Files of the folder that are no curves, such as the manifest.
     per_page : int, default 60
@@ -123,9 +121,7 @@ def write_review(
     """
     target = require_writable_folder(folder)
     known = decisions or Decisions({})
-    cards = review_cards(
-        table, curves, scene, decisions=known, solver=solver, folders=folders, leave_out=leave_out
-    )
+    cards = review_cards(table, curves, scene, options=options, decisions=known, leave_out=leave_out)
     pages = [
         write_atomic(target / _page_name(number), text)
         for number, text in enumerate(_pages(cards, max(1, per_page)), start=1)
@@ -146,9 +142,8 @@ def review_cards(
     curves: Curves,
     scene: Scene | SceneFile | str | os.PathLike[str],
     *,
+    options: MapOptions | None = None,
     decisions: Decisions | None = None,
-    solver: AnySolver | None = None,
-    folders: Sequence[str] = (),
     leave_out: Sequence[Path] = (),
 ) -> list[Card]:
     """Return what a gallery shows of every curve, worst first; see `write_review`.
@@ -158,8 +153,9 @@ def review_cards(
     InputError
         If the curves are not those of the table.
     """
+    told = options or MapOptions()
     file = scene_file_of(scene)
-    places = list_curves(curves, leave_out, folders)
+    places = list_curves(curves, leave_out, told.folders)
     if len(places) != len(table):
         raise InputError(
             f"the table has {len(table)} rows, but there are {len(places)} curves: give the same ones"
@@ -167,7 +163,8 @@ def review_cards(
     base = file.draft if file is not None else scene
     if not isinstance(base, Scene):
         raise InputError(f"scene must be a Scene or the path of a scene file; got {scene!r:.100}")
-    wanted = as_solver(solver) if solver is not None else (Auto() if file is None else file.solver)
+    of_scene = Auto() if file is None else file.solver
+    wanted = of_scene if told.solver is None else as_solver(told.solver)
     cards = [
         _card(row, place, file, base, wanted.with_tolerance(_RTOL), decisions or Decisions({}))
         for row, place in zip(table.to_dict("records"), places, strict=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -36,10 +35,8 @@ class Starts(NamedTuple):
     places: list[FloatArray]
 
 
-def optima(problem: Problem, start: Mapping[str, float] | None) -> Starts:
-    """Optima of a fit and what its scan offers; `start` alone (SI, by name) where it is given."""
-    if start is not None:
-        return Starts([problem.vector(start)], [])
+def optima(problem: Problem) -> Starts:
+    """Optima of a fit and what its scan offers."""
     try:
         found = fit(problem)
     except FitError:

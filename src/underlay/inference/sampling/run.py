@@ -15,7 +15,7 @@ import os
 import time
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -54,7 +54,6 @@ def sample(
     max_steps: int = 20_000,
     rng: int | np.random.Generator = 0,
     *,
-    start: Mapping[str, float] | None = None,
     backend: str | os.PathLike[str] | None = None,
     resume: bool = False,
     progress: bool | Told | None = None,
@@ -73,9 +72,6 @@ def sample(
         Most steps of the ensemble; it stops earlier when the chain has converged.
     rng : int or numpy Generator, default 0
         Seed, or a generator to draw one from. The same seed gives the same chain.
-    start : mapping of str to float, optional
-        Values (SI) by parameter name from which the best fit is sought, those not named taken from the scene;
-        by default the least-squares `fit`.
     backend : path, optional
         HDF5 file in which every step is kept as it is made (extra ``uq``). A process that is killed loses
         nothing of it.
@@ -100,8 +96,8 @@ def sample(
     Raises
     ------
     InputError
-        If a prior is improper, the start is outside the priors, there are too few walkers or steps, the file
-        exists and `resume` is not set, or it holds the chain of another problem.
+        If a prior is improper, no contact law exists at the best fit, there are too few walkers or steps, the
+        file exists and `resume` is not set, or it holds the chain of another problem.
     FitError
         If the walkers find no place inside the priors, or weighted draws alone were asked for and are not
         accepted: it says why.
@@ -121,16 +117,16 @@ def sample(
     density = CountedDensity(problem)
     ridges = Ridges(problem, density, for_mixture)
     if is_weighted(method, backend):
-        return by_weights(ridges, start, for_bands, seed=seed, begin=begin)
+        return by_weights(ridges, for_bands, seed=seed, begin=begin)
     begun = resume and backend is not None and Path(backend).exists()
     if method is None and problem.likelihood is not None and not begun:
         try:
-            return by_weights(ridges, start, for_bands, seed=seed, begin=begin)
+            return by_weights(ridges, for_bands, seed=seed, begin=begin)
         except NotAcceptedError:
             # The chain is exact where they are not; what was learnt serves it.
             pass
     with _chain_file(problem, walkers, max_steps, backend, resume=resume) as (file, before):
-        run = _Run.begin(problem, density, ridges, walkers, max_steps, for_walkers, start, file, before)
+        run = _Run.begin(problem, density, ridges, walkers, max_steps, for_walkers, file, before)
         with SamplingProgress(max_steps, shown=progress) as line:
             outcome = run.go(line)
     outcome, importance = second_opinion(ridges, run.coords, run.log_density, outcome)
@@ -181,7 +177,6 @@ class _Run:
         walkers: int,
         max_steps: int,
         generator: np.random.Generator,
-        start: Mapping[str, float] | None,
         file: ChainFile | None,
         before: Progress | None,
     ) -> _Run:
@@ -194,7 +189,7 @@ class _Run:
             state = emcee.State(last[:, :-1], log_prob=last[:, -1], random_state=before.random_state)
         else:
             words = np.random.RandomState(generator.integers(2**32, size=8, dtype=np.uint32))
-            best = ridges.seek(start)
+            best = ridges.seek()
             coords = start_walkers(problem, density, walkers, generator, best, ridges.mixture)
             state = emcee.State(coords, log_prob=density(coords), random_state=words.get_state())
             before = None

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError
 from underlay.inference.problem import Problem
 from underlay.inference.ridge.coordinates import PriorNormal, Target
 from underlay.inference.ridge.mixture import Mixture
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.laplace import find_mode, overdispersed
 
-__all__ = ["checked_start", "prior_marks", "start_walkers"]
+__all__ = ["prior_marks", "start_walkers"]
 
 # The best fit is sought where the prior leaves this much on either side.
 _EDGE = 1e-4
@@ -42,8 +41,6 @@ def start_walkers(
 
     Raises
     ------
-    InputError
-        If the start is outside the priors.
     FitError
         If the walkers find no place inside them.
     """
@@ -74,29 +71,6 @@ def _along(
         if len(placed) >= walkers:
             return np.array(placed[:walkers])
     return None
-
-
-def checked_start(problem: Problem, density: CountedDensity, vector: FloatArray) -> None:
-    """Refuse a start of no probability.
-
-    Raises
-    ------
-    InputError
-        If it is outside the priors, or has no law.
-    """
-    if not np.isfinite(density(vector[None])[0]):
-        raise InputError(_outside(problem, vector))
-
-
-def _outside(problem: Problem, vector: FloatArray) -> str:
-    for coordinate, q in zip(problem.coordinates, vector, strict=True):
-        value = float(coordinate.physical(q))
-        if not np.isfinite(coordinate.log_prior(q)):
-            return (
-                f"the start is outside the prior: {coordinate.name} = {value:.6g} (SI), and its prior is "
-                f"{coordinate.prior!r}; change the start or the prior"
-            )
-    return "no contact law exists at the start, or its likelihood is zero; start closer to the data"
 
 
 def prior_marks(problem: Problem) -> FloatArray:

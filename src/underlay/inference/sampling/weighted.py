@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import FitError
+from underlay.errors import FitError, InputError
 from underlay.inference.problem import Problem
 from underlay.inference.ridge.aimed import aimed
 from underlay.inference.ridge.budget import Budget
@@ -25,7 +24,7 @@ from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.optima import optima
 from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.stopping import Outcome
-from underlay.inference.sampling.walker_start import checked_start, prior_marks
+from underlay.inference.sampling.walker_start import prior_marks
 
 __all__ = ["NotAcceptedError", "Ridges", "by_weights"]
 
@@ -70,21 +69,23 @@ class Ridges:
         """The frozen mixture; None where none was found."""
         return None if self.proposal is None else self.proposal.mixture
 
-    def seek(self, start: Mapping[str, float] | None) -> FloatArray:
-        """Lay the mixture from every optimum of the fit, or from `start` (SI), once; the best fit, (k,), scaled.
+    def seek(self) -> FloatArray:
+        """Lay the mixture from every optimum of the fit, once; the best fit, (k,), scaled.
 
         Raises
         ------
         InputError
-            If the start is outside the priors.
+            If no contact law exists at the best fit.
         """
         if self._best is not None:
             return self._best
-        found, places = optima(self.problem, start)
-        if start is None:
-            low, *_, high = prior_marks(self.problem)
-            found = [np.clip(vector, low, high) for vector in found]
-        checked_start(self.problem, self.density, found[0])
+        found, places = optima(self.problem)
+        low, *_, high = prior_marks(self.problem)
+        found = [np.clip(vector, low, high) for vector in found]
+        if not np.isfinite(self.density(found[0][None])[0]):
+            raise InputError(
+                "no contact law exists at the best fit, or its likelihood is zero; change the values in the scene"
+            )
         starts = self.coordinates.normal(np.array(found + places))
         self.proposal = learn(
             self.target,
@@ -149,7 +150,6 @@ class Ridges:
 
 def by_weights(
     ridges: Ridges,
-    start: Mapping[str, float] | None,
     rng: np.random.Generator,
     *,
     seed: int | None,
@@ -162,7 +162,7 @@ def by_weights(
     FitError
         If they are not accepted.
     """
-    ridges.seek(start)
+    ridges.seek()
     answer = ridges.answer()
     if answer is None:
         raise NotAcceptedError("weighted draws are not accepted: no ridge was found; take the sampler emcee")

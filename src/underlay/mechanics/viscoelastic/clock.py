@@ -120,6 +120,13 @@ class Clock:
         powers = outer[..., :, None] * inner[..., None, :]
         return powers.reshape(*self.steps.shape[:-1], -1)[..., :count]
 
+    def since(self, number: int) -> FloatArray:
+        """What is left at every later point of what was there at point `number`, (K, ..., n - number - 1)."""
+        later = slice(number + 1, None)
+        if self._gaps.size == 1:
+            return np.asarray(self._decays[..., 1 : len(self.time) - number])
+        return np.asarray(np.exp((self.time[number] - self.time[later]) / self.tau))
+
     def lags(self, number: int) -> FloatArray:
         """exp(-|t - t_number| / tau) at every point, (K, ..., n)."""
         if self._gaps.size == 1:
@@ -136,22 +143,33 @@ class Clock:
         left = self._decays[slow] if regular else np.exp((self.time[0] - self.time) / self.tau[slow])
         return slow, 1.0 / left, left
 
+    @cached_property
+    def _grown_and_left(self) -> tuple[FloatArray, FloatArray] | None:
+        """Both of `_slow`, (K, ..., n), where the record is not too long for any."""
+        slow, *both = self._slow
+        if not slow.all():
+            return None
+        grown, left = (part.reshape(*slow.shape, -1) for part in both)
+        return grown, left
+
     def summed(self, z: FloatArray) -> FloatArray:
         """Solve z_{n+1} = decay_n z_n + added_n in place, (K, ..., n), from z_0 and what was added, in that order.
 
         z exp(t / tau) is a sum of what was added. Where that factor would leave the floats, of the past only the
         last steps count, and passes that see twice as far back each end after some.
         """
-        slow, *rows = self._slow
-        grown, left = (row[:, : z.shape[-1]] for row in rows)
-        if slow.all():
-            z *= grown.reshape(z.shape)
+        count = z.shape[-1]
+        if self._grown_and_left is not None:
+            grown, left = self._grown_and_left
+            z *= grown[..., :count]
             np.add.accumulate(z, axis=-1, out=z)
-            z *= left.reshape(z.shape)
+            z *= left[..., :count]
             return z
+        slow, *rows = self._slow
+        grown, left = (row[:, :count] for row in rows)
         if slow.any():
             z[slow] = np.add.accumulate(z[slow] * grown, axis=-1) * left
-        z[~slow] = _doubled(z[~slow], self.decay[~slow][:, : z.shape[-1] - 1])
+        z[~slow] = _doubled(z[~slow], self.decay[~slow][:, : count - 1])
         return z
 
 

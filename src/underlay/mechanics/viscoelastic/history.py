@@ -65,7 +65,7 @@ class Viscoelastic(History):
 
     def prepared(self, depth: FloatArray, time: FloatArray) -> ViscoelasticMotion:
         """The map from an elastic force to `force` for one motion."""
-        if len(depth) < 2 or not (depth > 0.0).any():
+        if len(depth) < 2 or depth.max() <= 0.0:
             return ViscoelasticMotion(self, depth, time, None)
         begun = depth[0] > 0.0
         if begun and not self.relaxation.bounded:

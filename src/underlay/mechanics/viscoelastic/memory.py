@@ -90,6 +90,13 @@ class Memory:
         added /= self.tau
         return clock.summed(np.concatenate((np.zeros((*added.shape[:-1], 1)), added), axis=-1))
 
+    def faded(self, z: FloatArray, number: int) -> FloatArray:
+        """sum_k weight_k z_k at the points after number `number`, (..., n), of what z_k, (K, ...), it was there."""
+        left, weights = self.clock.since(number), self.modes.weights
+        return np.asarray(
+            (weights * z) @ left if z.ndim == 1 else (weights * z[..., None] * left).sum(axis=0)
+        )
+
     def hereditary(self, values: FloatArray, bend: FloatArray | None = None) -> FloatArray:
         """int e(t - s) dF(s) at every point, (..., n); the arguments are those of `integrals`."""
         force = self.weighted(self.integrals(values, bend))
