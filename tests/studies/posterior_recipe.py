@@ -13,8 +13,8 @@ from quadrature (`support/posterior_quadrature.py`, no chain and no draws), in s
 
 The random posteriors have two to five free parameters; each is sampled as anybody would, and every 2.5, 50 and
 97.5 % quantile compared with quadrature. A row is written as it is made. Seed 16 stands 0.22 off, and it is the
-quadrature that is: 60,000 weighted draws of its mixture made half as wide again (k-hat -0.18, quantiles uncertain by
-0.04) put it 0.29 off, and chains of three seeds 0.14, 0.04 and 0.06.
+quadrature that is: 60,000 weighted draws of its mixture made half as wide again (k-hat -0.18, quantiles uncertain
+by 0.04) put it 0.29 off, and chains of three seeds 0.14, 0.04 and 0.06.
 
 Pairs: the same posteriors with 60 and with 80 % of the steps proposing from the mixture, in turns in one process:
 what a posterior costs is told by ratios where a machine is busy.
