@@ -86,8 +86,9 @@ def population(
     none on the mean. The interval without a prior is Student's on the animals' means, that of a ratio Welch's.
 
     Three animals hardly tell how much animals differ, so the prior does: there the 95 % interval covers 98 to
-    100 % where animals differ by 20 % or less, and 92 to 95 % where by more; no other scale covers evenly. The
-    interval without a prior covers 94 to 96 % there, and is up to half as long again.
+    100 % where animals differ by 20 % or less, and 92 to 95 % where by more; no other scale covers evenly. Of
+    five animals that differ by 10 %, and their sites by 50 %, it covers 99 %. The interval without a prior
+    covers 94 to 96 % in all of these, and is up to half as long again.
     """
     names = tuple(by)
     if tails not in _TAILS:

@@ -13,6 +13,8 @@ __all__ = ["CountedDensity"]
 # The same density in another batch repeats to rounding times the condition of the contact problem, far below
 # a thousandth of a log unit; another problem differs by log units.
 _SAME_DENSITY = 1e-3
+# Sets that are asked for together: of more, what is in between does not stay in the processor's near memory.
+_TOGETHER = 256
 
 
 class CountedDensity:
@@ -49,6 +51,9 @@ class CountedDensity:
 
     def peek(self, vectors: FloatArray) -> FloatArray:
         """Return the same without counting."""
+        if len(vectors) > _TOGETHER:
+            parts = np.array_split(vectors, -(-len(vectors) // _TOGETHER))
+            return np.concatenate([self.peek(part) for part in parts])
         try:
             values = self._problem.log_posterior(vectors)
         except (UnderlayError, ArithmeticError, np.linalg.LinAlgError):

@@ -35,8 +35,8 @@ _TO_LEARN, _TO_DRAW = 10.0, 5.0
 # that is aimed, whose components are drawn in turn, rather less than this is seen.
 _ALONE_ERROR, _AIMED_ERROR = 0.07, 0.1
 _CHAINS = 8
-# Draws by which a mixture is aimed.
-_TO_AIM = 2000
+# Draws by which a mixture is taught and aimed.
+_TO_TEACH = 8000
 
 
 class NotAcceptedError(FitError):
@@ -135,15 +135,10 @@ class Ridges:
             return None
         if self.problem.likelihood is None:
             return self._judged(self.proposal, _ALONE_ERROR)
-        learnt = weigh(self.target, self.coordinates, self.proposal.mixture, _TO_AIM, self.for_draws)
-        proposal = replace(self.proposal, mixture=aimed(self.proposal.mixture, learnt))
-        drawn, importance = self._judged(proposal, _AIMED_ERROR)
-        if importance.refused:
-            # So many draws tell of what a pilot does not meet: they teach once more, and are not used otherwise.
-            taught = Trial(self.target, self.coordinates, self.for_draws, proposal.mixture, drawn).mended()
-            proposal = replace(proposal, mixture=aimed(taught, drawn))
-            drawn, importance = self._judged(proposal, _AIMED_ERROR)
-        return drawn, importance
+        # So many draws tell of what a pilot does not meet. They teach, and are not used otherwise.
+        learnt = weigh(self.target, self.coordinates, self.proposal.mixture, _TO_TEACH, self.for_draws)
+        taught = Trial(self.target, self.coordinates, self.for_draws, self.proposal.mixture, learnt).mended()
+        return self._judged(replace(self.proposal, mixture=aimed(taught, learnt)), _AIMED_ERROR)
 
     def _judged(self, proposal: Proposal, error: float) -> tuple[WeightedDraws, Importance]:
         """Draws of a frozen mixture until no quantile's error is above `error`, and what they are worth."""
