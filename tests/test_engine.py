@@ -136,6 +136,16 @@ def test_what_would_leave_its_bound_goes_there_and_the_others_to_their_best_besi
     assert found.statistics.evaluations <= 6
 
 
+def test_what_leaves_its_bound_first_is_held_first():
+    """A force a hundred thousand times too large: held all at once, the two would end between their bounds."""
+    scene = layer_on(ul.RIGID)
+    curve = exact_curve(scene)
+    free = {"layer.E": (1e4, 1e8), "instrument.contact_depth": (-5e-5, 5e-5)}
+    found = quick_fit(ul.Problem(scene, ul.Curve(curve.depth, 1e5 * curve.force), free))
+    assert found.values["layer.E"] == pytest.approx(1e8, rel=1e-9)
+    assert found.values["instrument.contact_depth"] == pytest.approx(-5e-5, rel=1e-9)
+
+
 def test_bounds_hold_every_place_that_is_asked_for():
     scene = layer_on(ul.RIGID)
     p = problem(scene, {E: (0.9e6, 1.02e6), H: (4e-4, 5.02e-4), C: (-1e-4, 1e-4)}, measured(scene, rng=4))

@@ -134,9 +134,9 @@ def test_a_sphere_is_read_off_a_surface_up_to_near_its_end(rtol, base, monkeypat
     top = np.abs(alone).max(axis=1, keepdims=True)
     np.testing.assert_array_less(np.abs(batch.contact - alone), 2 * rtol * alone + 1e-12 * top)
     assert member.forward.laws.store.surfaces
-    # No set minds the company it is asked in.
+    # No set minds the company it is asked in, but for how a product of matrices of so many rows rounds.
     again = member.readings(physical[5:6], stiffness=False)
-    np.testing.assert_array_equal(again.contact[0], batch.contact[5])
+    np.testing.assert_allclose(again.contact[0], batch.contact[5], rtol=1e-14)
 
 
 def test_a_set_does_not_depend_on_its_company():

@@ -165,7 +165,8 @@ def test_a_map_of_a_stack():
     assert table["status"].tolist() == ["fitted"] * 3
     assert (abs(table["layer.E"] - np.array(truths)) < 4.0 * table["layer.E.stderr"]).all()
     alone = ul.fit(ul.Problem(FILM, curves[1], free=FREE))
-    assert table["layer.E"][1] == pytest.approx(alone.values["layer.E"], rel=1e-9)
+    # Each search leaves a thousandth of a standard error at most.
+    assert abs(table["layer.E"][1] - alone.values["layer.E"]) < 2e-3 * table["layer.E.stderr"][1]
 
 
 def test_what_a_test_of_a_stack_can_tell():

@@ -24,8 +24,7 @@ __all__ = ["FINE", "GiveUp", "Minimum", "Search", "descend", "minimise"]
 #: Asked before each step with the steps made, the least sum of squares and the vector proposed: whether to leave.
 GiveUp: TypeAlias = Callable[[int, float, FloatArray], bool]
 
-# Harder by ten after a step that led up, searches that began with little damping took a tenth more models.
-_MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 100.0
+_MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
 # Below this the damping of two columns that are one to rounding would be rounding itself.
 _LEAST_DAMPING = 1e-13
 _VENTURE = 10.0  # how much higher than its beginning a step up the side may end
@@ -59,8 +58,8 @@ class Search:
 
 
 #: Of all points: the last step is within some hundredths of a standard error, what it leaves within a thousandth.
-#: It begins beside its end, where damping would leave a valley's length to further steps.
-FINE = Search(damping=1e-9)
+#: Damped less, fits take some 5 % less time, and those of a law that sticks end in one of its lesser minima.
+FINE = Search()
 
 
 @dataclass(frozen=True)
@@ -240,17 +239,23 @@ def _steps(
     inside = ((places.vector > low) | (gradient < 0.0)) & ((places.vector < high) | (gradient > 0.0))
     which = active & acting(norms) & inside
     step = _solved(gradient, normal, which, norms, damping)
-    there = places.vector + step
-    beyond = which & ((there < low) | (there > high))
-    if beyond.any():
-        # What would leave its ends goes to the end, and the others to where they are best beside it.
-        held = np.where(beyond, np.clip(there, low, high) - places.vector, 0.0)
+    low, high = low - places.vector, high - places.vector
+    at, held, free = np.zeros_like(step), np.zeros_like(step), which.copy()
+    while (beyond := free & ((step < low) | (step > high))).any():
+        # What would leave its ends first stays there, and the others go to where they are best beside it. From
+        # there the sum falls on: held all at once they may pull each other uphill.
+        end = np.where(step > 0.0, high, low)
+        share = np.divide(end - at, step - at, out=np.full_like(step, np.inf), where=beyond)
+        first, over = share.argmin(axis=1), beyond.any(axis=1)
+        at += np.where(over, share.min(axis=1), 0.0)[:, None] * (step - at)
+        meets = over[:, None] & (np.arange(step.shape[1]) == first[:, None])
+        held, free = np.where(meets, end, held), free & ~meets
         moved = gradient + (normal @ held[:, :, None])[:, :, 0]
-        step = held + _solved(moved, normal, which & ~beyond, norms, damping)
+        step = np.where(over[:, None], held + _solved(moved, normal, free, norms, damping), step)
     longest = np.abs(step).max(axis=1, initial=0.0)
     if (longest > _LONGEST).any():
         step *= (_LONGEST / np.maximum(longest, _LONGEST))[:, None]
-    if not beyond.any():
+    if not held.any():
         return step, -np.einsum("sk,sk->s", step, gradient)
     return step, -np.einsum("sk,sk->s", step, 2.0 * gradient + (normal @ step[:, :, None])[:, :, 0])
 

@@ -134,13 +134,15 @@ class _Placing(NamedTuple):
 
     def table(self, asked: TipContacts) -> FloatArray:
         """Polynomials in z (sets or 1, rows, 4) of the contacts."""
-        terms = len(self.radius)
-        if asked.span is None or terms == 1:
+        if asked.span is None or len(self.radius) == 1:
             return self.radius[:1]
         low, high = ratio_span(asked.span)
-        place = (asked.log_ratio - low) * (2.0 / (high - low)) - 1.0
-        powers = place[:, None] ** np.arange(terms)
-        return (powers @ self.radius.reshape(terms, -1)).reshape(-1, *self.radius.shape[1:])
+        place = ((asked.log_ratio - low) * (2.0 / (high - low)) - 1.0)[:, None, None]
+        # Horner's rule, not a product of matrices: that rounds otherwise for more contacts than for one.
+        table = np.broadcast_to(self.radius[-1], (len(place), *self.radius.shape[1:]))
+        for term in self.radius[-2::-1]:
+            table = table * place + term
+        return table
 
 
 def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> tuple[FloatArray, FloatArray]:
