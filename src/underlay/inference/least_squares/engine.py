@@ -246,7 +246,7 @@ def _steps(
         # there the sum falls on: held all at once they may pull each other uphill.
         end = np.where(step > 0.0, high, low)
         share = np.divide(end - at, step - at, out=np.full_like(step, np.inf), where=beyond)
-        first, over = share.argmin(axis=1), beyond.any(axis=1)
+        first, over = share.argmin(axis=1), np.asarray(beyond.any(axis=1))
         at += np.where(over, share.min(axis=1), 0.0)[:, None] * (step - at)
         meets = over[:, None] & (np.arange(step.shape[1]) == first[:, None])
         held, free = np.where(meets, end, held), free & ~meets
