@@ -197,7 +197,8 @@ class _Run:
                 file.propose(ridges.proposal.numbers)
         mixture = ridges.mixture
         independent = None if mixture is None else IndependenceMove(ridges.coordinates, mixture, density)
-        tallies = [(Tallied(move), weight) for move, weight in moves(independent)]
+        is_open = ridges.proposal is not None and bool(ridges.proposal.open_end)
+        tallies = [(Tallied(move), weight) for move, weight in moves(independent, is_open=is_open)]
         sampler = emcee.EnsembleSampler(walkers, len(problem.names), density, moves=tallies, vectorize=True)
         return cls(sampler, density, state, max_steps, file, before, [tally for tally, _ in tallies])
 
