@@ -12,12 +12,19 @@ Forces below the baseline right before the rise (adhesion) are left out of these
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from underlay._arrays import FloatArray
+from underlay.data.contact_scan import (
+    BEFORE,
+    ContactEstimate,
+    change_point,
+    power_law,
+    scan,
+    shape_of,
+    with_a_doubtful_shape,
+)
 from underlay.data.curve import Curve
 from underlay.data.foot import SIGNIFICANT, Foot, foot_of
 from underlay.errors import CurveError, InputError
@@ -29,50 +36,6 @@ __all__ = ["METHODS", "ContactEstimate", "ContactPoint", "contact_of", "find_con
 
 #: Names of the estimators, the one used by default first.
 METHODS = ("foot", "change-point", "threshold")
-
-# Work is bounded by thinning the foot; its neighbours are correlated anyway.
-_MAX_POINTS = 2000
-# Contact depths tried on means of neighbouring points, then between two steps on either side of the best, then the
-# same on all points; a parabola through the last three ends it.
-_COARSE, _FINER, _FINE, _BLOCKS = 61, 13, 9, 120
-_REACH = 2
-# A curve that starts in contact has it in front of its first point, by up to this share of the foot.
-_BEFORE = 1.0
-# Below this share of its square a column is a multiple of others, to rounding.
-_NOTHING = 1e-24
-# Correlation of neighbouring residuals above which they count as this much correlated: at 0.98 a standard
-# error is already widened tenfold.
-_MOST_CORRELATED = 0.98
-
-# By how much of a foot a parabola puts contact too late where the force rises with the power 1.5: 0.053, whatever
-# the length of the baseline; 0.025 for 1.2, 0.061 for 1.8, nothing for 1 and 2 (a test computes it).
-_PARABOLA_SHARE = 0.053
-
-# By how much the exponent of a foot may be off where its law is not the one it was given. Over 150 tests of users'
-# ranges whose law was given, and whose law was taken for a half-space's, the median |z| is 0.39 and 0.78, and 0 and
-# 1 % lie beyond two errors; the scatter of the three estimators had 0.10 and 0.92, 0 and 21 %.
-_EXPONENT_OFF = 0.2
-# Points in contact from which on four numbers can be told, and a logarithm of odds beyond which nothing changes.
-_LEAST_PRESSED, _CERTAIN = 4, 300.0
-
-_Shape = Callable[[FloatArray], tuple[FloatArray, ...]]
-
-
-@dataclass(frozen=True)
-class ContactEstimate:
-    """One estimate of the contact depth.
-
-    Parameters
-    ----------
-    method : str
-        One of `METHODS`.
-    depth, uncertainty : float
-        Depth reading at contact and its standard error (m).
-    """
-
-    method: str
-    depth: float
-    uncertainty: float
 
 
 @dataclass(frozen=True)
@@ -157,7 +120,7 @@ def find_contact(
 
 def reach_of(foot: Foot) -> float:
     """Depth (m) that a law must reach to shape a foot."""
-    return (1.0 + _BEFORE) * float(np.ptp(foot.depth))
+    return (1.0 + BEFORE) * float(np.ptp(foot.depth))
 
 
 def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, exponent: float) -> ContactPoint:
@@ -168,11 +131,11 @@ def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, expo
     CurveError
         If the method gives none.
     """
-    shape = _power_law(exponent) if law is None else _shape_of(law)
+    shape = power_law(exponent) if law is None else shape_of(law)
     tried = (
-        _scan("foot", foot, shape),
+        scan("foot", foot, shape),
         # Without a stretch in front of contact there is no change to find.
-        _change_point(foot) if foot.has_baseline else None,
+        change_point(foot) if foot.has_baseline else None,
         _threshold(foot, exponent),
     )
     estimates = tuple(estimate for estimate in tried if estimate is not None)
@@ -191,190 +154,9 @@ def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, expo
         notes=_notes(foot),
     )
     if contact.method == "foot":
-        return replace(found, uncertainty=_with_a_doubtful_shape(foot, shape, contact))
+        return replace(found, uncertainty=with_a_doubtful_shape(foot, shape, contact))
     # These know nothing of a shape: they differ by what theirs do.
     return replace(found, uncertainty=float(np.hypot(contact.uncertainty, found.scatter)))
-
-
-def _power_law(exponent: float) -> _Shape:
-    def shape(pressed: FloatArray) -> tuple[FloatArray, ...]:
-        return (pressed**exponent,)
-
-    return shape
-
-
-def _shape_of(law: ContactLaw) -> _Shape:
-    def shape(pressed: FloatArray) -> tuple[FloatArray, ...]:
-        return (np.asarray(law.force(pressed)),)
-
-    return shape
-
-
-def _parabola(pressed: FloatArray) -> tuple[FloatArray, ...]:
-    return (pressed, pressed * pressed)
-
-
-def _scan(method: str, foot: Foot, shape: _Shape) -> ContactEstimate | None:
-    """Contact depth with the least sum of squares; None if no contact depth gives a rise."""
-    x, force = _fitted_points(foot)
-    low = x[0] - (0.0 if foot.has_baseline else _BEFORE * np.ptp(x))
-    high = x[-2]
-    blocks, whole = _in_blocks(x, force), (x, force)
-    tried = np.linspace(low, high, _COARSE)
-    sums = _sums_of_squares(*blocks, tried, shape, foot)
-    for points, count in ((blocks, _FINER), (whole, _FINE)):
-        at = int(np.argmin(sums))
-        if not np.isfinite(sums[at]):
-            return None
-        tried = np.linspace(tried[max(at - _REACH, 0)], tried[min(at + _REACH, len(tried) - 1)], count)
-        sums = _sums_of_squares(*points, tried, shape, foot)
-    best = _lowest(tried, sums)
-    if best is None:
-        return None
-    # Curvature over a step that changes the sum visibly: the last level's step is too fine for it.
-    step = 0.01 * float(np.ptp(x))
-    residuals, _ = _solve(x, force, np.array([best]), shape, foot)
-    residual, squares = residuals[0], float(residuals[0] @ residuals[0])
-    sides = _sums_of_squares(x, force, best + step * np.array([-1.0, 1.0]), shape, foot)
-    degrees = max(len(x) - 4, 1)
-    variance = squares / degrees * _widening(residual)
-    rises = [side - squares for side in sides if np.isfinite(side) and side > squares]
-    if not rises:
-        return None
-    curvature = 2.0 * float(np.mean(rises)) / step**2
-    return ContactEstimate(method, best, float(np.sqrt(2.0 * variance / curvature)))
-
-
-def _change_point(foot: Foot) -> ContactEstimate | None:
-    """Contact by a parabola, with the error that a parabola makes of a foot that is none."""
-    found = _scan("change-point", foot, _parabola)
-    if found is None:
-        return None
-    misshapen = _PARABOLA_SHARE * max(float(foot.depth[-1]) - found.depth, 0.0)
-    return replace(found, uncertainty=float(np.hypot(found.uncertainty, misshapen)))
-
-
-def _with_a_doubtful_shape(foot: Foot, shape: _Shape, contact: ContactEstimate) -> float:
-    """Standard error (m) of the foot's contact where its law may rise with another power of the depth.
-
-    A foot's own error is that of its law, which has a thickness or a modulus yet to be found: on a thin layer it
-    was eight times too small. So the law is right with even odds, or its exponent off by a normal deviate of
-    `_EXPONENT_OFF`; the curve weighs the two (the ratio of the density of no change after and before the curve:
-    Dickey 1971, Ann. Math. Stat. 42, 204), and the error is the mean square distance of the truth from the
-    estimate over both.
-    """
-    x, force = _fitted_points(foot)
-    pressed = np.maximum(x - contact.depth, 0.0)
-    (P,) = shape(pressed)
-    (residual,), _ = _solve(x, force, np.array([contact.depth]), shape, foot)
-    if np.count_nonzero(pressed) <= _LEAST_PRESSED or not residual.any():
-        return contact.uncertainty
-    reach = 1e-3 * float(np.ptp(x))
-    (ahead,), (behind,) = (
-        shape(np.maximum(pressed + side, 0.0) * (pressed > 0.0)) for side in (reach, -reach)
-    )
-    share = np.where(pressed > 0.0, pressed, pressed.max()) / pressed.max()
-    # To first order in baseline, scale, contact and exponent; of the scale's size the last two have a factor.
-    fitted = force - residual
-    size = float(P @ (fitted - fitted[0])) / float(P @ P)
-    columns = np.column_stack((P, size * (ahead - behind) / (2.0 * reach), size * P * np.log(share)))
-    if foot.has_baseline:
-        columns = np.column_stack((np.ones(len(x)), columns))
-    variance = float(residual @ residual) / max(len(x) - 4, 1) * _widening(residual)
-    lengths = np.linalg.norm(columns, axis=0)
-    columns = columns / lengths
-    normal = columns.T @ columns
-    normal[-1, -1] += variance / (_EXPONENT_OFF * lengths[-1]) ** 2
-    inverse = np.linalg.pinv(normal, hermitian=True)
-    (moved, bent), (own, deviation) = (
-        values[-2:] / lengths[-2:]
-        for values in (inverse @ (columns.T @ residual), np.sqrt(variance * np.diagonal(inverse)))
-    )
-    odds = deviation / _EXPONENT_OFF * np.exp(min(0.5 * (bent / deviation) ** 2, _CERTAIN))
-    squares = np.array([contact.uncertainty**2, own**2 + moved**2])
-    return float(np.sqrt(np.average(squares, weights=[1.0, odds])))
-
-
-def _lowest(tried: FloatArray, sums: FloatArray) -> float | None:
-    """Contact depth at the bottom of the parabola through the least of the sums (t,) and its neighbours."""
-    at = int(np.argmin(sums))
-    if not np.isfinite(sums[at]):
-        return None
-    beside = sums[max(at - 1, 0) : at + 2]
-    bend = float(beside[0] - 2.0 * sums[at] + beside[-1])
-    if len(beside) < 3 or not (np.isfinite(bend) and bend > 0.0):
-        return float(tried[at])
-    return float(tried[at] + 0.5 * (tried[at] - tried[at - 1]) * (beside[0] - beside[2]) / bend)
-
-
-def _in_blocks(x: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Means of neighbouring points, in at most so many blocks that a step of the coarse scan holds two."""
-    starts = np.linspace(0, len(x), min(_BLOCKS, len(x)), endpoint=False).astype(np.intp)
-    sizes = np.diff(starts, append=len(x))
-    return np.add.reduceat(x, starts) / sizes, np.add.reduceat(force, starts) / sizes
-
-
-def _fitted_points(foot: Foot) -> tuple[FloatArray, FloatArray]:
-    """Points of the foot without those pulled below the baseline, thinned."""
-    kept = (
-        foot.force >= -SIGNIFICANT * foot.noise if foot.noise > 0.0 else np.ones(len(foot.force), dtype=bool)
-    )
-    x, force = foot.depth[kept], foot.force[kept]
-    stride = -(-len(x) // _MAX_POINTS)
-    return x[::-stride][::-1], force[::-stride][::-1]
-
-
-def _columns(x: FloatArray, contacts: FloatArray, shape: _Shape, foot: Foot) -> list[FloatArray]:
-    """What the force is made of, each (t, n + 1) for contact depths (t,): the last point is one before contact."""
-    pressed = np.maximum(np.append(x, -np.inf) - contacts[:, np.newaxis], 0.0)
-    columns = [column.reshape(pressed.shape) for column in shape(pressed.ravel())]
-    # A baseline that was measured is adjusted with the rest; one that was assumed is kept.
-    return [np.ones(pressed.shape), *columns] if foot.has_baseline else columns
-
-
-def _solve(
-    x: FloatArray, force: FloatArray, contacts: FloatArray, shape: _Shape, foot: Foot
-) -> tuple[FloatArray, FloatArray]:
-    """Residuals (t, n) of the best linear coefficients for each contact depth (t,), and the rises they give (t,).
-
-    By modified Gram-Schmidt: a column that is a multiple of those before it has nothing left and takes no part.
-    """
-    fitted = np.zeros((len(contacts), len(x) + 1))
-    used: list[tuple[FloatArray, FloatArray]] = []
-    for column in _columns(x, contacts, shape, foot):
-        rest = column
-        for other, square in used:
-            rest = rest - (_products(other, rest) / square)[:, np.newaxis] * other
-        own = _products(rest, rest)
-        # What rounding leaves of a column is no direction.
-        own = np.where(own > _NOTHING * _products(column, column), own, np.inf)
-        fitted = fitted + (_products(rest, force - fitted[:, :-1]) / own)[:, np.newaxis] * rest
-        used.append((rest, own))
-    return force - fitted[:, :-1], fitted[:, -2] - fitted[:, -1]
-
-
-def _products(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Scalar products (t,) over the points, without the one before contact."""
-    n = one.shape[-1] - 1
-    return np.asarray(np.einsum("ti,ti->t", one[:, :n], other[:, :n]))
-
-
-def _sums_of_squares(
-    x: FloatArray, force: FloatArray, contacts: FloatArray, shape: _Shape, foot: Foot
-) -> FloatArray:
-    residuals, rises = _solve(x, force, contacts, shape, foot)
-    return np.where(rises > 0.0, np.einsum("ti,ti->t", residuals, residuals), np.inf)
-
-
-def _widening(residual: FloatArray) -> float:
-    """Factor on the variance for residuals correlated as a first-order process."""
-    power = float(residual @ residual)
-    if power <= 0.0 or len(residual) < 3:
-        return 1.0
-    correlation = float(residual[1:] @ residual[:-1]) / power
-    # Anticorrelated residuals would narrow the interval; that is not claimed.
-    held = min(max(correlation, 0.0), _MOST_CORRELATED)
-    return (1.0 + held) / (1.0 - held)
 
 
 def _threshold(foot: Foot, exponent: float) -> ContactEstimate | None:

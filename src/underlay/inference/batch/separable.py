@@ -7,104 +7,40 @@ The reading is
 Where the layer's modulus is the only one, P is E times a force that stays put: all is linear but c. For a contact
 depth c the rest is a linear least-squares problem, so the search runs over c alone (variable projection: Golub and
 Pereyra 1973, doi:10.1137/0710036; the step is Kaufman's 1975, doi:10.1007/BF01932995). On an elastic base the law
-changes with E / E2: it is taken as linear in ln E about the last one, dP/d ln E is read off the tables of
-`curve_family`, and E moves along with c, nearly as a power of the force. The search ends where `least_squares.fit`
-ends, on the same sum of squares. Measured on 1000 points on a rigid base, modulus and contact free: by the engine a
-whole row of a map takes 3 times as long, its scan and the making of its problem included (processor time, median of
-9 pairs of maps of 24 curves); on a base ten times stiffer 3.5 times, under a sphere there 3 times. Whatever is
-unusual (a parameter near a bound, a step that does not descend, an ill-conditioned set, a depth the law does not
-reach) is left to `least_squares.fitting.quick_fit`: the answer is then None.
+changes with E / E2: it is taken as linear in ln E about the last one, dP/d ln E is what `LawSlopes` says, and E
+moves along with c, nearly as a power of the force. The search ends where `least_squares.fit` ends, on the same sum
+of squares. Measured on 1000 points on a rigid base, modulus and contact free: by the engine a whole row of a map
+takes 3 times as long, its scan and the making of its problem included (processor time, median of 9 pairs of maps
+of 24 curves); on a base ten times stiffer 3.5 times, under a sphere there 3 times. Whatever is unusual (a
+parameter near a bound, a step that does not descend, an ill-conditioned set, a depth the law does not reach) is
+left to `least_squares.fitting.quick_fit`: the answer is then None.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import exp
 from typing import Self
 
-import numpy as np
-
-from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
-from underlay.inference.batch.separable_step import ContactStep, LinearModel, solved
+from underlay.inference.batch.separable_search import (
+    BASELINE,
+    CONTACT,
+    MODULUS,
+    SLOPE,
+    SeparableFit,
+    SeparableSearch,
+)
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Forward
-from underlay.inference.model.law_slopes import LawSlopes
 from underlay.inference.problem import Problem
-from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.scene.noise import Noise
 
-__all__ = ["SeparableFit", "SeparableModel"]
+__all__ = ["SeparableModel"]
 
-_MODULUS = "layer.E"
-_CONTACT = "instrument.contact_depth"
-_BASELINE = "instrument.baseline"
-_SLOPE = "instrument.baseline_slope"
 _EXPONENT = "indenter.exponent"
-_SEPARABLE = frozenset({_MODULUS, _CONTACT, _BASELINE, _SLOPE})
-
-# Contacts tried first, in ranges of depth from the first reading: half a step is within reach of the search.
-_CONTACT_STEPS = np.linspace(-0.25, 0.95, 25)
-_BLOCKS = 32  # means of neighbouring points for that trial
-# The search ends before a step of the contact below this share of the depth range: it would move E by some
-# 2e-8 of itself.
-_SETTLED = 1e-8
-# Over a step below this share the stiffness, and so the standard errors, change by as little.
-_LINEAR = 2e-6
-# A change of ln E below this leaves an error of its square at most: 1e-10.
-_SAME_LAW = 1e-5
-# Where E is known no better than this, a base may hide it, and there may be other optima: `quick_fit` looks.
-_LOOSE = 0.1
-_MOST_STEPS = 25
-_MOST_HALVINGS = 6
-# Sums of squares that differ by less than their rounding are the same.
-_NO_ASCENT = 1.0 + 1e-9
-# Nearer to a bound than this (log of a modulus, ranges of depth or force), the bounded search decides.
-_NEAR_BOUND = 1e-3
-# Smallest eigenvalue of the correlation matrix of the columns: below, normal equations lose half the digits.
-_CONDITION = 1e-8
-
-
-@dataclass(frozen=True)
-class SeparableFit:
-    """An optimum.
-
-    Parameters
-    ----------
-    values : FloatArray
-        Parameters (SI) in the order of the problem, (k,).
-    covariance : FloatArray
-        Of them (SI), (k, k).
-    sum_of_squares : float
-        Of the residuals (N^2).
-    noise : float
-        White noise (N) that the covariance stands on: the given one, or the scatter about the fit.
-    residuals : FloatArray
-        Data minus model (N), (n,).
-    modulus : int
-        Which parameter is the layer's modulus.
-    scaled_errors : tuple of float
-        Standard errors in shares of the natural size of each parameter, (k,).
-    law_method : str
-        Contact law.
-    law_error : float
-        Its estimated relative error.
-    steps : int
-        Models computed.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    sum_of_squares: float
-    noise: float
-    residuals: FloatArray
-    modulus: int
-    scaled_errors: tuple[float, ...]
-    law_method: str
-    law_error: float
-    steps: int
+_SEPARABLE = frozenset({MODULUS, CONTACT, BASELINE, SLOPE})
 
 
 @dataclass(frozen=True)
@@ -133,14 +69,14 @@ class SeparableModel:
         member = problem.members[0]
         noise = member.noise
         separable = (
-            _MODULUS in member.entries
+            MODULUS in member.entries
             and member.forward.history is None
             and member.forward.left_out is None
             and member.scene.lever is None
             and set(problem.names) <= _SEPARABLE
-            and _MODULUS in member.forward.similarity.force_scales
+            and MODULUS in member.forward.similarity.force_scales
             and not member.forward.similarity.energies
-            and (member.forward.similarity.force_scales == (_MODULUS,) or member.forward.laws.know_slopes)
+            and (member.forward.similarity.force_scales == (MODULUS,) or member.forward.laws.know_slopes)
             and not any(coordinate.prior.informative for coordinate in problem.coordinates)
             and isinstance(noise, Noise)
             and not (noise.follows_force or noise.correlation)
@@ -161,7 +97,8 @@ class SeparableModel:
         if values["instrument.compliance"]:
             return None
         try:
-            return _Search(self, self._forward_of(curve, values), curve, values).solve()
+            forward = self._forward_of(curve, values)
+            return SeparableSearch(self.coordinates, self.noise, forward, curve, values).solve()
         except InputError:
             # No law reaches a contact that was tried; the bounded search steps back from such places.
             return None
@@ -169,7 +106,7 @@ class SeparableModel:
     def _forward_of(self, curve: Curve, values: Mapping[str, float]) -> Forward:
         """The forward model of a curve; with tables of its own where its scene differs in what those here hold."""
         similarity, laws = self.forward.similarity, self.forward.laws
-        served = {_MODULUS, similarity.length, *similarity.shape} - {_EXPONENT}
+        served = {MODULUS, similarity.length, *similarity.shape} - {_EXPONENT}
         served |= set() if laws.table is None else {laws.table.path}
         served |= set() if laws.tips is None else {laws.tips.path, *similarity.lengths}
         own = {
@@ -181,261 +118,3 @@ class SeparableModel:
             return replace(self.forward, depth=curve.depth)
         scene, free = similarity.scene.with_values(own), [entry.path for entry in self.coordinates]
         return Forward.compile(scene, curve.depth, free, laws.solver, laws.store)
-
-
-class _Search:
-    """One curve on its way to the optimum."""
-
-    def __init__(
-        self, model: SeparableModel, forward: Forward, curve: Curve, values: Mapping[str, float]
-    ) -> None:
-        self._model, self._forward, self._values = model, forward, values
-        self._free = {coordinate.path: coordinate for coordinate in model.coordinates}
-        depth, force = curve.depth, curve.force
-        # In the order of depth, the points in contact are one piece.
-        self._order = np.argsort(depth, kind="stable") if (np.diff(depth) < 0.0).any() else None
-        if self._order is not None:
-            depth, force = depth[self._order], force[self._order]
-        self._depth = depth
-        fixed = [0.0 if path in self._free else values[path] for path in (_BASELINE, _SLOPE)]
-        self._force = force - (fixed[0] + fixed[1] * self._depth) if any(fixed) else force
-        self._deepest = float(depth[-1])
-        self._span = self._deepest - float(depth[0])
-        self._force_span = float(force.max() - force.min())
-        self._law: ScaledLaw | None = None
-        # Whether a law serves one modulus alone.
-        self._follows = bool(forward.similarity.ratio_slopes(_MODULUS, values))
-        self._linear = self._linear_columns(self._depth)
-
-    def solve(self) -> SeparableFit | None:
-        """Return the optimum, or None if the search met something unusual."""
-        if _CONTACT in self._free:
-            start = self._first_contact()
-            found = None if start is None else self._descend(start)
-        else:
-            found = self._descend(self._values[_CONTACT])
-        if found is None or found.model is None or not found.model.gain > 0.0:
-            return None
-        return self._result(found.contact, found.model, found.steps)
-
-    def _linear_columns(self, depth: FloatArray) -> list[FloatArray]:
-        columns = {_BASELINE: np.ones_like(depth), _SLOPE: depth}
-        return [column for path, column in columns.items() if path in self._free]
-
-    def _law_for(self, deepest: float, modulus: float) -> ScaledLaw:
-        """Law for tip depths up to `deepest` (m); the one at hand where it is the same."""
-        law = self._law
-        # Laws reach to a power of two (see `forward`): within the last octave the store would give the same.
-        is_other = modulus != self._values[_MODULUS]
-        if law is None or is_other or not 0.5 * law.max_depth < deepest <= law.max_depth:
-            self._values = {**self._values, _MODULUS: modulus}
-            law = self._law = self._forward.bare_law(self._values, deepest)
-        return law
-
-    def _at(self, contact: float, modulus: float) -> LinearModel | None:
-        """Model at a contact depth (m) and a modulus (Pa); None where the contact gives no force at all."""
-        deepest = max(self._deepest - contact, 0.0)
-        law = self._law_for(deepest, modulus)
-        before = int(np.searchsorted(self._depth, contact, side="right"))
-        if before == len(self._depth):
-            return None
-        w = self._depth[before:] - contact
-        columns = np.zeros((1 + len(self._linear), len(self._depth)))
-        stiffness = np.zeros(len(self._depth))
-        force, stiffness[before:] = law.force_and_stiffness(w)
-        columns[0, before:] = force
-        data, power = self._force, 1.0
-        if self._follows:
-            slopes = LawSlopes(
-                self._forward.similarity,
-                self._forward.laws,
-                self._values,
-                law,
-                deepest,
-                w,
-                force,
-                stiffness[before:],
-                rough=False,
-            )
-            column = columns[0, before:] = modulus * slopes.of(_MODULUS)
-            power = float(column @ force) / float(force @ force)
-            data = data.copy()
-            data[before:] += column - force
-        for row, column in enumerate(self._linear, start=1):
-            columns[row] = column
-        # Columns of unit length: newtons beside ones and metres would cost digits.
-        lengths = np.sqrt(np.einsum("pn,pn->p", columns, columns))
-        columns /= lengths[:, None]
-        products = columns @ columns.T
-        weights = solved(products, columns @ data)
-        residuals = data - weights @ columns
-        return LinearModel(
-            modulus=modulus,
-            power=power,
-            columns=columns,
-            products=products,
-            lengths=lengths,
-            weights=weights,
-            stiffness=stiffness,
-            residuals=residuals,
-            sum_of_squares=float(residuals @ residuals),
-            law_method=law.law.method,
-            law_error=law.law.error_estimate,
-        )
-
-    def _descend(self, contact: float) -> _Place | None:
-        model, steps = self._at(contact, self._values[_MODULUS]), 1
-        before = 0.0
-        while model is not None and steps < _MOST_STEPS:
-            step = self._step(model)
-            length, turn = step.length, model.turn(step) if self._follows else 0.0
-            # Steps shrink at a steady rate at least: the next one would be shorter by as much again.
-            rate = min(1.0, abs(length) / before) if before else 1.0
-            is_short = abs(length) <= _LINEAR * self._span and abs(length) * rate <= _SETTLED * self._span
-            if is_short and abs(turn) <= _SAME_LAW:
-                return _Place(contact + length, model.after(step), steps)
-            before = abs(length)
-            for _ in range(_MOST_HALVINGS):
-                modulus = model.modulus * exp(turn)
-                if not (self._allows(_CONTACT, contact + length) and self._allows(_MODULUS, modulus)):
-                    return None
-                trial, steps = self._at(contact + length, modulus), steps + 1
-                if trial is not None and self._merit(trial) <= self._merit(model) * _NO_ASCENT:
-                    break
-                length, turn = 0.5 * length, 0.5 * turn
-            else:
-                return None
-            contact, model = contact + length, trial
-        return None
-
-    def _merit(self, model: LinearModel) -> float:
-        """Sum of squares at the modulus of the law itself, without the change of ln E that is solved for."""
-        change = (float(model.linear[0]) - 1.0) * float(model.lengths[0]) if self._follows else 0.0
-        return model.sum_of_squares + change * change  # residuals are at right angles to the columns
-
-    def _step(self, model: LinearModel) -> ContactStep:
-        """Step of the contact; none where it is held."""
-        if _CONTACT in self._free:
-            return model.step()
-        return ContactStep(0.0, np.zeros(len(model.lengths)), np.zeros(len(self._depth)))
-
-    def _allows(self, path: str, value: float) -> bool:
-        """Whether a value lies within its bounds, if it is free; not where it is not a number."""
-        if path not in self._free:
-            return True
-        return self._free[path].low < value < self._free[path].high
-
-    def _first_contact(self) -> float | None:
-        """Best contact of a coarse grid on block means; None where no contact explains any force."""
-        depth, force = self._blocks()
-        coordinate = self._free[_CONTACT]
-        low, high = coordinate.low, coordinate.high
-        grid = float(depth[0]) + _CONTACT_STEPS * self._span
-        if np.isfinite(low) and np.isfinite(high) and high - low < grid[-1] - grid[0]:
-            grid = np.linspace(low, high, len(grid))
-        grid = grid[(grid > low) & (grid < high)]
-        if not grid.size:
-            return None
-        w = depth - grid[:, None]
-        shapes = self._law_for(max(float(depth[-1] - grid[0]), 0.0), self._values[_MODULUS]).force(w)
-        linear = self._linear_columns(depth)
-        if linear:
-            q, _ = np.linalg.qr(np.stack([column / np.linalg.norm(column) for column in linear], axis=1))
-            force, shapes = force - q @ (q.T @ force), shapes - (shapes @ q) @ q.T
-        power = np.einsum("cm,cm->c", shapes, shapes)
-        along = shapes @ force
-        explained = np.square(along) / np.where(power > 0.0, power, np.inf)
-        explained[along <= 0.0] = 0.0
-        best = int(np.argmax(explained))
-        return _parabola_top(grid, explained, best) if explained[best] > 0.0 else None
-
-    def _blocks(self) -> tuple[FloatArray, FloatArray]:
-        depth, force = self._depth, self._force
-        edges = np.linspace(0, len(depth), min(_BLOCKS, len(depth)), endpoint=False).astype(np.intp)
-        sizes = np.diff(edges, append=len(depth))
-        return np.add.reduceat(depth, edges) / sizes, np.add.reduceat(force, edges) / sizes
-
-    def _result(self, contact: float, model: LinearModel, steps: int) -> SeparableFit | None:
-        n, k = len(self._depth), len(self._free)
-        if n <= k or not model.sum_of_squares > 0.0:
-            return None
-        paths = [_MODULUS, *(path for path in (_BASELINE, _SLOPE) if path in self._free)]
-        found = dict(zip(paths, model.linear.tolist(), strict=True))
-        rows = dict(zip(paths, model.columns, strict=True))
-        units = dict(zip(paths, model.lengths.tolist(), strict=True))
-        reference = model.modulus
-        steepness = float(np.sqrt(model.stiffness @ model.stiffness))
-        rows[_CONTACT] = model.stiffness / steepness
-        units[_CONTACT] = -model.gain * steepness
-        found[_CONTACT] = contact
-        found[_MODULUS] = reference * (found[_MODULUS] if not self._follows else exp(found[_MODULUS] - 1.0))
-        units[_MODULUS] /= reference
-        values = np.array([found[c.path] for c in self._model.coordinates])
-        jacobian = np.stack([rows[c.path] for c in self._model.coordinates])
-        lengths = np.array([units[c.path] for c in self._model.coordinates])
-        products = jacobian @ jacobian.T
-        if self._is_near_a_bound(values) or np.linalg.eigvalsh(products)[0] < _CONDITION:
-            return None
-        noise = self._model.noise or float(np.sqrt(model.sum_of_squares / (n - k)))
-        covariance = np.linalg.inv(products) * (noise**2 / np.outer(lengths, lengths))
-        errors = np.sqrt(np.diag(covariance)) / np.array(self._natural_sizes(values))
-        modulus = [c.path for c in self._model.coordinates].index(_MODULUS)
-        if self._follows and not errors[modulus] < _LOOSE:
-            return None
-        return SeparableFit(
-            values=values,
-            covariance=covariance,
-            sum_of_squares=model.sum_of_squares,
-            noise=noise,
-            residuals=self._as_measured(model.residuals),
-            modulus=modulus,
-            scaled_errors=tuple(errors.tolist()),
-            law_method=model.law_method,
-            law_error=model.law_error,
-            steps=steps,
-        )
-
-    def _as_measured(self, values: FloatArray) -> FloatArray:
-        """Values in the order of the curve's points, (n,)."""
-        if self._order is None:
-            return values
-        turned = np.empty_like(values)
-        turned[self._order] = values
-        return turned
-
-    def _natural_sizes(self, values: FloatArray) -> list[float]:
-        """Size (SI) of a change of each parameter that is of order one: see `coordinates`."""
-        spans = {_CONTACT: self._span, _BASELINE: self._force_span, _SLOPE: self._force_span / self._span}
-        # A modulus is searched in its logarithm: a share of itself is the distance there.
-        return [
-            spans.get(coordinate.path, value)
-            for coordinate, value in zip(self._model.coordinates, values.tolist(), strict=True)
-        ]
-
-    def _is_near_a_bound(self, values: FloatArray) -> bool:
-        for coordinate, value, size in zip(
-            self._model.coordinates, values.tolist(), self._natural_sizes(values), strict=True
-        ):
-            room = _NEAR_BOUND * min(size, coordinate.high - coordinate.low)
-            if not coordinate.low + room < value < coordinate.high - room:
-                return True
-        return False
-
-
-@dataclass(frozen=True)
-class _Place:
-    """A contact depth (m), the model there and how many were computed."""
-
-    contact: float
-    model: LinearModel | None
-    steps: int
-
-
-def _parabola_top(grid: FloatArray, values: FloatArray, best: int) -> float:
-    """Top of the parabola through the largest of `values` and its neighbours on an even grid."""
-    if not 0 < best < len(grid) - 1:
-        return float(grid[best])
-    before, top, after = values[best - 1 : best + 2].tolist()
-    bend = before - 2.0 * top + after
-    shift = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
-    return float(grid[best] + shift * (grid[1] - grid[0]))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.batch.separable import SeparableFit
+from underlay.inference.batch.separable_search import SeparableFit
 from underlay.inference.least_squares.diagnostics import correlated
 from underlay.inference.least_squares.fit_result import FitStatistics
 from underlay.inference.least_squares.fit_warnings import warnings_of

@@ -145,14 +145,9 @@ class LawSource:
         return replace(self, table=table, tips=tips, beside=beside)
 
     @property
-    def from_tables(self) -> bool:
-        """Whether the laws are read off tables, where those reach."""
-        return self.table is not None or self.tips is not None
-
-    @property
     def know_slopes(self) -> bool:
         """Whether the laws say their derivatives in what may vary: no further law is needed for them."""
-        return self.from_tables or bool(self.beside)
+        return self.table is not None or self.tips is not None or bool(self.beside)
 
     @property
     def for_differences(self) -> LawSource:
