@@ -13,7 +13,6 @@ from underlay.inference.least_squares.blocks import Blocks
 from underlay.inference.least_squares.law_rows import LawRows, Rows
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.forward import Forward
-from underlay.mechanics.indenters import Indenter
 
 __all__ = ["BASE_MODULUS", "CONTACT", "MODULUS", "THICKNESS", "GridFit", "ScanCurve"]
 
@@ -73,8 +72,6 @@ class ScanCurve:
         Contact depths to try (m), (c,), in even steps; one where the contact is known.
     scales : bool
         Whether the layer's modulus is free and scales the force: alone, or with the base's at a fixed ratio.
-    tip : Indenter, optional
-        The tip, where `forward` has its power law.
     """
 
     forward: Forward
@@ -82,11 +79,10 @@ class ScanCurve:
     free: Mapping[str, Coordinate]
     contacts: FloatArray
     scales: bool
-    tip: Indenter | None = None
 
     def laws(self, rows: Rows) -> LawRows:
         """Laws of the rows for every contact that is tried."""
-        return LawRows.of(self.forward, rows, float(self._travel(rows).max() - self.contacts[0]), self.tip)
+        return LawRows.of(self.forward, rows, float(self._travel(rows).max() - self.contacts[0]))
 
     def best_contact(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> GridFit:
         """Best of the contacts (m), (c,) or (r, c), of every row."""
@@ -114,7 +110,7 @@ class ScanCurve:
         if columns is None:
             return {}
         travel = self._travel(values) - values[CONTACT]
-        laws = LawRows.of(self.forward, values, float(travel.max()), self.tip)
+        laws = LawRows.of(self.forward, values, float(travel.max()))
         rest = self.blocks.force - self._fixed_offset(values) - laws.force(travel[None, None])[0, 0]
         solved = np.linalg.lstsq(columns, rest, rcond=None)[0]
         return dict(zip((path for path in _LINEAR if path in self.free), solved.tolist(), strict=True))
