@@ -18,13 +18,10 @@ from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.forward import Forward
 from underlay.inference.model.jacobian_batch import goes_together
 from underlay.inference.model.laws import LawStore
-from underlay.inference.model.members import Member
-from underlay.inference.model.tip_over_power_law import TipOverPowerLaw
 from underlay.inference.problem import Problem
-from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.scene.noise import Noise
 
-__all__ = ["Blocks", "blocked_forward", "blocked_objective", "power_law_forward", "power_law_objective"]
+__all__ = ["Blocks", "blocked_forward", "blocked_objective", "power_law_objective"]
 
 _RTOL = 1e-3
 _BLOCKS = 32
@@ -72,67 +69,46 @@ class Blocks:
         return replace(self, force=f - spread * np.pad(half_curvature, away, mode="edge"))
 
 
-def blocked_objective(problem: Problem, *, robust: bool) -> Objective:
+def blocked_objective(
+    problem: Problem, *, robust: bool, forwards: Sequence[Forward] | None = None
+) -> Objective:
     """Take the curves in blocks: averages, whose optimum is nearly that of all points, or robust medians.
 
-    The noise is the scatter of the points about a smooth curve.
+    The noise is the scatter of the points about a smooth curve; `forwards` may stand for the curves' models.
     """
-    curves = [_blocks(member, robust=robust) for member in problem.members]
-    forwards = [
-        blocked_forward(member, blocks, _RTOL) for member, blocks in zip(problem.members, curves, strict=True)
-    ]
-    return _objective(problem, curves, forwards)
-
-
-def power_law_objective(problem: Problem, *, robust: bool) -> Objective | None:
-    """The same by the laws of paraboloids; None where a curve has no use for them, or a tip's size is free."""
-    curves, forwards = [_blocks(member, robust=robust) for member in problem.members], []
-    for member, blocks in zip(problem.members, curves, strict=True):
-        forward = power_law_forward(member, blocks, _RTOL)
-        fixed = not any(path.startswith("indenter.") for path in member.entries)
-        if forward is None or not (fixed and goes_together(forward, member.base, tuple(member.entries))):
-            return None
-        forwards.append(forward)
-    return _objective(problem, curves, forwards)
-
-
-def _blocks(member: Member, *, robust: bool) -> Blocks:
-    blocks = Blocks.of(member.curve, _BLOCKS, averages=not robust)
-    return blocks if robust else blocks.straightened()
-
-
-def _objective(problem: Problem, curves: Sequence[Blocks], forwards: Sequence[Forward]) -> Objective:
     members, noises, sigmas = [], [], []
-    for member, blocks, forward in zip(problem.members, curves, forwards, strict=True):
-        members.append(replace(member, curve=Curve(blocks.depth, blocks.force), forward=forward))
+    own = forwards or [member.forward for member in problem.members]
+    for member, forward in zip(problem.members, own, strict=True):
+        blocks = Blocks.of(member.curve, _BLOCKS, averages=not robust)
+        if not robust:
+            blocks = blocks.straightened()
+        coarse = blocked_forward(forward, blocks, _RTOL)
+        members.append(replace(member, curve=Curve(blocks.depth, blocks.force), forward=coarse))
         sigma = member.scatter * (len(blocks.force) / len(member.force)) ** 0.5
         noises.append(Noise(force=sigma))
         sigmas.append(np.full(len(blocks.force), sigma))
     return Objective(problem, FrozenNoise(tuple(noises), tuple(sigmas)), members=tuple(members))
 
 
-def blocked_forward(member: Member, blocks: Blocks, rtol: float) -> Forward:
-    """The curve's model at the depths of its blocks, with coarse laws of its own."""
-    laws = member.forward.laws
-    laws = replace(laws, solver=laws.solver.with_tolerance(rtol), store=LawStore(), rough=True)
-    return replace(member.forward.moved(blocks.depth, blocks.force), laws=laws)
-
-
-def power_law_forward(member: Member, blocks: Blocks, rtol: float) -> Forward | None:
-    """The same by the laws of a sphere's paraboloid, which are less work; None where they are not."""
-    tip, laws = member.scene.indenter, member.forward.laws
-    if not isinstance(tip, Sphere) or laws.tips is None:
+def power_law_objective(problem: Problem, *, robust: bool) -> Objective | None:
+    """The same by the laws of paraboloids; None where a curve has no use for them, or a tip's size is free."""
+    forwards = [
+        forward
+        for member in problem.members
+        if (forward := member.by_power_law) is not None
+        and not any(path.startswith("indenter.") for path in member.entries)
+        and goes_together(forward, member.base, tuple(member.entries))
+    ]
+    if len(forwards) < len(problem.members):
         return None
-    rounded = Paraboloid(tip.radius)
-    forward = Forward.compile(
-        replace(member.scene, indenter=rounded),
-        blocks.depth,
-        tuple(member.entries),
-        laws.solver.with_tolerance(rtol),
-        LawStore(),
-        force=blocks.force,
-    )
-    return replace(forward, laws=replace(forward.laws, rough=True), over=TipOverPowerLaw(tip, rounded))
+    return blocked_objective(problem, robust=robust, forwards=forwards)
+
+
+def blocked_forward(forward: Forward, blocks: Blocks, rtol: float) -> Forward:
+    """A curve's model at the depths of its blocks, with coarse laws of its own."""
+    laws = forward.laws
+    laws = replace(laws, solver=laws.solver.with_tolerance(rtol), store=LawStore(), rough=True)
+    return replace(forward.moved(blocks.depth, blocks.force), laws=laws)
 
 
 def _means(rows: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.least_squares.adhesive_start import adhesive_starts
-from underlay.inference.least_squares.blocks import Blocks, blocked_forward, power_law_forward
+from underlay.inference.least_squares.blocks import Blocks, blocked_forward
 from underlay.inference.least_squares.scan_curve import (
     BASE_MODULUS,
     CONTACT,
@@ -173,7 +173,7 @@ def _vector(
 def _scanned(member: Member, problem: Problem) -> ScanCurve:
     blocks = Blocks.of(member.curve, _BLOCKS)
     free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
-    forward = power_law_forward(member, blocks, _SCAN_RTOL) or blocked_forward(member, blocks, _SCAN_RTOL)
+    forward = blocked_forward(member.by_power_law or member.forward, blocks, _SCAN_RTOL)
     # What the grid does not try stays where it is: laws that would vary with it are those of a table here.
     tried = [path for path in free if path in _TRIED]
     forward = replace(forward, laws=replace(forward.laws.varying(tried), scattered=True))
@@ -233,7 +233,10 @@ def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: Floa
         found = curve.refined(rows, laws, found)
     back = np.argsort(order)
     return GridFit(
-        *(part.reshape(-1, count)[back].ravel() for part in (found.misfit, found.contact, found.amplitude))
+        *(
+            part.reshape(-1, count)[back].ravel()
+            for part in (found.misfit, found.contact, found.amplitude, found.lowest)
+        )
     )
 
 
