@@ -6,6 +6,7 @@ points tell.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,12 +16,12 @@ from underlay.data.curve import Curve
 from underlay.inference.least_squares.frozen_noise import FrozenNoise
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.model.forward import Forward
+from underlay.inference.model.jacobian_batch import goes_together
 from underlay.inference.model.laws import LawStore
-from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.scene.noise import Noise
 
-__all__ = ["Blocks", "blocked_forward", "blocked_objective"]
+__all__ = ["Blocks", "blocked_forward", "blocked_objective", "power_law_objective"]
 
 _RTOL = 1e-3
 _BLOCKS = 32
@@ -68,29 +69,46 @@ class Blocks:
         return replace(self, force=f - spread * np.pad(half_curvature, away, mode="edge"))
 
 
-def blocked_objective(problem: Problem, *, robust: bool) -> Objective:
+def blocked_objective(
+    problem: Problem, *, robust: bool, forwards: Sequence[Forward] | None = None
+) -> Objective:
     """Take the curves in blocks: averages, whose optimum is nearly that of all points, or robust medians.
 
-    The noise is the scatter of the points about a smooth curve.
+    The noise is the scatter of the points about a smooth curve; `forwards` may stand for the curves' models.
     """
     members, noises, sigmas = [], [], []
-    for member in problem.members:
+    own = forwards or [member.forward for member in problem.members]
+    for member, forward in zip(problem.members, own, strict=True):
         blocks = Blocks.of(member.curve, _BLOCKS, averages=not robust)
         if not robust:
             blocks = blocks.straightened()
-        forward = blocked_forward(member, blocks, _RTOL)
-        members.append(replace(member, curve=Curve(blocks.depth, blocks.force), forward=forward))
+        coarse = blocked_forward(forward, blocks, _RTOL)
+        members.append(replace(member, curve=Curve(blocks.depth, blocks.force), forward=coarse))
         sigma = member.scatter * (len(blocks.force) / len(member.force)) ** 0.5
         noises.append(Noise(force=sigma))
         sigmas.append(np.full(len(blocks.force), sigma))
     return Objective(problem, FrozenNoise(tuple(noises), tuple(sigmas)), members=tuple(members))
 
 
-def blocked_forward(member: Member, blocks: Blocks, rtol: float) -> Forward:
-    """The curve's model at the depths of its blocks, with coarse laws of its own."""
-    laws = member.forward.laws
-    laws = replace(laws, solver=laws.solver.with_tolerance(rtol), store=LawStore())
-    return replace(member.forward.moved(blocks.depth, blocks.force), laws=laws)
+def power_law_objective(problem: Problem, *, robust: bool) -> Objective | None:
+    """The same by the laws of paraboloids; None where a curve has no use for them, or a tip's size is free."""
+    forwards = [
+        forward
+        for member in problem.members
+        if (forward := member.by_power_law) is not None
+        and not any(path.startswith("indenter.") for path in member.entries)
+        and goes_together(forward, member.base, tuple(member.entries))
+    ]
+    if len(forwards) < len(problem.members):
+        return None
+    return blocked_objective(problem, robust=robust, forwards=forwards)
+
+
+def blocked_forward(forward: Forward, blocks: Blocks, rtol: float) -> Forward:
+    """A curve's model at the depths of its blocks, with coarse laws of its own."""
+    laws = forward.laws
+    laws = replace(laws, solver=laws.solver.with_tolerance(rtol), store=LawStore(), rough=True)
+    return replace(forward.moved(blocks.depth, blocks.force), laws=laws)
 
 
 def _means(rows: FloatArray) -> FloatArray:

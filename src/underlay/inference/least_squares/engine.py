@@ -236,10 +236,10 @@ def _steps(
     """Steps (s, k), where entries that would leave their ends rest, and what each should gain (s,)."""
     gradient, normal = places.gradient, places.normal
     norms = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
-    inside = ((places.vector > low) | (gradient < 0.0)) & ((places.vector < high) | (gradient > 0.0))
+    low, high = low - places.vector, high - places.vector
+    inside = ((low < 0.0) | (gradient < 0.0)) & ((high > 0.0) | (gradient > 0.0))
     which = active & acting(norms) & inside
     step = _solved(gradient, normal, which, norms, damping)
-    low, high = low - places.vector, high - places.vector
     at, held, free = np.zeros_like(step), np.zeros_like(step), which.copy()
     while (beyond := free & ((step < low) | (step > high))).any():
         # What would leave its ends first stays there, and the others go to where they are best beside it. From

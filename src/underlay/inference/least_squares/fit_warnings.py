@@ -93,6 +93,8 @@ def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
 
 def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
     """One warning for each group of parameters that strong correlations link and that are known only together."""
+    if not (np.diag(covariance) > _BADLY_KNOWN**2).any():
+        return []
     deviation = np.sqrt(np.diag(covariance))
     product = np.outer(deviation, deviation)
     known = product > 0.0

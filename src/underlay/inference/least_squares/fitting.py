@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError
-from underlay.inference.least_squares.blocks import blocked_objective
+from underlay.inference.least_squares.blocks import blocked_objective, power_law_objective
 from underlay.inference.least_squares.candidates import candidates
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.judge import judge
@@ -186,15 +186,15 @@ def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatAr
         # Where the engine settled, lmfit moves nothing by 2e-3 of a standard error (tests/test_engine.py):
         # `Fit.lmfit` asks it when that is read, and nobody waits for what he does not read.
         # On a plateau there is more than one place to stop at: there it has the last word at once.
-        settled_there = best.success and not _on_a_plateau(best)
-        best = replace(best, minimiser=lmfit) if settled_there else confirmed(best, lmfit)
+        there = replace(best, minimiser=lmfit)
+        best = there if best.success and not _on_a_plateau(there) else confirmed(best, lmfit)
     return judge(best, others, seconds=time.perf_counter() - began, state=_stated)
 
 
 def _on_a_plateau(best: Optimum) -> bool:
     """Whether some parameter could change by its whole scale and the residuals would not tell."""
-    _, normal = best.objective.normals(best.vector)
-    return bool((np.diag(normal) < 1.0).any())
+    columns = best.jacobian[:, best.objective.active]
+    return bool((np.einsum("nk,nk->k", columns, columns) < 1.0).any())
 
 
 def _stated(found: Fit) -> Statements:
@@ -211,6 +211,11 @@ def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) ->
     if any(member.forward.history is not None or member.scene.adhesion for member in problem.members):
         # Blocks of neighbouring depths have no time, and no jump: every start is fitted to all points.
         return starts
+    by_power_laws = power_law_objective(problem, robust=robust)
+    if by_power_laws is not None:
+        starts = [entry.vector for entry in candidates(by_power_laws, starts)] or starts
+        if len(starts) == 1 and problem.n_points <= _FEW_POINTS and not robust:
+            return starts
     found = candidates(blocked_objective(problem, robust=robust), starts)
     # Robust fits of different scale do not compare by their losses: only the best is taken further.
     return [entry.vector for entry in (found[:1] if robust else found)] or starts

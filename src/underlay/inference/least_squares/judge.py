@@ -51,7 +51,7 @@ def judge(
     objective, vector = optimum.objective, optimum.vector
     problem = objective.problem
     physical = problem.physical(vector)
-    residuals, jacobian = objective.residuals(vector), objective.jacobian(vector)
+    residuals, jacobian = objective.residuals(vector), optimum.jacobian
     bounds_hit = _bounds_hit(problem, vector, objective.active)
     covariance, reasons = scaled_covariance(objective, jacobian, bounds_hit)
     covariance *= robust_inflation(residuals, optimum.loss_function)

@@ -13,49 +13,13 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.errors import InputError, RangeError
 from underlay.inference.model.forward import Forward
+from underlay.inference.model.tip_over_power_law import TipOverPowerLaw
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.indenters import Indenter
 
 __all__ = ["LawRows", "Rows"]
 
 #: Every number of a scene by path: one for all rows of a grid, or one each, (r,).
 Rows: TypeAlias = Mapping[str, float | FloatArray]
-
-
-@dataclass(frozen=True)
-class TipOverPowerLaw:
-    """What a tip changes on a half-space against its power law: nearly the same on any body.
-
-    Parameters
-    ----------
-    tip, power_law : Indenter
-        The two.
-    """
-
-    tip: Indenter
-    power_law: Indenter
-
-    def stiffness(self, depth: FloatArray) -> FloatArray:
-        """Ratio of the stiffnesses, which is that of the contact radii, at depths (m); one out of contact."""
-        ratio = np.ones_like(depth)
-        touching = depth > 0.0
-        w = depth[touching]
-        ratio[touching] = self.tip.halfspace_radius(w) / self.power_law.halfspace_radius(w)
-        return ratio
-
-    def force(self, depth: FloatArray) -> FloatArray:
-        """Ratio of the forces at depths (m); one out of contact."""
-        ratio = np.ones_like(depth)
-        touching = depth > 0.0
-        w = depth[touching]
-        ratio[touching] = _halfspace_force(self.tip, w) / _halfspace_force(self.power_law, w)
-        return ratio
-
-
-def _halfspace_force(tip: Indenter, depth: FloatArray) -> FloatArray:
-    """P/(4 theta) (m^2) on a half-space."""
-    radius = tip.halfspace_radius(depth)
-    return depth * radius - tip.abel_moments(radius)[0]
 
 
 @dataclass(frozen=True)
@@ -70,19 +34,19 @@ class LawRows:
         Which rows have a law.
     shared : list of (slice, law)
         The rows that one law serves, in order.
-    tip : TipOverPowerLaw, optional
-        What a tip changes, where the laws are those of its power law.
+    over : TipOverPowerLaw, optional
+        The tip, where the laws are those of its power law.
     """
 
     b: FloatArray
     c: FloatArray
     possible: NDArray[np.bool_]
     shared: list[tuple[slice, ContactLaw]]
-    tip: TipOverPowerLaw | None = None
+    over: TipOverPowerLaw | None = None
 
     @classmethod
-    def of(cls, forward: Forward, rows: Rows, deepest: float, tip: Indenter | None = None) -> Self:
-        """Find or build the laws for tip depths up to `deepest` (m), seen through `tip` where that is given."""
+    def of(cls, forward: Forward, rows: Rows, deepest: float) -> Self:
+        """Find or build the laws for tip depths up to `deepest` (m)."""
         similarity = forward.similarity
         count = max(np.size(value) for value in rows.values())
         # `factors` and `reduced` divide and multiply: arrays go through them as numbers do.
@@ -101,8 +65,7 @@ class LawRows:
             law, possible[part] = _reaching(forward, key, depths[part])
             if law is not None:
                 shared.append((part, law))
-        over = None if tip is None else TipOverPowerLaw(tip, forward.similarity.scene.indenter)
-        return cls(b[:, None, None], c[:, None, None], possible, shared, over)
+        return cls(b[:, None, None], c[:, None, None], possible, shared, forward.over)
 
     def part(self, rows: slice) -> LawRows:
         """Some of the rows."""
@@ -112,32 +75,30 @@ class LawRows:
             for part, law in self.shared
             if part.start < stop and part.stop > start
         ]
-        return LawRows(self.b[rows], self.c[rows], self.possible[rows], shared, self.tip)
+        return LawRows(self.b[rows], self.c[rows], self.possible[rows], shared, self.over)
 
     def force(self, depth: FloatArray) -> FloatArray:
         """P (N), (r, c, n), at tip depths (m) of that shape or (1, c, n); zero where there is no law."""
-        force = self._asked("force", depth) * self.c
-        return force if self.tip is None else force * self.tip.force(depth)
+        if self.over is None:
+            return self._force(depth) * self.c
+        asked, ratio = self.over.seen(depth)
+        return self._force(asked) * (ratio * self.c)
 
-    def stiffness(self, depth: FloatArray) -> FloatArray:
-        """dP/dw (N/m), as `force`."""
-        stiffness = self._asked("stiffness", depth) * (self.b * self.c)
-        return stiffness if self.tip is None else stiffness * self.tip.stiffness(depth)
-
-    def _asked(self, what: str, depth: FloatArray) -> FloatArray:
-        w = self.b * depth
-        if not self.possible.all():
+    def _force(self, depth: FloatArray) -> FloatArray:
+        """That of the reference."""
+        w, all_possible = self.b * depth, self.possible.all()
+        if not all_possible:
             w *= self.possible[:, None, None]
         counts = {part.stop - part.start for part, _ in self.shared}
-        if len(self.shared) > 1 and len(counts) == 1 and self.possible.all():
+        if len(self.shared) > 1 and len(counts) == 1 and all_possible:
             # All laws in one call: the calls, not their arithmetic, are what so few numbers cost.
             laws = [law for _, law in self.shared]
-            together = laws[0].side_by_side(laws, what, w.reshape(len(laws), -1))
+            together = laws[0].side_by_side(laws, "force", w.reshape(len(laws), -1))
             if together is not None:
                 return together.reshape(w.shape)
         result = np.zeros_like(w)
         for part, law in self.shared:
-            result[part] = getattr(law, what)(w[part])
+            result[part] = law.force(w[part])
         return result
 
 

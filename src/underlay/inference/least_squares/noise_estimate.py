@@ -74,8 +74,10 @@ def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
     if problem.noise_entries:
         linear = [member.jacobian(physical) for member in problem.members]
         vector = most_likely(problem, vector, sorted(problem.noise_entries), linear)
-    noises = problem.noises(vector)
-    if any(member.scale_is_unknown for member in problem.members):
+    noises, sized = problem.noises(vector), any(member.scale_is_unknown for member in problem.members)
+    if not (problem.noise_entries or sized or any(noise.follows_force for noise in noises)):
+        return Renewal(vector, objective.noise, settled=True)
+    if sized:
         sizes = _sizes(objective, vector, robust=robust)
         noises = tuple(
             noise.of_size(size) if member.scale_is_unknown else noise

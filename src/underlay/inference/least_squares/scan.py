@@ -34,11 +34,9 @@ from underlay.inference.least_squares.scan_values import (
     tried_contacts,
     tried_thicknesses,
 )
-from underlay.inference.model.forward import Forward
-from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
-from underlay.mechanics.indenters import FlatPunch, Paraboloid, Sphere
+from underlay.mechanics.indenters import FlatPunch
 from underlay.scene.scene import Scene
 
 __all__ = ["Landscape", "scan"]
@@ -110,12 +108,11 @@ class Landscape:
     def minima(self, count: int) -> list[tuple[int, int]]:
         """At most `count` local minima, best first, and places thinner and thicker than the best."""
         total = self.misfit
+        around = np.full((total.shape[0] + 2, total.shape[1] + 2), np.inf)
+        around[1:-1, 1:-1] = total
         minima = np.isfinite(total)
-        for axis in (0, 1):
-            beyond = np.full_like(np.take(total, [0], axis), np.inf)
-            padded = np.concatenate((beyond, total, beyond), axis)
-            before, after = np.delete(padded, [-1, -2], axis), np.delete(padded, [0, 1], axis)
-            minima &= (total <= before) & (total <= after)
+        for neighbour in (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:]):
+            minima &= total <= neighbour
         # The thin end of the grid is a minimum only if it is the lowest: else the curve is only falling there.
         if len(total) > 1:
             minima[0] &= total[0] == total.min()
@@ -176,18 +173,12 @@ def _vector(
 def _scanned(member: Member, problem: Problem) -> ScanCurve:
     blocks = Blocks.of(member.curve, _BLOCKS)
     free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
-    forward, tip = blocked_forward(member, blocks, _SCAN_RTOL), None
-    if isinstance(member.scene.indenter, Sphere) and forward.laws.tips is not None:
-        # Laws of its paraboloid, with the sphere's share on a half-space: enough to tell one start from another.
-        tip = member.scene.indenter
-        rounded = replace(member.scene, indenter=Paraboloid(tip.radius))
-        solver = forward.laws.solver
-        forward = Forward.compile(rounded, blocks.depth, tuple(member.entries), solver, LawStore())
+    forward = blocked_forward(member.by_power_law or member.forward, blocks, _SCAN_RTOL)
     # What the grid does not try stays where it is: laws that would vary with it are those of a table here.
     tried = [path for path in free if path in _TRIED]
     forward = replace(forward, laws=replace(forward.laws.varying(tried), scattered=True))
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
-    return ScanCurve(forward, blocks, free, tried_contacts(free, blocks, member.base[CONTACT]), scales, tip)
+    return ScanCurve(forward, blocks, free, tried_contacts(free, blocks, member.base[CONTACT]), scales)
 
 
 def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[float, float]) -> _Grid:
@@ -242,7 +233,10 @@ def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: Floa
         found = curve.refined(rows, laws, found)
     back = np.argsort(order)
     return GridFit(
-        *(part.reshape(-1, count)[back].ravel() for part in (found.misfit, found.contact, found.amplitude))
+        *(
+            part.reshape(-1, count)[back].ravel()
+            for part in (found.misfit, found.contact, found.amplitude, found.lowest)
+        )
     )
 
 

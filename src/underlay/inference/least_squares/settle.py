@@ -53,6 +53,11 @@ class Optimum:
         return None if self.minimiser is None else self.minimiser.loss
 
     @cached_property
+    def jacobian(self) -> FloatArray:
+        """Derivatives of the residuals there, (n + priors, k)."""
+        return self.objective.jacobian(self.vector)
+
+    @cached_property
     def loss(self) -> float:
         """Minus twice the log-likelihood."""
         return self.objective.loss(self.vector)
@@ -88,7 +93,9 @@ def _searched(objective: Objective, start: FloatArray, robust: Minimiser | None)
     found: Minimum | None = minimise(objective, start)
     if found is None:
         return Optimum(objective, start, success=False, message="no contact law beside the start")
-    return Optimum(objective, found.vector, found.success, found.message)
+    # The last step was not asked for its law, and may lead to where there is none.
+    vector = found.vector if objective.exists(found.vector) else found.point.vector
+    return Optimum(objective, vector, found.success, found.message)
 
 
 def confirmed(optimum: Optimum, lmfit: Minimiser) -> Optimum:

@@ -17,6 +17,7 @@ from underlay.inference.model.law_slopes import LawSlopes, force_scale
 from underlay.inference.model.laws import LawSource, LawStore
 from underlay.inference.model.left_out_laws import LeftOutLaws
 from underlay.inference.model.similarity import Similarity, compile_similarity
+from underlay.inference.model.tip_over_power_law import TipOverPowerLaw
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.response import Elastic, History, Remembered, Response, checked_times
 from underlay.mechanics.scaled_law import ScaledLaw
@@ -59,6 +60,8 @@ class Forward:
         What was taken off the depth readings for the bending of a lever (m), (n,).
     left_out : LeftOutLaws or None
         What the law leaves out, where its sizes are numbers of the scene.
+    over : TipOverPowerLaw or None
+        The tip, where the laws are those of its power law: to search with, and for `jacobian` alone.
     """
 
     similarity: Similarity
@@ -68,6 +71,7 @@ class Forward:
     time: FloatArray | None = None
     bending: FloatArray | None = None
     left_out: LeftOutLaws | None = None
+    over: TipOverPowerLaw | None = None
 
     @classmethod
     def compile(
@@ -188,7 +192,7 @@ class Forward:
         deepest = self._deepest(chain, values)
         law = self.law(values, deepest)
         w = chain.tip_depth(law, self.depth_at(values))
-        P, S = law.force_and_stiffness(w)
+        P, S = self._force_and_stiffness(law, w)
         columns = chain.offset_slopes(self.depth)
         slopes = LawSlopes(self.similarity, self.laws, values, law, deepest, w, P, S, rough)
         if self.history is not None:
@@ -212,6 +216,13 @@ class Forward:
             rows[row] = columns[path]
         return reading, rows.T
 
+    def _force_and_stiffness(self, law: ContactLaw, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        if self.over is None:
+            return law.force_and_stiffness(w)
+        asked, ratio = self.over.seen(w)
+        P, S = law.force_and_stiffness(asked)
+        return ratio * P, self.over.stiffness(asked, ratio, P, S)
+
     def _remembered(self, law: Response, history: History, values: Mapping[str, float]) -> Remembered:
         """The law seen through the history with the numbers of `values`."""
         own = {path: value for path, value in values.items() if self._remembers(path)}
@@ -225,7 +236,7 @@ class Forward:
         """dP/dp (n,) at fixed depth of the tip."""
         if self.left_out is not None:
             return self.left_out.slope(self, path, slopes.values, slopes.deepest, slopes.w)
-        return slopes.of(path)
+        return slopes.of(path) if self.over is None else self.over.slope(path, slopes)
 
     def _through_history(
         self, history: History, slopes: LawSlopes, paths: Sequence[str], columns: dict[str, FloatArray]

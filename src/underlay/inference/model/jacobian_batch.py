@@ -76,19 +76,25 @@ def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequen
     if not goes_together(forward, values, paths):
         return None
     asked = ParameterSets(forward, values, sets)
+    over, ratio = forward.over, np.ones(())
+    if over is not None:
+        asked.tip, ratio = over.seen(asked.tip)
     laws = _laws(asked)
     if laws is None:
         return None
+    stiffness = (
+        laws.stiffness if over is None else over.stiffness(asked.tip, ratio, laws.force, laws.stiffness)
+    )
     offsets = asked.chain.offset_slopes(forward.depth)
     columns = np.empty((sets, len(paths), laws.force.shape[-1]))
     for row, path in enumerate(paths):
         if path in offsets:
             columns[:, row] = offsets[path]
         elif path == ContactDepth.path:
-            np.negative(laws.stiffness, out=columns[:, row])
+            np.negative(stiffness, out=columns[:, row])
         else:
-            columns[:, row] = _slope(asked, path, laws)
-    return Jacobians(asked.instrument_force(laws.force), columns, laws.possible)
+            columns[:, row] = ratio * _slope(asked, path, laws)
+    return Jacobians(asked.instrument_force(ratio * laws.force), columns, laws.possible)
 
 
 def _laws(asked: ParameterSets) -> _Laws | None:

@@ -107,6 +107,9 @@ class LawSource:
         Paths of the ratios in which its laws say their own derivatives (`Contact.beside`).
     scattered : bool
         Whether it is asked for ratios far apart, as a grid holds them: each is solved for itself.
+    rough : bool
+        Whether sets of unlike depths share the law of the deepest: what one says then depends on the others,
+        by less than the law's own error.
     """
 
     similarity: Similarity
@@ -118,6 +121,7 @@ class LawSource:
     tips: OneRatio | None = None
     beside: tuple[str, ...] = ()
     scattered: bool = False
+    rough: bool = False
 
     @classmethod
     def of(
@@ -218,7 +222,7 @@ class LawSource:
 
     def spans(self, depth: FloatArray) -> FloatArray:
         """Numbers of the ranges that depths (m), (sets,), belong to: those of one range share a law."""
-        return self.solver.ranges(self.contact, depth)
+        return np.zeros(depth.shape) if self.rough else self.solver.ranges(self.contact, depth)
 
     def _from_table(self, table: OneRatio, reduced: tuple[float, ...], depth: float) -> ContactLaw | None:
         """Law read off a table, to the end of the table's range; None where there is none."""

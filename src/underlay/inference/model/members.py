@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,9 +12,12 @@ from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.inference.model.forward import Forward, Reading
 from underlay.inference.model.forward_batch import Readings, batched_readings
+from underlay.inference.model.laws import LawStore
 from underlay.inference.model.noise_start import scatter
 from underlay.inference.model.parameter_sets import Values
+from underlay.inference.model.tip_over_power_law import TipOverPowerLaw
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
@@ -63,6 +66,23 @@ class Member:
     def scale_is_unknown(self) -> bool:
         """Whether the size of the noise is neither given nor a parameter."""
         return self.noise.at(dict.fromkeys(self.noise_entries, 1.0)).size_is_unknown
+
+    @cached_property
+    def by_power_law(self) -> Forward | None:
+        """The model by the laws of a sphere's paraboloid, to search with; None where they are no less work."""
+        tip, laws = self.scene.indenter, self.forward.laws
+        if not isinstance(tip, Sphere) or laws.tips is None:
+            return None
+        rounded = Paraboloid(tip.radius)
+        forward = Forward.compile(
+            replace(self.scene, indenter=rounded),
+            self.curve.depth,
+            tuple(self.entries),
+            laws.solver,
+            LawStore(),
+            force=self.force,
+        )
+        return replace(forward, over=TipOverPowerLaw(tip, rounded))
 
     def values_at(self, physical: FloatArray) -> dict[str, float]:
         """Every number of the scene (SI) at a physical vector (k,)."""
