@@ -88,7 +88,9 @@ def _searched(objective: Objective, start: FloatArray, robust: Minimiser | None)
     found: Minimum | None = minimise(objective, start)
     if found is None:
         return Optimum(objective, start, success=False, message="no contact law beside the start")
-    return Optimum(objective, found.vector, found.success, found.message)
+    # The last step is the linear model's, and may end beyond the laws. What is asked here is asked next anyway.
+    vector = found.vector if objective.exists(found.vector) else found.point.vector
+    return Optimum(objective, vector, found.success, found.message)
 
 
 def confirmed(optimum: Optimum, lmfit: Minimiser) -> Optimum:
