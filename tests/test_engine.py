@@ -8,6 +8,7 @@ import pytest
 
 import underlay as ul
 from support.inverse import ambiguous, exact_curve, layer_on, measured, problem
+from underlay.inference.least_squares import settle as settling
 from underlay.inference.least_squares.engine import Search, minimise
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.least_squares.frozen_noise import freeze
@@ -161,6 +162,14 @@ def test_bounds_hold_every_place_that_is_asked_for():
     # The exponential of a bound's logarithm is the bound to rounding.
     slack = 1e-12 * (high - low)
     assert all(((x >= low - slack) & (x <= high + slack)).all() for x in asked)
+
+
+def test_a_last_step_beyond_the_laws_is_not_taken(monkeypatch):
+    given = posed("rigid")
+    found = minimise(Objective(given, freeze(given, given.start, given.noises(given.start))), given.start)
+    beyond = found.vector - np.array([0.0, 5.0, 0.0])  # a/h above 20
+    monkeypatch.setattr(settling, "minimise", lambda *_: replace(found, vector=beyond))
+    assert np.array_equal(settling.settle(given, given.start).vector, found.point.vector)
 
 
 def test_what_is_held_stays():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from underlay.data.synthetic import synthesize
+from underlay.errors import RangeError
 from underlay.inference.least_squares import fit
 from underlay.inference.least_squares.blocks import power_law_objective
 from underlay.inference.model.tip_over_power_law import TipOverPowerLaw
@@ -63,16 +64,30 @@ def test_a_sphere_off_the_tables_errs_by_less_than_it_says(rtol, ratio, nu):
 
 
 @pytest.mark.parametrize("ratio", [None, 1e4])
-@pytest.mark.parametrize("width", [8.0, 10.0])
-def test_contacts_many_thicknesses_wide_are_off_the_tables_too(width, ratio):
-    # Where a thin layer is walked to: laws of 1e-4 of the force, a/h up to 15.
-    tip = Sphere(80.0)
+@pytest.mark.parametrize(("width", "rtol"), [(10.0, 1e-4), (13.0, 1e-6)])
+def test_contacts_many_thicknesses_wide_are_off_the_tables_too(width, rtol, ratio):
+    # Where a thin layer is walked to; a/h is half as much again, and ends at 20.
+    tip = Sphere(40.0)
     depth = float(tip.abel(np.array(width)))
-    law = tabulated(tip, ratio, depth, 1e-4, 0.3)
+    law = tabulated(tip, ratio, depth, rtol, 0.3)
     assert law is not None
-    assert law.error_estimate <= 1e-4
+    assert law.error_estimate <= rtol
     reference = exact_law(contact(tip, ratio, 0.3), depth, 1e-7)
     assert largest_error(law, reference, depth) <= law.error_estimate + reference.error_estimate
+
+
+@pytest.mark.parametrize("ratio", [None, 1e4])
+def test_where_the_contact_is_too_wide_the_tables_say_so_as_the_law_does(ratio):
+    tip, deep = Sphere(80.0), 40.0
+    refusal = tabulated(tip, ratio, deep, 1e-6, 0.3)
+    assert isinstance(refusal, RangeError)
+    with pytest.raises(RangeError, match="20 thicknesses") as told:
+        exact_law(contact(tip, ratio, 0.3), deep, 1e-6)
+    assert "20 thicknesses" in str(refusal)
+    assert 0.97 * told.value.max_depth < refusal.max_depth < told.value.max_depth
+    # Nothing is refused that there is.
+    law = tabulated(tip, ratio, 1.005 * refusal.max_depth, 1e-6, 0.3)
+    assert not isinstance(law, RangeError)
 
 
 def test_where_the_tables_do_not_reach_there_is_no_law_rather_than_a_wrong_one():

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from underlay._arrays import FloatArray, finite
-from underlay.errors import InputError
+from underlay.errors import InputError, RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.curve_family import range_numbers
@@ -96,7 +96,7 @@ class _ToTolerance(Solver):
         family: Family,
         ratios: Sequence[float] | None,
         depths: Sequence[float],
-    ) -> Sequence[ContactLaw | None]:
+    ) -> Sequence[ContactLaw | RangeError | None]:
         """See `tip_laws`."""
         return tip_laws(contacts, family, ratios, depths, self.rtol)
 

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from underlay._arrays import FloatArray, finite
-from underlay.errors import InputError, LawError, UnderlayError
+from underlay.errors import InputError, LawError, RangeError, UnderlayError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.depth_doubt import DeeperThanLayer
@@ -165,10 +165,11 @@ class Solver(ABC):
         family: Family,
         ratios: Sequence[float] | None,
         depths: Sequence[float],
-    ) -> Sequence[ContactLaw | None]:
-        """Laws of such contacts, each for its depth (m) and to the end of its range; None: there is none.
+    ) -> Sequence[ContactLaw | RangeError | None]:
+        """Laws of such contacts, each for its depth (m) and to the end of its range.
 
-        `ratios` tells which body stands in place of each contact's own; None where there is one alone.
+        Or why there is no law so deep; None: there is no table. `ratios` tells which body stands in place of each
+        contact's own; None where there is one alone.
         """
         del family, ratios, depths
         return [None] * len(contacts)

@@ -33,6 +33,9 @@ _STENCIL_RTOL = 1e-6
 # Kernels are known to 1e-14: their difference over this step is the derivative to 1e-7.
 _KERNEL_STEP = 1e-6
 
+# The largest depth that a message quotes may be rounded up.
+_A_HAIR_LESS = 1.0 - 1e-6
+
 _NOT_TABULATED = RangeError("no table has this law")
 
 
@@ -168,11 +171,14 @@ class LawSource:
         """
         law = None if self.table is None else self._from_table(self.table, reduced, depth)
         if law is None and self.tips is not None and depth > 0.0:
-            law = self._of_tips(self.tips, [reduced], [depth])[0]
+            said = self._of_tips(self.tips, [reduced], [depth])[0]
+            if isinstance(said, RangeError):
+                raise said
+            law = said
         return law if law is not None else self._solved(reduced, depth)
 
     def is_tabulated(self, reduced: tuple[float, ...], depth: float) -> bool:
-        """Whether the law with these ratios for depths up to `depth` (m) is read off a table."""
+        """Whether a table says the law with these ratios for depths up to `depth` (m), or that there is none."""
         if self.table is not None:
             return self._from_table(self.table, reduced, depth) is not None
         if self.tips is None or not depth > 0.0:
@@ -188,7 +194,7 @@ class LawSource:
         if self.tips is not None and len(rows) > 1:
             several = self._of_tips(self.tips, [reduced[row] for row in rows], [depths[row] for row in rows])
             for row, law in zip(rows, several, strict=True):
-                found[row] = law
+                found[row] = law if isinstance(law, ContactLaw) else None
         return found
 
     def for_statements(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
@@ -242,10 +248,13 @@ class LawSource:
 
     def _of_tips(
         self, tips: OneRatio, reduced: Sequence[tuple[float, ...]], depths: Sequence[float]
-    ) -> list[ContactLaw | None]:
-        """Laws read off the tables of the flat punch, to the end of their range; None where there is none."""
+    ) -> list[ContactLaw | RangeError | None]:
+        """Laws read off the tables of the flat punch, to the end of their range, or why there are none so deep.
+
+        None where there is no table.
+        """
         similarity = self.similarity
-        found: list[ContactLaw | None] = [None] * len(reduced)
+        found: list[ContactLaw | RangeError | None] = [None] * len(reduced)
         keys, contacts, values = [], [], []
         for ratios, depth in zip(reduced, depths, strict=True):
             numbers = dict(zip(similarity.ratio_paths, ratios, strict=True))
@@ -257,9 +266,9 @@ class LawSource:
         missing = []
         for row, key in enumerate(keys):
             kept = self.store.get(key)
-            if kept is None:
+            if kept is None or (isinstance(kept, RangeError) and depths[row] <= (kept.max_depth or 0.0)):
                 missing.append(row)
-            elif isinstance(kept, ContactLaw):
+            elif kept is not _NOT_TABULATED:
                 found[row] = kept
         if missing and tips.family is not None:
             built = self.solver.tabulated_tips(
@@ -293,14 +302,16 @@ class LawSource:
         law = self.store.get(key)
         if law is None:
             law = self.store.keep(key, self._build(reduced, float(np.exp2(octave))))
+        if isinstance(law, RangeError) and law.max_depth and depth <= (end := law.max_depth * _A_HAIR_LESS):
+            law = self.store.keep(key, self._build(reduced, end))
         if isinstance(law, RangeError):
-            raise law
+            raise self._refusal(key, reduced, depth, law) if law.max_depth else law
         if depth > law.max_depth:
             raise self._refusal(key, reduced, depth, law)
         return law
 
     def _refusal(
-        self, key: tuple[object, ...], reduced: tuple[float, ...], depth: float, law: ContactLaw
+        self, key: tuple[object, ...], reduced: tuple[float, ...], depth: float, law: ContactLaw | RangeError
     ) -> RangeError:
         """Why a law ends before `depth` (m), in the words of its solver; asked once for each law."""
         if key not in self.store.refusals:
@@ -317,16 +328,12 @@ class LawSource:
         return similarity.scene.with_values(dict(zip(similarity.ratio_paths, reduced, strict=True)))
 
     def _build(self, reduced: tuple[float, ...], depth: float) -> ContactLaw | RangeError:
-        """Law up to `depth` (m), or as deep as it reaches; the refusal itself where it reaches nowhere."""
+        """Law up to `depth` (m), or why it does not reach so deep."""
         scene = self._scene(reduced)
-        beside = self._bodies_beside(scene, reduced)
         try:
-            return quiet_law(scene, self.solver, depth, beside)
+            return quiet_law(scene, self.solver, depth, self._bodies_beside(scene, reduced))
         except RangeError as error:
-            if not error.max_depth:
-                return error
-            # A hair less: the depth a message quotes may be rounded up.
-            return quiet_law(scene, self.solver, error.max_depth * (1.0 - 1e-6), beside)
+            return error
 
     def _bodies_beside(self, scene: Scene, reduced: tuple[float, ...]) -> tuple[Beside, ...]:
         """Bodies a step away in each of the ratios `beside`; none where one of them does not exist."""

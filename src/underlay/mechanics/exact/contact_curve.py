@@ -25,7 +25,7 @@ from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.indenters import abel_factor
 from underlay.mechanics.kernel import Scales
 
-__all__ = ["SHARE_OF_NODES", "RadiusGuess", "SolvedCurve", "solve_curve"]
+__all__ = ["SHARE_OF_NODES", "RadiusGuess", "SolvedCurve", "solve_curve", "too_wide"]
 
 # The node counts of `exact_nodes` keep their share of the error, measured: a tenth of rtol where the fit is
 # tightest, three tenths claimed.
@@ -224,14 +224,20 @@ def _check_reach(problem: ContactProblem, top: float, rtol: float) -> None:
     if last >= top:
         return
     asked, deepest = problem.measure.abel(np.array([top, last]) * problem.thickness).tolist()
-    if problem.indenter.max_radius < LARGEST_EPS * problem.thickness:
-        why = "there the contact reaches the end of the indenter's shape; use a larger radius or less depth"
-    else:
-        why = (
-            f"there the contact radius is {LARGEST_EPS:g} thicknesses; use less depth or, for contacts wider "
-            "still, the half-space law of the substrate"
-        )
-    raise RangeError(
-        f"depth {asked:.6g} m is beyond the largest that works here, {deepest:.6g} m: {why}",
-        max_depth=deepest,
+    if problem.indenter.max_radius >= LARGEST_EPS * problem.thickness:
+        raise too_wide(asked, deepest)
+    why = "there the contact reaches the end of the indenter's shape; use a larger radius or less depth"
+    raise RangeError(_beyond(asked, deepest, why), max_depth=deepest)
+
+
+def too_wide(asked: float, deepest: float) -> RangeError:
+    """Why there is no law at a depth `asked` (m), where the widest contact is that at the depth `deepest` (m)."""
+    why = (
+        f"there the contact radius is {LARGEST_EPS:g} thicknesses; use less depth or, for contacts wider still, "
+        "the half-space law of the substrate"
     )
+    return RangeError(_beyond(asked, deepest, why), max_depth=deepest)
+
+
+def _beyond(asked: float, deepest: float, why: str) -> str:
+    return f"depth {asked:.6g} m is beyond the largest that works here, {deepest:.6g} m: {why}"

@@ -27,6 +27,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 
 __all__ = [
+    "MOST_IN_POWERS",
     "MOST_TERMS",
     "Factor",
     "MasterCurve",
@@ -128,11 +129,14 @@ def _monomial_table(count: int) -> FloatArray:
 # Powers of z lose (1 + sqrt 2)^n / rho^n of relative accuracy against Chebyshev polynomials, rho > 1.8 the
 # rate at which a piece's coefficients fall: below 1e-12 for 24 terms, and far below with the usual rho > 3.
 MOST_TERMS = 24
-_MONOMIALS = _monomial_table(MOST_TERMS)
+#: Most terms that are told in powers at all. The widest contacts of spheres take so many at 1e-6, where rho is 1.7
+#: and 1e-9 is lost.
+MOST_IN_POWERS = 40
+_MONOMIALS = _monomial_table(MOST_IN_POWERS)
 
 
 def monomials(count: int) -> FloatArray:
-    """Coefficients (count, count) of T_0 ... T_(count - 1), one a row, in powers; at most `MOST_TERMS`."""
+    """Coefficients (count, count) of T_0 ... T_(count - 1), one a row, in powers; at most `MOST_IN_POWERS`."""
     return _MONOMIALS[:count, :count]
 
 

@@ -13,6 +13,7 @@ Cells and store are those of `curve_family`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,7 @@ from underlay.mechanics.exact.master_curve import (
     truncation_error,
 )
 from underlay.mechanics.exact.nodes import Resolution, series_terms
-from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
+from underlay.mechanics.exact.punch_solution import PunchSolution, cosines, proved_resolution
 from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.kernel import Family
 
@@ -138,25 +139,27 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
     ]
     middle = bodies[ratios // 2].scales
     # The ends need the most nodes: either may.
-    resolution = max(
+    hardest, resolution = max(
         (
-            proved_resolution(body, cell.top, _SHARE_OF_SOLUTION * cell.rtol)
-            for body in (bodies[0], bodies[-1])
+            (number, proved_resolution(bodies[number], cell.top, _SHARE_OF_SOLUTION * cell.rtol))
+            for number in (0, -1)
         ),
-        key=lambda nodes: (nodes.radial, nodes.wavenumbers),
+        key=lambda end: (end[1].radial, end[1].wavenumbers),
     )
     stretch = Stretch.to(cell.top, middle.softness)
     radii = max(series_terms(middle, cell.top, share), _FEWEST_RADII)
     while True:
         eps_angles = chebyshev_angles(radii)
         eps = stretch.v(np.cos(eps_angles))
-        values = np.stack(
-            [_told(body_punch) for body_punch in (PunchSolution.solve(b, eps, resolution) for b in bodies)]
-        )
-        by_radius = np.stack([chebyshev_coefficients(own, eps_angles) for own in values])
-        if truncation_error(np.moveaxis(by_radius, 1, 0).reshape(radii, -1)) <= _SHARE_OF_RADIUS * share:
-            break
-        radii += radii // 2
+        solved = partial(PunchSolution.solve, eps=eps, resolution=resolution, waves=cosines(eps, resolution))
+        # One body tells whether these radii are enough before all are solved for.
+        first = chebyshev_coefficients(_told(solved(bodies[hardest])), eps_angles)
+        if truncation_error(first) <= _SHARE_OF_RADIUS * share:
+            values = np.stack([_told(solved(body)) for body in bodies])
+            by_radius = np.stack([chebyshev_coefficients(own, eps_angles) for own in values])
+            if truncation_error(np.moveaxis(by_radius, 1, 0).reshape(radii, -1)) <= _SHARE_OF_RADIUS * share:
+                break
+        radii += radii // 4
         if radii > _MOST_RADII:
             return None
     table = by_radius

@@ -34,7 +34,7 @@ from underlay.mechanics.exact.gauss import EvenRule, even_rule
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.kernel import Kernel
 
-__all__ = ["PunchSolution", "proved_resolution"]
+__all__ = ["PunchSolution", "cosines", "proved_resolution"]
 
 # What a doubling may still change, of the relative error asked for; radii, over the largest, at which it is
 # watched; and no more doublings than this: 64 times the nodes.
@@ -72,13 +72,22 @@ class PunchSolution:
 
     @classmethod
     def solve(
-        cls, body: Kernel, eps: FloatArray, resolution: Resolution, shape_weights: FloatArray | None = None
+        cls,
+        body: Kernel,
+        eps: FloatArray,
+        resolution: Resolution,
+        shape_weights: FloatArray | None = None,
+        waves: FloatArray | None = None,
     ) -> Self:
-        """Solve for all `eps` in one batch; for a shape, as `depth_and_force` takes it, with `in_kernel`."""
+        """Solve for all `eps` in one batch; for a shape, as `depth_and_force` takes it, with `in_kernel`.
+
+        `waves` are the `cosines` of these radii and nodes, where several bodies are solved for.
+        """
         rule = even_rule(resolution.radial)
         u, weights = resolution.wavenumber_rule()
         count = resolution.radial
-        waves = np.cos(np.multiply.outer(np.multiply.outer(eps, rule.with_edge), u))
+        if waves is None:
+            waves = cosines(eps, resolution)
         strength = (2.0 / np.pi) * weights * body.values(u)
         kernel = (waves * np.multiply.outer(eps, strength)[:, None, :]) @ waves.transpose(0, 2, 1)
         matrix = kernel[:, :count, :count] * -rule.weights
@@ -116,6 +125,12 @@ class PunchSolution:
             g_shape = (self.g * shape_weights).sum(axis=-1)
         depth = (1.0 + rho_shape) / edge
         return depth, depth * self.kappa - g_shape
+
+
+def cosines(eps: FloatArray, resolution: Resolution) -> FloatArray:
+    """cos(eps x u), (radii, nodes and edge, wavenumbers): two thirds of a solution's time, the same on any body."""
+    nodes = np.multiply.outer(eps, even_rule(resolution.radial).with_edge)
+    return np.asarray(np.cos(np.multiply.outer(nodes, resolution.wavenumber_rule()[0])))
 
 
 def _transform(weighted: FloatArray, waves: FloatArray) -> FloatArray:

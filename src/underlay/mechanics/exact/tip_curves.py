@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from underlay.mechanics.exact.contact_problem import (
 from underlay.mechanics.exact.curve_batch import CurveBatch, curves_through
 from underlay.mechanics.exact.curve_family import Cell, curve_family, range_end, range_number, ratio_span
 from underlay.mechanics.exact.master_curve import (
-    MOST_TERMS,
+    MOST_IN_POWERS,
     Factor,
     Stretch,
     chebyshev_angles,
@@ -42,13 +43,16 @@ from underlay.mechanics.kernel import Family, Scales
 
 __all__ = ["TipContacts", "TipCurves", "tip_curves"]
 
-# No further than this share of the end of the shape, or of what is solved for: there the solution of each contact
-# knows better.
-_SHARE_OF_SHAPE = 0.97
+# No further than this share of the end of the shape: there the solution of each contact knows better; and nearly
+# to where nothing is solved for.
+_SHARE_OF_SHAPE, _SHARE_OF_EPS = 0.97, 0.995
 _PLACED = 1e-2  # the radii are placed as well as this
 # The radii are placed this much wider than the power law would have them: too near a curve would end too soon.
 _WIDER = 1.03
 _MORE_TERMS = 4  # where an estimate says that a curve is too coarse
+# A sphere's contact ten thicknesses wide takes 28 at 1e-6; beside a solution of its own they cost next to nothing.
+_MOST_TERMS = MOST_IN_POWERS
+_RANGES_BELOW = 5
 
 
 class TipContacts(NamedTuple):
@@ -101,15 +105,15 @@ def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves
     Where the range of a contact goes beyond the shape its curve ends there.
     """
     rows, terms = np.arange(asked.top.size), 0
-    while rows.size and terms <= MOST_TERMS:
+    while rows.size and terms <= _MOST_TERMS:
         part = asked.part(rows)
         placing = _placing(part, depth_measure(asked.tip).exponent)
         if placing is None:
             return
         end, tighter = range_end(asked.octave), asked.rtol / UNEVEN
         count = max(terms, curve_terms(placing.scales, end, placing.exponent, tighter))
-        tops, eps = _within_shape(part, placing, min(count, MOST_TERMS))
-        part, terms = part._replace(top=tops), eps.shape[1] + _MORE_TERMS
+        eps = _within_shape(part, placing, min(count, _MOST_TERMS))
+        terms = eps.shape[1] + _MORE_TERMS
         numbers = np.array([range_number(last) for last in eps[:, -1].tolist()])
         coarse = np.zeros(rows.size, dtype=bool)
         for number in np.unique(numbers[eps[:, -1] <= LARGEST_EPS]).tolist():
@@ -145,17 +149,19 @@ class _Placing(NamedTuple):
         return table
 
 
-def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> tuple[FloatArray, FloatArray]:
-    """Ends of curves in varpi (sets,), of their range, the shape or what is solved for; a/h (sets, count) there."""
+def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> FloatArray:
+    """Radii a/h (sets, count) of curves up to the end of their range, of the shape or of what is solved for."""
     tops = asked.top.copy()
-    end = np.minimum(asked.tip.max_radius / asked.thickness, LARGEST_EPS)
+    shape = asked.tip.max_radius / asked.thickness
+    end = np.minimum(_SHARE_OF_SHAPE * shape, _SHARE_OF_EPS * LARGEST_EPS)
+    farthest = np.minimum(0.5 * (1.0 + _SHARE_OF_SHAPE) * shape, LARGEST_EPS)
     varpi, eps = _radii(asked, placing, tops, count)
     # Radii beyond the shape lie at its end: between few of them a straight line leaves the last too far out.
-    while (beyond := eps[:, -1] > 0.5 * (1.0 + _SHARE_OF_SHAPE) * end).any():
+    while (beyond := eps[:, -1] > farthest).any():
         for row in np.flatnonzero(beyond).tolist():
-            tops[row] = np.interp(_SHARE_OF_SHAPE * end[row], eps[row], varpi[row])
+            tops[row] = np.interp(end[row], eps[row], varpi[row])
         varpi, eps = _radii(asked, placing, tops, count)
-    return tops, eps
+    return eps
 
 
 def _radii(
@@ -167,7 +173,9 @@ def _radii(
     # The last point lies at the end itself, wherever the shape leaves the others.
     ends = [reach(count) * Stretch.to(top, stretch.softness).length for top in tops.tolist()]
     varpi = np.stack([Stretch(end, stretch.softness).v(points) for end in ends])
-    chi = _WIDER * varpi * np.exp(polynomial(placing.table(asked), stretch.z(varpi)))
+    # Beyond the end of what places them a contact so wide grows as the power law's: its factor stays.
+    factor = polynomial(placing.table(asked), np.minimum(stretch.z(varpi), 1.0))
+    chi = _WIDER * varpi * np.exp(factor)
     thickness = asked.thickness[:, None]
     deepest = asked.tip.abel(np.array(asked.tip.max_radius))
     lengths = asked.tip.halfspace_radius(np.minimum(measure.abel(chi * thickness), deepest))
@@ -175,9 +183,14 @@ def _radii(
 
 
 def _placing(asked: TipContacts, exponent: float) -> _Placing | None:
+    """What places radii up to the end of the range, or of one below: the laws may end before this does."""
     made = _on_one_body if asked.span is None else _on_a_family
-    key = ("placing", exponent, asked.family, asked.span, asked.octave)
-    return TABLES.get(key, lambda: made(asked, exponent))
+    for octave in range(asked.octave, asked.octave - _RANGES_BELOW, -1):
+        key = ("placing", exponent, asked.family, asked.span, octave)
+        found = TABLES.get(key, partial(made, asked._replace(octave=octave), exponent))
+        if found is not None:
+            return found
+    return None
 
 
 def _on_a_family(asked: TipContacts, exponent: float) -> _Placing | None:
@@ -206,7 +219,7 @@ def _contracted(asked: TipContacts, eps: FloatArray, softness: float, number: in
     measure = depth_measure(asked.tip)
     punch = table.at(asked.log_ratio, eps)
     varpi, logarithms = contact_factors(punch, asked.tip, measure, asked.thickness[:, None])
-    # Placed by another shape, the last radius may fall short of its range: the curve ends where its points do.
+    # The last radius may fall short of its range: the curve ends where its points do.
     tops = np.minimum(asked.top, varpi[:, -1])
     batch = curves_through(measure, varpi, logarithms, tops, softness)
     errors = SHARE_OF_NODES * asked.rtol + UNEVEN * batch.error_estimate

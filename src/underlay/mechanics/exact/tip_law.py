@@ -10,8 +10,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.exact.contact_problem import depth_measure
+from underlay.mechanics.exact.contact_curve import too_wide
+from underlay.mechanics.exact.contact_problem import LARGEST_EPS, depth_measure
 from underlay.mechanics.exact.curve_batch import CurveBatch
 from underlay.mechanics.exact.curve_family import range_number, ratio_number
 from underlay.mechanics.exact.law import ExactLaw
@@ -25,6 +27,8 @@ __all__ = ["TipLaw", "TipSlopes", "tip_laws", "tip_range", "tips_side_by_side"]
 # Ranges of varpi are finer than those of the tables: a sphere ends soon after it is asked.
 _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
+# Where a curve of the tables ends because the contact is too wide the law ends too, no deeper than by so much.
+_WIDE, _DEEPER = 0.99 * LARGEST_EPS, 1.03
 # Of ln k and ln h: a difference of polynomials, whose truncation is 1e-7 of the derivative and rounding 1e-9.
 _STEP = 1e-7
 
@@ -116,7 +120,7 @@ def tip_laws(
     ratios: Sequence[float] | None,
     depths: Sequence[float],
     rtol: float,
-) -> list[TipLaw | None]:
+) -> list[TipLaw | RangeError | None]:
     """Exact laws of contacts of one tip, of any size and on layers of any thickness, all at once.
 
     Parameters
@@ -134,10 +138,10 @@ def tip_laws(
 
     Returns
     -------
-    list of TipLaw or None
-        None where the tables do not reach, or not to `rtol`.
+    list of TipLaw, RangeError or None
+        Why there is no law so deep; None where the tables do not reach, or not to `rtol`.
     """
-    laws: list[TipLaw | None] = [None] * len(contacts)
+    laws: list[TipLaw | RangeError | None] = [None] * len(contacts)
     tops = [
         _RANGE_EDGE * 2.0 ** (tip_range(contact, depth) / _RANGES_PER_OCTAVE)
         for contact, depth in zip(contacts, depths, strict=True)
@@ -182,11 +186,15 @@ def _unit(tip: Indenter) -> float:
     return tip.radius if isinstance(tip, Sphere) else 1.0
 
 
-def _law(contact: Contact, found: TipCurves, place: int, depth: float, rtol: float) -> TipLaw | None:
-    """One of the curves as a law; None where it errs by more than `rtol`, or ends before `depth` (m)."""
+def _law(
+    contact: Contact, found: TipCurves, place: int, depth: float, rtol: float
+) -> TipLaw | RangeError | None:
+    """One of the curves as a law, or why there is none so deep; None where it errs by more, or ends before."""
     batch = found.batch.part(slice(place, place + 3))
     error, measure = float(batch.error_estimate[0]), depth_measure(contact.indenter)
     max_depth = float(measure.abel(np.asarray(batch.top)[0] * contact.thickness))
+    if depth > _DEEPER * max_depth and found.eps[place] >= _WIDE:
+        return too_wide(depth, max_depth)
     if not error <= rtol or max_depth < depth:
         return None
     stretch = Stretch(float(batch.lengths[0, 0]), float(batch.softness[0, 0]))
