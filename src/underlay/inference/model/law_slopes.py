@@ -42,7 +42,7 @@ def slope_by_factors(
     With numbers (sets,) in `values`, one for each row.
     """
     log_b, log_c = (
-        slope[:, None] if isinstance(slope, np.ndarray) else slope
+        np.asarray(slope)[:, None] if np.ndim(slope) else slope
         for slope in similarity.factor_slopes(path, values)
     )
     total = log_c * P
