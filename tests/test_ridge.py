@@ -34,6 +34,7 @@ from underlay.inference.ridge.mixture import Mixture
 from underlay.inference.ridge.pareto import pareto_fit, smoothed
 from underlay.inference.ridge.parts import Part, nodes_of
 from underlay.inference.ridge.trial import weigh
+from underlay.inference.ridge.weights import LEVELS, WeightedDraws
 from underlay.inference.sampling import second_opinion as opinions
 from underlay.inference.sampling.convergence import effective_size
 from underlay.inference.sampling.counted import CountedDensity
@@ -315,10 +316,10 @@ def test_the_density_of_the_mixture_is_that_of_its_components():
     assert area == pytest.approx(1.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("stratified", [False, True])
-def test_draws_of_the_mixture_have_its_density(stratified):
+@pytest.mark.parametrize("draws", [Mixture.draw, Mixture.spread])
+def test_draws_of_the_mixture_have_its_density(draws):
     mixture = mixture_of_two()
-    z = mixture.draw(20_000, np.random.default_rng(1), stratified=stratified)
+    z = draws(mixture, 20_000, np.random.default_rng(1))
     # Its first coordinate: a mixture of Student's t; of the 20,000 every tenth, for Kolmogorov's independent ones.
     few = np.random.default_rng(2).permutation(z[:, 0])[:2000]
 
@@ -329,6 +330,19 @@ def test_draws_of_the_mixture_have_its_density(stratified):
     assert stats.kstest(few, stats.t(5).cdf).pvalue < 1e-6
 
 
+def test_draws_that_are_spread_know_a_share_better():
+    """4096 independent draws know a share of a half to 0.008; a net of them in four dimensions to a third."""
+    mixture, off = mixture_of_two(), {}
+    for draws in (Mixture.draw, Mixture.spread):
+        z = [draws(mixture, 4096, np.random.default_rng([4, i])) for i in range(12)]
+        # 0.7 of the weight is in a component whose middle is at the first coordinate 0, 0.3 about 2, 0.3 wide.
+        below = 0.7 * 0.5 + 0.3 * stats.t.cdf(-2.0 / 0.3, 5)
+        off[draws] = np.sqrt(np.mean([((part[:, 0] < 0.0).mean() - below) ** 2 for part in z]))
+    # Twelve numbers know their spread to 20 %.
+    assert off[Mixture.draw] > 0.005
+    assert off[Mixture.spread] < 0.5 * off[Mixture.draw]
+
+
 def test_what_is_learnt_from_draws_comes_nearer():
     rng = np.random.default_rng(3)
     start = Mixture(
@@ -337,7 +351,7 @@ def test_what_is_learnt_from_draws_comes_nearer():
     target = stats.multivariate_normal([0.4, -0.2], [[0.3, 0.2], [0.2, 0.3]])
 
     def share(mixture):
-        z = mixture.draw(4000, rng, stratified=True)
+        z = mixture.spread(4096, rng)
         weights = np.exp(target.logpdf(z) - mixture.log_density(z))
         return weights.sum() ** 2 / np.square(weights).sum() / len(z), z, weights / weights.sum()
 
@@ -456,7 +470,7 @@ def test_files_of_before_have_none(posterior, tmp_path):
     with np.load(path) as file:
         arrays = {name: file[name] for name in file.files}
     about = json.loads(str(arrays.pop("about")))
-    for later in ("method", "effective", "quantile_errors", "moves", "importance"):
+    for later in ("method", "effective", "quantile_errors", "moves", "importance", "weighted"):
         del about["diagnostics"][later]
     np.savez_compressed(path, about=np.array(json.dumps(about)), **arrays)
     loaded = Posterior.load(path)
@@ -479,11 +493,12 @@ def test_a_resumed_chain_goes_on_with_its_mixture(posterior, tmp_path, monkeypat
 def test_a_chain_of_before_goes_on_without(tmp_path):
     path = tmp_path / "chain.h5"
     with pytest.warns(UnderlayWarning, match="not converged"):
-        sample(halfspace_problem(), walkers=16, max_steps=60, backend=path)
+        sample(halfspace_problem(), walkers=16, max_steps=30, backend=path)
     with h5py.File(path, "r+") as file:
         del file["proposal"]
         file.attrs["format"] = "underlay chain 1"
-    resumed = sample(halfspace_problem(), walkers=16, backend=path, resume=True)
+    with pytest.warns(UnderlayWarning, match="not converged after 60 steps"):
+        resumed = sample(halfspace_problem(), walkers=16, max_steps=60, backend=path, resume=True)
     assert "IndependenceMove" not in resumed.diagnostics.moves
     assert resumed.diagnostics.importance is None
 
@@ -532,8 +547,9 @@ def test_weighted_draws_alone(posterior):
     assert d.reason.startswith("accepted")
     assert d.rhat == d.autocorrelation_time == ()
     assert d.importance.effective > 500.0
-    # As many draws as they are worth: what is computed of them as of a chain is what they tell.
-    assert quick.chain[..., 0].size == pytest.approx(d.importance.effective, abs=8.0)
+    # Each is there several times, and the summary does not count them as so many.
+    assert quick.chain[..., 0].size == pytest.approx(4 * d.importance.draws, abs=8.0)
+    assert (quick.summary()["ess"] <= d.importance.effective * (1.0 + 1e-9)).all()
     for name in quick.names:
         ratio = quick.of(name).std() / posterior.of(name).std()
         assert ratio == pytest.approx(1.0, abs=0.15)
@@ -572,8 +588,8 @@ def test_a_disagreement_is_said(monkeypatch):
     draws = Ridges.draws
 
     def shifted(self):
-        drawn = draws(self)
-        return replace(drawn, vectors=drawn.vectors + 0.7 * drawn.deviations)
+        drawn, proposal = draws(self)
+        return replace(drawn, vectors=drawn.vectors + 0.7 * drawn.deviations), proposal
 
     monkeypatch.setattr(Ridges, "draws", shifted)
     with pytest.warns(UserWarning, match=r"weighted draws disagree: .*quantile of layer\.E by"):
@@ -581,6 +597,59 @@ def test_a_disagreement_is_said(monkeypatch):
     assert not posterior.converged
     assert posterior.log_evidence is None
     assert posterior.diagnostics.importance.disagreement
+    assert not posterior.diagnostics.weighted
+
+
+def test_draws_are_weighted_ones_where_a_chain_agrees(posterior):
+    d = posterior.diagnostics
+    assert d.weighted
+    assert "weighted draws agree with it" in d.reason
+    assert d.effective == (d.importance.effective,) * 2
+    assert max(max(errors) for errors in d.quantile_errors.values()) == d.importance.quantile_error <= 0.035
+    assert posterior.chain.shape[1:] == (16, 2)
+    # A chain that is asked for is one, and needs more steps to know as much as it must.
+    chain = sample(halfspace_problem(), walkers=16, method="emcee")
+    assert not chain.diagnostics.weighted
+    assert chain.diagnostics.steps > d.steps
+    off = np.quantile(posterior.samples, LEVELS, axis=0) - np.quantile(chain.samples, LEVELS, axis=0)
+    # The errors that both tell, three at once: 0.035 and 0.06.
+    assert (np.abs(off) < 3.0 * 0.07 * np.std(chain.samples, axis=0).to_numpy()).all()
+
+
+def test_a_chain_whose_weights_fall_goes_on_until_it_knows_by_itself(posterior, monkeypatch):
+    """Weights are relied on before a chain can tell of what they miss; that it does so is feigned."""
+    monkeypatch.setattr(opinions, "leak_of", lambda *_: 0.5)
+    refused = sample(halfspace_problem(), walkers=16)
+    assert "hardly reaches" in refused.diagnostics.importance.refused
+    assert refused.converged
+    assert not refused.diagnostics.weighted
+    chain = sample(halfspace_problem(), walkers=16, method="emcee")
+    assert posterior.diagnostics.steps < refused.diagnostics.steps
+    # Checks come at other steps, 15 % apart, where an earlier one was passed by.
+    assert refused.diagnostics.steps == pytest.approx(chain.diagnostics.steps, rel=0.16)
+    assert max(max(errors) for errors in refused.diagnostics.quantile_errors.values()) <= 0.06
+
+
+def test_resampling_keeps_what_light_draws_know():
+    """Half of the draws know a tail of 2.5 %; as many resampled ones have a twentieth of them there."""
+    problem = halfspace_problem()
+    ridges = Ridges(problem, CountedDensity(problem), np.random.default_rng(0))
+    count = 4096
+    x = np.concatenate([-1.0 - np.arange(count // 2) / count, np.arange(count // 2) / count])
+    weights = np.concatenate([np.full(count // 2, 0.05), np.full(count // 2, 0.95)]) * 2.0 / count
+    z = np.column_stack([x, x])
+    drawn = WeightedDraws(z, z, np.log(weights), np.zeros(count))
+    off = {}
+    for name, rows in (
+        ("as many", lambda: drawn.resampled(count, ridges.for_draws)),
+        ("several", None),
+    ):
+        found = [
+            np.quantile(ridges.resampled(drawn, 8).coords[..., 0] if rows is None else x[rows()], 0.025)
+            for _ in range(16)
+        ]
+        off[name] = np.sqrt(np.mean(np.square(np.array(found) - drawn.quantiles((0.025,))[0, 0])))
+    assert off["several"] < 0.5 * off["as many"]
 
 
 def test_a_mixture_that_is_no_good_costs_the_evidence_and_not_the_chain(monkeypatch):
@@ -592,6 +661,8 @@ def test_a_mixture_that_is_no_good_costs_the_evidence_and_not_the_chain(monkeypa
         return best
 
     monkeypatch.setattr(Ridges, "seek", spoilt)
+    # The others do it all: with the share they have beside a good mixture five times the steps are needed.
+    monkeypatch.setattr("underlay.inference.sampling.moves._INDEPENDENT", 0.1)
     posterior = sample(halfspace_problem(), walkers=16)
     assert posterior.converged
     assert posterior.log_evidence is None

@@ -197,6 +197,17 @@ def test_a_converged_chain_met_the_rule(plain):
     assert 0.1 < details.acceptance < 0.9
 
 
+def test_a_chain_ends_by_itself_where_a_step_takes_long(monkeypatch):
+    monkeypatch.setattr(sampling, "_MOST_SECONDS", 0.0)
+    with pytest.warns(UnderlayWarning, match="stopped, 0 s of processor time being used up, after 100 steps"):
+        cut = sample(halfspace_problem(), walkers=8, method="emcee")
+    assert not cut.converged
+    assert len(cut.samples) > 100
+    # A number of steps that is asked for is made.
+    with pytest.warns(UnderlayWarning, match="not converged after 110 steps"):
+        sample(halfspace_problem(), walkers=8, max_steps=110, method="emcee")
+
+
 def test_an_interrupt_keeps_what_there_is(monkeypatch):
     calls = {"left": 120}
     keep = sampling._Run._keep
@@ -209,7 +220,7 @@ def test_an_interrupt_keeps_what_there_is(monkeypatch):
 
     monkeypatch.setattr(sampling._Run, "_keep", interrupted)
     with pytest.warns(UnderlayWarning, match="interrupted after 120 steps"):
-        posterior = sample(halfspace_problem(), walkers=8)
+        posterior = sample(halfspace_problem(), walkers=8, method="emcee")
     assert not posterior.converged
     assert posterior.diagnostics.steps == 120
     assert len(posterior.samples) > 100
@@ -297,7 +308,13 @@ def test_kill_9_loses_nothing(tmp_path):
         told = max([told, *(int(line) for line in process.stdout.read().split())])
     with pytest.warns(UnderlayWarning, match="not converged"):
         posterior = sample(
-            halfspace_problem(), walkers=8, max_steps=told + 1, rng=3, backend=path, resume=True
+            halfspace_problem(),
+            walkers=8,
+            max_steps=told + 1,
+            rng=3,
+            backend=path,
+            resume=True,
+            method="emcee",
         )
     assert posterior.diagnostics.steps == told + 1
     with sampling.ChainFile.resume(path, ("layer.E", "instrument.contact_depth"), (told + 1, 8)) as (_, kept):
@@ -305,7 +322,7 @@ def test_kill_9_loses_nothing(tmp_path):
     # What was stored is the chain of a run that was never killed.
     reference = tmp_path / "reference.h5"
     with pytest.warns(UnderlayWarning, match="not converged"):
-        sample(halfspace_problem(), walkers=8, max_steps=told + 1, rng=3, backend=reference)
+        sample(halfspace_problem(), walkers=8, max_steps=told + 1, rng=3, backend=reference, method="emcee")
     with sampling.ChainFile.resume(reference, ("layer.E", "instrument.contact_depth"), (told + 1, 8)) as (
         _,
         kept,

@@ -25,7 +25,12 @@ def sample(
     scene: SceneOption,
     output: OutputFolder = None,
     walkers: Annotated[int, typer.Option(help="Walkers of the ensemble.")] = 64,
-    max_steps: Annotated[int, typer.Option(help="Most steps; it stops earlier once converged.")] = 20_000,
+    max_steps: Annotated[
+        int | None,
+        typer.Option(
+            help="Most steps; it stops earlier once converged. By default 20,000, or what 5 min of processor allow."
+        ),
+    ] = None,
     seed: Seed = 0,
     solver: SolverName = None,
     rtol: Rtol = None,
@@ -35,8 +40,8 @@ def sample(
     method: Annotated[
         str | None,
         typer.Option(
-            help="emcee for a chain, importance for weighted draws alone. Without it a chain, or where no noise is "
-            "stated weighted draws, and a chain where they are declined."
+            help="emcee for a chain, importance for weighted draws alone. Without it both, and where they agree "
+            "the draws that know more; where no noise is stated weighted draws, or a chain if they are declined."
         ),
     ] = None,
     model_error: Annotated[

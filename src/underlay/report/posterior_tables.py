@@ -71,7 +71,9 @@ def prior_table(posterior: Posterior) -> pd.DataFrame:
 def posterior_diagnostics_table(posterior: Posterior) -> pd.DataFrame:
     """Return how the sampling went, as text."""
     d = posterior.diagnostics
+    resampled = {"draws": "weighted, then resampled; the chain agrees with them"} if d.weighted else {}
     chain = {
+        **resampled,
         "steps, walkers": f"{d.steps}, {d.walkers} ({d.burn_in} dropped, {_every(d.thin)} kept)",
         "autocorrelation time": ", ".join(f"{t:.0f}" for t in d.autocorrelation_time) + " steps",
         "R-hat": ", ".join(f"{r:.4f}" for r in d.rhat),

@@ -21,7 +21,9 @@ __all__ = ["Importance", "LogEvidence", "judged", "leak_of", "leak_of_walk", "pr
 _LARGEST_ERROR = 0.1
 
 _LARGEST_INDEX, _LARGEST_LEAK = 0.5, 0.06
-_FIRST_DRAWS, _MOST_DRAWS = 4000, 20_000
+_FIRST_DRAWS, _MOST_DRAWS = 4096, 32_768
+# Weights of such a tail are not mended by more of them.
+_HOPELESS_INDEX = 0.7
 # A walk that keeps the posterior: draws it begins from, steps, and its step in a component's widths.
 _WALKERS, _STEPS, _STEP = 128, 20, 0.8
 _LEVEL = 0.99
@@ -81,6 +83,11 @@ class Importance:
         """Whether the weights may be believed."""
         return not self.refused
 
+    @property
+    def stands(self) -> bool:
+        """Whether they may be believed and no chain differs."""
+        return not (self.refused or self.disagreement)
+
 
 def produced(
     target: Target,
@@ -90,12 +97,20 @@ def produced(
     *,
     error: float = _LARGEST_ERROR,
 ) -> WeightedDraws:
-    """Draw from a frozen mixture until no quantile's error is above `error`, or 20,000 times, or out of time."""
+    """Draw from a frozen mixture until no quantile's error is above `error`, or 32,768 times, or out of time.
+
+    Draws whose weights have a hopeless tail remain few.
+    """
     drawn = weigh(target, target.coordinates, proposal.mixture, _FIRST_DRAWS, rng)
     while len(drawn.z) < _MOST_DRAWS and budget.left:
-        if drawn.k_hat < _LARGEST_INDEX and drawn.quantile_errors().max() <= error:
+        if not drawn.k_hat < _HOPELESS_INDEX:
             break
-        count = min(len(drawn.z), _MOST_DRAWS - len(drawn.z))
+        short = float(np.square(drawn.quantile_errors().max() / error))
+        if short <= 1.0 and drawn.k_hat < _LARGEST_INDEX:
+            break
+        # As many as should do, but no more than there are: of few an error is known badly.
+        share = min(max(short - 1.0, 0.25), 1.0)
+        count = min(int(share * len(drawn.z)), _MOST_DRAWS - len(drawn.z))
         more = weigh(target, target.coordinates, proposal.mixture, count, rng)
         drawn = WeightedDraws.joined([drawn, more])
     return drawn

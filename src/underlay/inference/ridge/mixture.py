@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 from scipy import special
+from scipy.stats import qmc
 
 from underlay._arrays import FloatArray
 from underlay.inference.ridge.march import Node
@@ -27,6 +28,8 @@ _TWIN, _TWIN_SHARE = 1.8, 0.3
 # A component learnt from draws keeps what so many of them per parameter would tell it of its old covariance, and is
 # given up once fewer than one in a thousand are its own.
 _INERTIA, _NEGLIGIBLE = 4.0, 1e-3
+# Bits of the numbers that are evenly spread.
+_BITS = 30
 # Places looked at together: what fits a processor's cache.
 _ROWS = 1024
 
@@ -104,17 +107,30 @@ class Mixture:
             np.concatenate([self.factors, factors]),
         )
 
-    def draw(self, count: int, chance: Chance, *, stratified: bool = False) -> FloatArray:
-        """Draw places (count, p); `stratified` takes of each component what it is due, in order."""
-        levels = (
-            (np.arange(count) + chance.uniform(0.0, 1.0, count)) / count
-            if stratified
-            else chance.uniform(0.0, 1.0, count)
-        )
+    def draw(self, count: int, chance: Chance) -> FloatArray:
+        """Draw independent places (count, p)."""
+        levels = chance.uniform(0.0, 1.0, count)
+        normal = chance.standard_normal((count, self.places.shape[1]))
+        return self._at(levels, normal, chance.chisquare(_FREEDOM, count))
+
+    def spread(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Draw places (count, p) that fill the mixture more evenly than independent ones.
+
+        Each is a draw of the mixture. Together they are a scrambled Sobol sequence (Owen 1997,
+        doi:10.1214/aos/1031594731), which is at its best where `count` is a power of two.
+        """
+        points = qmc.Sobol(self.places.shape[1] + 2, bits=_BITS, rng=rng)
+        # Middles of the finest cells: no number is 0 or 1.
+        levels = points.random_base2((count - 1).bit_length())[:count] + 0.5 ** (_BITS + 1)
+        squares: FloatArray = np.asarray(special.chdtri(_FREEDOM, levels[:, 1]), dtype=np.float64)
+        normal: FloatArray = np.asarray(special.ndtri(levels[:, 2:]), dtype=np.float64)
+        return self._at(levels[:, 0], normal, squares)
+
+    def _at(self, levels: FloatArray, normal: FloatArray, squares: FloatArray) -> FloatArray:
+        """Places (n, p) of even numbers (n,) that choose a component, normal (n, p) and chi-squared ones (n,)."""
         edges = np.cumsum(self.weights)
         which = np.searchsorted(edges / edges[-1], levels, side="right").clip(max=len(self.weights) - 1)
-        normal = chance.standard_normal((count, self.places.shape[1]))
-        size = np.sqrt(_FREEDOM / chance.chisquare(_FREEDOM, count))
+        size = np.sqrt(_FREEDOM / squares)
         return np.asarray(
             self.places[which] + size[:, None] * np.einsum("nij,nj->ni", self.factors[which], normal)
         )

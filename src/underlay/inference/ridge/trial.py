@@ -17,7 +17,7 @@ from underlay.inference.ridge.weights import WeightedDraws
 
 __all__ = ["Trial", "weigh"]
 
-_PILOT = 2000
+_PILOT = 2048
 # A mixture that needs no mending, and one that needs more than that. A round of mending costs a fiftieth of a
 # chain; a proposal of uneven weights keeps a chain in its tails for long.
 _GOOD_INDEX, _GOOD_SHARE = 0.3, 0.5
@@ -33,7 +33,7 @@ def weigh(
     density: Density, coordinates: PriorNormal, mixture: Mixture, count: int, rng: np.random.Generator
 ) -> WeightedDraws:
     """Draw `count` places of a mixture and weigh them."""
-    z = mixture.draw(count, rng, stratified=True)
+    z = mixture.spread(count, rng)
     log_target = density(z)
     vectors = np.full_like(z, np.nan)
     possible = np.isfinite(log_target)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,13 +22,20 @@ from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.predictive import predictive_bands
 from underlay.inference.sampling.stopping import Outcome
 
-__all__ = ["Making", "assemble_posterior"]
+__all__ = ["Draws", "Making", "assemble_posterior"]
 
 # A quarter of the shortest autocorrelation time between kept draws costs about 1 % of the effective size.
 _KEPT_PER_TIME = 4.0
 _PRIOR_LEVELS = 1001
 _DERIVED_DRAWS = 4096
 _PREDICTIVE_DRAWS = 500
+
+
+class Draws(NamedTuple):
+    """Draws of a posterior: scaled coordinates (n, columns, parameters), and the log-posterior (n, columns)."""
+
+    coords: FloatArray
+    log_density: FloatArray
 
 
 @dataclass(frozen=True)
@@ -48,6 +56,8 @@ class Making:
         Share of its proposals that each kind of move saw accepted.
     importance : Importance, optional
         What weighted draws say of the same posterior.
+    resampled : Draws, optional
+        Those draws by their weights, where they are the answer.
     """
 
     seed: int | None
@@ -56,6 +66,7 @@ class Making:
     method: str = "emcee"
     moves: Mapping[str, float] = field(default_factory=dict)
     importance: Importance | None = None
+    resampled: Draws | None = None
 
 
 def assemble_posterior(
@@ -88,18 +99,21 @@ def assemble_posterior(
     thin = max(1, int(fastest / _KEPT_PER_TIME)) if np.isfinite(fastest) else 1
     thin = min(thin, max(1, (outcome.steps - outcome.burn_in) // MIN_STEPS))
     burnt = coords[outcome.burn_in :]
-    kept = slice(outcome.burn_in, None, thin)
-    chain = problem.physical(coords[kept])
+    kept = made.resampled or Draws(coords[outcome.burn_in :: thin], log_density[outcome.burn_in :: thin])
+    chain = problem.physical(kept.coords)
     best = coords.reshape(-1, chain.shape[-1])[int(np.argmax(log_density))]
-    every = -(-len(chain) * outcome.walkers // _DERIVED_DRAWS)
+    every = -(-chain[..., 0].size // _DERIVED_DRAWS)
     spaced = chain.reshape(-1, chain.shape[-1])
     chosen = rng.choice(len(spaced), size=min(_PREDICTIVE_DRAWS, len(spaced)), replace=False)
     is_chain = made.method == "emcee"
+    effective = (outcome.steps - outcome.burn_in) * outcome.walkers / outcome.times
+    if made.resampled is not None and made.importance is not None:
+        effective = np.full(len(problem.names), made.importance.effective)
     moved = (np.diff(burnt, axis=0) != 0.0).any(axis=-1)
     return Posterior(
         names=problem.names,
         chain=chain,
-        log_posterior=log_density[kept].copy(),
+        log_posterior=kept.log_density.copy(),
         priors=tuple(repr(prior) for prior in problem.priors.values()),
         prior_quantiles=_prior_quantiles(problem),
         derived=derived_quantities(problem, chain[::every]),
@@ -122,13 +136,14 @@ def assemble_posterior(
             model_error=_model_error(problem, best),
             versions={**provenance(problem.curves)["versions"], **made.versions},
             method=made.method,
-            effective=tuple(((outcome.steps - outcome.burn_in) * outcome.walkers / outcome.times).tolist()),
+            effective=tuple(effective.tolist()),
             quantile_errors={
                 name: tuple(errors.tolist())
                 for name, errors in zip(problem.names, outcome.quantile_errors.T, strict=True)
             },
             moves=dict(made.moves),
             importance=made.importance,
+            weighted=made.resampled is not None,
         ),
         truth=_truth(problem),
         problem=problem,

@@ -18,8 +18,8 @@ class SamplingDiagnostics:
     ----------
     converged : bool
         Whether the stop rule was met: longer than 50 autocorrelation times, of the tails too, R-hat below 1.01, and
-        2.5, 50 and 97.5 % quantiles known to 0.06 standard deviations; of weighted draws, whether they were
-        accepted.
+        2.5, 50 and 97.5 % quantiles known to 0.06 standard deviations, by the chain itself or by weighted draws
+        that agree with it; of weighted draws alone, whether they were accepted.
     reason : str
         Why it stopped, in words.
     steps, burn_in, thin, walkers : int
@@ -43,7 +43,7 @@ class SamplingDiagnostics:
     versions : mapping of str to str
         Of underlay and the libraries under it.
     method : str
-        ``"emcee"``, or ``"importance"`` where the draws are resampled by their weights.
+        ``"emcee"`` where a chain was made, or ``"importance"`` for weighted draws alone.
     effective : tuple of float
         Effective draws of each parameter.
     quantile_errors : mapping of name to tuple of float
@@ -52,6 +52,9 @@ class SamplingDiagnostics:
         Share of proposals accepted by each move, over this run.
     importance : Importance or None
         What the weighted draws of a frozen mixture say; None where no mixture was found.
+    weighted : bool
+        Whether the draws are the weighted ones, resampled, several of each: a chain, if one was made, agreed with
+        them and knew the quantiles less well.
     """
 
     converged: bool
@@ -75,3 +78,4 @@ class SamplingDiagnostics:
     quantile_errors: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     moves: Mapping[str, float] = field(default_factory=dict)
     importance: Importance | None = None
+    weighted: bool = False

@@ -99,7 +99,7 @@ class Posterior:
         differ from the chain; ``diagnostics.importance`` says why they were not.
         """
         found = self.diagnostics.importance
-        if found is None or found.refused or found.disagreement:
+        if found is None or not found.stands:
             return None
         return LogEvidence(found.log_evidence, found.log_evidence_error)
 
@@ -149,9 +149,10 @@ class Posterior:
             the data changed what was known before.
         """
         information = self.prior_comparison()["informed"]
-        rows = {name: _row(self.of(name), str(information[name])) for name in self.names}
+        worth = min(self.diagnostics.effective) if self.diagnostics.weighted else np.inf
+        rows = {name: _row(self.of(name), str(information[name]), worth) for name in self.names}
         if derived:
-            rows |= {name: _row(values, "derived") for name, values in self.derived.items()}
+            rows |= {name: _row(values, "derived", worth) for name, values in self.derived.items()}
         return pd.DataFrame.from_dict(rows, orient="index")
 
     def prior_comparison(self) -> pd.DataFrame:
@@ -270,7 +271,10 @@ def _problem_of(about: Mapping[str, Any], arrays: Mapping[str, Any], path: str) 
         return None, f"it cannot be stated here: {error}"
 
 
-def _row(values: FloatArray, informed: str) -> dict[str, Any]:
+def _row(values: FloatArray, informed: str, worth: float) -> dict[str, Any]:
+    size = effective_size(values)
+    # Draws that are there several times tell no more than the weighted ones they come from.
+    repeats = max(1.0, size / worth)
     low68, high68 = highest_density_interval(values, 0.68)
     low95, high95 = highest_density_interval(values, 0.95)
     return {
@@ -279,8 +283,8 @@ def _row(values: FloatArray, informed: str) -> dict[str, Any]:
         "hdi68_high": high68,
         "hdi95_low": low95,
         "hdi95_high": high95,
-        "ess": effective_size(values),
+        "ess": size / repeats,
         "rhat": rank_normalised_rhat(values),
-        "mcse": median_error(values),
+        "mcse": median_error(values) * repeats**0.5,
         "informed": informed,
     }

@@ -8,11 +8,13 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.ridge.importance import Importance, judged, leak_of
+from underlay.inference.ridge.mixture import Mixture
 from underlay.inference.ridge.weights import LEVELS, WeightedDraws
+from underlay.inference.sampling.assembly import Draws
 from underlay.inference.sampling.stopping import Outcome
 from underlay.inference.sampling.weighted import Ridges
 
-__all__ = ["second_opinion"]
+__all__ = ["second_opinion", "surer"]
 
 # Quantiles that differ by so many of their joint standard errors, and by so many standard deviations of the
 # posterior beyond what the two are asked for, are not one.
@@ -35,13 +37,15 @@ def second_opinion(
     outcome : Outcome
         The verdict so far.
     """
-    drawn = ridges.draws()
-    if drawn is None or ridges.proposal is None or not np.isfinite(drawn.log_weights).any():
+    answer = ridges.draws()
+    if answer is None or not np.isfinite(answer[0].log_weights).any():
         return outcome, None
+    drawn, proposal = answer
     kept = coords[outcome.burn_in :].reshape(-1, coords.shape[-1])
     every = -(-len(kept) // _ASKED)
     theirs = log_density[outcome.burn_in :].ravel()[::every]
-    importance = judged(drawn, ridges.proposal, _leak(ridges, kept[::every], theirs, drawn))
+    leak = _leak(ridges, kept[::every], theirs, drawn, proposal.mixture)
+    importance = judged(drawn, proposal, leak)
     if not (outcome.converged and importance.accepted):
         return outcome, importance
     disagreement = _disagreement(ridges.problem.names, kept, outcome, drawn)
@@ -51,14 +55,31 @@ def second_opinion(
     return outcome, replace(importance, disagreement=disagreement)
 
 
-def _leak(ridges: Ridges, vectors: FloatArray, log_density: FloatArray, drawn: WeightedDraws) -> float:
+def surer(ridges: Ridges, outcome: Outcome, importance: Importance | None) -> tuple[Outcome, Draws | None]:
+    """Weighted draws, resampled, where they stand and know the quantiles better than a chain; else None."""
+    answer = ridges.draws()
+    if answer is None or importance is None or not importance.stands:
+        return outcome, None
+    if not importance.quantile_error < outcome.quantile_errors.max():
+        return outcome, None
+    reason = (
+        f"{outcome.reason}; {importance.draws} weighted draws agree with it and know every quantile to "
+        f"{importance.quantile_error:.2f} standard deviations: the draws are these"
+    )
+    found = outcome._replace(quantile_errors=answer[0].quantile_errors(), reason=reason)
+    return found, ridges.resampled(answer[0], outcome.walkers)
+
+
+def _leak(
+    ridges: Ridges, vectors: FloatArray, log_density: FloatArray, drawn: WeightedDraws, mixture: Mixture
+) -> float:
     """Share of the chain's draws (n, p), of log-posterior (n,), where the mixture reaches less than it should."""
     z = ridges.coordinates.normal(vectors)
     near = np.isfinite(z).all(axis=1)
-    if ridges.mixture is None or not near.any():
+    if not near.any():
         return 1.0
     target = log_density[near] - ridges.coordinates.log_slope(vectors[near], z[near])
-    return leak_of(target - ridges.mixture.log_density(z[near]), drawn)
+    return leak_of(target - mixture.log_density(z[near]), drawn)
 
 
 def _disagreement(names: tuple[str, ...], kept: FloatArray, outcome: Outcome, drawn: WeightedDraws) -> str:

@@ -15,12 +15,12 @@ from underlay.inference.sampling.convergence import (
     tail_size,
 )
 
-__all__ = ["Outcome", "judge"]
+__all__ = ["LARGEST_ERROR", "Outcome", "judge"]
 
 _TIMES_NEEDED = 50.0
 _RHAT_NEEDED = 1.01
-# Monte Carlo error of a quantile, in standard deviations, with which one is hardly ever off by 0.15.
-_LARGEST_ERROR = 0.06
+#: Monte Carlo error of a quantile, in standard deviations, with which one is hardly ever off by 0.15.
+LARGEST_ERROR = 0.06
 # The walkers' memory of their start fades as exp(-t / tau): ten times leave 5e-5 of it.
 _BURN_IN_TIMES = 10.0
 
@@ -55,9 +55,10 @@ class Outcome(NamedTuple):
         )
 
 
-def judge(coords: FloatArray, max_steps: int) -> Outcome:
+def judge(coords: FloatArray, max_steps: int, *, known: bool = False) -> Outcome:
     """Judge a chain in scaled coordinates, (steps, walkers, parameters), that may grow to `max_steps`.
 
+    Where `known` the quantiles are told by weighted draws, and the chain only has to be one that can contradict.
     Every parameter is watched in its bulk, its tails and its spread: the slowest of them decides. R-hat and the
     tails are left out (nan) while the chain is too short for them to decide.
     """
@@ -76,7 +77,7 @@ def judge(coords: FloatArray, max_steps: int) -> Outcome:
         tails = kept[..., 0].size / np.array([tail_size(kept[..., i]) for i in range(parameters)])
         errors = np.array([[_error(kept[..., i], level) for i in range(parameters)] for level in LEVELS])
     mixed = bool((rhat < _RHAT_NEEDED).all()) and bool((len(kept) > _TIMES_NEEDED * tails).all())
-    sure = bool((errors <= _LARGEST_ERROR).all())
+    sure = known or bool((errors <= LARGEST_ERROR).all())
     lengths = len(kept) / times.max(), len(kept) / tails.max()
     told = f"{lengths[0]:.0f} autocorrelation times ({lengths[1]:.0f} of the slowest tail)"
     if long_enough and mixed and sure:
@@ -103,8 +104,8 @@ def _error(chain: FloatArray, level: float) -> float:
 
 def _unsure(errors: FloatArray) -> str:
     """What is said of quantiles that are not known well enough."""
-    if not (errors > _LARGEST_ERROR).any():
+    if not (errors > LARGEST_ERROR).any():
         return ""
     return (
-        f"; a quantile is uncertain by {errors.max():.2f} standard deviations, where {_LARGEST_ERROR} may be"
+        f"; a quantile is uncertain by {errors.max():.2f} standard deviations, where {LARGEST_ERROR} may be"
     )

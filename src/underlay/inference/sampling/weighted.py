@@ -13,17 +13,17 @@ from underlay.inference.problem import Problem
 from underlay.inference.ridge.aimed import aimed
 from underlay.inference.ridge.budget import Budget
 from underlay.inference.ridge.coordinates import PriorNormal, Target
-from underlay.inference.ridge.importance import Importance, judged, leak_of_walk, produced
+from underlay.inference.ridge.importance import judged, leak_of_walk, produced
 from underlay.inference.ridge.learn import Proposal, learn
 from underlay.inference.ridge.mixture import Mixture
 from underlay.inference.ridge.parts import Part
 from underlay.inference.ridge.trial import Trial, weigh
 from underlay.inference.ridge.weights import WeightedDraws
-from underlay.inference.sampling.assembly import Making, assemble_posterior
+from underlay.inference.sampling.assembly import Draws, Making, assemble_posterior
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.optima import optima
 from underlay.inference.sampling.posterior import Posterior
-from underlay.inference.sampling.stopping import Outcome
+from underlay.inference.sampling.stopping import LARGEST_ERROR, Outcome
 from underlay.inference.sampling.walker_start import prior_marks
 
 __all__ = ["NotAcceptedError", "Ridges", "by_weights"]
@@ -31,12 +31,16 @@ __all__ = ["NotAcceptedError", "Ridges", "by_weights"]
 # Processor seconds that walking and trying may take, and drawing: where a density costs milliseconds a chain of the
 # old moves is not slower than what a mixture would save.
 _TO_LEARN, _TO_DRAW = 10.0, 5.0
-# What a quantile of weighted draws that stand alone may be off by, in standard deviations; of those of a mixture
-# that is aimed, whose components are drawn in turn, rather less than this is seen.
-_ALONE_ERROR, _AIMED_ERROR = 0.07, 0.1
+# What a quantile may be uncertain by, in standard deviations; and where noise is averaged over, whose density costs
+# ten times as much. Evenly spread draws are off by half of it.
+_ERROR, _AVERAGED_ERROR = 0.035, 0.1
 _CHAINS = 8
-# Draws by which a mixture is taught and aimed.
-_TO_TEACH = 8000
+# Draws by which a mixture is taught and aimed, and that of an averaged posterior with its wings.
+_TO_TEACH, _TO_TEACH_WINGS = 4096, 8192
+# Resampled draws of each weighted one. A tail that many light draws know well is thinned to what its own weight is
+# worth by as many as there were: a quantile was off by 0.06 standard deviations for that alone; by four times as
+# many, by 0.01.
+_TIMES = 4
 
 
 class NotAcceptedError(FitError):
@@ -61,6 +65,7 @@ class Ridges:
         self.coordinates = PriorNormal(problem)
         self.target = Target(self.coordinates, problem, density.peek)
         self.proposal: Proposal | None = None
+        self._drawn: tuple[WeightedDraws, Proposal] | None = None
         self._best: FloatArray | None = None
         self._for_pilots, self.for_draws = rng.spawn(2)
 
@@ -123,29 +128,43 @@ class Ridges:
         if numbers is not None:
             self.proposal = Proposal.from_numbers(numbers)
 
-    def draws(self) -> WeightedDraws | None:
-        """Draw from the frozen mixture; None without one."""
-        if self.proposal is None:
-            return None
-        return produced(self.target, self.proposal, self.for_draws, Budget(_TO_DRAW))
+    def draws(self) -> tuple[WeightedDraws, Proposal] | None:
+        """Weighted draws of the mixture, taught and aimed at the quantiles, and that mixture; None without one.
 
-    def answer(self) -> tuple[WeightedDraws, Importance] | None:
-        """Weighted draws that stand alone, and what they are worth; None without a mixture."""
-        if self.proposal is None:
-            return None
-        if self.problem.likelihood is None:
-            return self._judged(self.proposal, _ALONE_ERROR)
-        # So many draws tell of what a pilot does not meet. They teach, and are not used otherwise.
-        learnt = weigh(self.target, self.coordinates, self.proposal.mixture, _TO_TEACH, self.for_draws)
-        taught = Trial(self.target, self.coordinates, self.for_draws, self.proposal.mixture, learnt).mended()
-        return self._judged(replace(self.proposal, mixture=aimed(taught, learnt)), _AIMED_ERROR)
+        They are made once.
+        """
+        if self._drawn is None and self.proposal is not None:
+            budget = Budget(_TO_DRAW)
+            # So many draws tell of what a pilot does not meet. They teach, and are not used otherwise.
+            averaged, mixture = self.problem.likelihood is not None, self.proposal.mixture
+            count = _TO_TEACH_WINGS if averaged else _TO_TEACH
+            learnt = weigh(self.target, self.coordinates, mixture, count, self.for_draws)
+            if np.isfinite(learnt.k_hat):
+                trial = Trial(self.target, self.coordinates, self.for_draws, mixture, learnt)
+                mixture = aimed(trial.mended(), learnt)
+            proposal = replace(self.proposal, mixture=mixture)
+            error = _AVERAGED_ERROR if averaged else _ERROR
+            drawn = produced(self.target, proposal, self.for_draws, budget, error=error)
+            self._drawn = drawn, proposal
+            self.count()
+        return self._drawn
 
-    def _judged(self, proposal: Proposal, error: float) -> tuple[WeightedDraws, Importance]:
-        """Draws of a frozen mixture until no quantile's error is above `error`, and what they are worth."""
-        drawn = produced(self.target, proposal, self.for_draws, Budget(_TO_DRAW), error=error)
-        leak = leak_of_walk(self.target, drawn, proposal, self.for_draws)
-        self.count()
-        return drawn, judged(drawn, proposal, leak)
+    @property
+    def know_quantiles(self) -> bool:
+        """Whether weighted draws tell of the quantiles as much as a chain must, if a chain agrees with them."""
+        answer = self.draws()
+        if answer is None or not np.isfinite(answer[0].k_hat):
+            return False
+        told = judged(*answer, leak=0.0)
+        return told.accepted and told.quantile_error <= LARGEST_ERROR
+
+    def resampled(self, drawn: WeightedDraws, columns: int) -> Draws:
+        """Draws of one weight each, in so many columns."""
+        rows = drawn.resampled(columns * -(-_TIMES * len(drawn.z) // columns), self.for_draws)
+        rows = rows.reshape(-1, columns)
+        log_density, used = drawn.log_target.copy(), drawn.weights > 0.0
+        log_density[used] += self.coordinates.log_slope(drawn.vectors[used], drawn.z[used])
+        return Draws(drawn.vectors[rows], log_density[rows])
 
 
 def by_weights(
@@ -163,36 +182,33 @@ def by_weights(
         If they are not accepted.
     """
     ridges.seek()
-    answer = ridges.answer()
+    answer = ridges.draws()
     if answer is None:
         raise NotAcceptedError("weighted draws are not accepted: no ridge was found; take the sampler emcee")
-    drawn, importance = answer
+    drawn, proposal = answer
+    importance = judged(drawn, proposal, leak_of_walk(ridges.target, drawn, proposal, ridges.for_draws))
+    ridges.count()
     if importance.refused:
         raise NotAcceptedError(
             f"weighted draws are not accepted: {importance.refused}; take the sampler emcee, which is exact "
             "where they are not"
         )
-    # Systematic resampling keeps what every component is due; those of the wings, which many draws know well, must
-    # not be thinned to what the evenness of all weights is worth.
-    worth = len(drawn.z) if ridges.problem.likelihood is not None else int(drawn.effective)
-    count = _CHAINS * max(1, worth // _CHAINS)
-    rows = drawn.resampled(count, ridges.for_draws).reshape(-1, _CHAINS)
-    coords = drawn.vectors[rows]
-    flat = rows.ravel()
-    log_posterior = drawn.log_target[flat] + ridges.coordinates.log_slope(drawn.vectors[flat], drawn.z[flat])
+    draws = ridges.resampled(drawn, _CHAINS)
     return assemble_posterior(
         ridges.problem,
-        coords,
-        log_posterior.reshape(rows.shape),
+        draws.coords,
+        draws.log_density,
         _outcome(
-            coords,
+            draws.coords,
             drawn,
             f"accepted: {importance.effective:.0f} effective draws of {importance.draws}, k-hat "
             f"is {importance.k_hat:.2f}",
         ),
         ridges.density,
         rng,
-        Making(seed, time.perf_counter() - begin, method="importance", importance=importance),
+        Making(
+            seed, time.perf_counter() - begin, method="importance", importance=importance, resampled=draws
+        ),
     )
 
 
