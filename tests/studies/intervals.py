@@ -1,7 +1,7 @@
 """Do the printed intervals hold the truth? Random tests of a user's range, undisturbed or disturbed.
 
     python tests/studies/intervals.py [--curves 200] [--world clean slope ...] [--free E h] [--stated] [--one]
-                                      [--elastic] [--seed 16] [--seconds 600] [--rows rows.csv]
+                                      [--elastic] [--within 1.3] [--seed 16] [--seconds 600] [--rows rows.csv]
                                       [--output tests/studies/results/intervals.csv]
 
 One row per world and set of free parameters is written over the row of the same study: how many 95 % intervals of
@@ -9,9 +9,10 @@ each parameter hold the truth (and of fits with something on a bound alone), how
 interval of white noise (median), how many verdicts were "model wrong", and what the headline costs in fits of the
 same curve, and both together in seconds of processor time. `--stated` hands the fit the noise it was made with.
 Worlds are those of `tests/support/worlds.py`; scenes those of `tests/support/user_scenes.py`, with `--elastic`
-those on an elastic base alone, or with `--one` the single scene those worlds were first measured on. `--world all`
-runs every one, `--seconds` long each at most, and writes every row as it is done. With `--rows` every curve is kept
-in a file, and a run goes on where the last one ended.
+those on an elastic base alone, or with `--one` the single scene those worlds were first measured on. With
+`--within` thickness and base are stated to lie between two bounds this factor apart, the truth anywhere between:
+many fits then end on a bound. `--world all` runs every one, `--seconds` long each at most, and writes every row as
+it is done. With `--rows` every curve is kept in a file, and a run goes on where the last one ended.
 """
 
 from __future__ import annotations
@@ -63,7 +64,15 @@ def test_of(args, rng):
             return test
 
 
-def measured(test, world, free, rng, *, stated):
+def bounds_about(truth, factor, rng):
+    """Bounds a factor apart, or none, with the truth anywhere between."""
+    if factor is None:
+        return None
+    low = truth * factor ** -rng.uniform()
+    return ul.LogUniform(low, low * factor)
+
+
+def measured(test, world, free, rng, *, stated, within):
     """Rows of one curve, one per parameter: held, width ratio, verdict and what fit and headline cost."""
     _, scene, depth, points, noise = test
     clean = Clean.of(scene, depth, points)
@@ -71,7 +80,9 @@ def measured(test, world, free, rng, *, stated):
     words = [word for word in free if word != "E2" or isinstance(scene.substrate, ul.Isotropic)]
     instrument = {"instrument.contact_depth": None, "instrument.baseline": None}
     given = ul.Noise(force=noise * clean.top) if stated else None
-    free_paths = {**dict.fromkeys(PATHS[word] for word in words), **instrument}
+    factors = {word: None if word == "E" else within for word in words}
+    bounds = {PATHS[word]: bounds_about(scene.parameters[PATHS[word]], factors[word], rng) for word in words}
+    free_paths = {**bounds, **instrument}
     problem = ul.Problem(assumed(scene, world), curve, free_paths, given)
     began = time.process_time()
     fit = ul.fit(problem)
@@ -102,10 +113,16 @@ def measured(test, world, free, rng, *, stated):
     return rows
 
 
+def scenes_of(args):
+    """In words, for the table."""
+    scenes = "one" if args.one else "elastic base" if args.elastic else "random"
+    return scenes if args.within is None else f"{scenes}, within {args.within:g}"
+
+
 def study(args, world):
     """All rows of one study, those kept from an earlier run first; a curve that was not fitted has no parameter."""
     key = {
-        "scenes": "one" if args.one else "elastic base" if args.elastic else "random",
+        "scenes": scenes_of(args),
         "world": world,
         "free": "+".join(args.free),
         "noise": "stated" if args.stated else "unknown",
@@ -122,7 +139,7 @@ def study(args, world):
         rng = np.random.default_rng([args.seed, curve])
         test = test_of(args, rng)
         try:
-            rows = measured(test, world, args.free, rng, stated=args.stated)
+            rows = measured(test, world, args.free, rng, stated=args.stated, within=args.within)
         except ul.UnderlayError as error:
             print(f"{test[0]}: {error}")
             rows = [{}]
@@ -182,6 +199,7 @@ def main() -> None:
     parser.add_argument("--stated", action="store_true")
     parser.add_argument("--one", action="store_true")
     parser.add_argument("--elastic", action="store_true")
+    parser.add_argument("--within", type=float, default=None)
     parser.add_argument("--seed", type=int, default=16)
     parser.add_argument("--rows", type=Path, default=None)
     parser.add_argument("--seconds", type=float, default=600.0)

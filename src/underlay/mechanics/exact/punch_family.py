@@ -44,7 +44,7 @@ __all__ = ["PunchCell", "PunchFamily", "punch_family"]
 _SHARE_OF_SOLUTION, _SHARE_OF_RATIO, _SHARE_OF_RADIUS = 0.005, 0.3, 0.3
 _MOST_RATIOS, _MOST_RADII = 24, 96
 # What a series leaves out is read off its last four coefficients.
-_FEWEST_RADII = 4
+_FEWEST_TERMS = 4
 
 
 class PunchCell(NamedTuple):
@@ -124,9 +124,16 @@ def punch_family(cell: PunchCell) -> PunchFamily | None:
 def _tabulated(cell: PunchCell) -> PunchFamily | None:
     share = SHARE_OF_NODES * cell.rtol
     try:
-        return _expanded(cell, share, 1 if cell.ratio is None else first_ratios(_SHARE_OF_RATIO * share))
+        return _expanded(cell, share, 1 if cell.ratio is None else _first_ratios(cell, share))
     except InputError:
         return None
+
+
+def _first_ratios(cell: PunchCell, share: float) -> int:
+    """How many ratios to begin with: what a far stiffer base adds to a rigid one is some eps/k of the whole."""
+    low, _ = ratio_span(cell.ratio or 0)
+    changed = min(4.0 * cell.top / float(np.exp(low)), 1.0)
+    return max(first_ratios(_SHARE_OF_RATIO * share / changed), _FEWEST_TERMS)
 
 
 def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
@@ -147,7 +154,7 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
         key=lambda end: (end[1].radial, end[1].wavenumbers),
     )
     stretch = Stretch.to(cell.top, middle.softness)
-    radii = max(series_terms(middle, cell.top, share), _FEWEST_RADII)
+    radii = max(series_terms(middle, cell.top, share), _FEWEST_TERMS)
     while True:
         eps_angles = chebyshev_angles(radii)
         eps = stretch.v(np.cos(eps_angles))

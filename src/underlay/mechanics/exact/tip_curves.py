@@ -44,8 +44,8 @@ from underlay.mechanics.kernel import Family, Scales
 __all__ = ["TipContacts", "TipCurves", "tip_curves"]
 
 # No further than this share of the end of the shape: there the solution of each contact knows better; and nearly
-# to where nothing is solved for.
-_SHARE_OF_SHAPE, _SHARE_OF_EPS = 0.97, 0.995
+# to where nothing is solved for: searches stand at that edge.
+_SHARE_OF_SHAPE, _SHARE_OF_EPS = 0.97, 1.0 - 1e-6
 _PLACED = 1e-2  # the radii are placed as well as this
 # The radii are placed this much wider than the power law would have them: too near a curve would end too soon.
 _WIDER = 1.03

@@ -28,7 +28,7 @@ __all__ = ["TipLaw", "TipSlopes", "tip_laws", "tip_range", "tips_side_by_side"]
 _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
 # Where a curve of the tables ends because the contact is too wide the law ends too, no deeper than by so much.
-_WIDE, _DEEPER = 0.99 * LARGEST_EPS, 1.03
+_WIDE, _DEEPER = 0.9999 * LARGEST_EPS, 1.0005
 # Of ln k and ln h: a difference of polynomials, whose truncation is 1e-7 of the derivative and rounding 1e-9.
 _STEP = 1e-7
 
