@@ -233,10 +233,7 @@ def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: Floa
         found = curve.refined(rows, laws, found)
     back = np.argsort(order)
     return GridFit(
-        *(
-            part.reshape(-1, count)[back].ravel()
-            for part in (found.misfit, found.contact, found.amplitude, found.lowest)
-        )
+        *(part.reshape(-1, count)[back].ravel() for part in (found.misfit, found.contact, found.amplitude))
     )
 
 

@@ -33,14 +33,11 @@ class GridFit:
         Best contact depth (m).
     amplitude : FloatArray
         Factor on the moduli that goes with it.
-    lowest : FloatArray
-        Contact depth (m) at the bottom of the parabola through the best and its neighbours.
     """
 
     misfit: FloatArray
     contact: FloatArray
     amplitude: FloatArray
-    lowest: FloatArray
 
     def followed_by(self, other: GridFit) -> GridFit:
         """These rows and then those of another."""
@@ -56,7 +53,6 @@ class GridFit:
             (self.misfit, other.misfit),
             (self.contact, other.contact),
             (self.amplitude, other.amplitude),
-            (self.lowest, other.lowest),
         )
 
 
@@ -89,32 +85,23 @@ class ScanCurve:
         return LawRows.of(self.forward, rows, float(self._travel(rows).max() - self.contacts[0]))
 
     def best_contact(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> GridFit:
-        """Best of the contacts (m), (c,) in even steps or (r, 1), of every row."""
+        """Best of the contacts (m), (c,) or (r, c), of every row."""
         forces = laws.force(self._travel(rows) - np.atleast_2d(contacts)[:, :, None])
         basis = self._linear_basis
         target = _project_out(self.blocks.force - self._fixed_offset(rows), basis)
         shapes = _project_out(forces, basis)
         amplitude = self._amplitudes(rows, target, shapes)
         left = target - amplitude[..., None] * shapes
-        squares = np.einsum("rcm,rcm->rc", left, left)
-        at, every = np.argmin(squares, axis=1), np.arange(len(squares))
-        contact = np.broadcast_to(contacts, squares.shape)[every, at]
-        lowest = contact
-        if squares.shape[1] > 2:
-            middle = np.clip(at, 1, squares.shape[1] - 2)
-            before, here, after = (squares[every, middle + side] for side in (-1, 0, 1))
-            bend = before - 2.0 * here + after
-            share = np.divide(
-                0.5 * (before - after), bend, out=np.zeros_like(bend), where=(at == middle) & (bend > 0.0)
-            )
-            lowest = contact + share * (contacts[1] - contacts[0])
-        misfit = np.where(laws.possible, squares[every, at], np.inf)
-        return GridFit(misfit, contact, amplitude[every, at], lowest)
+        misfit = np.where(laws.possible[:, None], np.einsum("rcm,rcm->rc", left, left), np.inf)
+        chosen = np.arange(len(misfit)), np.argmin(misfit, axis=1)
+        return GridFit(misfit[chosen], np.broadcast_to(contacts, misfit.shape)[chosen], amplitude[chosen])
 
     def refined(self, rows: Rows, laws: LawRows, found: GridFit) -> GridFit:
-        """The same at the lowest contacts of the parabolas, where that is better."""
+        """The same after a Gauss-Newton step of each contact, where that is better."""
+        step = float(self.contacts[1] - self.contacts[0])
+        moved = found.contact + np.clip(self._towards(rows, laws, found), -step, step)
         # Not before the first contact: the laws reach no deeper.
-        moved = np.clip(found.lowest, self.contacts[0], self.free[CONTACT].high)
+        moved = np.clip(moved, self.contacts[0], self.free[CONTACT].high)
         return found.better(self.best_contact(rows, laws, moved[:, None]))
 
     def linear(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -127,6 +114,26 @@ class ScanCurve:
         rest = self.blocks.force - self._fixed_offset(values) - laws.force(travel[None, None])[0, 0]
         solved = np.linalg.lstsq(columns, rest, rcond=None)[0]
         return dict(zip((path for path in _LINEAR if path in self.free), solved.tolist(), strict=True))
+
+    def _towards(self, rows: Rows, laws: LawRows, found: GridFit) -> FloatArray:
+        """Gauss-Newton step of the contact depth (m), (r,), everything linear solved for beside it."""
+        basis = self._linear_basis
+        tip = (self._travel(rows) - found.contact[:, None])[:, None]
+        force, stiffness = laws.force(tip)[:, 0], laws.stiffness(tip)[:, 0]
+        slope = _project_out(-found.amplitude[:, None] * stiffness, basis)
+        shape = _project_out(force, basis)
+        left = _project_out(self.blocks.force - self._fixed_offset(rows), basis) - (
+            found.amplitude[:, None] * shape
+        )
+        if self.scales:
+            power = np.einsum("rm,rm->r", shape, shape)
+            felt = power > 0.0
+            share = np.einsum("rm,rm->r", slope, shape) / np.where(felt, power, 1.0)
+            slope = slope - share[:, None] * shape
+        power = np.einsum("rm,rm->r", slope, slope)
+        acts = power > 0.0
+        step = np.einsum("rm,rm->r", slope, left) / np.where(acts, power, 1.0)
+        return np.where(acts, step, 0.0)
 
     def _amplitudes(self, rows: Rows, target: FloatArray, shapes: FloatArray) -> FloatArray:
         """Factor (r, c) on the layer's modulus that fits best, within its bounds; one if it is fixed."""
