@@ -195,3 +195,20 @@ def test_both_optima_are_found_without_lmfit():
     alone, confirmed = quick_fit(p), ul.fit(p)
     assert len(alone.alternatives) == len(confirmed.alternatives) == 1
     assert alone.values[E] == pytest.approx(confirmed.values[E], abs=1e-2 * confirmed.stderr[E])
+
+
+def test_a_last_step_to_where_there_is_no_law_is_not_made(monkeypatch):
+    scene = layer_on(ul.Isotropic(3e7, 0.3))
+    depth = np.linspace(-2e-5, 1.2e-4, 60)
+    curve = ul.Curve(depth, scene.force(depth))
+    p = problem(scene, [E, H, C], curve, noise=Noise(force=1e-3 * float(np.ptp(curve.force))))
+    real = settling.minimise
+
+    def beyond(objective, start):
+        found = real(objective, start)
+        # A layer so thin that the contact is wider than what is solved for.
+        return replace(found, vector=found.vector - 12.0 * np.eye(3)[1])
+
+    monkeypatch.setattr(settling, "minimise", beyond)
+    found = quick_fit(p)
+    assert found.values[H] == pytest.approx(scene.layer.thickness, rel=1e-3)

@@ -32,7 +32,7 @@ Shape = Callable[[FloatArray], tuple[FloatArray, ...]]
 _MAX_POINTS = 2000
 # Contact depths tried on means of neighbouring points, then between two steps on either side of the best, then the
 # same on all points; a parabola through the last three ends it.
-_COARSE, _FINER, _FINE, _BLOCKS = 61, 13, 9, 120
+_COARSE, _FINER, _FINE, _BLOCKS = 41, 13, 5, 80
 _REACH = 2
 #: A curve that starts in contact has it in front of its first point, by up to this share of the foot.
 BEFORE = 1.0

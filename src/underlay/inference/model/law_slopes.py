@@ -41,12 +41,10 @@ def slope_by_factors(
 
     With numbers (sets,) in `values`, one for each row.
     """
-    log_b, log_c = (
-        np.asarray(slope)[:, None] if np.ndim(slope) else slope
-        for slope in similarity.factor_slopes(path, values)
-    )
+    column = (-1, *(1,) * (P.ndim - 1))
+    log_b, log_c = (np.reshape(slope, column) for slope in similarity.factor_slopes(path, values))
     total = log_c * P
-    if np.any(log_b):
+    if log_b.any():
         total += log_b * w * S
     return np.asarray(total)
 
