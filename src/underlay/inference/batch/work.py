@@ -20,6 +20,7 @@ from underlay._arrays import FloatArray
 from underlay._door import sha256_of
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
+from underlay.data.readers import KeptOpen
 from underlay.errors import CurveError, FitError, UnderlayError, UnderlayWarning
 from underlay.inference.adhesive_numbers import adhesive_numbers
 from underlay.inference.batch.curves import CurvePlace, read_place
@@ -102,16 +103,17 @@ class CurveFitter:
 
     def rows(self, places: Iterable[CurvePlace]) -> Iterator[tuple[int, str]]:
         """Rows (index, CSV text), one per curve, in order."""
-        for place in places:
-            yield place.index, self._layout.text(self._row(place))
+        with KeptOpen() as kept:
+            for place in places:
+                yield place.index, self._layout.text(self._row(place, kept))
 
-    def _row(self, place: CurvePlace) -> dict[str, Any]:
+    def _row(self, place: CurvePlace, kept: KeptOpen) -> dict[str, Any]:
         began = time.perf_counter()
         row = _about(place)
         try:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always", UnderlayWarning)
-                curve = self._read(place, row)
+                curve = self._read(place, row, kept)
                 place, curve, notes = self._settled(place, curve)
                 row.update(place.values)
                 if self._model.file is not None:
@@ -148,9 +150,9 @@ class CurveFitter:
         noted = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *notes)) if notes else curve
         return replace(place, values={**place.values, **settled.values}), noted, notes
 
-    def _read(self, place: CurvePlace, row: dict[str, Any]) -> Curve:
+    def _read(self, place: CurvePlace, row: dict[str, Any], kept: KeptOpen) -> Curve:
         """Read the curve and the part of it that is fitted; note its hash and position."""
-        curve = read_place(place, self._model.file)
+        curve = read_place(place, self._model.file, kept)
         row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
         if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:
