@@ -100,20 +100,21 @@ class CurveFitter:
         self._separable = SeparableModel.of(template)
         self._names, self._coordinates = template.names, template.coordinates
         self._base = model.scene.parameters
+        self._kept = KeptOpen()
 
     def rows(self, places: Iterable[CurvePlace]) -> Iterator[tuple[int, str]]:
         """Rows (index, CSV text), one per curve, in order."""
-        with KeptOpen() as kept:
+        with self._kept:
             for place in places:
-                yield place.index, self._layout.text(self._row(place, kept))
+                yield place.index, self._layout.text(self._row(place))
 
-    def _row(self, place: CurvePlace, kept: KeptOpen) -> dict[str, Any]:
+    def _row(self, place: CurvePlace) -> dict[str, Any]:
         began = time.perf_counter()
         row = _about(place)
         try:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always", UnderlayWarning)
-                curve = self._read(place, row, kept)
+                curve = self._read(place, row)
                 place, curve, notes = self._settled(place, curve)
                 row.update(place.values)
                 if self._model.file is not None:
@@ -150,9 +151,9 @@ class CurveFitter:
         noted = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *notes)) if notes else curve
         return replace(place, values={**place.values, **settled.values}), noted, notes
 
-    def _read(self, place: CurvePlace, row: dict[str, Any], kept: KeptOpen) -> Curve:
+    def _read(self, place: CurvePlace, row: dict[str, Any]) -> Curve:
         """Read the curve and the part of it that is fitted; note its hash and position."""
-        curve = read_place(place, self._model.file, kept)
+        curve = read_place(place, self._model.file, self._kept)
         row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
         if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:
