@@ -1,4 +1,4 @@
-"""What tests share: the command line as the shell calls it, and pages that take seconds to make."""
+"""What tests share: the command line as the shell calls it."""
 
 import os
 import sys
@@ -6,8 +6,6 @@ import sys
 import pytest
 from hypothesis import HealthCheck, settings
 
-import underlay as ul
-from support.reports import SAMPLES, joint_fit, small_posterior
 from underlay.cli.app import main
 
 # Tests start hundreds of processes: where none may keep what it compiled, each compiles the whole package anew.
@@ -17,21 +15,6 @@ sys.dont_write_bytecode = False
 # A busy machine is no fault of the code: no test of a property depends on the clock.
 settings.register_profile("no clock", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("no clock")
-
-
-@pytest.fixture(scope="session")
-def report_pages(tmp_path_factory):
-    """``{"fit": (fit, page), "joint": (fit, page), "posterior": (posterior, page)}``, the pages written."""
-    folder = tmp_path_factory.mktemp("pages")
-    problem = ul.load_problem(SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml")
-    fit = ul.fit(problem)
-    joint = joint_fit()
-    _, posterior = small_posterior()
-    return {
-        "fit": (fit, ul.report(fit, folder / "fit.html")),
-        "joint": (joint, ul.report(joint, folder / "joint.html")),
-        "posterior": (posterior, ul.report(posterior, folder / "posterior.html")),
-    }
 
 
 @pytest.fixture

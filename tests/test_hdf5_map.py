@@ -1,5 +1,6 @@
 """An HDF5 file of many curves is read curve by curve: the same curves, whatever the size of the file."""
 
+import io
 import pickle
 
 import h5py
@@ -10,8 +11,19 @@ import pytest
 import underlay as ul
 from support import afm_files
 from support.maps import FREE, SCENE, numbers
+from underlay import _door
 from underlay.data.export import write_curves
-from underlay.data.readers import _hdf5, _source, curves_of_map, read, read_all, read_from_map
+from underlay.data.readers import (
+    KeptOpen,
+    _hdf5,
+    _source,
+    curves_of_map,
+    kept_open,
+    read,
+    read_all,
+    read_from_map,
+)
+from underlay.data.readers._hdf5 import Checked
 from underlay.errors import FileFormatError
 
 COUNT = 12
@@ -93,3 +105,42 @@ def test_what_is_no_such_file_is_left_to_the_readers(tmp_path):
     for content in (b"\x89HDF\r\n\x1a\n", b"\x89HDF\r\n\x1a\n" + b"x" * 2000, b"depth,force\n1,2\n"):
         path.write_bytes(content)
         assert len(curves_of_map(path)) == 0
+
+
+def test_a_file_is_opened_once_for_the_curves_that_follow_each_other(path, monkeypatch):
+    times = []
+    monkeypatch.setattr(_hdf5, "opened", lambda file: times.append(file) or _door.opened(file))
+    one_by_one = [read_from_map(place) for place in curves_of_map(path)]
+    assert len(times) == len(one_by_one)
+    times.clear()
+    with KeptOpen() as kept:
+        together = [read_from_map(kept_open(place, kept)) for place in curves_of_map(path)]
+    assert len(times) == 1
+    for alone, one in zip(one_by_one, together, strict=True):
+        assert alone.metadata == one.metadata
+        np.testing.assert_array_equal(alone.force, one.force)
+
+
+def test_a_damaged_group_closes_the_file_and_costs_the_next_curve_nothing(path):
+    with h5py.File(path, "r+") as file:
+        del file["1"]
+        file["1"] = h5py.SoftLink("/2")
+    first, damaged, last = curves_of_map(path)[:3]
+    with KeptOpen() as kept:
+        read_from_map(kept_open(first, kept))
+        with pytest.raises(FileFormatError, match="links"):
+            read_from_map(kept_open(damaged, kept))
+        np.testing.assert_array_equal(read_from_map(kept_open(last, kept)).force, read_from_map(last).force)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [1.5, np.uint8(3), np.float32(2.0), True, 1 + 2j, "é", "", np.bytes_("fixed"), [1, 2], ["x", "y"], [1.5]],
+    ids=repr,
+)
+def test_what_is_said_of_a_group_is_read_as_the_library_reads_it(said):
+    with h5py.File(io.BytesIO(), "w") as file:
+        file.attrs["said"] = said
+        told = Checked(h5py, "a file", file, [0]).said()["said"]
+        assert type(told) is type(file.attrs["said"])
+        np.testing.assert_array_equal(told, file.attrs["said"])

@@ -209,7 +209,11 @@ DOORS = {
     "_zip": {"zipfile.ZipFile", "archive.open"},
     "_files": {"os.open", "os.fdopen"},  # writes
     "data/export": {"h5py.File"},  # writes into memory
-    "data/readers/_hdf5": {"h5py.File", "h5py.h5o.open"},  # in memory, or after opened; what is in it
+    "data/readers/_hdf5": {
+        "h5py.File",
+        "h5py.h5a.open",
+        "h5py.h5o.open",
+    },  # in memory, or after opened; what is in it
     "data/readers/_sheets": {"openpyxl.load_workbook", "xlrd.open_workbook"},  # bytes in memory
     "data/readers/_hdf5_map": {"h5py.File"},  # after opened
     "data/readers/_jpk_map": {"zipfile.ZipFile"},  # after opened

@@ -1,12 +1,21 @@
-"""The report's page in a browser: every picture there, nothing fetched, readable narrow or wide, light or dark."""
+"""Three pages of reports, made once: what stands in them, and how they look in a browser.
+
+In the browser: every picture there, nothing fetched, readable narrow or wide, light or dark.
+"""
+
+import json
+import re
 
 import pytest
 
+import underlay as ul
 from support.chromium import browser, chromium
+from support.reports import SAMPLES, cells_of, joint_fit, page_text, small_posterior
+from underlay.report import labels, words
+from underlay.report.distinct_scenes import distinct_scenes
+from underlay.scene.effects import effects_table
 
-pytestmark = pytest.mark.skipif(
-    chromium() is None, reason="no Chromium on this machine: the page is not opened"
-)
+opened = pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine: the page is not opened")
 
 WIDTHS, SCHEMES = (400, 1400), ("light", "dark")
 
@@ -44,11 +53,89 @@ PICTURES = """
 
 
 @pytest.fixture(scope="module")
+def report_pages(tmp_path_factory):
+    """``{"fit": (fit, page), "joint": (fit, page), "posterior": (posterior, page)}``, the pages written."""
+    folder = tmp_path_factory.mktemp("pages")
+    problem = ul.load_problem(SAMPLES / "cartilage_on_bone.csv", SAMPLES / "cartilage_on_bone.toml")
+    fit = ul.fit(problem)
+    joint = joint_fit()
+    _, posterior = small_posterior()
+    return {
+        "fit": (fit, ul.report(fit, folder / "fit.html")),
+        "joint": (joint, ul.report(joint, folder / "joint.html")),
+        "posterior": (posterior, ul.report(posterior, folder / "posterior.html")),
+    }
+
+
+def test_page_says_what_the_fit_found(report_pages):
+    fit, page = report_pages["fit"]
+    text = page_text(page)
+    known = fit.interval("layer.E")
+    assert words.quantity_with_interval(known.value, known.low, known.high, "pressure")[:-1] in text
+    assert "known only together" in text
+    for part in ("Data and fit", "The test", "Which effects matter", "Diagnostics", "Reservations"):
+        assert part in text
+    assert fit.provenance["curves"][0]["data_sha256"] in text
+    assert fit.curves[0].metadata["sha256"] in text
+    assert fit.provenance["versions"]["numpy"] in text
+
+
+def test_notebook_beside_the_page_is_executed_and_gives_the_same_fit(report_pages):
+    fit, page = report_pages["fit"]
+    cells = cells_of(page.with_suffix(".ipynb"))
+    assert all(cell["execution_count"] for cell in cells if cell["cell_type"] == "code")
+    text = json.dumps(cells)
+    assert "Traceback" not in text
+    # The hash of the points the notebook fitted is that of the points of this fit, to the last bit.
+    assert fit.provenance["curves"][0]["data_sha256"] in text
+
+
+def test_page_of_a_joint_fit_shows_every_scene(report_pages):
+    fit, page = report_pages["joint"]
+    text = page_text(page)
+    scenes = distinct_scenes(fit.scenes, fit.curves)
+    assert [test.label for test in scenes] == ["curves 1 and 3", "curve 2"]
+    for test in scenes:
+        size = (
+            effects_table(test.scene, test.deepest)
+            .set_index("effect")
+            .loc["finite thickness", "size_percent"]
+        )
+        assert re.search(rf"{labels.start(test.label)} effect .*finite thickness \+{size:.3g} % yes", text)
+    # Of every curve its fit twice and its moduli by depth, of every scene its drawing and its effects;
+    # correlations, and two profiles.
+    assert page.read_text().count("<img") == 3 + 3 + 3 + 2 + 2 + 1 + 2
+
+
+def test_segments_of_a_curve_that_only_goes_in_are_not_shown(report_pages):
+    _, page = report_pages["fit"]
+    assert "segments" not in json.dumps(cells_of(page.with_suffix(".ipynb")))
+    assert not list(page.parent.glob("*.inputs/measured-*"))
+
+
+def test_report_of_a_posterior(report_pages):
+    posterior, page = report_pages["posterior"]
+    text = page_text(page)
+    assert "Layer modulus" in text
+    assert ("The sampling converged" in text) == posterior.converged
+    # It holds its own scene and curve: drawn, listed, and named by the hash of the points.
+    median = posterior.samples["layer.E"].median()
+    assert "Indenter, layer and substrate to scale at the median" in text
+    assert f"Young's modulus E {median / 1e6:.4g} MPa" in text
+    assert posterior.provenance["curves"][0]["data_sha256"] in text
+    assert page.read_text().count("<img") == 3
+
+
+# --- in a browser --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
 def tab():
-    with browser() as opened:
-        yield opened
+    with browser() as tab:
+        yield tab
 
 
+@opened
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("kind", ["fit", "joint", "posterior"])
@@ -88,6 +175,7 @@ def test_page(report_pages, tab, kind, width, scheme):
     assert tab.evaluate("document.querySelectorAll('h1').length") == 1
 
 
+@opened
 def test_the_checks_see_what_is_wrong(tab, tmp_path):
     page = tmp_path / "bad.html"
     page.write_text(

@@ -1,7 +1,6 @@
 """Reports: what the page says is what the fit found, and the notebook beside it says it again."""
 
 import builtins
-import json
 import re
 import sys
 from dataclasses import replace
@@ -26,7 +25,6 @@ from underlay.report.intervals import estimates
 from underlay.report.notebook import filled, make_notebook
 from underlay.report.page import html_page
 from underlay.report.problem_source import _exact_csv, problem_source, write_inputs
-from underlay.scene.effects import effects_table
 
 # --- words -----------------------------------------------------------------------------------------------
 
@@ -287,46 +285,6 @@ def test_map_reads_back_and_a_curve_is_no_map(map_page, tmp_path):
 # --- the page and its notebook ---------------------------------------------------------------------------
 
 
-def test_page_says_what_the_fit_found(report_pages):
-    fit, page = report_pages["fit"]
-    text = page_text(page)
-    known = fit.interval("layer.E")
-    assert words.quantity_with_interval(known.value, known.low, known.high, "pressure")[:-1] in text
-    assert "known only together" in text
-    for part in ("Data and fit", "The test", "Which effects matter", "Diagnostics", "Reservations"):
-        assert part in text
-    assert fit.provenance["curves"][0]["data_sha256"] in text
-    assert fit.curves[0].metadata["sha256"] in text
-    assert fit.provenance["versions"]["numpy"] in text
-
-
-def test_notebook_beside_the_page_is_executed_and_gives_the_same_fit(report_pages):
-    fit, page = report_pages["fit"]
-    cells = cells_of(page.with_suffix(".ipynb"))
-    assert all(cell["execution_count"] for cell in cells if cell["cell_type"] == "code")
-    text = json.dumps(cells)
-    assert "Traceback" not in text
-    # The hash of the points the notebook fitted is that of the points of this fit, to the last bit.
-    assert fit.provenance["curves"][0]["data_sha256"] in text
-
-
-def test_page_of_a_joint_fit_shows_every_scene(report_pages):
-    fit, page = report_pages["joint"]
-    text = page_text(page)
-    scenes = distinct_scenes(fit.scenes, fit.curves)
-    assert [test.label for test in scenes] == ["curves 1 and 3", "curve 2"]
-    for test in scenes:
-        size = (
-            effects_table(test.scene, test.deepest)
-            .set_index("effect")
-            .loc["finite thickness", "size_percent"]
-        )
-        assert re.search(rf"{labels.start(test.label)} effect .*finite thickness \+{size:.3g} % yes", text)
-    # Of every curve its fit twice and its moduli by depth, of every scene its drawing and its effects;
-    # correlations, and two profiles.
-    assert page.read_text().count("<img") == 3 + 3 + 3 + 2 + 2 + 1 + 2
-
-
 def test_segments_of_a_curve_that_comes_back_are_shown(tmp_path):
     problem = ul.load_problem(SAMPLES / "chiaro_cell_indentation.csv", SAMPLES / "chiaro_cell.toml")
     page = ul.report(ul.fit(problem), tmp_path / "cell.html")
@@ -337,25 +295,6 @@ def test_segments_of_a_curve_that_comes_back_are_shown(tmp_path):
     np.testing.assert_array_equal(kept.segments(), whole.segments())
     (cell,) = [cell for cell in cells_of(page.with_suffix(".ipynb")) if "segments" in "".join(cell["source"])]
     assert any("image/png" in output.get("data", {}) for output in cell["outputs"])
-
-
-def test_segments_of_a_curve_that_only_goes_in_are_not_shown(report_pages):
-    _, page = report_pages["fit"]
-    assert "segments" not in json.dumps(cells_of(page.with_suffix(".ipynb")))
-    assert not list(page.parent.glob("*.inputs/measured-*"))
-
-
-def test_report_of_a_posterior(report_pages):
-    posterior, page = report_pages["posterior"]
-    text = page_text(page)
-    assert "Layer modulus" in text
-    assert ("The sampling converged" in text) == posterior.converged
-    # It holds its own scene and curve: drawn, listed, and named by the hash of the points.
-    median = posterior.samples["layer.E"].median()
-    assert "Indenter, layer and substrate to scale at the median" in text
-    assert f"Young's modulus E {median / 1e6:.4g} MPa" in text
-    assert posterior.provenance["curves"][0]["data_sha256"] in text
-    assert page.read_text().count("<img") == 3
 
 
 def test_report_of_a_joint_posterior_shows_every_scene(tmp_path):

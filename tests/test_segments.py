@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from underlay.data import segments
 from underlay.data.segments import label_pieces, segments_from_motion
 
 
@@ -105,3 +106,15 @@ def test_any_motion_gets_a_label_for_every_point(motion):
     labels = segments_from_motion(motion)
     assert labels.shape == motion.shape
     assert set(labels) <= {"loading", "hold", "unloading"}
+
+
+def test_the_corners_of_a_wider_tolerance_are_the_first_of_a_narrower_one():
+    rng = np.random.default_rng(0)
+    clock = np.linspace(0.0, 1.0, 400)
+    for bumps in (3.0, 40.0):
+        motion = np.sin(bumps * clock) + rng.normal(scale=0.05, size=400)
+        narrow = segments._splits(clock, motion, 0.02)
+        for tolerance in (0.05, 0.1, 0.3):
+            first = list(itertools.takewhile(lambda split, least=tolerance: split[0] > least, narrow))
+            assert 0 < len(first) < len(narrow)
+            assert first == segments._splits(clock, motion, tolerance)

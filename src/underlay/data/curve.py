@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeGuard
@@ -147,7 +148,10 @@ class Curve:
 
     def with_metadata(self, /, **values: Any) -> Curve:
         """Return the curve with some metadata added or replaced."""
-        return replace(self, metadata=self._about.updated(**values))
+        # Nothing but the metadata is looked at again: a curve passes here several times on its way from a file.
+        noted = copy(self)
+        _set(noted, "metadata", self._about.updated(**values))
+        return noted
 
     def with_truth(self, truth: Mapping[str, Any]) -> Curve:
         """Return the curve with the numbers it was made from."""

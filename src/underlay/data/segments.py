@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,17 +78,22 @@ def segments_from_motion(
     if width > 1:
         motion, noise = _moving_mean(motion, width), noise / np.sqrt(width)
     tolerance = max(_TOLERANCE * extent, _NOISE * noise)
-    corners = _polyline(clock, motion, tolerance)
+    splits = _splits(clock, motion, tolerance)
+    corners = _corners(splits, n)
     wobble = _wobble(motion[corners])
     if wobble > tolerance:
         tolerance = wobble
-        corners = _polyline(clock, motion, tolerance)
+        # The worst come first: those of a wider tolerance are the first of them.
+        corners = _corners(itertools.takewhile(lambda split: split[0] > wobble, splits), n)
     retreat = None
     if force is not None and np.isfinite(force).all():
         fall = -np.diff(force[corners]) / max(float(np.ptp(force)), np.finfo(float).tiny)
         retreat = (fall > _FALL) & (np.diff(motion[corners]) < -tolerance)
+    pieces = _pieces(clock, motion, corners, tolerance, retreat)
+    if all(label == LOADING for _, _, label in pieces):
+        return one_label(LOADING, n)
     labels: NDArray[np.str_] = np.full(n, LOADING, dtype="<U9")
-    for first, last, label in _pieces(clock, motion, corners, tolerance, retreat):
+    for first, last, label in pieces:
         labels[first : last + 1] = label
     return labels
 
@@ -168,9 +173,14 @@ def _wobble(heights: FloatArray) -> float:
     return float(reversals[first[0] + 1]) if first.size else 0.0
 
 
-def _polyline(clock: FloatArray, motion: FloatArray, tolerance: float) -> list[int]:
-    """Indices of the corners of a polyline within `tolerance` of the motion."""
-    corners = {0, len(motion) - 1}
+def _corners(splits: Iterable[tuple[float, int]], count: int) -> list[int]:
+    """Indices of the corners of a polyline through so many points, in order."""
+    return sorted({0, count - 1, *(index for _, index in splits)})
+
+
+def _splits(clock: FloatArray, motion: FloatArray, tolerance: float) -> list[tuple[float, int]]:
+    """Corners (miss, index) of a polyline within `tolerance` of the motion, as the worst miss splits a piece."""
+    splits: list[tuple[float, int]] = []
     worst: list[tuple[float, int, int, int]] = []
 
     def propose(first: int, last: int) -> None:
@@ -190,12 +200,12 @@ def _polyline(clock: FloatArray, motion: FloatArray, tolerance: float) -> list[i
             heapq.heappush(worst, (-float(miss[split]), first, first + split, last))
 
     propose(0, len(motion) - 1)
-    while worst and len(corners) < _MAX_PIECES:
-        _, first, split, last = heapq.heappop(worst)
-        corners.add(split)
+    while worst and len(splits) + 2 < _MAX_PIECES:
+        miss, first, split, last = heapq.heappop(worst)
+        splits.append((-miss, split))
         propose(first, split)
         propose(split, last)
-    return sorted(corners)
+    return splits
 
 
 def _pieces(

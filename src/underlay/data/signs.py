@@ -8,10 +8,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, median
 from underlay.data.curve import Curve
-from underlay.data.segments import HOLD, LOADING, UNLOADING, segments_from_motion
+from underlay.data.segments import HOLD, LOADING, UNLOADING, one_of_each, segments_from_motion
 from underlay.errors import CurveError
 from underlay.units import format_quantity
 
@@ -68,38 +69,55 @@ def require_signs(curve: Curve) -> None:
     way = _first_motion(curve)
     if way is None:
         return
-    moved, change, start = float(np.ptp(depth[way])), _change(force[way]), _start(force[way])
-    if change == 0.0 or (moved > 0.0 and depth[way][-1] > depth[way][0]) == (change > 0.0):
-        reversed_both = change < 0.0 and abs(start) <= _NONE * abs(change) and depth[way][-1] < depth[way][0]
+    depth, force = depth[way], force[way]
+    goes_in, (start, end) = bool(depth[-1] > depth[0]), _ends(force)
+    if goes_in and end >= start:
+        return  # as nearly every curve is
+    change = _change(force)
+    if change == 0.0 or goes_in == (change > 0.0):
+        reversed_both = change < 0.0 and abs(start) <= _NONE * abs(change) and not goes_in
         if not reversed_both:
             return
-        raise CurveError(_told(curve, ("depth", "force"), change, depth[way]))
-    raise CurveError(_told(curve, ("force",) if change < 0.0 else ("depth",), change, depth[way]))
+        raise CurveError(_told(curve, ("depth", "force"), change, depth))
+    raise CurveError(_told(curve, ("force",) if change < 0.0 else ("depth",), change, depth))
 
 
 def _first_motion(curve: Curve) -> slice | None:
-    """The first run of points that goes one way over a good part of the depth."""
-    told = curve.segment is not None  # the file's own labels may be of the other sign
-    labels = segments_from_motion(curve.depth, curve.time, curve.force) if told else curve.segments()
-    ends = np.concatenate(([0], np.flatnonzero(labels[1:] != labels[:-1]) + 1, [len(labels)]))
-    extent = float(np.ptp(curve.depth))
+    """The first run of points that goes one way over a good part of the depth.
+
+    The file's own labels say where a run ends, not which way it goes: they may be of the other sign. Where none of
+    them goes one way (one label for the way in and out), the motion says it.
+    """
+    told = curve.segment
+    labels = curve.segments() if told is None else told
+    found = _first_long(curve.depth, labels)
+    if found is None and told is not None:
+        return _first_long(curve.depth, segments_from_motion(curve.depth, curve.time, curve.force))
+    return found
+
+
+def _first_long(depth: FloatArray, labels: NDArray[np.str_]) -> slice | None:
+    """The first run of one label that moves, and over a good part of the depth."""
+    one = one_of_each(labels)
+    ends = np.concatenate(([0], np.flatnonzero(one[1:] != one[:-1]) + 1, [len(labels)]))
+    extent = float(np.ptp(depth))
     for first, last in itertools.pairwise(ends.tolist()):
-        long = last - first >= _FEWEST and abs(curve.depth[last - 1] - curve.depth[first]) >= _LONG * extent
+        long = last - first >= _FEWEST and abs(depth[last - 1] - depth[first]) >= _LONG * extent
         if labels[first] != HOLD and long and extent > 0.0:
             return slice(first, last)
     return None
 
 
-def _start(force: FloatArray) -> float:
-    return median(force[: max(3, len(force) // 10)])
+def _ends(force: FloatArray) -> tuple[float, float]:
+    """Medians of the first and the last tenth (N)."""
+    tenth = max(3, len(force) // 10)
+    return median(force[:tenth]), median(force[-tenth:])
 
 
 def _change(force: FloatArray) -> float:
     """Change of the force (N) from the beginning to the end; zero where it is not one that goes on to the end."""
     tenth = max(3, len(force) // 10)
-    start, before, end = (
-        median(part) for part in (force[:tenth], force[-2 * tenth : -tenth], force[-tenth:])
-    )
+    (start, end), before = _ends(force), median(force[-2 * tenth : -tenth])
     change = end - start
     noise = float(1.4826 * median(np.abs(np.diff(force, 2))) / np.sqrt(6.0))
     clear = abs(change) > max(_CHANGE * float(np.ptp(force)), _NOISE * noise)

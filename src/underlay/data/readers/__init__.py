@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -30,6 +31,7 @@ from underlay.data.readers import (
 from underlay.data.readers._added import added_formats, plugged_readers
 from underlay.data.readers._calibration import Calibration
 from underlay.data.readers._format import Format, Options
+from underlay.data.readers._hdf5 import KeptOpen
 from underlay.data.readers._hdf5_map import Hdf5MapCurve, curves_of_hdf5
 from underlay.data.readers._jpk_map import JpkMapCurve, curves_of_jpk_map
 from underlay.data.readers._source import Source, load, unpack
@@ -40,10 +42,12 @@ from underlay.plugins import faults
 __all__ = [
     "FORMATS",
     "Format",
+    "KeptOpen",
     "MapCurve",
     "all_formats",
     "curves_of_jpk_map",
     "curves_of_map",
+    "kept_open",
     "plugged_readers",
     "read",
     "read_all",
@@ -166,6 +170,11 @@ def read_from_map(
     """Read one curve of a map on the disk, and nothing else of it; see `read`."""
     (curve, *_) = _read_source(place.source(), format, columns, calibration)
     return curve.with_metadata(**{"name": place.name} if place.name else {}, test=place.number)
+
+
+def kept_open(place: MapCurve, kept: KeptOpen) -> MapCurve:
+    """The same curve, whose file `kept` holds open for the next one of it; one of JPK stays as it is."""
+    return replace(place, kept=kept) if isinstance(place, Hdf5MapCurve) else place
 
 
 def curves_of_map(path: str | os.PathLike[str]) -> Sequence[MapCurve]:

@@ -118,7 +118,7 @@ def make_curve(
         _kept(depth, valid),
         _kept(force, valid),
         None if time is None else _kept(time, valid),
-        None if segment is None else segment[valid],
+        segment if segment is None or not left_out else segment[valid],
         {**metadata, "notes": notes, "points_left_out": left_out},
         columns={name: _kept(values, valid) for name, values in (columns or {}).items()},
     )

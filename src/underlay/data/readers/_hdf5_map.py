@@ -1,7 +1,7 @@
 """HDF5 files of many curves, curve by curve: a list of what the file holds, and each curve as a source of its own.
 
-Such a file may be larger than memory. Its root is listed once; whoever then reads a curve opens the file and reads
-the group of that curve alone, in place, checked as any file is.
+Such a file may be larger than memory. Its root is listed once; whoever then reads a curve opens the file, or has it
+open from the curve before, and reads the group of that curve alone, in place, checked as any file is.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 from underlay._door import opened
 from underlay.data.export import HDF5_MARK
-from underlay.data.readers._hdf5 import HDF5_MAGIC, GroupSource
+from underlay.data.readers._hdf5 import HDF5_MAGIC, GroupSource, KeptOpen
 
 __all__ = ["Hdf5MapCurve", "curves_of_hdf5"]
 
@@ -36,6 +36,8 @@ class Hdf5MapCurve:
         Its group.
     name : str
         What the curve is called where the whole file is read; empty where its group says it.
+    kept : KeptOpen or None
+        What keeps the file open for the next curve, where they are read one after the other.
     """
 
     path: Path
@@ -43,11 +45,12 @@ class Hdf5MapCurve:
     number: int
     group: str
     name: str
+    kept: KeptOpen | None = None
 
     def source(self) -> GroupSource:
         """What the readers take for a file of this curve alone."""
         known = HDF5_MAGIC if self.name else HDF5_MAGIC + HDF5_MARK.encode()
-        return GroupSource(self.path, known, self.sha256, group=self.group)
+        return GroupSource(self.path, known, self.sha256, group=self.group, kept=self.kept)
 
 
 def curves_of_hdf5(path: str | os.PathLike[str]) -> list[Hdf5MapCurve]:

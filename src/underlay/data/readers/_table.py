@@ -85,6 +85,8 @@ def find_columns(labels: Sequence[str], mapping: Mapping[str, str] | None) -> di
 
 def _plain(name: str) -> str:
     """Name in small letters without accents, however these are coded."""
+    if name.isascii():
+        return name.strip().lower()
     letters = unicodedata.normalize("NFKD", name.strip().lower())
     return "".join(letter for letter in letters if not unicodedata.combining(letter)).replace("’", "'")
 

@@ -112,10 +112,11 @@ def lines_of(source: Source) -> list[str]:
     FileFormatError
         If there is none, or the file is not text.
     """
-    lines = [line for line in decode(source).replace("\r", "\n").split("\n") if line and not line.isspace()]
+    text = decode(source).replace("\r", "\n")
+    lines = list(filter(str.strip, text.split("\n")))
     if not lines:
         raise FileFormatError(f"{source.name} holds nothing but blank lines")
-    if max(map(len, lines)) <= _LONGEST_LINE:
+    if len(text) <= _LONGEST_LINE or max(map(len, lines)) <= _LONGEST_LINE:
         return lines
     for number, line in enumerate(lines, start=1):
         if len(line) > _LONGEST_LINE and not line.startswith("#"):

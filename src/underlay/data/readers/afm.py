@@ -49,8 +49,9 @@ _NOTHING: Mapping[str, Any] = {}
 _KNOWN = {"spring constant": "spring_constant", "sensitivity": "sensitivity", "setpoint": "setpoint"}
 
 
-# Of an HDF5 file: what `_curve` takes.
-_COLUMNS = ("force", "height (measured)", "height (piezo)", "time", "segment")
+# What `_curve` takes: the better height that there is, and these.
+_HEIGHTS = ("height (measured)", "height (piezo)")
+_COLUMNS = ("force", "time", "segment")
 
 
 def _sniff(source: Source) -> bool:
@@ -136,20 +137,25 @@ def _load_hdf5(formats: Any, source: Source, override: Mapping[str, float]) -> l
             source,
             [
                 {
-                    "data": {name: group[name] for name in _COLUMNS if name in group},
-                    "metadata": {**group.attrs, "enum": int(number)},
+                    "data": {name: group[name] for name in _columns(group)},
+                    "metadata": {**group.said(), "enum": int(number)},
                 }
                 for number, group in groups
             ],
         )
 
 
+def _columns(group: Checked) -> list[str]:
+    """Columns of a curve that are read."""
+    return [*[name for name in _HEIGHTS if name in group][:1], *[name for name in _COLUMNS if name in group]]
+
+
 def _require_afmformats(source: Source, file: Checked, group: Any) -> None:
     """Refuse a sound HDF5 file whose layout is not known here, and say what it holds."""
-    if "software" in file.attrs and isinstance(group, Checked) and "force" in group:
+    if file.is_said("software") and isinstance(group, Checked) and "force" in group:
         return
     there = names_there(file)
-    if "nsf_file_version_major" in file.attrs:
+    if file.is_said("nsf_file_version_major"):
         raise FileFormatError(
             f"{source.name} is a Nanosurf Studio file (.nhf), which is not read here: export its curves from "
             "Studio as .nid, or as text with names and units in the first row"
@@ -200,7 +206,7 @@ def _curve(
     source: Source, number: int, data: Any, found: Any, of_file: Mapping[str, Any] = _NOTHING
 ) -> Curve:
     names = set(data)
-    channel = "height (measured)" if "height (measured)" in names else "height (piezo)"
+    channel = next((name for name in _HEIGHTS if name in names), _HEIGHTS[-1])
     height = _column(data, channel)
     force = _column(data, "force")
     time = _column(data, "time") if "time" in names else None

@@ -37,12 +37,12 @@ _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 
 
 def _sniff(source: Source) -> bool:
-    return _separator_of_table(source.head()) is not None
+    return _separator_of_table(source.head().split("\n", _MAX_PREAMBLE * 4)) is not None
 
 
-def _separator_of_table(text: str) -> str | None:
-    """Return the separator of a text that looks like a table: a row of two numbers or more."""
-    for line in text.split("\n")[: _MAX_PREAMBLE * 4]:
+def _separator_of_table(lines: Sequence[str]) -> str | None:
+    """Return the separator of lines that look like a table: a row of two numbers or more."""
+    for line in lines[: _MAX_PREAMBLE * 4]:
         for separator in ("\t", ";", ",", " "):
             if separator not in line and separator != " ":
                 continue
@@ -82,15 +82,17 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
     lines = lines_of(source)
     if lines and re.fullmatch(r"sep=.\s*", lines[0]):  # a line by which spreadsheets name the separator
         lines = lines[1:]
-    # Most lines begin as a number does: few are looked at twice.
-    commented = [line for line in lines if line[0] not in _NUMERIC and line.lstrip().startswith(_COMMENT)]
+    # Most files hold no comment, and most lines of the others begin as a number does: few are looked at twice.
+    marked = any(mark[:1].encode() in source.data for mark in _COMMENT)
+    looked_at = [line for line in lines if line[0] not in _NUMERIC] if marked else []
+    commented = [line for line in looked_at if line.lstrip().startswith(_COMMENT)]
     comments = [line.lstrip("#%/ \t").rstrip() for line in commented]
     if commented:
-        marked = frozenset(commented)
-        lines = [line for line in lines if line not in marked]
+        left_out = frozenset(commented)
+        lines = [line for line in lines if line not in left_out]
     if not lines:
         raise FileFormatError(f"{source.name} holds no table")
-    separator = _separator_of_table("\n".join(lines[: _MAX_PREAMBLE * 4]))
+    separator = _separator_of_table(lines)
     if separator is None:
         raise FileFormatError(
             f"{source.name} holds no row of numbers; a table needs a row of names with units, such as "

@@ -9,7 +9,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from underlay.data.curve import Curve
-from underlay.data.readers import MapCurve, curves_of_map, read, read_all, read_from_map
+from underlay.data.readers import (
+    KeptOpen,
+    MapCurve,
+    curves_of_map,
+    kept_open,
+    read,
+    read_all,
+    read_from_map,
+)
 from underlay.errors import FileAccessError, InputError, UnderlayError
 from underlay.inference.file_facts import settle
 from underlay.inference.from_files import chosen_part, read_for, read_whole, turned
@@ -108,8 +116,17 @@ def list_curves(
     return places
 
 
-def read_place(place: CurvePlace, file: SceneFile | None) -> Curve:
+def read_place(place: CurvePlace, file: SceneFile | None, kept: KeptOpen | None = None) -> Curve:
     """Read the part of a curve that is fitted, as the scene file says it must be read, if there is one.
+
+    Parameters
+    ----------
+    place : CurvePlace
+        The curve.
+    file : SceneFile or None
+        Says how it is read.
+    kept : KeptOpen, optional
+        Holds the file of a map open from one of its curves to the next.
 
     Raises
     ------
@@ -118,9 +135,10 @@ def read_place(place: CurvePlace, file: SceneFile | None) -> Curve:
     """
     if place.curve is not None:
         return place.curve if file is None else chosen_part(turned(place.curve, file.curve), file.curve)
+    of_map = place.of_map if place.of_map is None or kept is None else kept_open(place.of_map, kept)
     if file is not None:
-        return read_for(file, place.of_map or place.path)
-    whole = read(place.path) if place.of_map is None else read_from_map(place.of_map)
+        return read_for(file, of_map or place.path)
+    whole = read(place.path) if of_map is None else read_from_map(of_map)
     return chosen_part(turned(whole, {}), {})
 
 

@@ -20,6 +20,7 @@ from underlay._arrays import FloatArray
 from underlay._door import sha256_of
 from underlay.data.curve import Curve, check_fittable
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
+from underlay.data.readers import KeptOpen
 from underlay.errors import CurveError, FitError, UnderlayError, UnderlayWarning
 from underlay.inference.adhesive_numbers import adhesive_numbers
 from underlay.inference.batch.curves import CurvePlace, read_place
@@ -99,11 +100,13 @@ class CurveFitter:
         self._separable = SeparableModel.of(template)
         self._names, self._coordinates = template.names, template.coordinates
         self._base = model.scene.parameters
+        self._kept = KeptOpen()
 
     def rows(self, places: Iterable[CurvePlace]) -> Iterator[tuple[int, str]]:
         """Rows (index, CSV text), one per curve, in order."""
-        for place in places:
-            yield place.index, self._layout.text(self._row(place))
+        with self._kept:
+            for place in places:
+                yield place.index, self._layout.text(self._row(place))
 
     def _row(self, place: CurvePlace) -> dict[str, Any]:
         began = time.perf_counter()
@@ -150,7 +153,7 @@ class CurveFitter:
 
     def _read(self, place: CurvePlace, row: dict[str, Any]) -> Curve:
         """Read the curve and the part of it that is fitted; note its hash and position."""
-        curve = read_place(place, self._model.file)
+        curve = read_place(place, self._model.file, self._kept)
         row["sha256"] = place.sha256 or curve.metadata.get("sha256") or curve_hash(curve)
         position = curve.metadata.get("position")
         if row["x"] is None and isinstance(position, tuple) and len(position) >= 2:
