@@ -1,7 +1,7 @@
 """Do the printed intervals hold the truth? Random tests of a user's range, undisturbed or disturbed.
 
     python tests/studies/intervals.py [--curves 200] [--world clean slope ...] [--free E h] [--stated] [--one]
-                                      [--elastic] [--seed 16] [--seconds 600] [--rows rows.csv]
+                                      [--elastic | --half-space] [--seed 16] [--seconds 600] [--rows rows.csv]
                                       [--output tests/studies/results/intervals.csv]
 
 One row per world and set of free parameters is written over the row of the same study: how many 95 % intervals of
@@ -9,7 +9,8 @@ each parameter hold the truth (and of fits with something on a bound alone), how
 interval of white noise (median), how many verdicts were "model wrong", and what the headline costs in fits of the
 same curve, and both together in seconds of processor time. `--stated` hands the fit the noise it was made with.
 Worlds are those of `tests/support/worlds.py`; scenes those of `tests/support/user_scenes.py`, with `--elastic`
-those on an elastic base alone, or with `--one` the single scene those worlds were first measured on. `--world all`
+those on an elastic base alone, with `--half-space` their tips and depths on a half-space, or with `--one` the
+single scene those worlds were first measured on. `--world all`
 runs every one, `--seconds` long each at most, and writes every row as it is done. With `--rows` every curve is kept
 in a file, and a run goes on where the last one ended.
 """
@@ -58,8 +59,10 @@ def one_scene():
 def test_of(args, rng):
     """Draw one test: (kind, scene, depth, points, noise)."""
     while True:
-        test = one_scene() if args.one else user_test(rng)
-        if not args.elastic or isinstance(test[1].substrate, ul.Isotropic):
+        test = one_scene() if args.scenes == "one" else user_test(rng)
+        if args.scenes == "half-space":
+            return test[0], assumed(test[1], "Hertz on a layer"), *test[2:]
+        if args.scenes != "elastic base" or isinstance(test[1].substrate, ul.Isotropic):
             return test
 
 
@@ -105,7 +108,7 @@ def measured(test, world, free, rng, *, stated):
 def study(args, world):
     """All rows of one study, those kept from an earlier run first; a curve that was not fitted has no parameter."""
     key = {
-        "scenes": "one" if args.one else "elastic base" if args.elastic else "random",
+        "scenes": args.scenes,
         "world": world,
         "free": "+".join(args.free),
         "noise": "stated" if args.stated else "unknown",
@@ -180,8 +183,8 @@ def main() -> None:
     parser.add_argument("--world", nargs="+", choices=["all", *WORLDS], default=["clean"])
     parser.add_argument("--free", nargs="+", choices=list(PATHS), default=["E"])
     parser.add_argument("--stated", action="store_true")
-    parser.add_argument("--one", action="store_true")
-    parser.add_argument("--elastic", action="store_true")
+    for flag, name in {"--one": "one", "--elastic": "elastic base", "--half-space": "half-space"}.items():
+        parser.add_argument(flag, dest="scenes", action="store_const", const=name, default="random")
     parser.add_argument("--seed", type=int, default=16)
     parser.add_argument("--rows", type=Path, default=None)
     parser.add_argument("--seconds", type=float, default=600.0)
