@@ -145,9 +145,8 @@ def test_a_base_under_a_half_space_is_the_published_one_and_a_soft_one_takes_for
     force = np.maximum(depth, 0.0) ** 1.5
     rigid, soft = drift_columns(force, depth, np.arange(51.0))[:, -2:].T
     wide = 1.5 * np.sqrt(np.maximum(depth, 0.0) / 4.0)
-    published = BONDED.factor(
-        LayerContact(ul.Paraboloid(1.0), ul.Layer(ul.Isotropic(1.0, 0.5), 1.0), ul.RIGID)
-    )
+    layer = LayerContact(indenter=ul.Paraboloid(1.0), thickness=1.0, layer=ul.Isotropic(1.0, 0.5), base=None)
+    published = BONDED.factor(layer)
     assert rigid == pytest.approx(force * (published.value(wide) - 1.0), rel=1e-13)
     # To first order in the contact radius 1 / (1 + 4 s) - 1 is -4 s, and -4/5 at full depth.
     assert soft[-1] == pytest.approx(-0.8 * force[-1])

@@ -169,13 +169,18 @@ class _Weighed:
         reduced, log_kept = _eliminated(self._bordered(every, None, variance), k)
         scale = self._scale(np.tile(amounts, (len(every), 1)), np.repeat(variance, len(amounts)))[:, k:]
         scale = np.hstack((scale, np.ones((len(scale), 1)))).reshape(len(every), len(amounts), -1)
-        bordered = scale[:, :, :, None] * reduced[:, None] * scale[:, :, None, :]
-        inner = np.arange(bordered.shape[-1] - 1)
-        # The columns came with a size of one over s.
-        bordered[..., inner, inner] += 1.0
-        root = np.diagonal(np.linalg.cholesky(bordered), axis1=-2, axis2=-1)
-        square = root[..., -1] ** 2
-        log_normal = log_kept[:, None] + 2.0 * np.log(root[..., :-1]).sum(axis=-1)
+        square, log_normal = np.empty(scale.shape[:2]), np.empty(scale.shape[:2])
+        for alike in self.sizes.alike:
+            # Columns of other kinds of drift have no size here.
+            used = np.flatnonzero(scale[0, alike].any(axis=0))
+            own = scale[:, alike][:, :, used]
+            bordered = own[..., :, None] * reduced[:, None, used[:, None], used] * own[..., None, :]
+            inner = np.arange(len(used) - 1)
+            # The columns came with a size of one over s.
+            bordered[..., inner, inner] += 1.0
+            root = np.diagonal(np.linalg.cholesky(bordered), axis1=-2, axis2=-1)
+            square[:, alike] = root[..., -1] ** 2
+            log_normal[:, alike] = log_kept[:, None] + 2.0 * np.log(root[..., :-1]).sum(axis=-1)
         evidence = self._evidence(square, self.log_determinants[:, None], log_normal)
         return log_prior + evidence, square
 

@@ -22,6 +22,7 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.misfit.drift import BENT, DRIFTS, FAR_BASE, NEAR_BASE, RELAXING, SMOOTH
@@ -84,6 +85,11 @@ class Sizes:
         """Sizes of the columns of the drift, of jump and of ramp, of every combination, (c, 10 + 2)."""
         groups = (((0.0,) * DRIFTS, *self.drifts), (0.0, *self.jumps), (0.0, *self.ramps))
         return np.array([(*drift, jump, ramp) for drift, jump, ramp in product(*groups)])
+
+    @property
+    def alike(self) -> list[NDArray[np.intp]]:
+        """Numbers of the combinations with one kind of drift, of every kind, none first."""
+        return np.split(np.arange(len(self.amounts)), len(self.drifts) + 1)
 
     @staticmethod
     def scales(amounts: FloatArray, variance: FloatArray, parameters: int, curves: int) -> FloatArray:
