@@ -114,7 +114,9 @@ def show_fit(result: Fit, name: str) -> None:
         *advice(result),
     ):
         say(spoken(sentence))
-    say_table(fit_table(result), f"Fit of {name}")
+    # What a sentence says below, or no parameter has, would only squeeze the rest.
+    table = fit_table(result).drop(columns=["instrument's own", "least squares differs (%)"], errors="ignore")
+    say_table(table if any(table["at bound"]) else table.drop(columns="at bound"), f"Fit of {name}")
     sticking = adhesion_frame(result)
     if len(sticking):
         say_table(sticking, "Adhesion")

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
-import numpy as np
 import pandas as pd
 
 from underlay._files import write_atomic
@@ -138,20 +137,7 @@ def _of_population(result: Population) -> dict[str, pd.DataFrame]:
     groups.insert(1, "parameter", result.parameter)
     sheets = {"groups": groups}
     if result.comparisons:
-        sheets["ratios"] = pd.DataFrame(
-            {
-                "group": [pair.name for pair in result.comparisons],
-                "over": [pair.reference for pair in result.comparisons],
-                "ratio": [pair.ratio for pair in result.comparisons],
-                "low": [pair.low for pair in result.comparisons],
-                "high": [pair.high for pair in result.comparisons],
-                "P(ratio > 1)": [pair.probability_above for pair in result.comparisons],
-                **{
-                    f"plain {name}": np.array([pair.plain[n] for pair in result.comparisons])
-                    for n, name in enumerate(("ratio", "low", "high"))
-                },
-            }
-        )
+        sheets["ratios"] = result.ratios()
     if result.left_out:
         sheets["left out"] = pd.DataFrame(list(result.left_out))
     return sheets

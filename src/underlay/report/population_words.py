@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import pandas as pd
 
 from underlay._text import one_line
 from underlay.errors import InputError
 from underlay.inference.population.population import population
-from underlay.inference.population.result import Comparison, Group, Population, Spread
+from underlay.inference.population.result import Comparison, Group, Population, Spread, Triple
 from underlay.report.labels import label, start
 from underlay.report.maps import sample_parameters
 from underlay.report.markdown import markdown_text
@@ -61,7 +62,7 @@ def population_tables(result: Population | str) -> list[pd.DataFrame]:
 
 
 def group_table(result: Population) -> pd.DataFrame:
-    """One row per group: how many, the mean with and without a prior, the spreads."""
+    """One row per group: how many, the mean to go by, the other way to it, the spreads."""
     kind = kind_of(result.parameter)
     rows = []
     for name, group in result.groups.items():
@@ -70,7 +71,7 @@ def group_table(result: Population) -> pd.DataFrame:
             row[f"{result.by[0]}s"] = str(group.units)
         row["curves"] = str(group.curves)
         row["mean"] = quantity_with_interval(group.mean, group.low, group.high, kind)
-        row["without a prior"] = _plain(group, kind)
+        row["beside it"] = _beside(group, lambda found: quantity_with_interval(*found, kind))
         for spread in group.spreads:
             row[f"spread, {spread.level}s"] = spread_in_words(spread)
         row["error of a curve"] = f"{100.0 * group.curve_error:.2g} %"
@@ -79,13 +80,13 @@ def group_table(result: Population) -> pd.DataFrame:
 
 
 def comparison_table(result: Population) -> pd.DataFrame:
-    """One row per pair of groups: their ratio with its interval, and the same without a prior."""
+    """One row per pair of groups: their ratio with its interval, and the other way to it."""
     return pd.DataFrame(
         [
             {
                 "ratio": f"{one_line(pair.name)} / {one_line(pair.reference)}",
                 "of the means": _ratio(pair.ratio, pair.low, pair.high),
-                "without a prior": _ratio(*pair.plain),
+                "beside it": _beside(pair, lambda found: _ratio(*found)),
                 "P(ratio > 1)": _probability(pair.probability_above),
             }
             for pair in result.comparisons
@@ -133,9 +134,11 @@ def _ratio(ratio: float, low: float, high: float) -> str:
     return f"{ratio:.3g} ({ends})"
 
 
-def _plain(group: Group, kind: str) -> str:
-    mean, low, high = group.plain
-    return "-" if math.isnan(low) else quantity_with_interval(mean, low, high, kind)
+def _beside(found: Group | Comparison, written: Callable[[Triple], str]) -> str:
+    """Return the interval that is not the one to go by, and what tells them apart."""
+    if found.leads_plain:
+        return f"with priors {written(found.modelled)}"
+    return "-" if math.isnan(found.plain[1]) else f"without a prior {written(found.plain)}"
 
 
 def _probability(share: float) -> str:

@@ -26,12 +26,18 @@ class GalleryPart:
     def __init__(self, window: Window, decided: Callable[[], Awaitable[None]]) -> None:
         self._window, self._decided = window, decided
         self._page = 0
+        self._shown = Gallery()
+        # Not among the curves: what is asked here outlives a gallery that is drawn again.
+        self._asked = ui.element("div")
         self._head = ui.row().classes("actions")
         self._place = ui.element("div").classes("gallery")
 
     async def show(self) -> None:
-        """Show the page again."""
+        """Show the page again, where something of it changed: a button must not vanish under the hand."""
         gallery: Gallery | None = await self._window.ask(self._window.analysis.quick, "gallery", self._page)
+        if gallery == self._shown:
+            return
+        self._shown = gallery or Gallery()
         self._head.clear()
         self._place.clear()
         if gallery is None or not gallery.pages:
@@ -80,7 +86,7 @@ class GalleryPart:
         )
 
     async def _refuse(self, card: Card) -> None:
-        with ui.dialog() as dialog, ui.card():
+        with self._asked, ui.dialog() as dialog, ui.card():
             ui.label(f"Why is {card.name} refused?")
             reason = ui.input("Reason").props("outlined dense autofocus").classes("wide").mark("reason")
             reason.on("keydown.enter", lambda: dialog.submit(reason.value))

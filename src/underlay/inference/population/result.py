@@ -13,7 +13,10 @@ from underlay.inference.population.selection import LeftOut
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Comparison", "Group", "Population", "Spread"]
+__all__ = ["Comparison", "Group", "Population", "Spread", "Triple"]
+
+#: What is found, and the low and the high end of its 95 % interval.
+Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -42,8 +45,13 @@ class Group:
     ----------
     name : str
         Empty where the population has no groups.
-    mean, low, high : float
-        Geometric mean (SI) with its 95 % interval; an end that is not there is zero or infinite.
+    modelled : tuple of float
+        Geometric mean (SI), low and high end of its 95 % interval by the model of all levels, with its priors on
+        the spreads; an end that is not there is zero or infinite.
+    plain : tuple of float
+        The same by the t interval of the animals' means, without a prior; not-a-number for fewer than two.
+    leads_plain : bool
+        Whether the second is the one to go by: two to five animals, whose spread the prior would decide.
     spreads : tuple of Spread
         Outermost level first, curves last.
     units : int
@@ -52,9 +60,6 @@ class Group:
         How many curves count, and how many of them have an open end.
     curve_error : float
         Median standard error of ln of a curve.
-    plain : tuple of float
-        Mean, low and high by the t interval of the animals' means, without a prior; not-a-number for fewer
-        than two.
     unit_values : DataFrame
         Per outermost unit: ``mean``, ``low``, ``high`` (SI, drawn towards the group's mean), ``own`` (its
         curves alone), ``curves``.
@@ -67,19 +72,37 @@ class Group:
     """
 
     name: str
-    mean: float
-    low: float
-    high: float
+    modelled: Triple
+    plain: Triple
+    leads_plain: bool
     spreads: tuple[Spread, ...]
     units: int
     curves: int
     open_curves: int
     curve_error: float
-    plain: tuple[float, float, float]
     unit_values: pd.DataFrame
     density: Density
     plain_moments: tuple[float, float, int]
     errors_explain_all: bool
+
+    @property
+    def mean(self) -> float:
+        """Geometric mean (SI) to go by."""
+        return self._first[0]
+
+    @property
+    def low(self) -> float:
+        """Low end of its 95 % interval; zero where there is none."""
+        return self._first[1]
+
+    @property
+    def high(self) -> float:
+        """High end of its 95 % interval; infinite where there is none."""
+        return self._first[2]
+
+    @property
+    def _first(self) -> Triple:
+        return self.plain if self.leads_plain else self.modelled
 
 
 @dataclass(frozen=True)
@@ -90,21 +113,41 @@ class Comparison:
     ----------
     name, reference : str
         The two groups.
-    ratio, low, high : float
-        Of the geometric means, with the 95 % interval.
-    probability_above : float
-        That the ratio exceeds one.
+    modelled : tuple of float
+        Ratio of the geometric means, low and high end of its 95 % interval by the model, with its priors.
     plain : tuple of float
-        Ratio, low and high by Welch's interval of the animals' means.
+        The same by Welch's interval of the animals' means, without a prior.
+    leads_plain : bool
+        Whether the second is the one to go by: a group of the two has few animals.
+    probability_above : float
+        That the ratio exceeds one, by the one to go by.
     """
 
     name: str
     reference: str
-    ratio: float
-    low: float
-    high: float
+    modelled: Triple
+    plain: Triple
+    leads_plain: bool
     probability_above: float
-    plain: tuple[float, float, float]
+
+    @property
+    def ratio(self) -> float:
+        """Ratio of the geometric means to go by."""
+        return self._first[0]
+
+    @property
+    def low(self) -> float:
+        """Low end of its 95 % interval."""
+        return self._first[1]
+
+    @property
+    def high(self) -> float:
+        """High end of its 95 % interval."""
+        return self._first[2]
+
+    @property
+    def _first(self) -> Triple:
+        return self.plain if self.leads_plain else self.modelled
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +189,8 @@ class Population:
                 "mean": group.mean,
                 "low": group.low,
                 "high": group.high,
-                "plain mean": group.plain[0],
-                "plain low": group.plain[1],
-                "plain high": group.plain[2],
+                **_three("modelled", "mean", group.modelled),
+                **_three("plain", "mean", group.plain),
             }
             for spread in group.spreads:
                 row |= {
@@ -158,6 +200,26 @@ class Population:
                 }
             rows[name] = row
         return pd.DataFrame.from_dict(rows, orient="index")
+
+    def ratios(self) -> pd.DataFrame:
+        """One row per comparison: the ratio with its interval, and both ways to it."""
+        import pandas as pd  # noqa: PLC0415  where a table is asked for
+
+        return pd.DataFrame(
+            [
+                {
+                    "group": pair.name,
+                    "over": pair.reference,
+                    "ratio": pair.ratio,
+                    "low": pair.low,
+                    "high": pair.high,
+                    "P(ratio > 1)": pair.probability_above,
+                    **_three("modelled", "ratio", pair.modelled),
+                    **_three("plain", "ratio", pair.plain),
+                }
+                for pair in self.comparisons
+            ]
+        )
 
     def sentences(self) -> list[str]:
         """What a reader must know beside the numbers: left out, too few, no scatter beyond the errors."""
@@ -186,8 +248,11 @@ class Population:
             said.append(
                 f"One {level} alone: nothing here says how {level}s differ; the interval rests on the prior."
             )
-        elif group.units == 2:
-            said.append(f"Two {level}s: the spread between them is mostly the prior's.")
+        elif group.leads_plain:
+            said.append(
+                f"With {group.units} {level}s a prior would decide how much {level}s differ: the interval is "
+                f"Student's, of their means, without one."
+            )
         if group.open_curves:
             said.append(
                 f"{group.open_curves} of {group.curves} curves are open to one side; they count as that."
@@ -196,3 +261,7 @@ class Population:
             limits = ", ".join(f"{spread.level} < {100.0 * spread.high:.0f} %" for spread in group.spreads)
             said.append(f"No scatter beyond the errors of the curves ({limits}).")
         return said
+
+
+def _three(way: str, what: str, found: Triple) -> dict[str, float]:
+    return dict(zip((f"{way} {what}", f"{way} low", f"{way} high"), found, strict=True))

@@ -113,25 +113,30 @@ def posterior_cost(table: pd.DataFrame, *, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib Axes
-        The band is what the reference cannot tell.
+        The band is what the reference cannot tell. Chains that ended by themselves are one mark.
     """
-    walkers = table[table["way"] == "emcee"].sort_values("ratio")
+    by_steps = table[table["way"] == "emcee"].sort_values("steps")
+    ended = by_steps["error"].duplicated(keep=False)
+    walkers = by_steps.assign(ended=ended).drop_duplicates("error")
     others = table[table["way"] != "emcee"]
     with style():
         drawn = axes(ax, width=COLUMN, height=_HEIGHT)
         drawn.set(xscale="log", yscale="log", ylabel="error of the 5, 50, 95 % quantiles (sd)")
         drawn.plot(walkers["ratio"], walkers["error"], "o-", ms=3.5, lw=0.8, color=FIT)
         drawn.plot(others["ratio"], others["error"], "s", ms=3.5, color=REFERENCE)
-        floor = table.attrs.get("reference_error")
+        floor = table.attrs.get("reference_error", 0.0)
         shown = pd.concat([walkers, others])
+        # At least from the reference's own error to one standard deviation: what is less apart is no difference.
+        least, most = shown["error"].min(), shown["error"].max()
+        bottom, top = 0.5 * (min(least, floor) or least), 2.0 * max(most, 0.5)
+        drawn.update_datalim([(ratio, end) for ratio in shown["ratio"] for end in (bottom, top)])
         names = [
-            f"emcee, {count:.0f} steps" if way == "emcee" else {"fit": "fit, as a normal"}.get(way, way)
-            for way, count in zip(shown["way"], shown["steps"], strict=True)
-        ]
+            "emcee, ended by itself" if ends else f"emcee, {count:.0f} steps"
+            for count, ends in zip(walkers["steps"], walkers["ended"], strict=True)
+        ] + [{"fit": "fit, as a normal"}.get(way, way) for way in others["way"]]
         colours = [FIT] * len(walkers) + [REFERENCE] * len(others)
         label_points(drawn, shown["ratio"].tolist(), shown["error"].tolist(), names, colours)
-        if floor:
-            drawn.axhspan(drawn.get_ylim()[0], floor, color=GREY, alpha=0.25, lw=0.0)
+        drawn.axhspan(drawn.get_ylim()[0], max(floor, drawn.get_ylim()[0]), color=GREY, alpha=0.25, lw=0.0)
         drawn.set_xlabel("time (Hertz fit = 1)")
     return drawn
 
