@@ -28,7 +28,6 @@ from underlay._arrays import FloatArray
 from underlay.inference.misfit.drift import BENT, DRIFTS, FAR_BASE, NEAR_BASE, RELAXING, SMOOTH
 from underlay.inference.misfit.linearised import JUMPS, RAMPS
 from underlay.inference.problem import Problem
-from underlay.mechanics.body import Layer
 from underlay.scene.scene import Scene
 
 __all__ = ["Sizes", "shape_parameters"]
@@ -113,7 +112,7 @@ class Sizes:
 
 
 def _is_half_space(scene: Scene) -> bool:
-    return isinstance(scene.layer, Layer) and math.isinf(scene.layer.thickness)
+    return math.isinf(scene.layer.thickness)
 
 
 def shape_parameters(problem: Problem) -> list[str]:
