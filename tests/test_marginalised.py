@@ -35,9 +35,10 @@ def dense_densities(problem, vectors):
         if found.noises[g] is not None:
             tau, share = found.noises[g]
             V += share * np.exp(-np.abs(part.time[:, None] - part.time) / tau)
-        drift, jump, ramp = found.sizes.amounts[c] / np.array([variance**0.5, 1.0, variance**0.5])
+        drift, (jump, ramp) = np.split(found.sizes.amounts[c], [-2])
+        drift, ramp = drift / variance**0.5, ramp / variance**0.5
         for size, columns in ((drift, part.drift), (jump, part.jump), (ramp, part.ramp)):
-            V += size**2 * columns @ columns.T
+            V += (size**2 * columns) @ columns.T
         square = np.einsum("sn,ns->s", residuals, np.linalg.solve(V, residuals.T))
         terms.append(prior[g, c] - 0.5 * np.linalg.slogdet(V)[1] - 0.5 * n * np.log(square))
     return special.logsumexp(terms, axis=0)
@@ -68,9 +69,10 @@ def test_the_interval_of_the_posterior_is_the_fits(world):
     stated = fit.interval("layer.E")
     middle, half = fit.vector[0], 4.0 * np.log(stated.high / stated.low)
     found = by_quadrature(ul.marginalised(problem), np.linspace(middle - half, middle + half, 2001))
-    # The fit's is that of linear models about its optima, with columns that follow the parameters.
+    # The fit's is that of linear models about its optima, with columns that follow the parameters: where a layer
+    # that relaxes is not excluded, it ends at q = -0.2 in ln E for exp(q) - 1 = -0.2.
     width = stated.high - stated.low
-    assert found == pytest.approx([stated.low, stated.high], abs=0.15 * width)
+    assert found == pytest.approx([stated.low, stated.high], abs=0.2 * width)
 
 
 def test_stated_noise_is_left_alone_and_a_clean_curve_too():

@@ -16,15 +16,18 @@ from underlay.inference.misfit.averaging import average
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, Place, descend
+from underlay.inference.misfit.drift import DRIFTS, SMOOTH, drift_columns
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
-from underlay.inference.misfit.linearised import Linearised, Part, drift_columns, jump_columns, ramp_column
+from underlay.inference.misfit.linearised import Linearised, Part, jump_columns, ramp_column
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.paraboloid_for_sphere import paraboloid_for_sphere
 from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley
 from underlay.inference.misfit.whitened_squares import WhitenedSquares
 from underlay.inference.misfit.whitener import Whitener
+from underlay.mechanics.published.dimitriadis2002 import BONDED
+from underlay.mechanics.published.layer_contact import LayerContact
 
 RNG = np.random.default_rng(7)
 
@@ -72,7 +75,7 @@ def made(n=80, k=2, truth=None):
     part = Part(
         residuals,
         jacobian,
-        drift_columns(force / 3e-3, depth),
+        drift_columns(force / 3e-3, depth, time),
         jump_columns(depth),
         ramp_column(force / 3e-3, time),
         time,
@@ -93,9 +96,9 @@ def test_the_evidence_is_that_of_dense_matrices():
     n, k = model.jacobian.shape
     prior = sizes.log_prior(len(found.noises))
     assert len(found.weights) == prior.size
-    for g, c in [(0, 0), (7, 0), (0, 3), (0, 8), (13, 19), (25, 17)]:
+    for g, c in [(0, 0), (7, 0), (0, 3), (0, 8), (13, 19), (25, 17), (4, 27)]:
         place = at(found, g, c)
-        noise, (drift, jump, ramp) = found.noises[g], sizes.amounts[c]
+        noise, (drift, (jump, ramp)) = found.noises[g], np.split(sizes.amounts[c], [DRIFTS])
         V = np.eye(n)
         if noise is not None:
             V += noise[1] * np.exp(-np.abs(model.time[:, None] - model.time) / noise[0])
@@ -104,7 +107,7 @@ def test_the_evidence_is_that_of_dense_matrices():
             # Drift and ramp are shares of the force, not of the noise: s^2 is found by repetition.
             total = V + jump**2 * model.jump @ model.jump.T
             for size, columns in ((drift, model.drift), (ramp, model.ramp)):
-                total = total + size**2 / s2 * columns @ columns.T
+                total = total + (size**2 / s2 * columns) @ columns.T
             inverse = np.linalg.inv(total)
             normal = model.jacobian.T @ inverse @ model.jacobian
             shift = -np.linalg.solve(normal, model.jacobian.T @ inverse @ model.residuals)
@@ -116,7 +119,7 @@ def test_the_evidence_is_that_of_dense_matrices():
         )
         # Two repetitions leave an error of about (columns / n)^2 in s^2, of which the evidence is stationary; the
         # dense side inverts V and then J'V^-1 J: it loses the digits of both conditions.
-        repeated = 0.0 if drift == ramp == 0.0 else (4.0 / n) ** 2
+        repeated = 0.0 if not drift.any() and ramp == 0.0 else ((DRIFTS + 1.0) / n) ** 2
         lost = n * np.finfo(float).eps * np.linalg.cond(total) * np.linalg.cond(normal)
         assert found.log_evidence[place] - prior[g, c] == pytest.approx(
             expected, abs=1e-10 + n * (lost + repeated)
@@ -125,6 +128,29 @@ def test_the_evidence_is_that_of_dense_matrices():
         assert found.shift[place, :k] == pytest.approx(shift, abs=close * np.abs(shift).max())
         covariance = s2 * np.linalg.inv(normal)
         assert found.covariance[place] == pytest.approx(covariance, abs=close * np.abs(covariance).max())
+
+
+def test_a_layer_that_relaxes_loses_what_theory_says():
+    """Of a force of 1 N/s: tau (1 - exp(-t / tau)) - t; kernels at the middle of a step h are off by h^2/24."""
+    time = np.linspace(-20.0, 80.0, 401)
+    lost = drift_columns(np.maximum(time, 0.0), time + 1e-9, time)[:, 4:8]
+    assert (lost[time < 0.0] == 0.0).all()
+    t, tau, step = time[time >= 0.0, None], 80.0 * np.array([0.04, 0.1, 0.3, 1.0]), 0.25
+    off = np.abs(lost[time >= 0.0] + tau * np.expm1(-t / tau) + t)
+    assert (off <= step**2 / tau / 24.0 + 1e-12).all()
+
+
+def test_a_base_under_a_half_space_is_the_published_one_and_a_soft_one_takes_force_away():
+    depth = np.linspace(-1.0, 4.0, 51)
+    force = np.maximum(depth, 0.0) ** 1.5
+    rigid, soft = drift_columns(force, depth, np.arange(51.0))[:, -2:].T
+    wide = 1.5 * np.sqrt(np.maximum(depth, 0.0) / 4.0)
+    layer = LayerContact(indenter=ul.Paraboloid(1.0), thickness=1.0, layer=ul.Isotropic(1.0, 0.5), base=None)
+    published = BONDED.factor(layer)
+    assert rigid == pytest.approx(force * (published.value(wide) - 1.0), rel=1e-13)
+    # To first order in the contact radius 1 / (1 + 4 s) - 1 is -4 s, and -4/5 at full depth.
+    assert soft[-1] == pytest.approx(-0.8 * force[-1])
+    assert (soft <= 0.0).all()
 
 
 def test_what_is_left_out_weighs_nothing():
@@ -143,8 +169,9 @@ def test_prior_probabilities_sum_to_one():
     prior = np.exp(sizes.log_prior(26))
     assert prior.sum() == pytest.approx(1.0, abs=1e-12)
     assert prior[0].sum() == pytest.approx(sizes.white)
-    for column, probability in enumerate((sizes.exact, sizes.smooth, sizes.level)):
-        assert prior[:, sizes.amounts[:, column] == 0.0].sum() == pytest.approx(probability)
+    groups = np.split(sizes.amounts, [DRIFTS, DRIFTS + 1], axis=1)
+    for group, probability in zip(groups, (sizes.exact, sizes.smooth, sizes.level), strict=True):
+        assert prior[:, (group == 0.0).all(axis=1)].sum() == pytest.approx(probability)
 
 
 def test_a_measurement_weighs_as_a_further_reading_of_known_noise():
@@ -169,7 +196,7 @@ def test_two_curves_are_one_curve_read_twice():
     one, two = (Competition.of(found, Sizes(), lightest=0.0) for found in (model, both))
     # Without drift and ramp, whose sizes do not go with s.
     for g, c in [(0, 0), (9, 2), (20, 8)]:
-        assert (one.sizes.amounts[c, [0, 2]] == 0.0).all()
+        assert (one.sizes.amounts[c, [*range(DRIFTS), -1]] == 0.0).all()
         first, second = at(one, g, c), at(two, g, c)
         assert two.shift[second, :2] == pytest.approx(one.shift[first, :2], rel=1e-8)
         ratio = two.covariance[second] / one.covariance[first]
@@ -294,7 +321,7 @@ def test_the_column_of_a_sphere_is_what_its_shape_does_to_the_force():
 
 def test_a_known_error_is_a_parameter_with_a_prior():
     """Its column beside the derivatives; a precise amplitude is a correction, a vague one a free parameter."""
-    blocked, white = blocked_paraboloid(), Combination(None, np.zeros(3), 1.0)
+    blocked, white = blocked_paraboloid(), Combination(None, np.zeros(DRIFTS + 2), 1.0)
     (known,) = blocked.errors
     start = np.zeros(2)
     plain = Place.of(replace(blocked, errors=()), start, white)
@@ -344,7 +371,7 @@ def test_the_heaviest_noise_of_a_real_curve_has_its_optimum_at_128_pascal():
     assert fit.values["layer.E"] == pytest.approx(117.2, abs=0.1)
     problem = fit.problem
     blocked = replace(Blocked.of(problem, fit.vector), errors=())
-    found = Competition.of(blocked.linearised(fit.vector), Sizes())
+    found = Competition.of(blocked.linearised(fit.vector), Sizes(drifts=(SMOOTH,)))
     heaviest = Combination.of(found, found.heaviest)
     assert heaviest.noise == pytest.approx((0.715, 1000.0), rel=1e-2)
     assert (heaviest.amounts == 0.0).all()

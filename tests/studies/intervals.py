@@ -1,7 +1,8 @@
 """Do the printed intervals hold the truth? Random tests of a user's range, undisturbed or disturbed.
 
     python tests/studies/intervals.py [--curves 200] [--world clean slope ...] [--free E h] [--stated] [--one]
-                                      [--elastic] [--within 1.3] [--seed 16] [--seconds 600] [--rows rows.csv]
+                                      [--elastic | --half-space] [--within 1.3] [--seed 16] [--seconds 600]
+                                      [--rows rows.csv]
                                       [--output tests/studies/results/intervals.csv]
 
 One row per world and set of free parameters is written over the row of the same study: how many 95 % intervals of
@@ -9,10 +10,11 @@ each parameter hold the truth (and of fits with something on a bound alone), how
 interval of white noise (median), how many verdicts were "model wrong", and what the headline costs in fits of the
 same curve, and both together in seconds of processor time. `--stated` hands the fit the noise it was made with.
 Worlds are those of `tests/support/worlds.py`; scenes those of `tests/support/user_scenes.py`, with `--elastic`
-those on an elastic base alone, or with `--one` the single scene those worlds were first measured on. With
-`--within` thickness and base are stated to lie between two bounds this factor apart, the truth anywhere between:
-many fits then end on a bound. `--world all` runs every one, `--seconds` long each at most, and writes every row as
-it is done. With `--rows` every curve is kept in a file, and a run goes on where the last one ended.
+those on an elastic base alone, with `--half-space` their tips and depths on a half-space, or with `--one` the
+single scene those worlds were first measured on. With `--within` thickness and base are stated to lie between two
+bounds this factor apart, the truth anywhere between: many fits then end on a bound. `--world all` runs every one,
+`--seconds` long each at most, and writes every row as it is done. With `--rows` every curve is kept in a file, and
+a run goes on where the last one ended.
 """
 
 from __future__ import annotations
@@ -59,8 +61,10 @@ def one_scene():
 def test_of(args, rng):
     """Draw one test: (kind, scene, depth, points, noise)."""
     while True:
-        test = one_scene() if args.one else user_test(rng)
-        if not args.elastic or isinstance(test[1].substrate, ul.Isotropic):
+        test = one_scene() if args.scenes == "one" else user_test(rng)
+        if args.scenes == "half-space":
+            return test[0], assumed(test[1], "Hertz on a layer"), *test[2:]
+        if args.scenes != "elastic base" or isinstance(test[1].substrate, ul.Isotropic):
             return test
 
 
@@ -115,8 +119,7 @@ def measured(test, world, free, rng, *, stated, within):
 
 def scenes_of(args):
     """In words, for the table."""
-    scenes = "one" if args.one else "elastic base" if args.elastic else "random"
-    return scenes if args.within is None else f"{scenes}, within {args.within:g}"
+    return args.scenes if args.within is None else f"{args.scenes}, within {args.within:g}"
 
 
 def study(args, world):
@@ -197,8 +200,8 @@ def main() -> None:
     parser.add_argument("--world", nargs="+", choices=["all", *WORLDS], default=["clean"])
     parser.add_argument("--free", nargs="+", choices=list(PATHS), default=["E"])
     parser.add_argument("--stated", action="store_true")
-    parser.add_argument("--one", action="store_true")
-    parser.add_argument("--elastic", action="store_true")
+    for flag, name in {"--one": "one", "--elastic": "elastic base", "--half-space": "half-space"}.items():
+        parser.add_argument(flag, dest="scenes", action="store_const", const=name, default="random")
     parser.add_argument("--within", type=float, default=None)
     parser.add_argument("--seed", type=int, default=16)
     parser.add_argument("--rows", type=Path, default=None)

@@ -34,18 +34,19 @@ from support.user_scenes import user_test
 from support.worlds import WORLDS, Clean, assumed, disturbed
 from underlay.inference.headline.plain import quadratic_interval
 from underlay.inference.misfit.averaging import average
+from underlay.inference.misfit.drift import BENT, FAR_BASE, NEAR_BASE, RELAXING, SMOOTH
 from underlay.inference.misfit.sizes import Sizes
 
 E = "layer.E"
 FREE = [E, "instrument.contact_depth", "instrument.baseline"]
-#: Sizes of drift, as shares of the force, and the prior probability of none.
-PRIORS = [
-    ((0.1, 0.3), 0.75),
-    ((0.3, 1.0), 0.7),
-    ((0.3,), 0.9),
-    ((0.3,), 0.8),
-    ((0.3,), 0.7),
-]
+#: Kinds of drift that compete, by name, and the prior probability of none.
+PRIORS = {
+    "smooth 0.8": ((SMOOTH,), 0.8),
+    "bent 0.8": ((BENT,), 0.8),
+    "relaxing 0.85": ((RELAXING,), 0.85),
+    "bent, relaxing 0.8": ((BENT, RELAXING), 0.8),
+    "bent, bases 0.65": ((BENT, FAR_BASE, NEAR_BASE), 0.65),
+}
 _SEEN, _OFF = 2.58, 2.0
 _WRONG = 0.01
 
@@ -71,7 +72,7 @@ def measured(world, seed, number):
     entry = fit.names.index(E)
     others = [other.vector for other in fit.alternatives]
     rows = []
-    for drifts, exact in PRIORS:
+    for prior, (drifts, exact) in PRIORS.items():
         found = average(problem, fit.vector, others, sizes=Sizes(drifts=drifts, exact=exact))
         ends = [found.mixture.quantile(entry, tail) for tail in (0.025, 0.975)]
         low, high = (float(problem.coordinates[entry].physical(np.array(end))) for end in ends)
@@ -82,7 +83,7 @@ def measured(world, seed, number):
                 "curve": number,
                 "kind": kind,
                 "noise": noise,
-                "prior": f"{'/'.join(f'{drift:g}' for drift in drifts)} {exact:g}",
+                "prior": prior,
                 "held": low <= truth <= high,
                 "wrong": found.exact_law < _WRONG,
                 "width": np.log(high / low) / np.log(plain.high / plain.low),

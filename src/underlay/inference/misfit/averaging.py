@@ -22,8 +22,9 @@ from underlay.errors import InputError
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, descend
+from underlay.inference.misfit.drift import DRIFTS
 from underlay.inference.misfit.known_error import KnownError
-from underlay.inference.misfit.linearised import DRIFTS, JUMPS
+from underlay.inference.misfit.linearised import JUMPS
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley
@@ -100,7 +101,13 @@ class Averaged:
     @property
     def drifts(self) -> list[float]:
         """Relative change of the law from contact to the deepest point, one per curve, of the likeliest drift."""
-        return [float(own[:DRIFTS] @ (1.0 / np.arange(1, DRIFTS + 1))) for own in self._misfits]
+        parts = self.blocked.linearised(self.vector).parts
+        # The second column is P w / (2 w_max).
+        deepest = [int(np.argmax(np.abs(part.drift[:, 1]))) for part in parts]
+        return [
+            float(part.drift[at] @ own[:DRIFTS] / (2.0 * part.drift[at, 1]))
+            for part, own, at in zip(parts, self._misfits, deepest, strict=True)
+        ]
 
     @property
     def jumps(self) -> list[float]:

@@ -15,9 +15,10 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
+from underlay.inference.misfit.drift import drift_columns
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
-from underlay.inference.misfit.linearised import Linearised, Part, drift_columns, jump_columns, ramp_column
+from underlay.inference.misfit.linearised import Linearised, Part, jump_columns, ramp_column
 from underlay.inference.model.batched_slopes import batched_jacobian
 from underlay.inference.model.forward import Forward, Reading
 from underlay.inference.model.laws import LawStore
@@ -181,7 +182,7 @@ class BlockedCurve:
         return Part(
             (reading.force - self.force) / scatter,
             columns / scatter,
-            drift_columns(reading.contact / scatter, depth),
+            drift_columns(reading.contact / scatter, depth, self.time),
             jump_columns(depth),
             ramp_column(reading.contact / scatter, self.time),
             self.time,

@@ -3,9 +3,9 @@
 About the present fit a reading is  F(theta) + Phi u + Z v + t y + e:
 
 - e, white noise of variance s^2 and an Ornstein-Uhlenbeck process on it (`Whitener`);
-- Phi u, a law whose relative error is a smooth function of the contact radius and nil at contact (finite strain,
-  a base that is not what the scene says): Phi_j = P (w / w_max)^(j/2) / j, j = 1, 2, 3, u ~ N(0, sigma_drift^2).
-  Its size is a share of the force, whatever the noise: laws are wrong by per cents on loud curves too;
+- Phi u, a law whose relative error grows from nil at contact (`drift.py`), u_j ~ N(0, sigma_drift_j^2) with one
+  set of sizes for each kind of drift. They are shares of the force, whatever the noise: laws are wrong by per cents
+  on loud curves too;
 - Z v, a force that sets in near contact (adhesion, drag, a snap): steps about contact and forces that grow
   toward it, v ~ N(0, s^2 sigma_jump^2 / 8);
 - t y, a baseline that creeps in proportion to time, y ~ N(0, sigma_ramp^2), a share of the largest force: a line is
@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay.inference.misfit.drift import DRIFTS
 from underlay.inference.misfit.linearised import Linearised
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.sizes import Sizes
@@ -57,7 +58,7 @@ class Competition:
     log_evidence : FloatArray
         Logarithm of prior times likelihood, (c,).
     shift : FloatArray
-        Best shift of the coordinates, amplitudes of known errors, and columns of drift, jump and ramp, (c, k + 12).
+        Best shift of the coordinates, amplitudes of known errors, and columns of drift, jump and ramp, (c, k + 19).
     covariance : FloatArray
         Of coordinates and amplitudes, (c, k, k).
     variance : FloatArray
@@ -109,7 +110,7 @@ class Competition:
 
     @cached_property
     def amounts(self) -> FloatArray:
-        """Sizes of drift, jump and ramp of every combination, (c, 3)."""
+        """Sizes of drift, jump and ramp of every combination, (c, 10 + 2)."""
         return np.asarray(self.sizes.amounts[self.places[:, 1]])
 
     @property
@@ -120,22 +121,22 @@ class Competition:
     @property
     def exact_law(self) -> float:
         """Probability that the law does not drift."""
-        return float(self.weights[self.amounts[:, 0] == 0.0].sum())
+        return float(self.weights[(self.amounts[:, :DRIFTS] == 0.0).all(axis=1)].sum())
 
     @property
     def no_jump(self) -> float:
         """Probability that the force does not jump at contact."""
-        return float(self.weights[self.amounts[:, 1] == 0.0].sum())
+        return float(self.weights[self.amounts[:, DRIFTS] == 0.0].sum())
 
     @property
     def level(self) -> float:
         """Probability that the baseline does not creep."""
-        return float(self.weights[self.amounts[:, 2] == 0.0].sum())
+        return float(self.weights[self.amounts[:, DRIFTS + 1] == 0.0].sum())
 
     @property
     def steady(self) -> float:
         """Probability that the noise is white and the baseline does not creep."""
-        return float(self.weights[(self.places[:, 0] == 0) & (self.amounts[:, 2] == 0.0)].sum())
+        return float(self.weights[(self.places[:, 0] == 0) & (self.amounts[:, DRIFTS + 1] == 0.0)].sum())
 
     @property
     def mixture(self) -> Mixture:
@@ -161,20 +162,25 @@ class _Weighed:
     def roughly(self, log_prior: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Log evidence and S of all combinations, (g, c), with s^2 of their noise: what is light is seen here."""
         k, amounts = len(self.model.precision), self.sizes.amounts
-        largest = np.broadcast_to(amounts.max(axis=0), (len(self.products), 3))
+        largest = np.broadcast_to(amounts.max(axis=0), (len(self.products), amounts.shape[1]))
         every = np.arange(len(self.products))
         start = self._bordered(every, largest, np.ones(len(every)))
         variance = np.linalg.cholesky(start)[:, -1, -1] ** 2 / self.freedom
         reduced, log_kept = _eliminated(self._bordered(every, None, variance), k)
         scale = self._scale(np.tile(amounts, (len(every), 1)), np.repeat(variance, len(amounts)))[:, k:]
         scale = np.hstack((scale, np.ones((len(scale), 1)))).reshape(len(every), len(amounts), -1)
-        bordered = scale[:, :, :, None] * reduced[:, None] * scale[:, :, None, :]
-        inner = np.arange(bordered.shape[-1] - 1)
-        # The columns came with a size of one over s.
-        bordered[..., inner, inner] += 1.0
-        root = np.diagonal(np.linalg.cholesky(bordered), axis1=-2, axis2=-1)
-        square = root[..., -1] ** 2
-        log_normal = log_kept[:, None] + 2.0 * np.log(root[..., :-1]).sum(axis=-1)
+        square, log_normal = np.empty(scale.shape[:2]), np.empty(scale.shape[:2])
+        for alike in self.sizes.alike:
+            # Columns of other kinds of drift have no size here.
+            used = np.flatnonzero(scale[0, alike].any(axis=0))
+            own = scale[:, alike][:, :, used]
+            bordered = own[..., :, None] * reduced[:, None, used[:, None], used] * own[..., None, :]
+            inner = np.arange(len(used) - 1)
+            # The columns came with a size of one over s.
+            bordered[..., inner, inner] += 1.0
+            root = np.diagonal(np.linalg.cholesky(bordered), axis1=-2, axis2=-1)
+            square[:, alike] = root[..., -1] ** 2
+            log_normal[:, alike] = log_kept[:, None] + 2.0 * np.log(root[..., :-1]).sum(axis=-1)
         evidence = self._evidence(square, self.log_determinants[:, None], log_normal)
         return log_prior + evidence, square
 
@@ -209,7 +215,7 @@ class _Weighed:
     def _bordered(
         self, noise: NDArray[np.intp], amounts: FloatArray | None, variance: FloatArray
     ) -> FloatArray:
-        """N with c and r'r beside it, (c, m, m), for noises, amounts (c, 3) and s^2 (c,).
+        """N with c and r'r beside it, (c, m, m), for noises, amounts (c, 10 + 2) and s^2 (c,).
 
         Without amounts the columns of the misfits keep their size and have no prior.
         """

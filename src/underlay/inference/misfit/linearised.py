@@ -10,13 +10,11 @@ from itertools import groupby
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError
+from underlay.inference.misfit.drift import DRIFTS
 from underlay.inference.misfit.whitener import Whitener
 
-__all__ = ["DRIFTS", "JUMPS", "RAMPS", "Linearised", "Part", "drift_columns", "jump_columns", "ramp_column"]
+__all__ = ["JUMPS", "RAMPS", "Linearised", "Part", "jump_columns", "ramp_column"]
 
-#: Columns of a drift, in half powers of the depth.
-DRIFTS = 3
 # Where the steps of a jump stand, as shares of the largest depth, before contact and a little into it; and the gaps
 # over which a force that grows toward contact does so (drag, attraction: no step is felt that far out).
 _STEPS, _GAPS = np.array([-0.06, -0.03, -0.01, 0.01, 0.04]), np.array([0.03, 0.1, 0.3])
@@ -24,27 +22,6 @@ _STEPS, _GAPS = np.array([-0.06, -0.03, -0.01, 0.01, 0.04]), np.array([0.03, 0.1
 JUMPS = len(_STEPS) + len(_GAPS)
 #: Columns of a baseline that creeps.
 RAMPS = 1
-
-
-def drift_columns(force: FloatArray, depth: FloatArray) -> FloatArray:
-    """Phi: smooth relative errors of the law that vanish at contact, in the unit of the force, (n, 3).
-
-    Parameters
-    ----------
-    force, depth : FloatArray
-        Contact force P and indentation depth w (m), (n,); zero and negative before contact.
-
-    Raises
-    ------
-    InputError
-        If no depth is in contact.
-    """
-    deepest = float(depth.max())
-    if not deepest > 0.0:
-        raise InputError("a curve that never touches has no drift with depth")
-    share = np.sqrt(np.maximum(depth, 0.0) / deepest)[:, None]
-    order = np.arange(1, DRIFTS + 1)
-    return np.asarray(force[:, None] * share**order / order)
 
 
 def jump_columns(depth: FloatArray) -> FloatArray:
@@ -75,7 +52,7 @@ class Part:
     jacobian : FloatArray
         Its derivatives in scaled coordinates and in the amplitudes of known errors, (n, k).
     drift, jump, ramp : FloatArray
-        `drift_columns` and `ramp_column` of the force over the scatter, and `jump_columns`; (n, 3), (n, 8), (n, 1).
+        `drift_columns`, `jump_columns` and `ramp_column`, (n, 10), (n, 8), (n, 1), over the scatter.
     time : FloatArray
         Times of the readings (s), (n,), increasing; their numbers where there are none.
     """
@@ -89,7 +66,7 @@ class Part:
 
     @cached_property
     def columns(self) -> FloatArray:
-        """All that is whitened, (n, k + 13): derivatives, drift, jump, ramp, residuals."""
+        """All that is whitened, (n, k + 20): derivatives, drift, jump, ramp, residuals."""
         parts = (self.jacobian, self.drift, self.jump, self.ramp, self.residuals)
         return np.asfortranarray(np.column_stack(parts))
 
@@ -132,7 +109,7 @@ class Linearised:
         return int(np.count_nonzero(self.precision))
 
     def products(self, noises: Sequence[tuple[float, float] | None]) -> tuple[FloatArray, FloatArray]:
-        """Products of all columns under V^-1, (g, m, m) with m = k + 12 curves + 1, and log det V, (g,).
+        """Products of all columns under V^-1, (g, m, m) with m = k + 19 curves + 1, and log det V, (g,).
 
         The columns are the derivatives, drift, jump and ramp of each curve, and the residuals. Noises of one
         correlation time share its work when they stand side by side.

@@ -2,12 +2,11 @@
 
 A law is wrong by per cents, and a baseline creeps by per cents of the force, whatever the noise is: in shares of
 the noise a loud curve would never allow for either. The interval of an exact law is paid for where the data could
-see a drift and see none: there its probability falls by itself. It does
-so the faster the larger the drifts are that are looked for, and a large size serves a small drift nearly as well:
-one size of 30 % costs clean curves less width than a grid with 10 % in it, and one of 100 % takes fringes for a
-drift. The prior probability of the exact law then goes as low as a median width of 1.4 on clean curves allows
-(`tests/studies/misfit_priors.py`: other sizes and probabilities on the same curves; `tests/studies/intervals.py`:
-coverage of what was chosen).
+see a drift and see none: there its probability falls by itself. It does so the faster the larger the drifts are
+that are looked for and the more shapes they may have, and a large size serves a small drift nearly as well. The
+prior probability of the exact law then goes as low as a median width of 1.4 on clean curves allows
+(`tests/studies/misfit_priors.py`: other kinds and probabilities on the same curves; `tests/studies/intervals.py`:
+coverage of what was chosen). Who takes a specimen for a half-space is wrong more often: no layer is one.
 
 A thickness, a base or a Poisson's ratio that is fitted is read off the shape of the curve alone, and takes up a
 drift without a residual: no curve can then tell which of the two it shows, and the odds begin even. Nor does a
@@ -16,16 +15,20 @@ large size lose its weight there by what is seen: it would only widen, and half 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.misfit.linearised import DRIFTS, JUMPS, RAMPS
+from underlay.inference.misfit.drift import BENT, DRIFTS, FAR_BASE, NEAR_BASE, RELAXING, SMOOTH
+from underlay.inference.misfit.linearised import JUMPS, RAMPS
 from underlay.inference.problem import Problem
+from underlay.scene.scene import Scene
 
 __all__ = ["Sizes", "shape_parameters"]
 
@@ -40,8 +43,8 @@ class Sizes:
         Correlation times, from two steps of time to three times the record, in equal ratios.
     shares : tuple of float
         Variance of the correlated noise over that of the white.
-    drifts : tuple of float
-        Size of a drift of the law, as a share of the force.
+    drifts : tuple of tuple of float
+        Kinds of drift of the law: sizes of its columns, as shares of the force.
     jumps : tuple of float
         Size of a jump, over the white noise.
     ramps : tuple of float
@@ -52,7 +55,7 @@ class Sizes:
 
     times: int = 5
     shares: tuple[float, ...] = (0.1, 1.0, 10.0, 100.0, 1000.0)
-    drifts: tuple[float, ...] = (0.3,)
+    drifts: tuple[tuple[float, ...], ...] = (BENT, RELAXING)
     jumps: tuple[float, ...] = (1.0, 4.64, 21.5, 100.0)
     ramps: tuple[float, ...] = (0.03,)
     white: float = 0.7
@@ -62,8 +65,12 @@ class Sizes:
 
     @classmethod
     def of(cls, problem: Problem) -> Sizes:
-        """Sizes for a problem: where a parameter of the shape is fitted, even odds of a drift, and smaller ones."""
-        return cls(exact=0.5, drifts=(0.1, 0.3)) if shape_parameters(problem) else cls()
+        """Sizes for a problem: its scenes say what a drift may be, its fitted shape how likely one is."""
+        if shape_parameters(problem):
+            return cls(exact=0.5, drifts=(tuple(size / 3.0 for size in SMOOTH), SMOOTH))
+        if all(_is_half_space(scene) for scene in problem.base_scenes):
+            return cls(exact=0.65, drifts=(BENT, FAR_BASE, NEAR_BASE))
+        return cls()
 
     def noises(self, times: Sequence[FloatArray]) -> list[tuple[float, float] | None]:
         """Correlated noises (tau, g) for curves read at `times` (s), after None for white noise alone."""
@@ -74,18 +81,24 @@ class Sizes:
 
     @cached_property
     def amounts(self) -> FloatArray:
-        """Sizes of drift, jump and ramp of every combination, (c, 3)."""
-        groups = ((0.0, *self.drifts), (0.0, *self.jumps), (0.0, *self.ramps))
-        return np.array(list(product(*groups)))
+        """Sizes of the columns of the drift, of jump and of ramp, of every combination, (c, 10 + 2)."""
+        groups = (((0.0,) * DRIFTS, *self.drifts), (0.0, *self.jumps), (0.0, *self.ramps))
+        return np.array([(*drift, jump, ramp) for drift, jump, ramp in product(*groups)])
+
+    @property
+    def alike(self) -> list[NDArray[np.intp]]:
+        """Numbers of the combinations with one kind of drift, of every kind, none first."""
+        return np.split(np.arange(len(self.amounts)), len(self.drifts) + 1)
 
     @staticmethod
     def scales(amounts: FloatArray, variance: FloatArray, parameters: int, curves: int) -> FloatArray:
         """Factors on the columns of `Linearised.products`, residuals left out, (c, m - 1).
 
-        Amounts (c, 3) as in `amounts`; s^2 (c,) is over the scatter squared.
+        Amounts (c, 10 + 2) as in `amounts`; s^2 (c,) is over the scatter squared.
         """
-        over = np.column_stack((np.sqrt(variance), np.ones(len(amounts)), np.sqrt(variance)))
-        own = np.repeat(amounts / over, (DRIFTS, JUMPS, RAMPS), axis=1)
+        own = np.repeat(amounts, (*(1,) * DRIFTS, JUMPS, RAMPS), axis=1)
+        shares = np.r_[:DRIFTS, DRIFTS + JUMPS : own.shape[1]]
+        own[:, shares] /= np.sqrt(variance)[:, None]
         return np.hstack((np.ones((len(amounts), parameters)), np.tile(own, (1, curves))))
 
     def log_prior(self, noises: int) -> FloatArray:
@@ -96,6 +109,10 @@ class Sizes:
         ramp = np.log(_shared(self.level, len(self.ramps)))
         amounts = drift[:, None, None] + jump[:, None] + ramp
         return np.asarray(noise[:, None] + amounts.ravel())
+
+
+def _is_half_space(scene: Scene) -> bool:
+    return math.isinf(scene.layer.thickness)
 
 
 def shape_parameters(problem: Problem) -> list[str]:
