@@ -46,7 +46,8 @@ class Reference:
 class Quadrature:
     """One problem with white noise of known size, a layer's E free, and a baseline of zero or a free one."""
 
-    def __init__(self, problem):
+    def __init__(self, problem, kept=FEWEST_KEPT):
+        self.fewest_kept = kept
         (self.member,) = problem.members
         self.problem = problem
         self.names = problem.names
@@ -166,7 +167,7 @@ class Quadrature:
             if extra < 0 or len(index) > MOST_CELLS:
                 return
             # Cells far larger than the posterior hide how high it is: there the best few thousand are kept.
-            enough = np.sort(mass)[-min(FEWEST_KEPT, len(mass))]
+            enough = np.sort(mass)[-min(self.fewest_kept, len(mass))]
             kept = mass > (mass.max() - DEPTH if resolved else min(mass.max() - DEPTH, enough))
             axis = int(np.argmax(changes))
             index = _halved(_with_neighbours(index[kept], counts), axis)
@@ -272,6 +273,6 @@ def _smeared(means, share, sd):
     return np.interp(LEVELS, upto, ends)
 
 
-def reference(problem):
-    """Quadrature of a problem's posterior."""
-    return Quadrature(problem).reference()
+def reference(problem, kept=FEWEST_KEPT):
+    """Quadrature of a problem's posterior; `kept` cells while they are too large: a thin wing may need many."""
+    return Quadrature(problem, kept).reference()
