@@ -476,7 +476,7 @@ def test_parquet_holds_the_same_table(curves, manifest, serial, tmp_path):
 
 def test_posteriors_have_their_own_seeds_whatever_the_number_of_workers(curves):
     """Too few steps to converge: said in the row, and the same draws from a worker and from this process."""
-    options = {"sampling": ul.Sampling(walkers=8, max_steps=120, seed=3), "noise": ul.Noise()}
+    options = {"sampling": ul.Sampling(walkers=8, max_steps=60, seed=3), "noise": ul.Noise()}
     one = run(curves[:3], workers=0, **options)
     two = run(curves[2::-1], workers=1, **options)
     pd.testing.assert_frame_equal(
@@ -491,7 +491,7 @@ def test_posteriors_have_their_own_seeds_whatever_the_number_of_workers(curves):
         assert (one[path] < one[f"{path}.high"]).all()
         assert (np.abs(one[path] - best[path]) < 3.0 * best[f"{path}.stderr"]).all()
     other = run(
-        curves[:1], workers=0, sampling=ul.Sampling(walkers=8, max_steps=120, seed=4), noise=ul.Noise()
+        curves[:1], workers=0, sampling=ul.Sampling(walkers=8, max_steps=60, seed=4), noise=ul.Noise()
     )
     assert other.loc[0, "layer.E"] != one.loc[0, "layer.E"]
 

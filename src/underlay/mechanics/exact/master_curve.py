@@ -130,8 +130,8 @@ def _monomial_table(count: int) -> FloatArray:
 # rate at which a piece's coefficients fall: below 1e-12 for 24 terms, and far below with the usual rho > 3.
 MOST_TERMS = 24
 #: Most terms that are told in powers at all. The widest contacts of spheres take so many at 1e-6, where rho is 1.7
-#: and 1e-9 is lost.
-MOST_IN_POWERS = 40
+#: and 2e-9 is lost.
+MOST_IN_POWERS = 44
 _MONOMIALS = _monomial_table(MOST_IN_POWERS)
 
 
