@@ -1,12 +1,11 @@
 """Convergence diagnostics against independent code, against theory, and on chains that must fail."""
 
-import warnings
-
 import emcee
 import numpy as np
 import pytest
 from scipy import stats
 
+from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.convergence import (
     autocorrelation_time,
     effective_size,
@@ -17,9 +16,7 @@ from underlay.inference.sampling.convergence import (
 )
 from underlay.inference.sampling.stopping import judge
 
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore", FutureWarning)  # arviz announces its next major version at import
-    import arviz
+arviz = arviz_library()
 
 
 def ar1(phi, steps=2000, walkers=8, seed=0):

@@ -5,7 +5,6 @@ import json
 from dataclasses import replace
 from types import SimpleNamespace
 
-import arviz
 import emcee
 import h5py
 import numpy as np
@@ -36,6 +35,7 @@ from underlay.inference.ridge.parts import Part, nodes_of
 from underlay.inference.ridge.trial import weigh
 from underlay.inference.ridge.weights import LEVELS, WeightedDraws
 from underlay.inference.sampling import second_opinion as opinions
+from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.convergence import effective_size
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.model_comparison import compare_models
@@ -377,7 +377,7 @@ def test_smoothed_weights_are_those_of_arviz(width):
     z = np.random.default_rng(5).standard_normal(3000) * width
     log_weights = stats.norm.logpdf(z) - stats.norm.logpdf(z, scale=width)
     mine, k = smoothed(log_weights)
-    theirs, their_k = arviz.psislw(log_weights.copy())
+    theirs, their_k = arviz_library().psislw(log_weights.copy())
     assert k == pytest.approx(float(their_k), abs=1e-6)
     np.testing.assert_allclose(mine - np.logaddexp.reduce(mine), theirs, atol=1e-8)
 
@@ -625,8 +625,10 @@ def test_a_chain_whose_weights_fall_goes_on_until_it_knows_by_itself(posterior, 
     assert not refused.diagnostics.weighted
     chain = sample(halfspace_problem(), walkers=16, method="emcee")
     assert posterior.diagnostics.steps < refused.diagnostics.steps
-    # Checks come at other steps, 15 % apart, where an earlier one was passed by.
-    assert refused.diagnostics.steps == pytest.approx(chain.diagnostics.steps, rel=0.16)
+    # Checks come at other steps, 15 % apart; an error that falls below its bound and rises again may pass one of
+    # the chain's and fail the other's next: then there are two steps of 15 % between them.
+    assert chain.diagnostics.steps / 1.15**2 - 2 < refused.diagnostics.steps
+    assert refused.diagnostics.steps < 1.15**2 * chain.diagnostics.steps + 2
     assert max(max(errors) for errors in refused.diagnostics.quantile_errors.values()) <= 0.06
 
 
