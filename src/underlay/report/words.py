@@ -282,8 +282,8 @@ def _width_sentence(result: Fit) -> str:
     errors = [error.words for error in known_errors(result.problem.base_scenes)]
     allowed = f" They allow for {' and for '.join(errors)}." if errors else ""
     return (
-        "No noise was stated: the intervals are averaged over white and correlated noise, a law that drifts with "
-        f"depth and a force that sets in at contact, each by its probability.{allowed} The fitted curve, its "
+        "No noise was stated: the intervals are averaged over white and correlated noise, a law that drifts "
+        f"and a force that sets in at contact, each by its probability.{allowed} The fitted curve, its "
         f"residuals and the test are drawn at the least-squares optimum for white noise{_at_optimum(result)}."
     )
 

@@ -235,7 +235,7 @@ def _compared(later: Group, earlier: Group) -> Comparison:
     else:
         above = float(difference.shares[difference.x > 0.0].sum())
     plain = _student(value, variance, freedom)
-    return Comparison(later.name, earlier.name, _triple(difference), plain, leads_plain, above)
+    return Comparison(later.name, _triple(difference), plain, leads_plain, earlier.name, above)
 
 
 def _welch(later: tuple[float, float, int], earlier: tuple[float, float, int]) -> tuple[float, float, float]:

@@ -38,7 +38,31 @@ class Spread:
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class _TwoWays:
+    """A number found by the model and without a prior, and which of the two is the one to go by."""
+
+    name: str
+    modelled: Triple
+    plain: Triple
+    leads_plain: bool
+
+    @property
+    def low(self) -> float:
+        """Low end of the 95 % interval to go by; zero where there is none."""
+        return self._first[1]
+
+    @property
+    def high(self) -> float:
+        """High end of the 95 % interval to go by; infinite where there is none."""
+        return self._first[2]
+
+    @property
+    def _first(self) -> Triple:
+        return self.plain if self.leads_plain else self.modelled
+
+
+@dataclass(frozen=True, eq=False)
+class Group(_TwoWays):
     """One group of a population.
 
     Parameters
@@ -71,10 +95,6 @@ class Group:
         Whether the curves may scatter by no more than their errors.
     """
 
-    name: str
-    modelled: Triple
-    plain: Triple
-    leads_plain: bool
     spreads: tuple[Spread, ...]
     units: int
     curves: int
@@ -90,64 +110,34 @@ class Group:
         """Geometric mean (SI) to go by."""
         return self._first[0]
 
-    @property
-    def low(self) -> float:
-        """Low end of its 95 % interval; zero where there is none."""
-        return self._first[1]
-
-    @property
-    def high(self) -> float:
-        """High end of its 95 % interval; infinite where there is none."""
-        return self._first[2]
-
-    @property
-    def _first(self) -> Triple:
-        return self.plain if self.leads_plain else self.modelled
-
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(_TwoWays):
     """One group over another.
 
     Parameters
     ----------
-    name, reference : str
-        The two groups.
+    name : str
+        The later group.
     modelled : tuple of float
         Ratio of the geometric means, low and high end of its 95 % interval by the model, with its priors.
     plain : tuple of float
         The same by Welch's interval of the animals' means, without a prior.
     leads_plain : bool
         Whether the second is the one to go by: a group of the two has few animals.
+    reference : str
+        The earlier group.
     probability_above : float
         That the ratio exceeds one, by the one to go by.
     """
 
-    name: str
     reference: str
-    modelled: Triple
-    plain: Triple
-    leads_plain: bool
     probability_above: float
 
     @property
     def ratio(self) -> float:
         """Ratio of the geometric means to go by."""
         return self._first[0]
-
-    @property
-    def low(self) -> float:
-        """Low end of its 95 % interval."""
-        return self._first[1]
-
-    @property
-    def high(self) -> float:
-        """High end of its 95 % interval."""
-        return self._first[2]
-
-    @property
-    def _first(self) -> Triple:
-        return self.plain if self.leads_plain else self.modelled
 
 
 @dataclass(frozen=True, eq=False)

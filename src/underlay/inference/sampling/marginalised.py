@@ -15,8 +15,9 @@ def marginalised(problem: Problem) -> Problem:
     """Return the problem with noise and misfit averaged over in its likelihood.
 
     `sample` does this itself; a sampler of one's own takes `log_posterior` of what this returns. Correlated noise,
-    a law that drifts with depth, a force at contact and a baseline that creeps take part by their weights, on
-    blocks of the curves, as they do in the intervals of `fit`.
+    a law that drifts with depth (where nothing of the shape is free also a layer that relaxes, or a base under a
+    half-space), a force at contact and a baseline that creeps take part by their weights, on blocks of the curves,
+    as they do in the intervals of `fit`.
 
     Parameters
     ----------
