@@ -32,9 +32,10 @@ from support.page import (
 from underlay.app.film import film_rows
 from underlay.app.work import Worker
 from underlay.cli import main
-from underlay.cli.film import film_table, fit_film
 from underlay.inference.batch.decisions import read_decisions
 from underlay.inference.batch.map_table import read_map
+from underlay.inference.film_from_files import fit_film
+from underlay.report.film_tables import film_table
 from underlay.scene.scene_file import read_scene_file
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"

@@ -123,6 +123,18 @@ def test_imports_go_down_only(imports):
     assert not [line for name, found in imports.items() for line in upward(name, found)]
 
 
+def test_the_page_and_the_commands_stand_side_by_side(imports):
+    """Neither is made of the other; one command opens the page."""
+    across = {
+        (name, module)
+        for name, found in imports.items()
+        for module, _ in found
+        for here, there in (("app/", "underlay.cli"), ("cli/", "underlay.app"))
+        if name.startswith(here) and module.startswith(there)
+    }
+    assert across == {("cli/browser_page", "underlay.app.server")}
+
+
 def test_third_parties_live_in_one_place(imports):
     assert not [line for name, found in imports.items() for line in astray(name, found)]
 

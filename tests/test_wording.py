@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import underlay
-from underlay.cli.wording import spoken
+from underlay.report.spoken import spoken
 
 PACKAGE = Path(underlay.__file__).parent
 #: Builders of messages: errors, and the warnings of a fit or of the library.
@@ -43,7 +43,7 @@ def messages():
     """(file, text) of every string handed to an error or a warning, and of every `_beyond`."""
     for path in sorted(PACKAGE.rglob("*.py")):
         name = path.relative_to(PACKAGE).as_posix()
-        if name in PYTHON_ONLY or name.startswith("cli/wording"):
+        if name in PYTHON_ONLY or name.startswith("report/spoken"):
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             found = []

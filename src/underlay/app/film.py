@@ -10,11 +10,12 @@ from underlay.app.folder import AnalysisFolder
 from underlay.app.kept import keep
 from underlay.app.results import fingerprint, rows_of, stem_of
 from underlay.app.shown import Film, Row
-from underlay.cli.film import film_notes, film_table, fit_film
-from underlay.cli.wording import spoken
 from underlay.errors import InputError
+from underlay.inference.film_from_files import fit_film
 from underlay.report import plots
+from underlay.report.film_tables import film_notes, film_table
 from underlay.report.labels import label
+from underlay.report.spoken import spoken
 from underlay.scene.scene_file import SceneFile
 
 if TYPE_CHECKING:

@@ -21,7 +21,6 @@ from underlay.app.labels import label_columns
 from underlay.app.results import rows_of
 from underlay.app.shown import Card, Gallery, Overview, Progress, Together
 from underlay.app.work import Tell
-from underlay.cli.wording import spoken
 from underlay.errors import InputError
 from underlay.inference.batch.decisions import Decision, Decisions, read_decisions, without_refused
 from underlay.inference.batch.fit_many import fit_many
@@ -33,6 +32,7 @@ from underlay.report import plots
 from underlay.report.maps import failure_table, map_summary, parameter_table, sample_parameters, verdict_table
 from underlay.report.population_words import comparison_table, group_table, population_sentences
 from underlay.report.review import review_cards
+from underlay.report.spoken import spoken
 
 __all__ = ["decide", "gallery", "judged_table", "overview", "population_before", "run_map", "show_population"]
 

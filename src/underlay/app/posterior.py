@@ -9,13 +9,13 @@ from underlay.app.kept import keep
 from underlay.app.results import fingerprint, rows_of, stem_of
 from underlay.app.shown import Progress, Sampled
 from underlay.app.work import Tell
-from underlay.cli.console import gathered_warnings
-from underlay.cli.wording import spoken
 from underlay.data.curve import Curve
 from underlay.inference.from_files import problem_from, weak_bounds
 from underlay.inference.sampling.run import sample
 from underlay.report import plots
+from underlay.report.gathered import gathered_warnings
 from underlay.report.posterior_tables import posterior_table
+from underlay.report.spoken import spoken
 from underlay.report.words import posterior_summary
 from underlay.scene.scene_file import SceneFile
 

@@ -16,18 +16,19 @@ from underlay.app.folder import AnalysisFolder
 from underlay.app.kept import keep
 from underlay.app.shown import Found, Row
 from underlay.app.work import Tell
-from underlay.cli.fit import quality_doubts, reservations, write_fit
-from underlay.cli.wording import spoken
 from underlay.errors import UnderlayError
 from underlay.inference.least_squares import Fit
 from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.inference.problem import Problem
 from underlay.report import plots
+from underlay.report.fit_files import write_fit
 from underlay.report.labels import labelled
 from underlay.report.model_limits import model_limits
 from underlay.report.open_ends import advice, rivals
 from underlay.report.pointwise_tables import pointwise_of, pointwise_sentence
+from underlay.report.reservations import quality_doubts, reservations
 from underlay.report.scene_tables import ledger_in_words
+from underlay.report.spoken import spoken
 from underlay.report.tables import interval_table
 from underlay.report.words import headline, stands_on, verdict_sentence
 from underlay.scene.effects import effects_table

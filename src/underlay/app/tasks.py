@@ -21,8 +21,6 @@ from underlay.app.posterior import sample_posterior
 from underlay.app.results import fingerprint, stem_of, tell_found
 from underlay.app.shown import Film, Found, Gallery, Look, Overview, Reading, Row, Sampled, Together
 from underlay.app.work import Tell
-from underlay.cli.console import gathered_warnings
-from underlay.cli.wording import spoken
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
 from underlay.data.quality import check_quality
@@ -37,9 +35,11 @@ from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
+from underlay.report.gathered import gathered_warnings
 from underlay.report.plots.laws import canvas
 from underlay.report.plots.style import drawn, unit_for
 from underlay.report.reading import format_name, reading_table
+from underlay.report.spoken import spoken
 from underlay.scene.default_depth import default_depth
 from underlay.scene.scene_file import SceneFile, read_scene_file
 from underlay.units import format_quantity, printed

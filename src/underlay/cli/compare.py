@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from underlay._files import require_writable_folder, write_atomic
-from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
+from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.options import CurveFile, OutputFolder, SceneOption
-from underlay.cli.wording import spoken
+from underlay.report.gathered import gathered_warnings
+from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,13 +14,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from underlay._text import one_line
-from underlay.cli.wording import spoken
 from underlay.errors import UnderlayWarning
+from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["gathered_warnings", "noted", "say", "say_error", "say_table", "say_warnings"]
+__all__ = ["noted", "say", "say_error", "say_table", "say_warnings"]
 
 
 _FILE_WIDTH = 160
@@ -81,20 +81,6 @@ def noted() -> Iterator[None]:
         warnings.simplefilter("always", UnderlayWarning)
         python_shows, warnings.showwarning = warnings.showwarning, show
         yield
-
-
-@contextmanager
-def gathered_warnings() -> Iterator[list[str]]:
-    """Collect our own warnings while a command works, to print them after its result."""
-    texts: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UnderlayWarning)
-        yield texts
-    for entry in caught:
-        if issubclass(entry.category, UnderlayWarning):
-            texts.append(str(entry.message))
-        else:
-            warnings.warn_explicit(entry.message, entry.category, entry.filename, entry.lineno)
 
 
 def say_warnings(texts: list[str]) -> None:

@@ -8,9 +8,10 @@ from typing import Annotated
 import typer
 
 from underlay._files import require_writable_folder
-from underlay.cli.console import gathered_warnings, say, say_warnings
-from underlay.cli.fit import reservations, show_fit, write_fit
+from underlay.cli.console import say, say_warnings
+from underlay.cli.fit import show_fit
 from underlay.data.samples import sample
+from underlay.report.gathered import gathered_warnings
 
 __all__ = ["demo"]
 
@@ -31,6 +32,8 @@ def demo(
     """
     from underlay.inference.from_files import load_problem
     from underlay.inference.least_squares import fit
+    from underlay.report.fit_files import write_fit
+    from underlay.report.reservations import reservations
 
     folder = require_writable_folder(output)
     written: list[Path] = []

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from underlay._files import require_writable_folder, write_atomic
-from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
+from underlay._files import require_writable_folder
+from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.excel_file import require_excel
 from underlay.cli.options import CurveFile, ExcelFile, OutputFolder, Rtol, SceneOption, SolverName
 from underlay.cli.wanted_solver import wanted_solver
-from underlay.cli.wording import spoken
+from underlay.report.gathered import gathered_warnings
+from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares import Fit
-    from underlay.inference.problem import Problem
 
-__all__ = ["fit", "quality_doubts", "reservations", "show_fit", "write_fit"]
+__all__ = ["fit", "show_fit"]
 
 
 def fit(
@@ -34,6 +33,7 @@ def fit(
     """
     from underlay.inference.from_files import load_problem
     from underlay.inference.least_squares import fit as least_squares_fit
+    from underlay.report.reservations import quality_doubts, reservations
 
     if output is not None:
         require_writable_folder(output)
@@ -47,6 +47,8 @@ def fit(
     show_fit(result, curve.name)
     say_warnings([*doubts, *reservations(result, notes)])
     if output is not None:
+        from underlay.report.fit_files import write_fit
+
         for path in write_fit(result, output, curve.stem):
             say(f"wrote {path}")
     if excel is not None:
@@ -61,37 +63,6 @@ def _write_excel(result: Fit, path: Path) -> Path:
 
     by_depth = [found for found in pointwise_of(result) if isinstance(found, PointwiseModulus)]
     return write_excel(path, result, *by_depth)
-
-
-def quality_doubts(problem: Problem) -> list[str]:
-    """Return what speaks against each curve before it is fitted.
-
-    Raises
-    ------
-    CurveError
-        If a curve shows no contact, with the reason.
-    """
-    from underlay.data.quality import check_quality
-
-    doubts: list[str] = []
-    for curve, scene in zip(problem.curves, problem.base_scenes, strict=True):
-        quality = check_quality(curve, scene)
-        quality.require()
-        doubts += quality.reasons
-    return doubts
-
-
-def reservations(result: Fit, notes: Iterable[str]) -> list[str]:
-    """Return what the reader, the fit and the laws have to say, in that order.
-
-    A second optimum is not among it: it stands beside the headline.
-    """
-    from underlay.report.intervals import standing
-
-    reader = [str(note) for curve in result.curves for note in curve.metadata.get("notes", ())]
-
-    fitted = [str(warning) for warning in standing(result) if warning.code != "second-optimum"]
-    return [*reader, *fitted, *notes]
 
 
 def show_fit(result: Fit, name: str) -> None:
@@ -135,33 +106,3 @@ def show_fit(result: Fit, name: str) -> None:
     if len(pairs):
         say_table(pairs, "Correlations above 0.9")
     say(f"law: {spoken(result.law_reason)}")
-
-
-def write_fit(result: Fit, folder: Path, stem: str) -> list[Path]:
-    """Write the table, the full result and the pictures of a fit; return the files.
-
-    A curve that was measured beyond loading gets a picture of its segments.
-    """
-    from underlay._csv_text import csv_text
-    from underlay.report import plots
-    from underlay.report.adhesion_tables import adhesion_frame
-    from underlay.report.measured import beyond_loading
-    from underlay.report.result_rows import result_rows
-
-    written = [
-        write_atomic(folder / f"{stem}.fit.csv", csv_text(result_rows(result))),
-        result.to_json(folder / f"{stem}.fit.json"),
-        plots.save(plots.fit(result), folder / f"{stem}.fit.png"),
-    ]
-    if result.scene.memory is not None:
-        written.append(plots.save(plots.fit_in_time(result), folder / f"{stem}.time.png"))
-    if result.scene.layer.relaxation is not None:
-        written.append(plots.save(plots.relaxation(result), folder / f"{stem}.relaxation.png"))
-    if result.scenes[0].adhesion is not None:
-        table = csv_text(adhesion_frame(result))
-        written.append(write_atomic(folder / f"{stem}.adhesion.csv", table))
-        written.append(plots.save(plots.adhesion(result), folder / f"{stem}.adhesion.png"))
-    whole = beyond_loading(result.curves[0])
-    if whole is not None:
-        written.append(plots.save(plots.segments(whole), folder / f"{stem}.segments.png"))
-    return written

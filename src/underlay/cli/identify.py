@@ -10,7 +10,7 @@ from underlay.cli.console import say
 from underlay.cli.expected import deepest_point, expected_depths, expected_noise, measured_curve
 from underlay.cli.options import CurveOption, OutputFolder, Rtol, ScenePath, SolverName
 from underlay.cli.wanted_solver import wanted_solver
-from underlay.cli.wording import spoken
+from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
     from underlay.inference.design.identifiability import Identifiability

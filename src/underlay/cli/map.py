@@ -12,8 +12,8 @@ from underlay.cli.console import say, say_error, say_table
 from underlay.cli.excel_file import require_excel
 from underlay.cli.options import ExcelFile, Rtol, SceneOption, Seed, SolverName
 from underlay.cli.wanted_solver import wanted_solver
-from underlay.cli.wording import spoken
 from underlay.errors import InputError
+from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from underlay._files import require_writable_folder, write_atomic
-from underlay.cli.console import gathered_warnings, say, say_table, say_warnings
+from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, Seed, SolverName
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
+from underlay.report.gathered import gathered_warnings
 
 if TYPE_CHECKING:
     from underlay.inference.sampling.posterior import Posterior

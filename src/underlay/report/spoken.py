@@ -1,8 +1,8 @@
-"""Messages of the library in the words of the command line: TOML keys and flags for Python's arguments.
+"""Messages of the library for people who do not program: TOML keys and flags for Python's arguments.
 
-The library speaks to whoever calls it from Python. What a command prints goes through `spoken`, which is the
-one place where the two languages meet; tests/test_wording.py reads every message of the library and holds
-that no Python argument is left.
+The library speaks to whoever calls it from Python. What a command prints and the browser page shows goes
+through `spoken`, which is the one place where the two languages meet; tests/test_wording.py reads every message
+of the library and holds that no Python argument is left.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ _RULES = tuple((re.compile(pattern), words) for pattern, words in _PYTHON_TO_COM
 
 
 def spoken(message: str) -> str:
-    """Return a message of the library as the command line says it.
+    """Return a message of the library as the command line and the browser page say it.
 
     Examples
     --------
