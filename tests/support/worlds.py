@@ -109,6 +109,7 @@ WORLDS = {
     "relaxation": (relaxation, 0.003),
     "Hertz on a layer": (nothing, 0.003),
     "paraboloid for a sphere": (nothing, 0.003),
+    "noise of the depth": (nothing, 0.003),
 }
 
 
@@ -125,5 +126,9 @@ def disturbed(clean, world, rng, noise=0.003):
     """Curve of a world, with white noise beside the disturbance unless that is a noise itself."""
     disturbance, white = WORLDS[world]
     white = noise if white else 0.0
-    noise = white * clean.top * rng.standard_normal(len(clean.depth))
-    return ul.Curve(clean.depth, clean.force + disturbance(clean, rng) + noise, time=clean.time)
+    depth = clean.depth
+    if world == "noise of the depth":
+        # The force is ten times as quiet: near contact, where a depth hardly matters, readings are good.
+        depth, white = depth + noise * depth.max() * rng.standard_normal(len(depth)), 0.1 * noise
+    noise = white * clean.top * rng.standard_normal(len(depth))
+    return ul.Curve(depth, clean.force + disturbance(clean, rng) + noise, time=clean.time)

@@ -17,7 +17,7 @@ curve less width than one of few: its probability falls with each direction that
 from __future__ import annotations
 
 import numpy as np
-from numpy.polynomial import polynomial
+from numpy.polynomial import Polynomial, polynomial
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
@@ -27,6 +27,8 @@ __all__ = ["BENT", "DRIFTS", "FAR_BASE", "NEAR_BASE", "RELAXING", "SMOOTH", "dri
 _POWERS = np.arange(1.0, 5.0)
 # Over the time from contact to the end of the curve.
 _TIMES = np.array([0.04, 0.1, 0.3, 1.0])
+# Degree of the polynomial in time that the depth is taken to follow.
+_COURSE = 3
 _RIGID, _WIDE, _SOFT = (1.133, 1.283, 0.769, 0.0975), 1.5, 4.0
 #: Columns of a drift: smooth, relaxing, and for a rigid and a soft base.
 DRIFTS = len(_POWERS) + len(_TIMES) + 2
@@ -68,11 +70,22 @@ def drift_columns(force: FloatArray, depth: FloatArray, time: FloatArray) -> Flo
 
 
 def _lost(force: FloatArray, depth: FloatArray, time: FloatArray) -> FloatArray:
-    """Force added (it is negative) where all of it relaxes, with each of the times, (n, 4)."""
-    since = np.maximum(time - time[np.argmax(depth > 0.0)], 0.0)[:, None]
+    """Force added (it is negative) where all of it relaxes, with each of the times, (n, 4).
+
+    Which share of the force is left is found of depths that follow a cubic in time, pressed with w^(3/2). Were it
+    found of the readings, a large loss would put a moving average of the law in the place of the law, and so
+    explain the noise of the depth.
+    """
+    touch = int(np.argmax(depth > 0.0))
+    since = np.maximum(time - time[touch], 0.0)[:, None]
     if not since[-1] > 0.0:
         return np.zeros((len(force), len(_TIMES)))
-    passed = since / (since[-1] * _TIMES)
-    middle = passed - 0.5 * np.diff(passed, axis=0, prepend=passed[:1])
-    rises = np.diff(force, prepend=force[:1])[:, None]
-    return np.asarray(np.exp(-passed) * np.cumsum(np.exp(middle) * rises, axis=0) - force[:, None])
+    terms = min(_COURSE, len(time) - touch - 1)
+    course = Polynomial.fit(time[touch:], depth[touch:], terms)(time[touch:])
+    rises = np.diff(np.maximum(course, 0.0) ** 1.5, prepend=0.0)[:, None]
+    passed = since[touch:] / (since[-1] * _TIMES)
+    middle = passed - 0.5 * np.diff(passed, axis=0, prepend=0.0)
+    left, all_of_it = np.cumsum(np.exp(middle) * rises, axis=0) * np.exp(-passed), np.cumsum(rises, axis=0)
+    lost = np.zeros((len(force), len(_TIMES)))
+    np.divide(left - all_of_it, all_of_it, out=lost[touch:], where=all_of_it > 0.0)
+    return np.asarray(force[:, None] * lost)
