@@ -157,8 +157,7 @@ class Averaged:
     @property
     def _misfits(self) -> list[FloatArray]:
         """Drift, jump and ramp of every curve, of the heaviest combination."""
-        own = self.competition.shift[self.competition.heaviest][self.competition.parameters :]
-        return np.split(own, len(self.blocked.curves))
+        return np.split(self.competition.misfits, len(self.blocked.curves))
 
     @property
     def exact_law(self) -> float:

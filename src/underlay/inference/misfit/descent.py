@@ -11,7 +11,7 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
-from underlay.inference.misfit.linearised import Linearised
+from underlay.inference.misfit.linearised import Linearised, acting_columns
 from underlay.inference.misfit.sizes import Sizes
 
 __all__ = ["Combination", "Place", "descend"]
@@ -62,21 +62,18 @@ class Place:
         cls, blocked: Blocked, vector: FloatArray, combination: Combination, model: Linearised
     ) -> Place:
         """Return the same where the model about the vector is known."""
-        k, known, variance = len(model.precision), len(vector), combination.variance
-        scales = Sizes.scales(combination.amounts[None], np.array([variance]), k, len(blocked.curves))
-        scale = np.r_[scales[0], 1.0]
-        products = model.products([combination.noise])[0][0] * np.outer(scale, scale)
-        # What is measured besides weighs s^2 against the readings.
-        products[range(k), range(k)] += variance * model.precision
-        products[:k, -1] += variance * model.pull
-        products[-1, :k] += variance * model.pull
-        products[-1, -1] += variance * model.offset
-        inner = range(k, len(scale) - 1)
-        products[inner, inner] += 1.0
-        kept, gone = np.r_[0:known, -1], np.r_[known : len(scale) - 1]
-        cross = products[np.ix_(gone, kept)]
-        left = products[np.ix_(kept, kept)] - cross.T @ np.linalg.solve(products[np.ix_(gone, gone)], cross)
-        return cls(vector, left[:-1, :-1], left[:-1, -1], float(left[-1, -1]), variance)
+        known, curves, variance = len(vector), len(blocked.curves), np.array([combination.variance])
+        products, _ = model.products([combination.noise], combination.amounts)
+        acting = acting_columns(combination.amounts, curves)
+        scale = Sizes.scales(combination.amounts[None], variance, curves)[:, acting]
+        (bordered,) = model.bordered(products, scale, variance)
+        first, others = len(acting), len(model.precision) - known
+        kept = np.r_[first : first + known, -1]
+        gone = np.r_[:first, first + known : first + known + others]
+        cross = bordered[gone[:, None], kept]
+        solved = np.linalg.solve(bordered[gone[:, None], gone], cross)
+        left = bordered[kept[:, None], kept] - cross.T @ solved
+        return cls(vector, left[:-1, :-1], left[:-1, -1], float(left[-1, -1]), combination.variance)
 
     def step(self, damping: float, free: NDArray[np.bool_]) -> FloatArray:
         """Damped Gauss-Newton step (k,) of the coordinates that are `free`."""

@@ -259,6 +259,6 @@ def _columns(model: Linearised, known: int) -> list[FloatArray]:
 def _sizes(blocked: Blocked, competition: Competition, kept: NDArray[np.intp]) -> FloatArray:
     """Sizes of those columns over s, (c, m)."""
     variance = competition.variance[kept]
-    own = competition.sizes.scales(competition.amounts[kept], variance, 0, len(blocked.curves))
+    own = competition.sizes.scales(competition.amounts[kept], variance, len(blocked.curves))
     deviations = np.array([error.deviation for error in blocked.errors])
     return np.hstack((deviations / np.sqrt(variance)[:, None], own))
