@@ -12,7 +12,7 @@ from underlay.errors import InputError
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.linearised import Linearised, acting_columns
-from underlay.inference.misfit.sizes import Sizes
+from underlay.inference.misfit.sizes import over_noise
 
 __all__ = ["Combination", "Place", "descend"]
 
@@ -62,10 +62,10 @@ class Place:
         cls, blocked: Blocked, vector: FloatArray, combination: Combination, model: Linearised
     ) -> Place:
         """Return the same where the model about the vector is known."""
-        known, curves, variance = len(vector), len(blocked.curves), np.array([combination.variance])
+        known, variance = len(vector), np.array([combination.variance])
         products, _ = model.products([combination.noise], combination.amounts)
-        acting = acting_columns(combination.amounts, curves)
-        scale = Sizes.scales(combination.amounts[None], variance, curves)[:, acting]
+        acting = acting_columns(combination.amounts, len(blocked.curves))
+        scale = over_noise(combination.amounts[None], variance)[:, acting]
         (bordered,) = model.bordered(products, scale, variance)
         first, others = len(acting), len(model.precision) - known
         kept = np.r_[first : first + known, -1]

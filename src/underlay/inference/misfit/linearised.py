@@ -21,6 +21,7 @@ _STEPS, _GAPS = np.array([-0.06, -0.03, -0.01, 0.01, 0.04]), np.array([0.03, 0.1
 JUMPS = len(_STEPS) + len(_GAPS)
 #: Columns of a baseline that creeps.
 RAMPS = 1
+_WIDTHS = np.array([1] * DRIFTS + [JUMPS, RAMPS])
 
 
 def jump_columns(depth: FloatArray) -> FloatArray:
@@ -71,9 +72,9 @@ class Part:
 
 
 def acting_columns(amounts: FloatArray, curves: int) -> NDArray[np.intp]:
-    """Which of the columns of drift, jump and ramp of all curves (19 curves,) have a size in `amounts` (10 + 2,)."""
-    each = np.repeat(amounts > 0.0, (*(1,) * DRIFTS, JUMPS, RAMPS))
-    return np.flatnonzero(np.tile(each, curves))
+    """Of each column of drift, jump and ramp of all curves that has a size: which of the `amounts` (10 + 2,) it is."""
+    acting = np.flatnonzero(amounts > 0.0)
+    return np.tile(np.repeat(acting, _WIDTHS[acting]), curves)
 
 
 @dataclass(frozen=True)
@@ -138,23 +139,22 @@ class Linearised:
         products[:, held, held] += 1.0
         return products, log_determinants
 
-    def with_priors(self, products: FloatArray, variance: FloatArray) -> FloatArray:
-        """Products (c, m, m) and what is measured besides, which weighs s^2 (c,) against the readings."""
-        found, s2 = products.copy(), variance[:, None]
-        known = np.arange(found.shape[-1])[-1 - len(self.precision) : -1]
-        found[:, known, known] += s2 * self.precision
-        found[:, known, -1] += s2 * self.pull
-        found[:, -1, known] += s2 * self.pull
-        found[:, -1, -1] += variance * self.offset
-        return found
-
     def bordered(self, products: FloatArray, scale: FloatArray, variance: FloatArray) -> FloatArray:
-        """N with c and r'r beside it, (c, m, m), for sizes (c, m - k - 1) of the misfits' columns and s^2 (c,)."""
-        every = np.ones(products.shape[:2])
+        """N with c and r'r beside it, (c, m, m), for sizes (c, m - k - 1) of the misfits' columns and s^2 (c,).
+
+        What is measured besides weighs s^2 against the readings.
+        """
+        every, s2 = np.ones(products.shape[:2]), variance[:, None]
         every[:, : scale.shape[1]] = scale
-        found = self.with_priors(products * (every[:, :, None] * every[:, None, :]), variance)
-        inner = np.arange(scale.shape[1])
+        found = products * every[:, :, None]
+        found *= every[:, None, :]
+        inner, known = np.arange(scale.shape[1]), np.arange(scale.shape[1], found.shape[-1] - 1)
         found[:, inner, inner] += 1.0
+        if self.measured:
+            found[:, known, known] += s2 * self.precision
+            found[:, known, -1] += s2 * self.pull
+            found[:, -1, known] += s2 * self.pull
+            found[:, -1, -1] += variance * self.offset
         return found
 
 

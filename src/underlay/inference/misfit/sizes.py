@@ -25,11 +25,10 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.misfit.drift import BENT, DRIFTS, FAR_BASE, NEAR_BASE, RELAXING, SMOOTH
-from underlay.inference.misfit.linearised import JUMPS, RAMPS
 from underlay.inference.problem import Problem
 from underlay.scene.scene import Scene
 
-__all__ = ["Sizes", "shape_parameters"]
+__all__ = ["Sizes", "over_noise", "shape_parameters"]
 
 
 @dataclass(frozen=True)
@@ -94,17 +93,6 @@ class Sizes:
         """The largest of each, (10 + 2,)."""
         return np.asarray(self.amounts.max(axis=0))
 
-    @staticmethod
-    def scales(amounts: FloatArray, variance: FloatArray, curves: int) -> FloatArray:
-        """Factors on the columns of drift, jump and ramp of all curves, (c, 19 curves).
-
-        Amounts (c, 10 + 2) as in `amounts`; s^2 (c,) is over the scatter squared.
-        """
-        own = np.repeat(amounts, (*(1,) * DRIFTS, JUMPS, RAMPS), axis=1)
-        shares = np.r_[:DRIFTS, DRIFTS + JUMPS : own.shape[1]]
-        own[:, shares] /= np.sqrt(variance)[:, None]
-        return np.tile(own, (1, curves))
-
     def log_prior(self, noises: int) -> FloatArray:
         """Logarithm of the prior probability of every combination, (noises, c)."""
         noise = np.log(_shared(self.white, noises - 1))
@@ -113,6 +101,13 @@ class Sizes:
         ramp = np.log(_shared(self.level, len(self.ramps)))
         amounts = drift[:, None, None] + jump[:, None] + ramp
         return np.asarray(noise[:, None] + amounts.ravel())
+
+
+def over_noise(amounts: FloatArray, variance: FloatArray) -> FloatArray:
+    """Amounts (c, 10 + 2) as in `Sizes.amounts`, all over the noise as jumps are; s^2 (c,) over the scatter squared."""
+    own = amounts / np.sqrt(variance)[:, None]
+    own[:, DRIFTS] = amounts[:, DRIFTS]
+    return np.asarray(own)
 
 
 def _is_half_space(scene: Scene) -> bool:
