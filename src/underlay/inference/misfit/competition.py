@@ -42,8 +42,6 @@ __all__ = ["Competition"]
 
 # Lighter combinations, hundreds of them, weigh together less than one in a thousand.
 _LIGHTEST = 1e-6
-# Shares of the correlated noise that are asked at once: two tell whether the evidence rises.
-_FIRST = 2
 
 
 @dataclass(frozen=True)
@@ -86,14 +84,16 @@ class Competition:
     def of(cls, model: Linearised, sizes: Sizes, lightest: float = _LIGHTEST) -> Competition:
         """Weigh every combination about a linearised model; those below the share `lightest` are left out."""
         noises = sizes.noises([part.time for part in model.parts])
+        evidence = Evidence.of(model, sizes, noises)
         prior = sizes.log_prior(len(noises))
-        asked, evidence, rough, square = _climbed(model, sizes, noises, prior, lightest)
+        rough, square = evidence.roughly(prior)
         weights = np.exp(rough - rough.max())
-        at, column = np.nonzero(weights >= lightest * weights.sum())
-        variance, kept = square[at, column] / evidence.freedom, np.column_stack((asked[at], column))
-        found = evidence.closely(at, column, variance, prior[asked[at], column])
+        kept = np.argwhere(np.asarray(weights >= lightest * weights.sum()))
+        noise, column = kept.T
+        variance = square[noise, column] / evidence.freedom
+        found = evidence.closely(noise, column, variance, prior[noise, column])
         best = int(np.argmax(found.log_evidence))
-        misfits = evidence.misfits(at[best], column[best], variance[best])
+        misfits = evidence.misfits(*kept[best], variance[best])
         return cls(noises, sizes, kept, *found, misfits, model.readings - len(model.precision))
 
     @cached_property
@@ -142,35 +142,3 @@ class Competition:
         """Distribution of coordinates and amplitudes, the combinations averaged by their weights."""
         variances = np.diagonal(self.covariance, axis1=-2, axis2=-1)
         return Mixture(self.weights, self.shift, np.sqrt(variances), self.degrees)
-
-
-def _climbed(
-    model: Linearised,
-    sizes: Sizes,
-    noises: Sequence[tuple[float, float] | None],
-    prior: FloatArray,
-    lightest: float,
-) -> tuple[NDArray[np.intp], Evidence, FloatArray, FloatArray]:
-    """Numbers (g,) of the noises that may weigh something, their algebra, rough log evidence and S, (g, c).
-
-    Under one correlation time the evidence rises with the share of the correlated noise to one top and falls from
-    there: shares are asked from the least one up until it has fallen below what counts.
-    """
-    ladders = np.arange(1, len(noises)).reshape(-1, max(len(sizes.shares), 1))
-    asked = np.concatenate(([0], ladders[:, :_FIRST].ravel()))
-    evidence = Evidence.of(model, sizes, [noises[number] for number in asked])
-    rough, square = evidence.roughly(prior[asked])
-    best = np.full(len(noises), -np.inf)
-    for step in range(_FIRST, len(sizes.shares)):
-        best[asked] = rough.max(axis=1)
-        before, last = best[ladders[:, step - 2]], best[ladders[:, step - 1]]
-        ladders = ladders[(last > before) | (np.exp(last - best.max()) >= lightest)]
-        if not ladders.size:
-            break
-        ahead = ladders[:, step]
-        further = Evidence.of(model, sizes, [noises[number] for number in ahead])
-        evidence, asked = evidence.beside(further), np.concatenate((asked, ahead))
-        rough, square = (
-            np.concatenate(pair) for pair in zip((rough, square), further.roughly(prior[ahead]), strict=True)
-        )
-    return asked, evidence, rough, square

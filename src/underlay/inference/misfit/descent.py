@@ -23,6 +23,9 @@ _SETTLED = 0.1
 _SHORT = 0.3
 # No step goes further than this in a scaled coordinate: a factor of 7.
 _FARTHEST = 2.0
+# Damping after a step that went wrong: the drift follows the coordinates and the derivatives leave that out, so that
+# steps are too long by a share of themselves. Less damping would take nearly the same step again.
+_DAMPED = 0.1
 # Curvature of a coordinate that does not act, as a share of the largest: keeps it where it is.
 _LEAST = 1e-12
 
@@ -127,7 +130,7 @@ def descend(
             return here.moved(target)
         there = _exists(blocked, target, combination)
         if there is None or not there.square < here.square:
-            damping = max(10.0 * damping, 1e-3)
+            damping = max(10.0 * damping, _DAMPED)
             continue
         settled = here.square - there.square < _SETTLED**2 * here.variance
         here, damping = there, 0.1 * damping

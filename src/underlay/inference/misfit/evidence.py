@@ -58,12 +58,6 @@ class Evidence:
         """Prepare some noises."""
         return cls(model, sizes, *model.products(noises, sizes.largest))
 
-    def beside(self, other: Evidence) -> Self:
-        """Return these noises and those of another together."""
-        products = np.concatenate((self.products, other.products))
-        determinants = np.concatenate((self.log_determinants, other.log_determinants))
-        return type(self)(self.model, self.sizes, products, determinants)
-
     @property
     def freedom(self) -> int:
         """n - k, and one for each prior that is a measurement."""

@@ -161,7 +161,7 @@ class MarginalLikelihood:
             If there is no contact law at the optimum.
         """
         blocked, competition = averaged.blocked, averaged.competition
-        model, known = blocked.linearised(averaged.vector), len(averaged.vector)
+        model, known = averaged.model, len(averaged.vector)
         columns = _columns(model, known)
         kept = _heaviest(competition.weights)
         prior = competition.sizes.log_prior(len(competition.noises))
