@@ -91,7 +91,9 @@ class Averaged:
         parts, k = [optimum.competition.mixture for optimum in self.optima], len(self.vector)
         return Mixture(
             np.concatenate([s * part.weights for s, part in zip(self.shares, parts, strict=True)]),
-            np.concatenate([own.vector + part.shift[:, :k] for own, part in zip(self.optima, parts, strict=True)]),
+            np.concatenate(
+                [own.vector + part.shift[:, :k] for own, part in zip(self.optima, parts, strict=True)]
+            ),
             np.concatenate([part.deviation[:, :k] for part in parts]),
             parts[0].degrees,
         )

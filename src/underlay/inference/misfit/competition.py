@@ -93,7 +93,7 @@ class Competition:
         variance = square[noise, column] / evidence.freedom
         found = evidence.closely(noise, column, variance, prior[noise, column])
         best = int(np.argmax(found.log_evidence))
-        misfits = evidence.misfits(*kept[best], variance[best])
+        misfits = evidence.misfits(noise[best], column[best], variance[best])
         return cls(noises, sizes, kept, *found, misfits, model.readings - len(model.precision))
 
     @cached_property

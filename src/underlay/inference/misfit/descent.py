@@ -23,8 +23,8 @@ _SETTLED = 0.1
 _SHORT = 0.3
 # No step goes further than this in a scaled coordinate: a factor of 7.
 _FARTHEST = 2.0
-# Damping after a step that went wrong: the drift follows the coordinates and the derivatives leave that out, so that
-# steps are too long by a share of themselves. Less damping would take nearly the same step again.
+# Damping after a step that went wrong: the drift follows the coordinates and the derivatives leave that out, so
+# that steps are too long by a share of themselves. Less damping would take nearly the same step again.
 _DAMPED = 0.1
 # Curvature of a coordinate that does not act, as a share of the largest: keeps it where it is.
 _LEAST = 1e-12

@@ -1,8 +1,8 @@
 """The evidence of every combination of noise, drift, jump and ramp: the algebra of `competition.py`.
 
-What is weighed is a grid whose members share most of their algebra. Under one noise the coordinates are solved for
-once, and the jump once for each of its sizes; what is left of the drift, the ramp and the residuals is a small matrix
-for each kind of drift.
+What is weighed is a grid whose members share most of their algebra. Under one noise the coordinates are solved
+for once, and the jump once for each of its sizes; what is left of the drift, the ramp and the residuals is a small
+matrix for each kind of drift.
 """
 
 from __future__ import annotations
@@ -80,7 +80,9 @@ class Evidence:
         start = np.linalg.cholesky(self._bordered(every, largest, np.ones(noises)))
         bordered = self._bordered(every, largest, start[:, -1, -1] ** 2 / self.freedom)
         own, cross = bordered[:, -1 - known : -1, -1 - known : -1], bordered[:, -1 - known : -1]
-        left, log_jump = self._without_jumps(bordered - np.swapaxes(cross, 1, 2) @ np.linalg.solve(own, cross))
+        left, log_jump = self._without_jumps(
+            bordered - np.swapaxes(cross, 1, 2) @ np.linalg.solve(own, cross)
+        )
         found = [self._of_a_kind(left, np.array(kind)) for kind in self.sizes.kinds]
         square = np.stack([each for each, _ in found], axis=1).reshape(noises, -1)
         log_normal = np.stack([each + log_jump for _, each in found], axis=1).reshape(noises, -1)
@@ -101,7 +103,7 @@ class Evidence:
         first = len(jump)
         own = np.diagonal(root, axis1=-2, axis2=-1)[..., :first]
         left = root[..., first:, first:] @ np.swapaxes(root[..., first:, first:], -1, -2)
-        return left[:, :, None], 2.0 * np.log(own).sum(axis=-1)[:, :, None]
+        return left[:, :, None], np.asarray(2.0 * np.log(own).sum(axis=-1))[:, :, None]
 
     def _of_a_kind(self, left: FloatArray, kind: FloatArray) -> tuple[FloatArray, FloatArray]:
         """S and log det N, each (g, jumps, ramps), of one kind of drift."""
@@ -168,7 +170,7 @@ class Evidence:
         variance: FloatArray,
         used: NDArray[np.intp] | None = None,
     ) -> FloatArray:
-        """N with c and r'r beside it, (c, m, m), for noises, amounts (c, 10 + 2) and s^2 (c,), of `used` misfits."""
+        """N with c and r'r beside it, (c, m, m), of `used` misfits, for noises, amounts (c, 10 + 2), s^2 (c,)."""
         every = len(self._amount)
         used = np.arange(every) if used is None else used
         places = np.concatenate((used, np.arange(every, self.products.shape[-1])))

@@ -65,14 +65,14 @@ class Part:
     time: FloatArray
 
     def columns(self, amounts: FloatArray) -> FloatArray:
-        """What is whitened, (n, m): drift, jump and ramp as far as `amounts` (10 + 2,) act, derivatives, residuals."""
+        """What is whitened, (n, m): drift, jump, ramp that have `amounts` (10 + 2,), derivatives, residuals."""
         drift, (jump, ramp) = np.split(amounts > 0.0, [DRIFTS])
         parts = (self.drift[:, drift], self.jump[:, : JUMPS * jump], self.ramp[:, : RAMPS * ramp])
         return np.asfortranarray(np.hstack((*parts, self.jacobian, self.residuals[:, None])))
 
 
 def acting_columns(amounts: FloatArray, curves: int) -> NDArray[np.intp]:
-    """Of each column of drift, jump and ramp of all curves that has a size: which of the `amounts` (10 + 2,) it is."""
+    """Which of the `amounts` (10 + 2,) is that of each column of drift, jump and ramp of all curves that has one."""
     acting = np.flatnonzero(amounts > 0.0)
     return np.tile(np.repeat(acting, _WIDTHS[acting]), curves)
 

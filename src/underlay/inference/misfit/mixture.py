@@ -65,4 +65,6 @@ class Mixture:
     def _peak(self) -> float:
         """Density of Student's t at zero."""
         half = 0.5 * self.degrees
-        return float(np.exp(special.gammaln(half + 0.5) - special.gammaln(half)) / np.sqrt(2.0 * np.pi * half))
+        return float(
+            np.exp(special.gammaln(half + 0.5) - special.gammaln(half)) / np.sqrt(2.0 * np.pi * half)
+        )
