@@ -72,7 +72,7 @@ class Part:
 
 
 def acting_columns(amounts: FloatArray, curves: int) -> NDArray[np.intp]:
-    """Which of the `amounts` (10 + 2,) is that of each column of drift, jump and ramp of all curves that has one."""
+    """Which of the `amounts` (10 + 2,) is that of each column of drift, jump, ramp of all curves that has one."""
     acting = np.flatnonzero(amounts > 0.0)
     return np.tile(np.repeat(acting, _WIDTHS[acting]), curves)
 

@@ -104,7 +104,7 @@ class Sizes:
 
 
 def over_noise(amounts: FloatArray, variance: FloatArray) -> FloatArray:
-    """Amounts (c, 10 + 2) of `Sizes.amounts`, all over the noise as jumps are; s^2 (c,) over the scatter squared."""
+    """Amounts (c, 10 + 2) of `Sizes.amounts`, over the noise as jumps are; s^2 (c,) over the scatter squared."""
     own = amounts / np.sqrt(variance)[:, None]
     own[:, DRIFTS] = amounts[:, DRIFTS]
     return np.asarray(own)
