@@ -102,8 +102,8 @@ class Evidence:
         root = np.linalg.cholesky(_rescaled(bordered[:, None, order[:, None], order], scale))
         first = len(jump)
         own = np.diagonal(root, axis1=-2, axis2=-1)[..., :first]
-        left = root[..., first:, first:] @ np.swapaxes(root[..., first:, first:], -1, -2)
-        return left[:, :, None], np.asarray(2.0 * np.log(own).sum(axis=-1))[:, :, None]
+        left = np.asarray(root[..., first:, first:] @ np.swapaxes(root[..., first:, first:], -1, -2))
+        return left[:, :, None], np.asarray(2.0 * np.log(own).sum(axis=-1)[:, :, None])
 
     def _of_a_kind(self, left: FloatArray, kind: FloatArray) -> tuple[FloatArray, FloatArray]:
         """S and log det N, each (g, jumps, ramps), of one kind of drift."""
