@@ -19,9 +19,10 @@ from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, Place, descend
 from underlay.inference.misfit.drift import DRIFTS, SMOOTH, drift_columns
+from underlay.inference.misfit.evidence import Evidence
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
-from underlay.inference.misfit.linearised import Linearised, Part, jump_columns, ramp_column
+from underlay.inference.misfit.linearised import Linearised, Part, acting_columns, jump_columns, ramp_column
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.paraboloid_for_sphere import paraboloid_for_sphere
 from underlay.inference.misfit.sizes import Sizes
@@ -131,6 +132,23 @@ def test_the_evidence_is_that_of_dense_matrices():
         assert found.shift[place, :k] == pytest.approx(shift, abs=close * np.abs(shift).max())
         covariance = s2 * np.linalg.inv(normal)
         assert found.covariance[place] == pytest.approx(covariance, abs=close * np.abs(covariance).max())
+
+
+def test_the_rough_evidence_is_the_close_one_where_sizes_do_not_go_with_the_noise():
+    linearised, sizes = made(), Sizes()
+    noises = sizes.noises([linearised.parts[0].time])
+    prior = sizes.log_prior(len(noises))
+    evidence = Evidence.of(linearised, sizes, noises)
+    rough, square = evidence.roughly(prior)
+    still = np.flatnonzero((sizes.amounts[:, [*range(DRIFTS), -1]] == 0.0).all(axis=1))
+    noise, column = (entry.ravel() for entry in np.meshgrid(np.arange(len(noises)), still, indexing="ij"))
+    found = evidence.closely(noise, column, np.ones(len(noise)), prior[noise, column])
+    # Both are sums over pivots, whose digits are lost with the condition of the columns with their largest sizes.
+    scale = np.append(sizes.largest[acting_columns(sizes.largest, 1)], (1.0, 1.0, 1.0))
+    sized = linearised.parts[0].columns(sizes.largest) * scale
+    lost = len(sized) * np.finfo(float).eps * (1.0 + np.linalg.norm(sized, 2) ** 2)
+    assert rough[noise, column] == pytest.approx(found.log_evidence, abs=len(sized) * lost)
+    assert square[noise, column] / evidence.freedom == pytest.approx(found.variance, rel=lost)
 
 
 def test_a_layer_that_relaxes_loses_what_theory_says():

@@ -160,7 +160,7 @@ def _ends(
 def _along(averaged: Averaged, gradient: FloatArray) -> Mixture:
     """Distribution of the change of the logarithm, from the optimum of the likeliest combination."""
     weights, shifts, deviations = [], [], []
-    for share, (vector, competition) in zip(averaged.shares, averaged.optima, strict=True):
+    for share, (vector, _, competition) in zip(averaged.shares, averaged.optima, strict=True):
         k = len(gradient)  # the amplitudes of known errors come after the coordinates
         covariance = competition.covariance[:, :k, :k]
         moved = competition.shift[:, :k] + (vector - averaged.vector)[:k]

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
@@ -24,7 +25,7 @@ from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, descend
 from underlay.inference.misfit.drift import DRIFTS
 from underlay.inference.misfit.known_error import KnownError
-from underlay.inference.misfit.linearised import JUMPS
+from underlay.inference.misfit.linearised import JUMPS, Linearised
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley
@@ -39,6 +40,14 @@ _STRAIGHT = 0.2
 _APART, _LIGHTER = 0.3, 1e-4
 
 
+class Optimum(NamedTuple):
+    """Scaled vector (k,) of an optimum, the model about it, and the weights of the combinations there."""
+
+    vector: FloatArray
+    model: Linearised
+    competition: Competition
+
+
 @dataclass(frozen=True)
 class Averaged:
     """What a curve says of the parameters, noise and misfit averaged over.
@@ -47,37 +56,44 @@ class Averaged:
     ----------
     blocked : Blocked
         What was averaged.
-    optima : sequence of (FloatArray, Competition)
-        Scaled vector (k,) of every optimum and the weights about it, heaviest first.
+    optima : sequence of Optimum
+        Scaled vector (k,) of every optimum, the model and the weights about it, heaviest first.
     """
 
     blocked: Blocked
-    optima: Sequence[tuple[FloatArray, Competition]]
+    optima: Sequence[Optimum]
 
     @property
     def vector(self) -> FloatArray:
         """Scaled vector of the heaviest combination's optimum, (k,)."""
-        return self.optima[0][0]
+        return self.optima[0].vector
 
     @property
     def competition(self) -> Competition:
         """The weights about it."""
-        return self.optima[0][1]
+        return self.optima[0].competition
+
+    @property
+    def model(self) -> Linearised:
+        """The model about it."""
+        return self.optima[0].model
 
     @cached_property
     def shares(self) -> FloatArray:
         """Probability of every optimum."""
-        totals = np.array([_total(competition) for _, competition in self.optima])
+        totals = np.array([_total(optimum.competition) for optimum in self.optima])
         shares = np.exp(totals - totals.max())
         return np.asarray(shares / shares.sum())
 
     @cached_property
     def mixture(self) -> Mixture:
         """Distribution of the scaled vector, all optima in it; amplitudes of known errors are left out."""
-        parts, k = [competition.mixture for _, competition in self.optima], len(self.vector)
+        parts, k = [optimum.competition.mixture for optimum in self.optima], len(self.vector)
         return Mixture(
             np.concatenate([s * part.weights for s, part in zip(self.shares, parts, strict=True)]),
-            np.concatenate([v + part.shift[:, :k] for (v, _), part in zip(self.optima, parts, strict=True)]),
+            np.concatenate(
+                [own.vector + part.shift[:, :k] for own, part in zip(self.optima, parts, strict=True)]
+            ),
             np.concatenate([part.deviation[:, :k] for part in parts]),
             parts[0].degrees,
         )
@@ -87,7 +103,9 @@ class Averaged:
         """Profiles under the heaviest combination, every parameter free; raises InputError without a law."""
         free = self.blocked.released()
         combination = Combination.of(self.competition, self.competition.heaviest)
-        return Valley(free, combination, descend(free, self.vector, combination))
+        is_known = not self.blocked.held and not any(curve.is_coarse for curve in free.curves)
+        model = self.model if is_known else None
+        return Valley(free, combination, descend(free, self.vector, combination, model=model))
 
     @property
     def deviations(self) -> FloatArray:
@@ -101,7 +119,7 @@ class Averaged:
     @property
     def drifts(self) -> list[float]:
         """Relative change of the law from contact to the deepest point, one per curve, of the likeliest drift."""
-        parts = self.blocked.linearised(self.vector).parts
+        parts = self.model.parts
         # The second column is P w / (2 w_max).
         deepest = [int(np.argmax(np.abs(part.drift[:, 1]))) for part in parts]
         return [
@@ -122,7 +140,7 @@ class Averaged:
 
         Linear in depth, as finite strain and a base would.
         """
-        model = self.blocked.linearised(self.vector)
+        model = self.model
         free = [i for i in range(len(self.vector)) if i not in self.blocked.held]
         jacobian = np.vstack([part.jacobian[:, free] for part in model.parts])
         # The second column is P w / (2 w_max).
@@ -157,23 +175,22 @@ class Averaged:
     @property
     def _misfits(self) -> list[FloatArray]:
         """Drift, jump and ramp of every curve, of the heaviest combination."""
-        own = self.competition.shift[self.competition.heaviest][self.competition.parameters :]
-        return np.split(own, len(self.blocked.curves))
+        return np.split(self.competition.misfits, len(self.blocked.curves))
 
     @property
     def exact_law(self) -> float:
         """Probability that the law does not drift with depth."""
-        return float(self.shares @ [competition.exact_law for _, competition in self.optima])
+        return float(self.shares @ [own.competition.exact_law for own in self.optima])
 
     @property
     def no_jump(self) -> float:
         """Probability that no force sets in at contact beside the law's."""
-        return float(self.shares @ [competition.no_jump for _, competition in self.optima])
+        return float(self.shares @ [own.competition.no_jump for own in self.optima])
 
     @property
     def steady(self) -> float:
         """Probability that the noise is white and the baseline does not creep."""
-        return float(self.shares @ [competition.steady for _, competition in self.optima])
+        return float(self.shares @ [own.competition.steady for own in self.optima])
 
 
 def average(
@@ -216,7 +233,7 @@ def average(
     return Averaged(blocked, _distinct(optima))
 
 
-def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> tuple[FloatArray, Competition]:
+def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> Optimum:
     """Optimum of the heaviest combination, from a start, and the weights about it."""
     model = blocked.linearised(vector)
     competition = Competition.of(model, sizes)
@@ -232,25 +249,23 @@ def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> tuple[FloatA
             # The last step of a descent is the linear model's, and may end beyond the laws.
             break
         vector, competition = ahead, Competition.of(model, sizes)
-    return vector, competition
+    return Optimum(vector, model, competition)
 
 
 def _deviations(competition: Competition, at: int) -> FloatArray:
     return np.asarray(np.sqrt(np.diagonal(competition.covariance[at])))
 
 
-def _distinct(
-    optima: Sequence[tuple[FloatArray, Competition]],
-) -> list[tuple[FloatArray, Competition]]:
+def _distinct(optima: Sequence[Optimum]) -> list[Optimum]:
     """Optima that are not one another's, heaviest first."""
-    ranked = sorted(optima, key=lambda entry: -_total(entry[1]))
-    kept: list[tuple[FloatArray, Competition]] = []
-    for vector, competition in ranked:
-        if kept and _total(competition) < _total(kept[0][1]) + np.log(_LIGHTER):
+    ranked = sorted(optima, key=lambda optimum: -_total(optimum.competition))
+    kept: list[Optimum] = []
+    for own in ranked:
+        if kept and _total(own.competition) < _total(kept[0].competition) + np.log(_LIGHTER):
             break
-        deviation = competition.mixture.deviation.min(axis=0)[: len(vector)]
-        if all((np.abs(vector - other) > _APART * deviation).any() for other, _ in kept):
-            kept.append((vector, competition))
+        deviation = own.competition.mixture.deviation.min(axis=0)[: len(own.vector)]
+        if all((np.abs(own.vector - other.vector) > _APART * deviation).any() for other in kept):
+            kept.append(own)
     return kept
 
 

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.misfit.drift import DRIFTS
+from underlay.inference.misfit.evidence import Evidence
 from underlay.inference.misfit.linearised import Linearised
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.sizes import Sizes
@@ -58,11 +59,13 @@ class Competition:
     log_evidence : FloatArray
         Logarithm of prior times likelihood, (c,).
     shift : FloatArray
-        Best shift of the coordinates, amplitudes of known errors, and columns of drift, jump and ramp, (c, k + 19).
+        Best shift of the coordinates and of the amplitudes of known errors, (c, k).
     covariance : FloatArray
         Of coordinates and amplitudes, (c, k, k).
     variance : FloatArray
         s^2 over the scatter of the curves squared, (c,).
+    misfits : FloatArray
+        Best drift, jump and ramp of every curve under the heaviest combination, (19 curves,).
     degrees : int
         n - k.
     """
@@ -74,28 +77,24 @@ class Competition:
     shift: FloatArray
     covariance: FloatArray
     variance: FloatArray
+    misfits: FloatArray
     degrees: int
 
     @classmethod
     def of(cls, model: Linearised, sizes: Sizes, lightest: float = _LIGHTEST) -> Competition:
         """Weigh every combination about a linearised model; those below the share `lightest` are left out."""
         noises = sizes.noises([part.time for part in model.parts])
-        found = _Weighed(model, sizes, *model.products(noises))
-        rough, square = found.roughly(sizes.log_prior(len(noises)))
+        evidence = Evidence.of(model, sizes, noises)
+        prior = sizes.log_prior(len(noises))
+        rough, square = evidence.roughly(prior)
         weights = np.exp(rough - rough.max())
         kept = np.argwhere(np.asarray(weights >= lightest * weights.sum()))
         noise, column = kept.T
-        variance = square[noise, column] / found.freedom
-        prior = sizes.log_prior(len(noises))[noise, column]
-        evidence, shift, covariance, variance = found.closely(noise, column, variance, prior)
-        return cls(
-            noises, sizes, kept, evidence, shift, covariance, variance, model.readings - len(model.precision)
-        )
-
-    @property
-    def parameters(self) -> int:
-        """Number of coordinates and amplitudes."""
-        return int(self.covariance.shape[-1])
+        variance = square[noise, column] / evidence.freedom
+        found = evidence.closely(noise, column, variance, prior[noise, column])
+        best = int(np.argmax(found.log_evidence))
+        misfits = evidence.misfits(noise[best], column[best], variance[best])
+        return cls(noises, sizes, kept, *found, misfits, model.readings - len(model.precision))
 
     @cached_property
     def weights(self) -> FloatArray:
@@ -142,101 +141,4 @@ class Competition:
     def mixture(self) -> Mixture:
         """Distribution of coordinates and amplitudes, the combinations averaged by their weights."""
         variances = np.diagonal(self.covariance, axis1=-2, axis2=-1)
-        return Mixture(self.weights, self.shift[:, : self.parameters], np.sqrt(variances), self.degrees)
-
-
-@dataclass(frozen=True)
-class _Weighed:
-    """The algebra of one linearised model: products of its columns (g, m, m) and log det V (g,) by noise."""
-
-    model: Linearised
-    sizes: Sizes
-    products: FloatArray
-    log_determinants: FloatArray
-
-    @property
-    def freedom(self) -> int:
-        """n - k, and one for each prior that is a measurement."""
-        return self.model.readings - len(self.model.precision) + self.model.measured
-
-    def roughly(self, log_prior: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Log evidence and S of all combinations, (g, c), with s^2 of their noise: what is light is seen here."""
-        k, amounts = len(self.model.precision), self.sizes.amounts
-        largest = np.broadcast_to(amounts.max(axis=0), (len(self.products), amounts.shape[1]))
-        every = np.arange(len(self.products))
-        start = self._bordered(every, largest, np.ones(len(every)))
-        variance = np.linalg.cholesky(start)[:, -1, -1] ** 2 / self.freedom
-        reduced, log_kept = _eliminated(self._bordered(every, None, variance), k)
-        scale = self._scale(np.tile(amounts, (len(every), 1)), np.repeat(variance, len(amounts)))[:, k:]
-        scale = np.hstack((scale, np.ones((len(scale), 1)))).reshape(len(every), len(amounts), -1)
-        square, log_normal = np.empty(scale.shape[:2]), np.empty(scale.shape[:2])
-        for alike in self.sizes.alike:
-            # Columns of other kinds of drift have no size here.
-            used = np.flatnonzero(scale[0, alike].any(axis=0))
-            own = scale[:, alike][:, :, used]
-            bordered = own[..., :, None] * reduced[:, None, used[:, None], used] * own[..., None, :]
-            inner = np.arange(len(used) - 1)
-            # The columns came with a size of one over s.
-            bordered[..., inner, inner] += 1.0
-            root = np.diagonal(np.linalg.cholesky(bordered), axis1=-2, axis2=-1)
-            square[:, alike] = root[..., -1] ** 2
-            log_normal[:, alike] = log_kept[:, None] + 2.0 * np.log(root[..., :-1]).sum(axis=-1)
-        evidence = self._evidence(square, self.log_determinants[:, None], log_normal)
-        return log_prior + evidence, square
-
-    def closely(
-        self, noise: NDArray[np.intp], column: NDArray[np.intp], variance: FloatArray, log_prior: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Log evidence, shifts, covariances and s^2 of some combinations, (c,), each with its own s^2."""
-        k, amounts = len(self.model.precision), self.sizes.amounts[column]
-        bordered = self._bordered(noise, amounts, variance)
-        normal, gradient = bordered[:, :-1, :-1], bordered[:, :-1, -1]
-        inverse = np.linalg.inv(normal)
-        solved = np.einsum("cij,cj->ci", inverse, gradient)
-        # The last pivot is r'r - c'N^-1 c without the cancellation.
-        root = np.diagonal(np.linalg.cholesky(bordered), axis1=-2, axis2=-1)
-        square = root[:, -1] ** 2
-        log_normal = 2.0 * np.log(root[:, :-1]).sum(axis=-1)
-        evidence = log_prior + self._evidence(square, self.log_determinants[noise], log_normal)
-        shift = -solved * self._scale(amounts, variance)
-        variance = square / self.freedom
-        return evidence, shift, inverse[:, :k, :k] * variance[:, None, None], variance
-
-    def _evidence(
-        self, square: FloatArray, log_determinant: FloatArray, log_normal: FloatArray
-    ) -> FloatArray:
-        variance, degrees = square / self.freedom, self.model.readings - len(self.model.precision)
-        total = degrees * np.log(variance) + self.freedom + log_determinant + log_normal
-        return np.asarray(-0.5 * total)
-
-    def _scale(self, amounts: FloatArray, variance: FloatArray) -> FloatArray:
-        return self.sizes.scales(amounts, variance, len(self.model.precision), len(self.model.parts))
-
-    def _bordered(
-        self, noise: NDArray[np.intp], amounts: FloatArray | None, variance: FloatArray
-    ) -> FloatArray:
-        """N with c and r'r beside it, (c, m, m), for noises, amounts (c, 10 + 2) and s^2 (c,).
-
-        Without amounts the columns of the misfits keep their size and have no prior.
-        """
-        k = len(self.model.precision)
-        bordered = np.array(self.products[noise])
-        if amounts is not None:
-            scale = np.ones(bordered.shape[:2])
-            scale[:, :-1] = self._scale(amounts, variance)
-            bordered *= scale[:, :, None] * scale[:, None, :]
-            inner = np.arange(k, bordered.shape[-1] - 1)
-            bordered[:, inner, inner] += 1.0
-        among = np.arange(k)
-        bordered[:, among, among] += variance[:, None] * self.model.precision
-        bordered[:, among, -1] += variance[:, None] * self.model.pull
-        bordered[:, -1, among] += variance[:, None] * self.model.pull
-        bordered[:, -1, -1] += variance * self.model.offset
-        return np.asarray(bordered)
-
-
-def _eliminated(products: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Products (g, m, m) of columns with the first `count` solved for, and log det of those' own, (g,)."""
-    first, cross = products[:, :count, :count], products[:, :count, count:]
-    left = products[:, count:, count:] - np.swapaxes(cross, 1, 2) @ np.linalg.solve(first, cross)
-    return np.asarray(left), np.asarray(np.linalg.slogdet(first)[1])
+        return Mixture(self.weights, self.shift, np.sqrt(variances), self.degrees)

@@ -11,8 +11,8 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
-from underlay.inference.misfit.linearised import Linearised
-from underlay.inference.misfit.sizes import Sizes
+from underlay.inference.misfit.linearised import Linearised, acting_columns
+from underlay.inference.misfit.sizes import over_noise
 
 __all__ = ["Combination", "Place", "descend"]
 
@@ -23,6 +23,9 @@ _SETTLED = 0.1
 _SHORT = 0.3
 # No step goes further than this in a scaled coordinate: a factor of 7.
 _FARTHEST = 2.0
+# Damping after a step that went wrong: the drift follows the coordinates and the derivatives leave that out, so
+# that steps are too long by a share of themselves. Less damping would take nearly the same step again.
+_DAMPED = 0.1
 # Curvature of a coordinate that does not act, as a share of the largest: keeps it where it is.
 _LEAST = 1e-12
 
@@ -62,21 +65,18 @@ class Place:
         cls, blocked: Blocked, vector: FloatArray, combination: Combination, model: Linearised
     ) -> Place:
         """Return the same where the model about the vector is known."""
-        k, known, variance = len(model.precision), len(vector), combination.variance
-        scales = Sizes.scales(combination.amounts[None], np.array([variance]), k, len(blocked.curves))
-        scale = np.r_[scales[0], 1.0]
-        products = model.products([combination.noise])[0][0] * np.outer(scale, scale)
-        # What is measured besides weighs s^2 against the readings.
-        products[range(k), range(k)] += variance * model.precision
-        products[:k, -1] += variance * model.pull
-        products[-1, :k] += variance * model.pull
-        products[-1, -1] += variance * model.offset
-        inner = range(k, len(scale) - 1)
-        products[inner, inner] += 1.0
-        kept, gone = np.r_[0:known, -1], np.r_[known : len(scale) - 1]
-        cross = products[np.ix_(gone, kept)]
-        left = products[np.ix_(kept, kept)] - cross.T @ np.linalg.solve(products[np.ix_(gone, gone)], cross)
-        return cls(vector, left[:-1, :-1], left[:-1, -1], float(left[-1, -1]), variance)
+        known, variance = len(vector), np.array([combination.variance])
+        products, _ = model.products([combination.noise], combination.amounts)
+        acting = acting_columns(combination.amounts, len(blocked.curves))
+        scale = over_noise(combination.amounts[None], variance)[:, acting]
+        (bordered,) = model.bordered(products, scale, variance)
+        first, others = len(acting), len(model.precision) - known
+        kept = np.r_[first : first + known, -1]
+        gone = np.r_[:first, first + known : first + known + others]
+        cross = bordered[gone[:, None], kept]
+        solved = np.linalg.solve(bordered[gone[:, None], gone], cross)
+        left = bordered[kept[:, None], kept] - cross.T @ solved
+        return cls(vector, left[:-1, :-1], left[:-1, -1], float(left[-1, -1]), combination.variance)
 
     def step(self, damping: float, free: NDArray[np.bool_]) -> FloatArray:
         """Damped Gauss-Newton step (k,) of the coordinates that are `free`."""
@@ -130,7 +130,7 @@ def descend(
             return here.moved(target)
         there = _exists(blocked, target, combination)
         if there is None or not there.square < here.square:
-            damping = max(10.0 * damping, 1e-3)
+            damping = max(10.0 * damping, _DAMPED)
             continue
         settled = here.square - there.square < _SETTLED**2 * here.variance
         here, damping = there, 0.1 * damping

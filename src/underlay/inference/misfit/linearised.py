@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import groupby
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.misfit.drift import DRIFTS
 from underlay.inference.misfit.whitener import Whitener
 
-__all__ = ["JUMPS", "RAMPS", "Linearised", "Part", "jump_columns", "ramp_column"]
+__all__ = ["JUMPS", "RAMPS", "Linearised", "Part", "acting_columns", "jump_columns", "ramp_column"]
 
 # Where the steps of a jump stand, as shares of the largest depth, before contact and a little into it; and the gaps
 # over which a force that grows toward contact does so (drag, attraction: no step is felt that far out).
@@ -22,6 +21,7 @@ _STEPS, _GAPS = np.array([-0.06, -0.03, -0.01, 0.01, 0.04]), np.array([0.03, 0.1
 JUMPS = len(_STEPS) + len(_GAPS)
 #: Columns of a baseline that creeps.
 RAMPS = 1
+_WIDTHS = np.array([1] * DRIFTS + [JUMPS, RAMPS])
 
 
 def jump_columns(depth: FloatArray) -> FloatArray:
@@ -64,11 +64,17 @@ class Part:
     ramp: FloatArray
     time: FloatArray
 
-    @cached_property
-    def columns(self) -> FloatArray:
-        """All that is whitened, (n, k + 20): derivatives, drift, jump, ramp, residuals."""
-        parts = (self.jacobian, self.drift, self.jump, self.ramp, self.residuals)
-        return np.asfortranarray(np.column_stack(parts))
+    def columns(self, amounts: FloatArray) -> FloatArray:
+        """What is whitened, (n, m): drift, jump, ramp that have `amounts` (10 + 2,), derivatives, residuals."""
+        drift, (jump, ramp) = np.split(amounts > 0.0, [DRIFTS])
+        parts = (self.drift[:, drift], self.jump[:, : JUMPS * jump], self.ramp[:, : RAMPS * ramp])
+        return np.asfortranarray(np.hstack((*parts, self.jacobian, self.residuals[:, None])))
+
+
+def acting_columns(amounts: FloatArray, curves: int) -> NDArray[np.intp]:
+    """Which of the `amounts` (10 + 2,) is that of each column of drift, jump, ramp of all curves that has one."""
+    acting = np.flatnonzero(amounts > 0.0)
+    return np.tile(np.repeat(acting, _WIDTHS[acting]), curves)
 
 
 @dataclass(frozen=True)
@@ -108,36 +114,64 @@ class Linearised:
         """Number of coordinates and amplitudes with such a prior."""
         return int(np.count_nonzero(self.precision))
 
-    def products(self, noises: Sequence[tuple[float, float] | None]) -> tuple[FloatArray, FloatArray]:
-        """Products of all columns under V^-1, (g, m, m) with m = k + 19 curves + 1, and log det V, (g,).
+    def products(
+        self, noises: Sequence[tuple[float, float] | None], amounts: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Products of columns under V^-1, (g, m, m), and log det V, (g,).
 
-        The columns are the derivatives, drift, jump and ramp of each curve, and the residuals. Noises of one
-        correlation time share its work when they stand side by side.
+        The columns are drift, jump and ramp of each curve, those alone that have a size in `amounts` (10 + 2,),
+        then the derivatives and the residuals. Noises of one correlation time share its work when they stand side
+        by side.
         """
-        k, own = len(self.precision), DRIFTS + JUMPS + RAMPS
-        products = np.zeros((len(noises), *(k + own * len(self.parts) + 1,) * 2))
+        k = len(self.precision)
+        acting = len(acting_columns(amounts, len(self.parts)))
+        own = acting // len(self.parts)
+        products = np.zeros((len(noises), *(acting + k + 1,) * 2))
         log_determinants = np.zeros(len(noises))
         for number, part in enumerate(self.parts):
-            places = np.r_[np.arange(k), k + own * number + np.arange(own), -1]
-            for at, (product, log_determinant) in enumerate(_products(part, noises)):
-                products[at][np.ix_(places, places)] += product
-                log_determinants[at] += log_determinant
+            places = np.concatenate((own * number + np.arange(own), acting + np.arange(k + 1)))
+            at = (slice(None), places[:, None], places)
+            found, each = _products(part, noises, amounts)
+            products[at] += found
+            log_determinants += each
         # One on the diagonal, and nothing beside: the algebra keeps its shape, and the shift of these is zero.
-        products[:, list(self.held), list(self.held)] += 1.0
+        held = acting + np.array(self.held, dtype=np.intp)
+        products[:, held, held] += 1.0
         return products, log_determinants
 
+    def bordered(self, products: FloatArray, scale: FloatArray, variance: FloatArray) -> FloatArray:
+        """N with c and r'r beside it, (c, m, m), for sizes (c, m - k - 1) of the misfits' columns and s^2 (c,).
 
-def _products(part: Part, noises: Sequence[tuple[float, float] | None]) -> Sequence[tuple[FloatArray, float]]:
-    """Products of one curve's columns and log det V, for every noise."""
-    columns = part.columns
-    found: list[tuple[FloatArray, float]] = []
-    for tau, group in groupby(noises, key=lambda noise: None if noise is None else noise[0]):
-        if tau is None:
-            found += [(columns.T @ columns, 0.0) for _ in group]
+        What is measured besides weighs s^2 against the readings.
+        """
+        every, s2 = np.ones(products.shape[:2]), variance[:, None]
+        every[:, : scale.shape[1]] = scale
+        found = products * every[:, :, None]
+        found *= every[:, None, :]
+        inner, known = np.arange(scale.shape[1]), np.arange(scale.shape[1], found.shape[-1] - 1)
+        found[:, inner, inner] += 1.0
+        if self.measured:
+            found[:, known, known] += s2 * self.precision
+            found[:, known, -1] += s2 * self.pull
+            found[:, -1, known] += s2 * self.pull
+            found[:, -1, -1] += variance * self.offset
+        return found
+
+
+def _products(
+    part: Part, noises: Sequence[tuple[float, float] | None], amounts: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Products of one curve's columns (g, m, m) and log det V (g,), for every noise."""
+    columns = part.columns(amounts)
+    products, log_determinants = np.empty((len(noises), *(columns.shape[1],) * 2)), np.zeros(len(noises))
+    tau, whitener, ahead = None, None, columns
+    for at, noise in enumerate(noises):
+        if noise is None:
+            products[at] = columns.T @ columns
             continue
-        whitener = Whitener.of(part.time, tau)
-        ahead = whitener.ahead(columns)
-        for noise in group:
-            solved, log_determinant = whitener.inverse(ahead, noise[1] if noise else 0.0)
-            found.append((ahead.T @ solved, log_determinant))
-    return found
+        if whitener is None or noise[0] != tau:
+            tau, whitener = noise[0], Whitener.of(part.time, noise[0])
+            ahead = whitener.ahead(columns)
+        solved, log_determinants[at] = whitener.inverse(ahead, noise[1])
+        np.matmul(ahead.T, solved, out=products[at])
+    return products, log_determinants

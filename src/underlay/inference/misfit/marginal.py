@@ -25,7 +25,8 @@ from underlay._arrays import FloatArray
 from underlay.inference.misfit.averaging import Averaged
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
-from underlay.inference.misfit.linearised import Linearised
+from underlay.inference.misfit.linearised import Linearised, acting_columns
+from underlay.inference.misfit.sizes import over_noise
 from underlay.inference.misfit.whitened_squares import WhitenedSquares
 from underlay.inference.misfit.whitener import Whitener
 from underlay.inference.model.forward_batch import batched_readings
@@ -160,7 +161,7 @@ class MarginalLikelihood:
             If there is no contact law at the optimum.
         """
         blocked, competition = averaged.blocked, averaged.competition
-        model, known = blocked.linearised(averaged.vector), len(averaged.vector)
+        model, known = averaged.model, len(averaged.vector)
         columns = _columns(model, known)
         kept = _heaviest(competition.weights)
         prior = competition.sizes.log_prior(len(competition.noises))
@@ -259,6 +260,7 @@ def _columns(model: Linearised, known: int) -> list[FloatArray]:
 def _sizes(blocked: Blocked, competition: Competition, kept: NDArray[np.intp]) -> FloatArray:
     """Sizes of those columns over s, (c, m)."""
     variance = competition.variance[kept]
-    own = competition.sizes.scales(competition.amounts[kept], variance, 0, len(blocked.curves))
+    own = over_noise(competition.amounts[kept], variance)
+    own = own[:, acting_columns(np.ones(own.shape[1]), len(blocked.curves))]
     deviations = np.array([error.deviation for error in blocked.errors])
     return np.hstack((deviations / np.sqrt(variance)[:, None], own))

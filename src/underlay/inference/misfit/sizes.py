@@ -22,15 +22,13 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.misfit.drift import BENT, DRIFTS, FAR_BASE, NEAR_BASE, RELAXING, SMOOTH
-from underlay.inference.misfit.linearised import JUMPS, RAMPS
 from underlay.inference.problem import Problem
 from underlay.scene.scene import Scene
 
-__all__ = ["Sizes", "shape_parameters"]
+__all__ = ["Sizes", "over_noise", "shape_parameters"]
 
 
 @dataclass(frozen=True)
@@ -79,27 +77,21 @@ class Sizes:
         taus = np.geomspace(shortest, longest, self.times)
         return [None, *((float(tau), share) for tau in taus for share in self.shares)]
 
+    @property
+    def kinds(self) -> tuple[tuple[float, ...], ...]:
+        """Sizes of the columns of every kind of drift, none first."""
+        return ((0.0,) * DRIFTS, *self.drifts)
+
     @cached_property
     def amounts(self) -> FloatArray:
         """Sizes of the columns of the drift, of jump and of ramp, of every combination, (c, 10 + 2)."""
-        groups = (((0.0,) * DRIFTS, *self.drifts), (0.0, *self.jumps), (0.0, *self.ramps))
+        groups = (self.kinds, (0.0, *self.jumps), (0.0, *self.ramps))
         return np.array([(*drift, jump, ramp) for drift, jump, ramp in product(*groups)])
 
-    @property
-    def alike(self) -> list[NDArray[np.intp]]:
-        """Numbers of the combinations with one kind of drift, of every kind, none first."""
-        return np.split(np.arange(len(self.amounts)), len(self.drifts) + 1)
-
-    @staticmethod
-    def scales(amounts: FloatArray, variance: FloatArray, parameters: int, curves: int) -> FloatArray:
-        """Factors on the columns of `Linearised.products`, residuals left out, (c, m - 1).
-
-        Amounts (c, 10 + 2) as in `amounts`; s^2 (c,) is over the scatter squared.
-        """
-        own = np.repeat(amounts, (*(1,) * DRIFTS, JUMPS, RAMPS), axis=1)
-        shares = np.r_[:DRIFTS, DRIFTS + JUMPS : own.shape[1]]
-        own[:, shares] /= np.sqrt(variance)[:, None]
-        return np.hstack((np.ones((len(amounts), parameters)), np.tile(own, (1, curves))))
+    @cached_property
+    def largest(self) -> FloatArray:
+        """The largest of each, (10 + 2,)."""
+        return np.asarray(self.amounts.max(axis=0))
 
     def log_prior(self, noises: int) -> FloatArray:
         """Logarithm of the prior probability of every combination, (noises, c)."""
@@ -109,6 +101,13 @@ class Sizes:
         ramp = np.log(_shared(self.level, len(self.ramps)))
         amounts = drift[:, None, None] + jump[:, None] + ramp
         return np.asarray(noise[:, None] + amounts.ravel())
+
+
+def over_noise(amounts: FloatArray, variance: FloatArray) -> FloatArray:
+    """Amounts (c, 10 + 2) of `Sizes.amounts`, over the noise as jumps are; s^2 (c,) over the scatter squared."""
+    own = amounts / np.sqrt(variance)[:, None]
+    own[:, DRIFTS] = amounts[:, DRIFTS]
+    return np.asarray(own)
 
 
 def _is_half_space(scene: Scene) -> bool:

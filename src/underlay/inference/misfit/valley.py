@@ -8,7 +8,7 @@ are fitted again: T = z^2 is the rise of the whitened sum of squares over its va
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +43,7 @@ class Valley:
     blocked: Blocked
     combination: Combination
     optimum: Place
+    _beyond: dict[tuple[int, float], Place] = field(default_factory=dict, init=False)
 
     def z(self, place: Place) -> float:
         """Root of the rise of a place above the optimum."""
@@ -66,7 +67,11 @@ class Valley:
             return False
         gone = q - float(self.optimum.vector[index])
         place = self.held(index, q, self.optimum.vector + self._tangent(index) * gone)
-        return place is not None and abs(self.z(place) - z) <= within * z
+        if place is None:
+            return False
+        # A path that is walked that way comes by here.
+        self._beyond[index, math.copysign(1.0, gone)] = place
+        return abs(self.z(place) - z) <= within * z
 
     def end(self, index: int, direction: float, z: float) -> float:
         """Where the profile first reaches `z`, going one way: scaled; infinite where it does not.
@@ -92,7 +97,10 @@ class Valley:
         vectors, heights = [self.optimum.vector], [0.0]
         tangent = self._tangent(index)
         step = min(_STEP * self._deviation(index), _FIRST)
-        beyond: tuple[FloatArray, float] | None = None
+        tried = self._beyond.get((index, direction))
+        beyond = None if tried is None else (tried.vector, self.z(tried))
+        if beyond is not None:
+            step = min(step, _MOST * abs(float(beyond[0][index]) - here))
         for _ in range(_MOST_STEPS):
             gone = abs(float(vectors[-1][index]) - here)
             step = min(step, room - gone)

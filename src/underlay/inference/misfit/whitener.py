@@ -32,12 +32,15 @@ class Whitener:
         rho_i = exp(-(t_i - t_{i-1}) / tau) and sqrt(1 - rho_i^2), (n - 1,).
     diagonal, beside : FloatArray
         Of W W', (n,) and (n - 1,).
+    log_determinant : float
+        Of W^-2.
     """
 
     correlation: FloatArray
     spread: FloatArray
     diagonal: FloatArray
     beside: FloatArray
+    log_determinant: float
 
     @classmethod
     def of(cls, time: FloatArray, correlation_time: float) -> Whitener:
@@ -51,7 +54,8 @@ class Whitener:
         rho, spread = ar1_coefficients(time, correlation_time)
         scale = np.concatenate(([1.0], spread))
         diagonal = np.concatenate(([1.0], (1.0 + rho * rho) / (spread * spread)))
-        return cls(rho, spread, diagonal, -rho / (spread * scale[:-1]))
+        beside = -rho / (spread * scale[:-1])
+        return cls(rho, spread, diagonal, beside, float(2.0 * np.log(spread).sum()))
 
     def ahead(self, columns: FloatArray) -> FloatArray:
         """W times columns (n, m)."""
@@ -67,7 +71,7 @@ class Whitener:
         """
         pivots, lower, _ = lapack.dpttrf(self.diagonal + share, self.beside)
         solved, _ = lapack.dpttrs(pivots, lower, ahead)
-        return solved, float(np.log(pivots).sum() + 2.0 * np.log(self.spread).sum())
+        return solved, float(np.log(pivots).sum()) + self.log_determinant
 
     def inverse_times(self, columns: FloatArray, share: float) -> tuple[FloatArray, float]:
         """V^-1 times columns (n, m), for a share g of the process, and log det V."""

@@ -1,0 +1,191 @@
+"""The evidence of every combination of noise, drift, jump and ramp: the algebra of `competition.py`.
+
+What is weighed is a grid whose members share most of their algebra. Under one noise the coordinates are solved
+for once, and the jump once for each of its sizes; what is left of the drift, the ramp and the residuals is a small
+matrix for each kind of drift.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.inference.misfit.drift import DRIFTS
+from underlay.inference.misfit.linearised import Linearised, acting_columns
+from underlay.inference.misfit.sizes import Sizes, over_noise
+
+__all__ = ["Evidence", "Weighed"]
+
+
+class Weighed(NamedTuple):
+    """Log evidence (c,), shifts (c, k) and covariances (c, k, k) of the coordinates, and s^2 (c,)."""
+
+    log_evidence: FloatArray
+    shift: FloatArray
+    covariance: FloatArray
+    variance: FloatArray
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The algebra of one linearised model under some noises.
+
+    Parameters
+    ----------
+    model : Linearised
+        The model.
+    sizes : Sizes
+        What is weighed.
+    products : FloatArray
+        Of the columns that have a size, as of `Linearised.products`, (g, m, m).
+    log_determinants : FloatArray
+        log det V, (g,).
+    """
+
+    model: Linearised
+    sizes: Sizes
+    products: FloatArray
+    log_determinants: FloatArray
+
+    @classmethod
+    def of(cls, model: Linearised, sizes: Sizes, noises: Sequence[tuple[float, float] | None]) -> Self:
+        """Prepare some noises."""
+        return cls(model, sizes, *model.products(noises, sizes.largest))
+
+    @property
+    def freedom(self) -> int:
+        """n - k, and one for each prior that is a measurement."""
+        return self.model.readings - self._known + self.model.measured
+
+    @property
+    def _known(self) -> int:
+        """Number of coordinates and amplitudes."""
+        return len(self.model.precision)
+
+    @cached_property
+    def _amount(self) -> NDArray[np.intp]:
+        """Which of the 10 + 2 amounts is that of each of the misfits' columns."""
+        return acting_columns(self.sizes.largest, len(self.model.parts))
+
+    def roughly(self, log_prior: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Log evidence and S of all combinations, (g, c), with s^2 of their noise: what is light is seen here."""
+        noises, known = len(self.products), self._known
+        every, largest = np.arange(noises), np.tile(self.sizes.largest, (noises, 1))
+        start = np.linalg.cholesky(self._bordered(every, largest, np.ones(noises)))
+        bordered = self._bordered(every, largest, start[:, -1, -1] ** 2 / self.freedom)
+        own, cross = bordered[:, -1 - known : -1, -1 - known : -1], bordered[:, -1 - known : -1]
+        left, log_jump = self._without_jumps(
+            bordered - np.swapaxes(cross, 1, 2) @ np.linalg.solve(own, cross)
+        )
+        found = [self._of_a_kind(left, np.array(kind)) for kind in self.sizes.kinds]
+        square = np.stack([each for each, _ in found], axis=1).reshape(noises, -1)
+        log_normal = np.stack([each + log_jump for _, each in found], axis=1).reshape(noises, -1)
+        log_known = self.log_determinants + np.linalg.slogdet(own)[1]
+        return log_prior + self._evidence(square, log_known[:, None], log_normal), square
+
+    def _without_jumps(self, bordered: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """N (g, jumps, 1, m, m) of drift, ramp and residuals with the jump solved for at each of its sizes.
+
+        And log det of its part, (g, jumps, 1).
+        """
+        jump, others = np.flatnonzero(self._amount == DRIFTS), np.flatnonzero(self._amount != DRIFTS)
+        order = np.concatenate((jump, others, [bordered.shape[-1] - 1]))
+        shares = _shares(self.sizes.jumps)
+        scale = np.ones((len(shares), len(order)))
+        scale[:, : len(jump)] = shares[:, None]
+        root = np.linalg.cholesky(_rescaled(bordered[:, None, order[:, None], order], scale))
+        first = len(jump)
+        own = np.diagonal(root, axis1=-2, axis2=-1)[..., :first]
+        left = np.asarray(root[..., first:, first:] @ np.swapaxes(root[..., first:, first:], -1, -2))
+        return left[:, :, None], np.asarray(2.0 * np.log(own).sum(axis=-1)[:, :, None])
+
+    def _of_a_kind(self, left: FloatArray, kind: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """S and log det N, each (g, jumps, ramps), of one kind of drift."""
+        amount, ramps = self._amount[self._amount != DRIFTS], _shares(self.sizes.ramps)
+        is_ramp = amount > DRIFTS
+        used = np.flatnonzero(is_ramp | (np.append(kind, (0.0, 0.0))[amount] > 0.0))
+        scale = np.ones((len(ramps), len(used) + 1))
+        for n, at in enumerate(used):
+            scale[:, n] = ramps if is_ramp[at] else kind[amount[at]] / self.sizes.largest[amount[at]]
+        used = np.append(used, len(amount))
+        root = np.linalg.cholesky(_rescaled(left[..., used[:, None], used], scale))
+        diagonal = np.diagonal(root, axis1=-2, axis2=-1)
+        return diagonal[..., -1] ** 2, 2.0 * np.log(diagonal[..., :-1]).sum(axis=-1)
+
+    def closely(
+        self, noise: NDArray[np.intp], column: NDArray[np.intp], variance: FloatArray, log_prior: FloatArray
+    ) -> Weighed:
+        """What some combinations say, (c,), each with its own s^2."""
+        k, count = self._known, len(noise)
+        found = Weighed(np.empty(count), np.empty((count, k)), np.empty((count, k, k)), np.empty(count))
+        kinds = column // (len(self.sizes.amounts) // len(self.sizes.kinds))
+        for number in np.unique(kinds):
+            rows = np.flatnonzero(kinds == number)
+            kind = np.append(self.sizes.kinds[number], self.sizes.largest[DRIFTS:])
+            used = np.flatnonzero(kind[self._amount] > 0.0)
+            amounts = self.sizes.amounts[column[rows]]
+            root = np.linalg.cholesky(self._bordered(noise[rows], amounts, variance[rows], used))
+            # The last pivot is r'r - c'N^-1 c without the cancellation.
+            diagonal = np.diagonal(root, axis1=-2, axis2=-1)
+            square = diagonal[:, -1] ** 2
+            found.variance[rows] = square / self.freedom
+            log_normal = 2.0 * np.log(diagonal[:, :-1]).sum(axis=-1)
+            found.log_evidence[rows] = log_prior[rows] + self._evidence(
+                square, self.log_determinants[noise[rows]], log_normal
+            )
+            # The coordinates are the last columns but one: their part of the factor is that of what is left.
+            inverse = np.linalg.inv(root[:, -1 - k : -1, -1 - k : -1])
+            found.shift[rows] = -(root[:, -1:, -1 - k : -1] @ inverse)[:, 0]
+            own = found.variance[rows, None, None]
+            found.covariance[rows] = own * (np.swapaxes(inverse, 1, 2) @ inverse)
+        return found
+
+    def misfits(self, noise: int, column: int, variance: float) -> FloatArray:
+        """Best drift, jump and ramp of every curve under one combination, (19 curves,)."""
+        amounts, s2 = self.sizes.amounts[[column]], np.array([variance])
+        (bordered,) = self._bordered(np.array([noise]), amounts, s2)
+        shift = -np.linalg.solve(bordered[:-1, :-1], bordered[:-1, -1])[: len(self._amount)]
+        every = acting_columns(np.ones_like(self.sizes.largest), len(self.model.parts))
+        found = np.zeros(len(every))
+        found[self.sizes.largest[every] > 0.0] = shift * over_noise(amounts, s2)[0, self._amount]
+        return found
+
+    def _evidence(
+        self, square: FloatArray, log_determinant: FloatArray, log_normal: FloatArray
+    ) -> FloatArray:
+        variance, degrees = square / self.freedom, self.model.readings - self._known
+        total = degrees * np.log(variance) + self.freedom + log_determinant + log_normal
+        return np.asarray(-0.5 * total)
+
+    def _bordered(
+        self,
+        noise: NDArray[np.intp],
+        amounts: FloatArray,
+        variance: FloatArray,
+        used: NDArray[np.intp] | None = None,
+    ) -> FloatArray:
+        """N with c and r'r beside it, (c, m, m), of `used` misfits, for noises, amounts (c, 10 + 2), s^2 (c,)."""
+        every = len(self._amount)
+        used = np.arange(every) if used is None else used
+        places = np.concatenate((used, np.arange(every, self.products.shape[-1])))
+        products = self.products[noise[:, None, None], places[:, None], places]
+        return self.model.bordered(products, over_noise(amounts, variance)[:, self._amount[used]], variance)
+
+
+def _shares(sizes: Sequence[float]) -> FloatArray:
+    """Sizes over the largest of them, none first."""
+    return np.array((0.0, *sizes)) / max(sizes, default=1.0)
+
+
+def _rescaled(bordered: FloatArray, shares: FloatArray) -> FloatArray:
+    """N (..., m, m) whose misfits are given shares (..., m) of the size that they have: their prior stays one."""
+    found = bordered * (shares[..., :, None] * shares[..., None, :])
+    among = np.arange(shares.shape[-1])
+    found[..., among, among] += 1.0 - np.square(shares)
+    return np.asarray(found)
