@@ -7,6 +7,7 @@ contact radii and nodes, those of the most demanding of them: one batch then ser
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import ceil
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -22,7 +23,7 @@ from underlay.mechanics.exact.contact_curve import (
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, contact_factors
 from underlay.mechanics.exact.curve_batch import curves_through
 from underlay.mechanics.exact.master_curve import MOST_TERMS, Factor, Stretch, chebyshev_angles
-from underlay.mechanics.exact.nodes import Resolution, curve_terms
+from underlay.mechanics.exact.nodes import Resolution, wanted_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import Kernel
@@ -81,7 +82,8 @@ def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float
     # The widest contact of them: beside it the others' points reach further than they are asked for.
     guess = max((RadiusGuess.of(one, exponent) for one in scales), key=lambda one: float(one.radius(points)[0]))
     softness = max(one.softness for one in scales)
-    terms = max(curve_terms(one, top, exponent, rtol) for one in scales)
+    # No whole blocks: the curves are expanded again. What an error is estimated from is four terms.
+    terms = max(4, ceil(max(wanted_terms(one, top, exponent, rtol) for one in scales)))
     while terms <= MOST_TERMS:
         eps = guess.radius(Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms))))
         last = float(guess.radius(points)[0])
@@ -98,7 +100,7 @@ def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float
         if truncated <= SHARE_OF_CURVE * rtol:
             error = SHARE_OF_NODES * rtol + truncated
             return SolvedCurves(batch.logarithms, resolution, terms * len(bodies), last, error)
-        terms += 4
+        terms += 2
     return None
 
 
