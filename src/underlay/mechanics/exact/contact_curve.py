@@ -25,7 +25,15 @@ from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.indenters import abel_factor
 from underlay.mechanics.kernel import Scales
 
-__all__ = ["SHARE_OF_CURVE", "SHARE_OF_NODES", "SOFT", "RadiusGuess", "SolvedCurve", "solve_curve", "too_wide"]
+__all__ = [
+    "SHARE_OF_CURVE",
+    "SHARE_OF_NODES",
+    "SOFT",
+    "RadiusGuess",
+    "SolvedCurve",
+    "solve_curve",
+    "too_wide",
+]
 
 # The node counts of `exact_nodes` keep their share of the error, measured: a tenth of rtol where the fit is
 # tightest, three tenths claimed.

@@ -80,7 +80,9 @@ def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float
     tip = PowerLaw(exponent, 1.0)
     points = np.array([top])
     # The widest contact of them: beside it the others' points reach further than they are asked for.
-    guess = max((RadiusGuess.of(one, exponent) for one in scales), key=lambda one: float(one.radius(points)[0]))
+    guess = max(
+        (RadiusGuess.of(one, exponent) for one in scales), key=lambda one: float(one.radius(points)[0])
+    )
     softness = max(one.softness for one in scales)
     # No whole blocks: the curves are expanded again. What an error is estimated from is four terms.
     terms = max(4, ceil(max(wanted_terms(one, top, exponent, rtol) for one in scales)))
