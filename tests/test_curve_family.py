@@ -7,6 +7,8 @@ from support.laws import exact_law
 from underlay.errors import RangeError
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.contact import Contact
+from underlay.mechanics.exact.contact_curve import solve_curve
+from underlay.mechanics.exact.contact_problem import ContactProblem
 from underlay.mechanics.exact.curve_family import (
     Cell,
     IsotropicPair,
@@ -14,7 +16,9 @@ from underlay.mechanics.exact.curve_family import (
     family_holding,
     range_number,
 )
+from underlay.mechanics.exact.curves_of_bodies import solve_curves
 from underlay.mechanics.exact.family_law import tabulated_law
+from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw
 from underlay.mechanics.materials import Isotropic
 
@@ -45,6 +49,22 @@ def test_a_table_keeps_the_error_it_claims(tip, ratio, rtol):
         error = np.abs(getattr(law, asked)(depth) / getattr(solved, asked)(depth) - 1.0).max()
         # 1e-10 is what the reference may be off by.
         assert error <= law.error_estimate + 1e-10
+
+
+@pytest.mark.parametrize("top", [0.05, 1.1, 4.0])
+@pytest.mark.parametrize("exponent", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
+def test_bodies_solved_together_keep_the_error_that_they_claim(top, exponent, rtol):
+    bodies = [IsotropicPair(0.5, 0.3).kernel(ratio) for ratio in (1.4, 2.7, 5.4)]
+    together = solve_curves(bodies, exponent, top, rtol)
+    assert together.error_estimate <= rtol
+    varpi = top * np.linspace(0.01, 1.0, 50)
+    for body, found in zip(bodies, together.logarithms(varpi), strict=True):
+        alone = solve_curve(ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, body), top, 1e-10)
+        for factor in Factor:
+            error = np.abs(found[factor] - alone.curve.logarithm(factor, varpi)).max()
+            # 1e-10 is what the reference may be off by.
+            assert error <= together.error_estimate + 1e-10
 
 
 @pytest.mark.parametrize("ratio", [0.2, 1.0, 5.0, 300.0])

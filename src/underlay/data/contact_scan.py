@@ -112,9 +112,9 @@ def scan(method: str, foot: Foot, shape: Shape) -> ContactEstimate | None:
         return None
     # Curvature over a step that changes the sum visibly: the last level's step is too fine for it.
     step = 0.01 * float(np.ptp(x))
-    residuals, _ = _solve(x, force, np.array([best]), shape, foot)
+    residuals, rising = _solve(x, force, best + step * np.array([0.0, -1.0, 1.0]), shape, foot)
     residual, squares = residuals[0], float(residuals[0] @ residuals[0])
-    sides = _sums_of_squares(x, force, best + step * np.array([-1.0, 1.0]), shape, foot)
+    sides = _sums(residuals, rising)[1:]
     degrees = max(len(x) - 4, 1)
     variance = squares / degrees * _widening(residual)
     rises = [side - squares for side in sides if np.isfinite(side) and side > squares]
@@ -144,14 +144,12 @@ def with_a_doubtful_shape(foot: Foot, shape: Shape, contact: ContactEstimate) ->
     """
     x, force = _fitted_points(foot)
     pressed = np.maximum(x - contact.depth, 0.0)
-    (P,) = shape(pressed)
     (residual,), _ = _solve(x, force, np.array([contact.depth]), shape, foot)
     if np.count_nonzero(pressed) <= _LEAST_PRESSED or not residual.any():
         return contact.uncertainty
     reach = 1e-3 * float(np.ptp(x))
-    (ahead,), (behind,) = (
-        shape(np.maximum(pressed + side, 0.0) * (pressed > 0.0)) for side in (reach, -reach)
-    )
+    sides = np.concatenate([np.maximum(pressed + side, 0.0) for side in (0.0, reach, -reach)])
+    P, ahead, behind = shape(sides * np.tile(pressed > 0.0, 3))[0].reshape(3, -1)
     share = np.where(pressed > 0.0, pressed, pressed.max()) / pressed.max()
     # To first order in baseline, scale, contact and exponent; of the scale's size the last two have a factor.
     fitted = force - residual
@@ -203,12 +201,10 @@ def _fitted_points(foot: Foot) -> tuple[FloatArray, FloatArray]:
     return x[::-stride][::-1], force[::-stride][::-1]
 
 
-def _columns(x: FloatArray, contacts: FloatArray, shape: Shape, foot: Foot) -> list[FloatArray]:
-    """What the force is made of, each (t, n + 1) for contact depths (t,): the last point is one before contact."""
+def _columns(x: FloatArray, contacts: FloatArray, shape: Shape) -> list[FloatArray]:
+    """What the shape is made of, each (t, n + 1) for contact depths (t,): the last point is one before contact."""
     pressed = np.maximum(np.append(x, -np.inf) - contacts[:, np.newaxis], 0.0)
-    columns = [column.reshape(pressed.shape) for column in shape(pressed.ravel())]
-    # A baseline that was measured is adjusted with the rest; one that was assumed is kept.
-    return [np.ones(pressed.shape), *columns] if foot.has_baseline else columns
+    return [column.reshape(pressed.shape) for column in shape(pressed.ravel())]
 
 
 def _solve(
@@ -216,33 +212,42 @@ def _solve(
 ) -> tuple[FloatArray, FloatArray]:
     """Residuals (t, n) of the best linear coefficients for each contact depth (t,), and the rises they give (t,).
 
-    By modified Gram-Schmidt: a column that is a multiple of those before it has nothing left and takes no part.
+    By modified Gram-Schmidt: a column that is a multiple of those before it has nothing left and takes no part. A
+    baseline that was measured is adjusted with the rest, by taking the means away; one that was assumed is kept.
     """
-    fitted = np.zeros((len(contacts), len(x) + 1))
+    n = len(x)
+    residual = (force - force.mean() if foot.has_baseline else force)[np.newaxis]
+    rises = np.zeros(len(contacts))
     used: list[tuple[FloatArray, FloatArray]] = []
-    for column in _columns(x, contacts, shape, foot):
-        rest = column
+    for column in _columns(x, contacts, shape):
+        rest = column - column[:, :n].mean(axis=1, keepdims=True) if foot.has_baseline else column
         for other, square in used:
-            rest = rest - (_products(other, rest) / square)[:, np.newaxis] * other
-        own = _products(rest, rest)
+            rest = rest - (_products(other[:, :n], rest[:, :n]) / square)[:, np.newaxis] * other
+        inside = rest[:, :n]
+        own = _products(inside, inside)
         # What rounding leaves of a column is no direction.
-        own = np.where(own > _NOTHING * _products(column, column), own, np.inf)
-        fitted = fitted + (_products(rest, force - fitted[:, :-1]) / own)[:, np.newaxis] * rest
+        own = np.where(own > _NOTHING * _products(column[:, :n], column[:, :n]), own, np.inf)
+        amount = _products(inside, residual) / own
+        residual = residual - amount[:, np.newaxis] * inside
+        rises += amount * (rest[:, -2] - rest[:, -1])
         used.append((rest, own))
-    return force - fitted[:, :-1], fitted[:, -2] - fitted[:, -1]
+    return residual, rises
 
 
 def _products(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Scalar products (t,) over the points, without the one before contact."""
-    n = one.shape[-1] - 1
-    return np.asarray(np.einsum("ti,ti->t", one[:, :n], other[:, :n]))
+    """Scalar products (t,) over the points; of what is the same for all, (1, n), too."""
+    return np.asarray(np.einsum("ti,ti->t", one, other))
 
 
 def _sums_of_squares(
     x: FloatArray, force: FloatArray, contacts: FloatArray, shape: Shape, foot: Foot
 ) -> FloatArray:
-    residuals, rises = _solve(x, force, contacts, shape, foot)
-    return np.where(rises > 0.0, np.einsum("ti,ti->t", residuals, residuals), np.inf)
+    return _sums(*_solve(x, force, contacts, shape, foot))
+
+
+def _sums(residuals: FloatArray, rises: FloatArray) -> FloatArray:
+    """Sums of squares (t,), infinite where the force would fall."""
+    return np.where(rises > 0.0, _products(residuals, residuals), np.inf)
 
 
 def _widening(residual: FloatArray) -> float:

@@ -184,15 +184,17 @@ def _baseline(x: FloatArray, force: FloatArray) -> tuple[tuple[float, float], fl
 def _robust_line(x: FloatArray, y: FloatArray, *, sloped: bool) -> tuple[tuple[float, float], FloatArray]:
     """Line through most points: those far off (adhesion, bumps) are left out, three times over."""
     kept: NDArray[np.bool_] = np.ones(len(x), dtype=bool)
-    centre = float(x.mean())
     line = (0.0, 0.0)
     residual = y
     for _ in range(4):
         if sloped:
-            slope, level = np.polyfit(x[kept] - centre, y[kept], 1)
+            near, middle = x[kept] - x[kept].mean(), float(y[kept].mean())
+            squares = float(near @ near)
+            # Points at one depth have no slope.
+            slope = float(near @ y[kept]) / squares if squares > 0.0 else 0.0
+            line = (middle - slope * float(x[kept].mean()), slope)
         else:
-            slope, level = 0.0, median(y[kept])
-        line = (float(level - slope * centre), float(slope))
+            line = (median(y[kept]), 0.0)
         residual = y - (line[0] + line[1] * x)
         spread = _scatter(residual[kept])
         kept = np.abs(residual) <= SIGNIFICANT * spread if spread > 0.0 else kept

@@ -25,16 +25,24 @@ from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
 from underlay.mechanics.indenters import abel_factor
 from underlay.mechanics.kernel import Scales
 
-__all__ = ["SHARE_OF_NODES", "RadiusGuess", "SolvedCurve", "solve_curve", "too_wide"]
+__all__ = [
+    "SHARE_OF_CURVE",
+    "SHARE_OF_NODES",
+    "SOFT",
+    "RadiusGuess",
+    "SolvedCurve",
+    "solve_curve",
+    "too_wide",
+]
 
 # The node counts of `exact_nodes` keep their share of the error, measured: a tenth of rtol where the fit is
 # tightest, three tenths claimed.
 SHARE_OF_NODES = 0.3
-_SHARE_OF_CURVE = 0.6
+SHARE_OF_CURVE = 0.6
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
 # Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
-_SOFT = 0.3
+SOFT = 0.3
 # There a coarse solution comes first.
 _COARSE = 1e-2
 _MOST_SERIES_TERMS = 400
@@ -132,7 +140,7 @@ def _placement(
     tells. Where varpi(chi) folds, or stops short, there is no placing beforehand (None). The growth is the
     largest slope d ln chi/d ln varpi: one, but near a fold.
     """
-    if problem.scales.softest > _SOFT:
+    if problem.scales.softest > SOFT:
         return guess.radius, last, 1.0
     branches = _series(problem, last, _COARSE)[0].branches()
     gain = min(max(_steepest(branch) for branch in branches), _LARGEST_GAIN)
@@ -175,7 +183,7 @@ def _direct(
             continue
         curve = MasterCurve.through(varpi, logarithms, top, softness)
         truncated = curve.error_estimate * problem.unevenness
-        if truncated <= _SHARE_OF_CURVE * rtol:
+        if truncated <= SHARE_OF_CURVE * rtol:
             error = gain * SHARE_OF_NODES * fine + truncated
             return SolvedCurve(curve, resolution, terms, float(problem.eps(np.array([last]))[0]), error)
         terms += 4

@@ -67,6 +67,11 @@ class CurveBatch:
             None if self.ratio_slopes is None else self.ratio_slopes[rows],
         )
 
+    def logarithms(self, varpi: FloatArray) -> FloatArray:
+        """Logarithms of the three factors of all sets at the same `varpi` (n,), shape (sets, 3, n)."""
+        z = self._z(np.repeat(varpi[None], len(self.lengths), axis=0), slice(None))
+        return polynomial(self.coefficients, z[:, None, :])
+
     def force(
         self,
         depth: ArrayLike,

@@ -22,8 +22,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray, read_only
 from underlay.errors import InputError, RangeError
-from underlay.mechanics.exact.contact_curve import SolvedCurve, solve_curve
-from underlay.mechanics.exact.contact_problem import ContactProblem
+from underlay.mechanics.exact.curves_of_bodies import Logarithms, solve_curves
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
@@ -37,7 +36,6 @@ from underlay.mechanics.exact.master_curve import (
 )
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.tables import TABLES
-from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import Family, LayerKernel
 from underlay.mechanics.plane_constants import isotropic_constants
 
@@ -262,11 +260,16 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     low, high = cell.log_ratios
     angles = chebyshev_angles(ratios)
     log_ratios = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angles)
-    solutions = [_solved(cell, float(np.exp(log_ratio))) for log_ratio in log_ratios]
-    if any(solved.curve.jumps for solved in solutions):
+    solved = solve_curves(
+        [cell.family.kernel(ratio) for ratio in np.exp(log_ratios).tolist()],
+        cell.exponent,
+        cell.top,
+        _SHARE_OF_SOLUTIONS * cell.rtol,
+    )
+    if solved is None:
         return None
     stretch = Stretch.to(cell.top, cell.family.kernel(float(np.exp(0.5 * (low + high)))).scales.softness)
-    pieces = _pieces([solved.curve for solved in solutions], stretch, (-1.0, 1.0), cell.rtol)
+    pieces = _pieces(solved.logarithms, stretch, (-1.0, 1.0), cell.rtol)
     if pieces is None:
         return None
     expanded = [chebyshev_coefficients(piece.values.reshape(ratios, -1), angles) for piece in pieces]
@@ -283,16 +286,15 @@ def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     table = np.zeros((ratios, len(pieces), len(Factor), max(power.shape[2] for power in powers), 4))
     for number, power in enumerate(powers):
         table[:, number, :, : power.shape[2]] = power
-    worst = max(solutions, key=lambda solved: solved.error_estimate)
     return CurveFamily(
         cell=cell,
         stretch=stretch,
         edges=(*(piece.ends[0] for piece in pieces), 1.0),
         coefficients=read_only(table),
-        error_estimate=worst.error_estimate + max(piece.left_out for piece in pieces) + truncation,
-        resolution=worst.resolution,
-        radii=sum(solved.radii for solved in solutions),
-        eps=max(solved.eps for solved in solutions),
+        error_estimate=solved.error_estimate + max(piece.left_out for piece in pieces) + truncation,
+        resolution=solved.resolution,
+        radii=solved.radii,
+        eps=solved.eps,
     )
 
 
@@ -313,7 +315,7 @@ class _Piece(NamedTuple):
 
 
 def _pieces(
-    curves: list[MasterCurve], stretch: Stretch, ends: tuple[float, float], rtol: float
+    curves: Logarithms, stretch: Stretch, ends: tuple[float, float], rtol: float
 ) -> list[_Piece] | None:
     """Bring curves to one stretch, in as few pieces as the accuracy allows; None if it takes too many."""
     piece = _resampled(curves, stretch, ends, rtol)
@@ -328,7 +330,7 @@ def _pieces(
     return None if below is None or above is None else below + above
 
 
-def _resampled(curves: list[MasterCurve], stretch: Stretch, ends: tuple[float, float], rtol: float) -> _Piece:
+def _resampled(curves: Logarithms, stretch: Stretch, ends: tuple[float, float], rtol: float) -> _Piece:
     """One piece of curves on one stretch.
 
     As many terms as there may be are taken and the last dropped while their sum stays below its share: every
@@ -337,16 +339,10 @@ def _resampled(curves: list[MasterCurve], stretch: Stretch, ends: tuple[float, f
     low, high = ends
     angles = chebyshev_angles(MOST_TERMS)
     varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * np.cos(angles))
-    values = np.stack([np.column_stack([c.logarithm(f, varpi) for f in Factor]) for c in curves], axis=1)
+    values = np.moveaxis(curves(varpi), -1, 0)
     flat = chebyshev_coefficients(values.reshape(MOST_TERMS, -1), angles)
     tails = np.cumsum(np.abs(flat).max(axis=1)[::-1])[::-1]
     kept = max(1, int(np.count_nonzero(tails > _SHARE_OF_TAIL * rtol)))
     left_out = float(truncation_error(flat)) + (float(tails[kept]) if kept < MOST_TERMS else 0.0)
-    terms = np.moveaxis(flat[:kept].reshape(kept, len(curves), len(Factor)), 1, 0)
+    terms = np.moveaxis(flat[:kept].reshape(kept, *values.shape[1:]), 1, 0)
     return _Piece(ends, terms, left_out)
-
-
-def _solved(cell: Cell, ratio: float) -> SolvedCurve:
-    """Exact curve at one ratio, of a tip w = A F_2 a^lambda of any size on a layer of unit thickness."""
-    problem = ContactProblem.of(PowerLaw(cell.exponent, 1.0), 1.0, cell.family.kernel(ratio))
-    return solve_curve(problem, cell.top, _SHARE_OF_SOLUTIONS * cell.rtol)

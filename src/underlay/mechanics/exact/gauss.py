@@ -113,9 +113,9 @@ def _even(count: int) -> EvenRule:
 
 
 # Finding the nodes takes longer than solving a contact problem with them, so the common rules are constants: those
-# of up to 64 nodes, those a sphere asks for beside a solution of up to 16 nodes (40 + 4 n), and twice 1 to 16 for
+# of up to 64 nodes, those a sphere asks for beside a solution of up to 16 nodes (40 + 4 n), and twice 1 to 20 for
 # the even rules. Larger ones are kept with the tables.
-_LEGENDRE = _legendre(*sorted({*range(2, 34, 2), *range(4, 108, 4)}))
+_LEGENDRE = _legendre(*sorted({*range(2, 42, 2), *range(4, 108, 4)}))
 
 
 def legendre_rule(count: int) -> tuple[FloatArray, FloatArray]:
@@ -125,7 +125,7 @@ def legendre_rule(count: int) -> tuple[FloatArray, FloatArray]:
     return TABLES.get(("legendre", count), lambda: _legendre(count)[count])
 
 
-_EVEN = {count: _even(count) for count in range(1, 17)}
+_EVEN = {count: _even(count) for count in range(1, 21)}
 
 
 def even_rule(count: int) -> EvenRule:

@@ -17,7 +17,7 @@ from underlay.errors import RangeError
 from underlay.mechanics.exact.gauss import legendre_rule
 from underlay.mechanics.kernel import Scales
 
-__all__ = ["MOST_NODES", "Resolution", "curve_terms", "series_terms"]
+__all__ = ["MOST_NODES", "Resolution", "curve_terms", "series_terms", "wanted_terms"]
 
 
 #: Most nodes in x = r/a times those in u: the cosines of one contact radius, 8 MB of them. An isotropic layer
@@ -98,14 +98,19 @@ def series_terms(scales: Scales, eps: float, rtol: float) -> int:
 
 
 def curve_terms(scales: Scales, varpi: float, exponent: float, rtol: float) -> int:
-    """Contact radii for one polynomial in varpi up to `varpi`."""
+    """Contact radii for one polynomial in varpi up to `varpi`: whole blocks of the polynomial evaluated."""
+    return 4 * ceil(0.25 * wanted_terms(scales, varpi, exponent, rtol) - 0.02)
+
+
+def wanted_terms(scales: Scales, varpi: float, exponent: float, rtol: float) -> float:
+    """As many as `curve_terms`, not rounded up."""
     digits = 1.0 - log10(rtol)
     if scales.softness == 0.0:
         elastic = 0.12 if scales.ratio < 100.0 else 0.0
         length = asinh(varpi) * (1.0 + 0.12 * scales.firmness + elastic) * (1.0 + 0.25 / exponent)
     else:
         length = 0.42 * (asinh(varpi) + log1p(scales.softness * varpi)) * (1.0 + 0.25 / exponent)
-    return 4 * ceil(0.25 * digits * (0.8 + length) - 0.02)
+    return digits * (0.8 + length)
 
 
 # Each step moves the scale by less: after six the node count stands still.

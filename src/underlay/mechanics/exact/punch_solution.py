@@ -23,6 +23,7 @@ geometrically; it factorises over the wavenumbers u, so that a matrix product bu
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -108,6 +109,24 @@ class PunchSolution:
         shape_wave += _transform(solved[:, :, 2] * rule.weights, inside)
         f_wave = found.depth_and_force(shape_weights)[0][:, None] * g_wave - shape_wave
         return replace(found, in_kernel=(2.0 / np.pi) * np.multiply.outer(eps, weights) * g_wave * f_wave)
+
+    @classmethod
+    def solve_all(cls, bodies: Sequence[Kernel], eps: FloatArray, resolution: Resolution) -> Self:
+        """Solve for several bodies at the same `eps` and nodes: one set of cosines, one batch of equations."""
+        rule = even_rule(resolution.radial)
+        u, weights = resolution.wavenumber_rule()
+        count, waves = resolution.radial, cosines(eps, resolution)
+        strength = (2.0 / np.pi) * weights * np.stack([body.values(u) for body in bodies])
+        turned = waves.transpose(0, 2, 1)
+        # Body by body: the waves of all, weighted, may not fit into memory.
+        kernel = np.stack([(waves * np.multiply.outer(eps, one)[:, None, :]) @ turned for one in strength])
+        matrix = kernel[..., :count, :count] * -rule.weights
+        matrix.reshape(-1, count * count)[:, :: count + 1] += 1.0
+        sides = np.ones((len(bodies), eps.size, count, 2))
+        sides[..., 1] = kernel[..., :count, count]
+        solved: FloatArray = np.asarray(np.linalg.solve(matrix, sides), dtype=np.float64)
+        g = solved[..., 0]
+        return cls(eps=eps, rule=rule, g=g, rho=solved[..., 1], kappa=g @ rule.weights)
 
     def depth_and_force(self, shape_weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """w/H(a) and P/(4 theta a H(a)) for a shape, each (..., radii).
