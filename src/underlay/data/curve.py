@@ -269,14 +269,15 @@ def check_fittable(curve: Curve, contact_depth: float | None = None, *, withdraw
             f"{_named(curve)} has {len(curve)} points; at least {MIN_POINTS} are needed for a fit"
         )
     for name, column in (("depth", curve.depth), ("force", curve.force)):
-        bad = np.flatnonzero(~np.isfinite(column))
-        if bad.size:
+        finite = np.isfinite(column)
+        if not finite.all():
+            bad = np.flatnonzero(~finite)
             raise CurveError(
                 f"{_named(curve)}: {name} holds {column[bad[0]]} at point {bad[0]} ({bad.size} such points); "
                 "remove them first, for example with curve.select(mask)"
             )
-    steps = np.diff(curve.depth)
-    comes_back = curve.segment is not None and bool((curve.segment == UNLOADING).all())
+    steps = curve.depth[1:] - curve.depth[:-1]
+    comes_back = curve.segment is not None and bool((one_of_each(curve.segment) == UNLOADING).all())
     if not (steps if withdrawn else (steps < 0.0) if comes_back else (steps > 0.0)).any():
         raise CurveError(
             f"{_named(curve)}: the depth never increases; check which column is the depth, and its sign"

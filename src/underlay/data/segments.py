@@ -64,10 +64,11 @@ def segments_from_motion(
         ``"loading"``, ``"hold"`` or ``"unloading"``.
     """
     n = len(motion)
-    clock = np.arange(n, dtype=np.float64) if time is None else time
-    if n < 3 or not (np.isfinite(motion).all() and np.isfinite(clock).all()) or np.ptp(clock) <= 0.0:
+    finite = all(np.isfinite(values).all() for values in (motion, time) if values is not None)
+    if n < 3 or not finite or _only_loads(motion, time):
         return one_label(LOADING, n)
-    if _only_loads(motion, clock):
+    clock = np.arange(n, dtype=np.float64) if time is None else time
+    if np.ptp(clock) <= 0.0:
         return one_label(LOADING, n)
     noise = _noise(motion)
     extent = float(np.ptp(motion))
@@ -134,12 +135,16 @@ def label_pieces(
     return labels
 
 
-def _only_loads(motion: FloatArray, clock: FloatArray) -> bool:
+def _only_loads(motion: FloatArray, time: FloatArray | None) -> bool:
     """Whether the motion goes on and on, at no time slowly: most curves hold nothing else."""
-    steps, ticks = np.diff(motion), np.diff(clock)
-    if steps.min() <= 0.0 or ticks.min() <= 0.0:
+    speed = motion[1:] - motion[:-1]
+    if speed.min() <= 0.0:
         return False
-    speed = steps / ticks
+    if time is not None:
+        ticks = time[1:] - time[:-1]
+        if ticks.min() <= 0.0:
+            return False
+        speed /= ticks
     return bool(speed.min() >= _REST_SPEED * speed.max())
 
 
