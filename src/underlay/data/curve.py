@@ -228,11 +228,17 @@ class Curve:
 
     def _part(self, label: str) -> Curve:
         labels = self.segments()
-        here = np.broadcast_to(one_of_each(labels) == label, labels.shape)
-        count = int(np.count_nonzero(here))
-        if count == len(self):
-            return self if self.segment is not None else replace(self, segment=one_label(label, count))
-        return self._of(here, _picked(self.depth, here), one_label(label, count))
+        here = one_of_each(labels) == label
+        if here.all():
+            return self if self.segment is not None else self._labelled(one_label(label, len(self)))
+        here = np.broadcast_to(here, labels.shape)
+        return self._of(here, _picked(self.depth, here), one_label(label, int(np.count_nonzero(here))))
+
+    def _labelled(self, segment: NDArray[np.str_]) -> Curve:
+        """Return the same points with these labels."""
+        noted = copy(self)
+        _set(noted, "segment", segment)
+        return noted
 
     def _of(self, index: Any, depth: FloatArray, segment: NDArray[np.str_] | None) -> Curve:
         """Return the curve of the points at `index`, whose depth and labels these are."""

@@ -6,6 +6,7 @@ import io
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib import import_module
 from math import prod
 from pathlib import Path
@@ -118,13 +119,13 @@ class Checked:
         }
 
     def _word(self, said: Any) -> Any:
-        kind = said.dtype
-        told = self._h5py.check_string_dtype(kind)
+        h5py, kind = self._h5py, said.dtype
+        told = h5py.check_string_dtype(kind)
         is_word = told is not None and told.length is None
         if said.shape != () or not (is_word or kind.kind in "fiu"):
             return self._group.attrs[said.name]
         value: Any = np.empty((), kind)
-        said.read(value)
+        said.read(value, _in_memory(h5py, kind))
         return value[()].decode("utf-8", "surrogateescape") if is_word else value[()]
 
     def __iter__(self) -> Iterator[str]:
@@ -152,8 +153,9 @@ class Checked:
         found = h5py.h5o.open(here, _encoded(name))
         if isinstance(found, h5py.h5g.GroupID):
             return Checked(h5py, self._where, h5py.Group(found), self._claimed)
-        made = found.get_create_plist()
-        if made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL:
+        # What has a place of its own in this file is not kept elsewhere.
+        made = found.get_create_plist() if found.get_offset() is None else None
+        if made is not None and (made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL):
             raise FileFormatError(f"{self._where} keeps {name!r:.80} in another file; that is not followed")
         shape, dtype = found.shape or (), found.dtype
         self._claimed[0] += prod(shape) * dtype.itemsize
@@ -162,8 +164,21 @@ class Checked:
         if dtype.kind not in "fiu":
             return h5py.Dataset(found)[()]
         values = np.empty(shape, dtype)
-        found.read(h5py.h5s.ALL, h5py.h5s.ALL, values)
+        found.read(h5py.h5s.ALL, h5py.h5s.ALL, values, _in_memory(h5py, dtype))
         return values
+
+
+def _in_memory(h5py: Any, dtype: np.dtype[Any]) -> Any:
+    """What the library calls a type of number in memory, kept: it finds it anew for longer than a curve is read.
+
+    None where the library knows more of the type than numpy compares (words, names of numbers): it finds out then.
+    """
+    return _number_in_memory(h5py, dtype) if dtype.kind in "fiu" and dtype.metadata is None else None
+
+
+@lru_cache(maxsize=64)
+def _number_in_memory(h5py: Any, dtype: np.dtype[Any]) -> Any:
+    return h5py.h5t.py_create(dtype)
 
 
 def _encoded(name: str) -> bytes:
