@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeGuard
@@ -149,9 +148,7 @@ class Curve:
     def with_metadata(self, /, **values: Any) -> Curve:
         """Return the curve with some metadata added or replaced."""
         # Nothing but the metadata is looked at again: a curve passes here several times on its way from a file.
-        noted = copy(self)
-        _set(noted, "metadata", self._about.updated(**values))
-        return noted
+        return self._noted("metadata", self._about.updated(**values))
 
     def with_truth(self, truth: Mapping[str, Any]) -> Curve:
         """Return the curve with the numbers it was made from."""
@@ -230,14 +227,14 @@ class Curve:
         labels = self.segments()
         here = one_of_each(labels) == label
         if here.all():
-            return self if self.segment is not None else self._labelled(one_label(label, len(self)))
+            return self if self.segment is not None else self._noted("segment", one_label(label, len(self)))
         here = np.broadcast_to(here, labels.shape)
         return self._of(here, _picked(self.depth, here), one_label(label, int(np.count_nonzero(here))))
 
-    def _labelled(self, segment: NDArray[np.str_]) -> Curve:
-        """Return the same points with these labels."""
-        noted = copy(self)
-        _set(noted, "segment", segment)
+    def _noted(self, name: str, value: Any) -> Curve:
+        """Return the same points with another value of a field that says something of them."""
+        noted = object.__new__(type(self))
+        noted.__dict__.update(self.__dict__, **{name: value})
         return noted
 
     def _of(self, index: Any, depth: FloatArray, segment: NDArray[np.str_] | None) -> Curve:

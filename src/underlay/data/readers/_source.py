@@ -50,7 +50,7 @@ class Source:
     sha256: str
     member: str = ""
 
-    @property
+    @cached_property
     def name(self) -> str:
         """What to call it in a message."""
         return printable(f"{self.path.name}!{self.member}" if self.member else self.path.name)

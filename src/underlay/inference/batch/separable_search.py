@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import exp
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
@@ -258,8 +260,7 @@ class SeparableSearch:
 
     def _blocks(self) -> tuple[FloatArray, FloatArray]:
         depth, force = self._depth, self._force
-        edges = np.linspace(0, len(depth), min(_BLOCKS, len(depth)), endpoint=False).astype(np.intp)
-        sizes = np.diff(edges, append=len(depth))
+        edges, sizes = _edges(len(depth))
         return np.add.reduceat(depth, edges) / sizes, np.add.reduceat(force, edges) / sizes
 
     def _result(self, contact: float, model: LinearModel, steps: int) -> SeparableFit | None:
@@ -336,6 +337,13 @@ class _Place:
     contact: float
     model: LinearModel | None
     steps: int
+
+
+@lru_cache(maxsize=16)
+def _edges(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First point and number of points of each block of a curve of so many."""
+    edges = np.linspace(0, count, min(_BLOCKS, count), endpoint=False).astype(np.intp)
+    return edges, np.diff(edges, append=count)
 
 
 def _parabola_top(grid: FloatArray, values: FloatArray, best: int) -> float:
