@@ -145,7 +145,9 @@ def fit_many(
         intervals=model.intervals,
     )
     table = None if output is None else _require_table(output)
-    kept = PassingRows() if table is None else _journal(table, _identity(model, places, layout), layout, options)
+    kept = (
+        PassingRows() if table is None else _journal(table, _identity(model, places, layout), layout, options)
+    )
     with kept as journal:
         _require_same_files(journal, places, layout)
         todo = [place for place in places if not journal.has(place.index)]
