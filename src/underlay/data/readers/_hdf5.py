@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
 from importlib import import_module
 from math import prod
 from pathlib import Path
@@ -26,6 +25,13 @@ __all__ = ["HDF5_MAGIC", "Checked", "GroupSource", "KeptOpen", "curve_groups", "
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 _MAX_OBJECTS = 500_000
 _BUFFER = 65_536
+# Numbers that files hold, by numpy's name for them on this machine and the library's.
+_NATIVE: Mapping[str, str] = {
+    np.dtype("f8").str: "NATIVE_DOUBLE",
+    np.dtype("f4").str: "NATIVE_FLOAT",
+    np.dtype("i8").str: "NATIVE_INT64",
+    np.dtype("u1").str: "NATIVE_UINT8",
+}
 
 
 class KeptOpen:
@@ -169,16 +175,12 @@ class Checked:
 
 
 def _in_memory(h5py: Any, dtype: np.dtype[Any]) -> Any:
-    """What the library calls a type of number in memory, kept: it finds it anew for longer than a curve is read.
+    """What the library calls a type of number in memory; it finds it itself for longer than a curve is read.
 
-    None where the library knows more of the type than numpy compares (words, names of numbers): it finds out then.
+    None leaves it to the library, which knows more of some types than numpy compares (names of numbers).
     """
-    return _number_in_memory(h5py, dtype) if dtype.kind in "fiu" and dtype.metadata is None else None
-
-
-@lru_cache(maxsize=64)
-def _number_in_memory(h5py: Any, dtype: np.dtype[Any]) -> Any:
-    return h5py.h5t.py_create(dtype)
+    name = _NATIVE.get(dtype.str) if dtype.metadata is None else None
+    return None if name is None else getattr(h5py.h5t, name)
 
 
 def _encoded(name: str) -> bytes:

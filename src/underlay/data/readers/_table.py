@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -51,8 +50,6 @@ _KNOWN = {
     "time": ("time", "t", "test time", "zeit", "prufzeit", "temps", "temps d'essai", "tiempo", "tempo"),
     "segment": ("segment", "segments"),
 }
-# The files of a map have the same row of names.
-_LABELS_KEPT = 64
 _LABELS = (LOADING, HOLD, UNLOADING)
 
 
@@ -66,17 +63,11 @@ def find_columns(labels: Sequence[str], mapping: Mapping[str, str] | None) -> di
     mapping : mapping of role to name, optional
         Names with or without a unit, as ``{"depth": "h (nm)", "force": "-Fz"}``; the sign is ignored here.
     """
-    return dict(_found(tuple(labels), tuple((mapping or {}).items())))
-
-
-@lru_cache(maxsize=_LABELS_KEPT)
-def _found(labels: tuple[str, ...], mapping: tuple[tuple[str, str], ...]) -> dict[str, int]:
-    wanted_names = dict(mapping)
     names = [_plain(split_label(label)[0]) for label in labels]
     whole = [_plain(label) for label in labels]
     found: dict[str, int] = {}
     for role in ROLES:
-        wanted = wanted_names.get(role)
+        wanted = (mapping or {}).get(role)
         if wanted is not None:
             text = wanted.strip().removeprefix("-").strip()
             candidates: tuple[str, ...] = (_plain(text), _plain(split_label(text)[0]))

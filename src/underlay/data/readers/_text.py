@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import overload
 
 import numpy as np
@@ -41,8 +40,6 @@ _AFTER_COMMA = re.compile(r"(.*\S)\s*,\s*([^\s,]+)\s*")
 # "Load / mN"
 _AFTER_SLASH = re.compile(r"(.*\S)\s+/\s*([^\s/]+(?:/[^\s/]+)?)\s*")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*")
-# The files of a map have the same labels and units.
-_LABELS_KEPT = 256
 _MISSING = frozenset({"", "na", "n/a", "-", "--", "x", "#n/a"})
 
 
@@ -130,7 +127,6 @@ def lines_of(source: Source) -> list[str]:
     return lines
 
 
-@lru_cache(maxsize=_LABELS_KEPT)
 def split_label(label: str) -> tuple[str, str]:
     """Split a column label into name and unit.
 
@@ -161,12 +157,9 @@ def column_factor(unit: str, kind: str, column: str, where: str) -> float:
         If the unit is unknown or of another kind.
     """
     try:
-        return _factor(unit, kind)
+        return unit_factor(unit, kind)
     except UnitError as error:
         raise UnitError(f"{where}, column {column!r:.80}: {error}") from error
-
-
-_factor = lru_cache(maxsize=_LABELS_KEPT)(unit_factor)
 
 
 def is_number(cell: str) -> bool:

@@ -145,7 +145,7 @@ def fit_many(
         intervals=model.intervals,
     )
     table = None if output is None else _require_table(output)
-    kept = (
+    kept: Journal | PassingRows = (
         PassingRows() if table is None else _journal(table, _identity(model, places, layout), layout, options)
     )
     with kept as journal:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from math import exp
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
@@ -260,7 +258,9 @@ class SeparableSearch:
 
     def _blocks(self) -> tuple[FloatArray, FloatArray]:
         depth, force = self._depth, self._force
-        edges, sizes = _edges(len(depth))
+        count = min(_BLOCKS, len(depth))
+        ends = np.arange(count + 1) * len(depth) // count
+        edges, sizes = ends[:-1], ends[1:] - ends[:-1]
         return np.add.reduceat(depth, edges) / sizes, np.add.reduceat(force, edges) / sizes
 
     def _result(self, contact: float, model: LinearModel, steps: int) -> SeparableFit | None:
@@ -337,13 +337,6 @@ class _Place:
     contact: float
     model: LinearModel | None
     steps: int
-
-
-@lru_cache(maxsize=16)
-def _edges(count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First point and number of points of each block of a curve of so many."""
-    edges = np.linspace(0, count, min(_BLOCKS, count), endpoint=False).astype(np.intp)
-    return edges, np.diff(edges, append=count)
 
 
 def _parabola_top(grid: FloatArray, values: FloatArray, best: int) -> float:
