@@ -72,13 +72,16 @@ def segments_from_motion(
         return one_label(LOADING, n)
     noise = _noise(motion)
     extent = float(np.ptp(motion))
-    if extent <= 2.0 * _NOISE * noise:  # no more than noise swings to both sides
+    least = _TOLERANCE * extent
+    if (
+        extent <= 2.0 * _NOISE * noise or least == 0.0
+    ):  # no more than noise, or rounding, swings to both sides
         return one_label(HOLD, n)
-    wanted = (_NOISE * noise / (_TOLERANCE * extent)) ** 2
+    wanted = (_NOISE * noise / least) ** 2
     width = int(min(wanted, n / _SMOOTHED))
     if width > 1:
         motion, noise = _moving_mean(motion, width), noise / np.sqrt(width)
-    tolerance = max(_TOLERANCE * extent, _NOISE * noise)
+    tolerance = max(least, _NOISE * noise)
     splits = _splits(clock, motion, tolerance)
     corners = _corners(splits, n)
     wobble = _wobble(motion[corners])
