@@ -144,3 +144,19 @@ def test_what_is_said_of_a_group_is_read_as_the_library_reads_it(said):
         told = Checked(h5py, "a file", file, [0]).said()["said"]
         assert type(told) is type(file.attrs["said"])
         np.testing.assert_array_equal(told, file.attrs["said"])
+
+
+def test_types_that_numpy_takes_for_one_another_are_read_as_what_they_are():
+    """Names of numbers and plain numbers are the same to numpy, and so are words and lists."""
+    with h5py.File(io.BytesIO(), "w") as file:
+        file.create_dataset("named", data=[0, 1], dtype=h5py.enum_dtype({"in": 0, "out": 1}, basetype="i1"))
+        file.create_dataset("plain", data=np.array([0, 1], dtype="i1"))
+        file.create_dataset("swapped", data=np.array([0, 1], dtype=">i2"))
+        file.create_dataset("chunked", data=np.array([0, 1], dtype="i1"), chunks=True, compression="gzip")
+        file.attrs["word"], file.attrs["number"], file.attrs["list"] = "é", np.int8(3), [1.0, 2.0]
+        group = Checked(h5py, "file", file, [0])
+        for _ in range(2):
+            for name in ("named", "plain", "swapped", "chunked", "named"):
+                assert group[name].tolist() == [0, 1]
+            said = group.said()
+            assert (said["word"], said["number"], list(said["list"])) == ("é", 3, [1.0, 2.0])

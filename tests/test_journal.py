@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
-from underlay.inference.batch.journal import Journal
+from underlay.inference.batch.journal import Journal, PassingRows
 
 IDENTITY = {"hashes": {"scene": "aa", "manifest": "bb"}, "columns": ["name", "x"], "curves": 4}
 ROWS = [(2, "c,3.0"), (0, 'ä,"1,5"'), (3, "d,"), (1, "b,2.0")]
@@ -63,6 +63,15 @@ with journal(Path(sys.argv[1]), resume=False) as file:
         file.append([row])
     os.kill(os.getpid(), 9)
 """
+
+
+def test_rows_that_nobody_keeps_come_back_in_the_same_order():
+    rows = PassingRows()
+    assert rows.append([(2, "c"), (0, "a")]) == 2
+    assert rows.append([(1, "b"), (2, "other")]) == 1
+    assert list(rows.lines()) == ["a", "b", "c"]
+    assert [rows.has(index) for index in range(4)] == [True, True, True, False]
+    assert rows.done == 3
 
 
 def test_cut_at_any_byte_it_goes_on(tmp_path):

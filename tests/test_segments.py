@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -102,6 +102,7 @@ def test_marked_pieces_are_labelled_whole():
 
 @settings(max_examples=60)
 @given(hnp.arrays(float, st.integers(0, 80), elements=st.floats(-1e3, 1e3)))
+@example(np.array([5e-324, 0.0, 0.0]))
 def test_any_motion_gets_a_label_for_every_point(motion):
     labels = segments_from_motion(motion)
     assert labels.shape == motion.shape

@@ -37,7 +37,7 @@ __all__ = [
 PathLike: TypeAlias = str | os.PathLike[str]
 
 _MB = 1_000_000
-_PIECE = 16 * _MB
+_PIECE, _LEAST = 16 * _MB, 65_536
 
 
 @dataclass(frozen=True)
@@ -196,9 +196,11 @@ def _regular(path: PathLike, kind: FileKind | None) -> Iterator[io.FileIO]:
 def _pieces(stream: io.FileIO, path: PathLike, kind: FileKind, size: int = -1) -> Iterator[bytes]:
     """Content in pieces: never more than its kind may hold, whatever the file claimed or grows to."""
     left = kind.largest + 1 if size < 0 else size
+    # Room for as much as the file says it holds; more of it is taken all the same.
+    room = min(_PIECE, max(_LEAST, os.fstat(stream.fileno()).st_size + 1))
     while left > 0:
         try:
-            piece = stream.read(min(left, _PIECE))
+            piece = stream.read(min(left, room))
         except OSError as error:
             raise FileAccessError(f"cannot read {_quoted(path)}: {error.strerror or error}") from error
         if piece is None:  # some files of the operating system have nothing to say yet

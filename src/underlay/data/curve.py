@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeGuard
@@ -149,9 +148,7 @@ class Curve:
     def with_metadata(self, /, **values: Any) -> Curve:
         """Return the curve with some metadata added or replaced."""
         # Nothing but the metadata is looked at again: a curve passes here several times on its way from a file.
-        noted = copy(self)
-        _set(noted, "metadata", self._about.updated(**values))
-        return noted
+        return self._noted("metadata", self._about.updated(**values))
 
     def with_truth(self, truth: Mapping[str, Any]) -> Curve:
         """Return the curve with the numbers it was made from."""
@@ -228,11 +225,17 @@ class Curve:
 
     def _part(self, label: str) -> Curve:
         labels = self.segments()
-        here = np.broadcast_to(one_of_each(labels) == label, labels.shape)
-        count = int(np.count_nonzero(here))
-        if count == len(self):
-            return self if self.segment is not None else replace(self, segment=one_label(label, count))
-        return self._of(here, _picked(self.depth, here), one_label(label, count))
+        here = one_of_each(labels) == label
+        if here.all():
+            return self if self.segment is not None else self._noted("segment", one_label(label, len(self)))
+        here = np.broadcast_to(here, labels.shape)
+        return self._of(here, _picked(self.depth, here), one_label(label, int(np.count_nonzero(here))))
+
+    def _noted(self, name: str, value: Any) -> Curve:
+        """Return the same points with another value of a field that says something of them."""
+        noted = object.__new__(type(self))
+        noted.__dict__.update(self.__dict__, **{name: value})
+        return noted
 
     def _of(self, index: Any, depth: FloatArray, segment: NDArray[np.str_] | None) -> Curve:
         """Return the curve of the points at `index`, whose depth and labels these are."""
@@ -269,14 +272,15 @@ def check_fittable(curve: Curve, contact_depth: float | None = None, *, withdraw
             f"{_named(curve)} has {len(curve)} points; at least {MIN_POINTS} are needed for a fit"
         )
     for name, column in (("depth", curve.depth), ("force", curve.force)):
-        bad = np.flatnonzero(~np.isfinite(column))
-        if bad.size:
+        finite = np.isfinite(column)
+        if not finite.all():
+            bad = np.flatnonzero(~finite)
             raise CurveError(
                 f"{_named(curve)}: {name} holds {column[bad[0]]} at point {bad[0]} ({bad.size} such points); "
                 "remove them first, for example with curve.select(mask)"
             )
-    steps = np.diff(curve.depth)
-    comes_back = curve.segment is not None and bool((curve.segment == UNLOADING).all())
+    steps = curve.depth[1:] - curve.depth[:-1]
+    comes_back = curve.segment is not None and bool((one_of_each(curve.segment) == UNLOADING).all())
     if not (steps if withdrawn else (steps < 0.0) if comes_back else (steps > 0.0)).any():
         raise CurveError(
             f"{_named(curve)}: the depth never increases; check which column is the depth, and its sign"

@@ -99,9 +99,9 @@ def _first_motion(curve: Curve) -> slice | None:
 def _first_long(depth: FloatArray, labels: NDArray[np.str_]) -> slice | None:
     """The first run of one label that moves, and over a good part of the depth."""
     one = one_of_each(labels)
-    ends = np.concatenate(([0], np.flatnonzero(one[1:] != one[:-1]) + 1, [len(labels)]))
-    extent = float(np.ptp(depth))
-    for first, last in itertools.pairwise(ends.tolist()):
+    ends = [0, *(np.flatnonzero(one[1:] != one[:-1]) + 1).tolist(), len(labels)]
+    extent = float(depth.max() - depth.min())
+    for first, last in itertools.pairwise(ends):
         long = last - first >= _FEWEST and abs(depth[last - 1] - depth[first]) >= _LONG * extent
         if labels[first] != HOLD and long and extent > 0.0:
             return slice(first, last)

@@ -114,19 +114,20 @@ def make_curve(
         )
         warnings.warn(f"{source.name}: {note}", UnderlayWarning, stacklevel=2)
         notes = (*notes, note)
+    chosen = valid if left_out else slice(None)
     return Curve(
-        _kept(depth, valid),
-        _kept(force, valid),
-        None if time is None else _kept(time, valid),
-        segment if segment is None or not left_out else segment[valid],
+        _kept(depth, chosen),
+        _kept(force, chosen),
+        None if time is None else _kept(time, chosen),
+        segment if segment is None else segment[chosen],
         {**metadata, "notes": notes, "points_left_out": left_out},
-        columns={name: _kept(values, valid) for name, values in (columns or {}).items()},
+        columns={name: _kept(values, chosen) for name, values in (columns or {}).items()},
     )
 
 
-def _kept(values: FloatArray, valid: NDArray[np.bool_]) -> FloatArray:
-    """Copy the values that are valid, once: what is read-only a curve takes as it is."""
-    kept = values[valid]
+def _kept(values: FloatArray, chosen: NDArray[np.bool_] | slice) -> FloatArray:
+    """Copy the chosen values, once: what is read-only a curve takes as it is."""
+    kept = values[chosen].copy() if isinstance(chosen, slice) else values[chosen]
     kept.flags.writeable = False
     return kept
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -25,6 +25,13 @@ __all__ = ["HDF5_MAGIC", "Checked", "GroupSource", "KeptOpen", "curve_groups", "
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 _MAX_OBJECTS = 500_000
 _BUFFER = 65_536
+# Numbers that files hold, by numpy's name for them on this machine and the library's.
+_NATIVE: Mapping[str, str] = {
+    np.dtype("f8").str: "NATIVE_DOUBLE",
+    np.dtype("f4").str: "NATIVE_FLOAT",
+    np.dtype("i8").str: "NATIVE_INT64",
+    np.dtype("u1").str: "NATIVE_UINT8",
+}
 
 
 class KeptOpen:
@@ -118,13 +125,13 @@ class Checked:
         }
 
     def _word(self, said: Any) -> Any:
-        kind = said.dtype
-        told = self._h5py.check_string_dtype(kind)
+        h5py, kind = self._h5py, said.dtype
+        told = h5py.check_string_dtype(kind)
         is_word = told is not None and told.length is None
         if said.shape != () or not (is_word or kind.kind in "fiu"):
             return self._group.attrs[said.name]
         value: Any = np.empty((), kind)
-        said.read(value)
+        said.read(value, _in_memory(h5py, kind))
         return value[()].decode("utf-8", "surrogateescape") if is_word else value[()]
 
     def __iter__(self) -> Iterator[str]:
@@ -152,8 +159,9 @@ class Checked:
         found = h5py.h5o.open(here, _encoded(name))
         if isinstance(found, h5py.h5g.GroupID):
             return Checked(h5py, self._where, h5py.Group(found), self._claimed)
-        made = found.get_create_plist()
-        if made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL:
+        # What has a place of its own in this file is not kept elsewhere.
+        made = found.get_create_plist() if found.get_offset() is None else None
+        if made is not None and (made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL):
             raise FileFormatError(f"{self._where} keeps {name!r:.80} in another file; that is not followed")
         shape, dtype = found.shape or (), found.dtype
         self._claimed[0] += prod(shape) * dtype.itemsize
@@ -162,8 +170,17 @@ class Checked:
         if dtype.kind not in "fiu":
             return h5py.Dataset(found)[()]
         values = np.empty(shape, dtype)
-        found.read(h5py.h5s.ALL, h5py.h5s.ALL, values)
+        found.read(h5py.h5s.ALL, h5py.h5s.ALL, values, _in_memory(h5py, dtype))
         return values
+
+
+def _in_memory(h5py: Any, dtype: np.dtype[Any]) -> Any:
+    """What the library calls a type of number in memory; it finds it itself for longer than a curve is read.
+
+    None leaves it to the library, which knows more of some types than numpy compares (names of numbers).
+    """
+    name = _NATIVE.get(dtype.str) if dtype.metadata is None else None
+    return None if name is None else getattr(h5py.h5t, name)
 
 
 def _encoded(name: str) -> bytes:

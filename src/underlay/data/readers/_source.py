@@ -50,7 +50,7 @@ class Source:
     sha256: str
     member: str = ""
 
-    @property
+    @cached_property
     def name(self) -> str:
         """What to call it in a message."""
         return printable(f"{self.path.name}!{self.member}" if self.member else self.path.name)
@@ -68,7 +68,8 @@ class Source:
         if self.data.find(b"\0", 0, size) >= 0:
             return ""
         mark = len(_MARK) if self.data.startswith(_MARK) else 0
-        return self._first[: size - mark] if size <= _FIRST else self._letters(size)[: size - mark]
+        whole = self._first if min(size, len(self.data)) <= _FIRST else self._letters(size)
+        return whole[: size - mark]
 
     @cached_property
     def _first(self) -> str:

@@ -160,12 +160,12 @@ def _check_mapping(mapping: Mapping[str, str] | None) -> None:
 def _check_present(
     source: Source, labels: Sequence[str], columns: Mapping[str, int], mapping: Mapping[str, str] | None
 ) -> None:
-    there = names_there(label.strip() for label in labels if label.strip())
     for role in ROLES:
         asked = (mapping or {}).get(role)
         if role in columns or (asked is None and role not in {"depth", "force"}):
             continue
         missing = f"no column {asked!r}" if asked is not None else f"no column for the {role}"
+        there = names_there(label.strip() for label in labels if label.strip())
         raise FileFormatError(
             f"{source.name} has {missing}; it has {there}. Say which with columns={{{role!r}: 'name (unit)'}}"
         )

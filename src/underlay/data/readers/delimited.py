@@ -29,6 +29,7 @@ __all__ = ["COMMENTED_NUMBERS", "FORMAT"]
 
 # How far down the row of names is looked for.
 _MAX_PREAMBLE = 80
+_FIRST_LINES = 8
 #: Comments that carry a number, as in ``# indenter radius: 27.5 um``, and the SI unit of each.
 COMMENTED_NUMBERS = {"indenter_radius": "m", "spring_constant": "N/m", "instrument_reduced_modulus": "Pa"}
 _COMMENT = ("#", "%", "//")
@@ -37,7 +38,12 @@ _LABEL_WITH_UNIT = re.compile(r"(?<![^\s(\[])[^\s(\[]+\s*[(\[][^)\]]*[)\]]")
 
 
 def _sniff(source: Source) -> bool:
-    return _separator_of_table(source.head().split("\n", _MAX_PREAMBLE * 4)) is not None
+    head = source.head()
+    # Most tables begin with their first lines.
+    return any(
+        _separator_of_table(head.split("\n", most)[:most]) is not None
+        for most in (_FIRST_LINES, _MAX_PREAMBLE * 4)
+    )
 
 
 def _separator_of_table(lines: Sequence[str]) -> str | None:

@@ -179,14 +179,18 @@ def _of_path(path: Path, leave_out: set[Path], folders: Sequence[str]) -> list[C
         except OSError as error:
             raise FileAccessError(f"cannot list the folder {path}: {error.strerror or error}") from error
         folder = path.resolve()
+        others = {other.name for other in leave_out if other.parent == folder}
         files = [
             name
             for name in names
             if not name.startswith(".")
-            and Path(name).suffix.lower() not in _NOT_CURVES
-            and folder / name not in leave_out
+            and os.path.splitext(name)[1].lower() not in _NOT_CURVES  # noqa: PTH122  no Path for each of a map
+            and name not in others
         ]
-        return [CurvePlace(index, name, str(folder / name)) for index, name in enumerate(files)]
+        return [
+            CurvePlace(index, name, os.path.join(folder, name))  # noqa: PTH118  as above
+            for index, name in enumerate(files)
+        ]
     if not path.exists():
         raise FileAccessError(f"there is no folder or file {path}")
     file = str(path.resolve())

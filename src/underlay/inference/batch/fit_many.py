@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
 import time
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +21,7 @@ from underlay.errors import InputError
 from underlay.inference.adhesive_numbers import ADHESIVE
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, with_stand_ins
 from underlay.inference.batch.dask import through_dask
-from underlay.inference.batch.journal import Journal
+from underlay.inference.batch.journal import Journal, PassingRows
 from underlay.inference.batch.manifest import read_manifest
 from underlay.inference.batch.model import BatchModel, batch_model, scene_file_of
 from underlay.inference.batch.options import MapOptions
@@ -146,18 +144,20 @@ def fit_many(
         sampled=model.sampling is not None,
         intervals=model.intervals,
     )
-    with _table(output) as table:
-        identity = _identity(model, places, layout)
-        with _journal(table, identity, layout, options) as journal:
-            _require_same_files(journal, places, layout)
-            todo = [place for place in places if not journal.has(place.index)]
-            if todo:
-                batches = _through(model, layout, todo, count, scheduler, options)
-                _gather(journal, table, layout, batches, len(places), shown=options.progress)
-            if output is not None:
-                journal.sync()
-                write_table(table, layout, journal.lines())
-            return to_frame(layout, journal.lines())
+    table = None if output is None else _require_table(output)
+    kept: Journal | PassingRows = (
+        PassingRows() if table is None else _journal(table, _identity(model, places, layout), layout, options)
+    )
+    with kept as journal:
+        _require_same_files(journal, places, layout)
+        todo = [place for place in places if not journal.has(place.index)]
+        if todo:
+            batches = _through(model, layout, todo, count, scheduler, options)
+            _gather(journal, table, layout, batches, len(places), shown=options.progress)
+        if table is not None:
+            journal.sync()
+            write_table(table, layout, journal.lines())
+        return to_frame(layout, journal.lines())
 
 
 def _journal(table: Path, identity: Mapping[str, Any], layout: Layout, options: MapOptions) -> Journal:
@@ -165,7 +165,7 @@ def _journal(table: Path, identity: Mapping[str, Any], layout: Layout, options: 
     return Journal(path, identity, layout.is_row, resume=options.resume)
 
 
-def _require_same_files(journal: Journal, places: Sequence[CurvePlace], layout: Layout) -> None:
+def _require_same_files(journal: Journal | PassingRows, places: Sequence[CurvePlace], layout: Layout) -> None:
     """Refuse to continue a run of which a curve file is another now."""
     done = (place for place in places if journal.has(place.index))
     for place, line in zip(done, journal.lines(), strict=True):
@@ -176,8 +176,8 @@ def _require_same_files(journal: Journal, places: Sequence[CurvePlace], layout: 
 
 
 def _gather(
-    journal: Journal,
-    table: Path,
+    journal: Journal | PassingRows,
+    table: Path | None,
     layout: Layout,
     batches: Generator[Rows, None, None],
     total: int,
@@ -191,7 +191,7 @@ def _gather(
             for rows in batches:
                 line.advance(journal.append(rows))
                 now = time.monotonic()
-                if now - last > pause:
+                if table is not None and now - last > pause:
                     journal.sync()
                     write_table(table, layout, journal.lines())
                     last = time.monotonic()
@@ -199,12 +199,12 @@ def _gather(
     except BaseException:
         # Workers first: nothing may be added to what is written now.
         batches.close()
-        if journal.done:
+        if table is not None and journal.done:
             _leave_a_table(journal, table, layout)
         raise
 
 
-def _leave_a_table(journal: Journal, table: Path, layout: Layout) -> None:
+def _leave_a_table(journal: Journal | PassingRows, table: Path, layout: Layout) -> None:
     try:
         write_table(table, layout, journal.lines())
     except OSError:
@@ -286,17 +286,12 @@ def _identity(model: BatchModel, places: Sequence[CurvePlace], layout: Layout) -
     return {"hashes": hashes, "columns": list(layout.kinds), "curves": len(places)}
 
 
-@contextmanager
-def _table(output: str | os.PathLike[str] | None) -> Iterator[Path]:
-    """Path of the table, in a folder that can be written; a passing one where none is asked for."""
-    if output is None:
-        with tempfile.TemporaryDirectory(prefix="underlay-") as folder:
-            yield Path(folder) / _TABLE
-        return
+def _require_table(output: str | os.PathLike[str]) -> Path:
+    """Path of the table, in a folder that can be written."""
     table = _table_path(output)
     require_format(table)
     require_writable_folder(table.parent)
-    yield table
+    return table
 
 
 def _table_path(output: str | os.PathLike[str]) -> Path:

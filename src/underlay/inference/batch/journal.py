@@ -22,7 +22,7 @@ from typing import Any, Self
 
 from underlay.errors import FileAccessError, FileFormatError, InputError, UnderlayError
 
-__all__ = ["Journal"]
+__all__ = ["Journal", "PassingRows"]
 
 # "ulay": how this database says that it is a journal of underlay, and of which form.
 _APPLICATION, _FORM = 0x756C6179, 1
@@ -34,6 +34,41 @@ _TABLES = (
 _LONGEST = 1_000_000
 # What SQLite writes beside a database.
 _BESIDE = ("", "-wal", "-shm", "-journal")
+
+
+class PassingRows:
+    """Rows of a map that nobody asked to keep: as `Journal`, in memory, gone with the call that made them."""
+
+    def __init__(self) -> None:
+        self._lines: dict[int, str] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        pass
+
+    @property
+    def done(self) -> int:
+        """How many rows there are."""
+        return len(self._lines)
+
+    def has(self, index: int) -> bool:
+        """Whether the row of a curve is there."""
+        return index in self._lines
+
+    def append(self, rows: Iterable[tuple[int, str]]) -> int:
+        """Append rows (index, CSV text); return how many were new."""
+        before = self.done
+        self._lines |= {index: _plain(text) for index, text in rows if not self.has(index)}
+        return self.done - before
+
+    def sync(self) -> None:
+        """Nothing is to be written."""
+
+    def lines(self) -> Iterator[str]:
+        """Rows as CSV text, in the order of their curves."""
+        return (self._lines[index] for index in sorted(self._lines))
 
 
 class Journal:

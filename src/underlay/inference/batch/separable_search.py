@@ -258,8 +258,9 @@ class SeparableSearch:
 
     def _blocks(self) -> tuple[FloatArray, FloatArray]:
         depth, force = self._depth, self._force
-        edges = np.linspace(0, len(depth), min(_BLOCKS, len(depth)), endpoint=False).astype(np.intp)
-        sizes = np.diff(edges, append=len(depth))
+        count = min(_BLOCKS, len(depth))
+        ends = np.arange(count + 1) * len(depth) // count
+        edges, sizes = ends[:-1], ends[1:] - ends[:-1]
         return np.add.reduceat(depth, edges) / sizes, np.add.reduceat(force, edges) / sizes
 
     def _result(self, contact: float, model: LinearModel, steps: int) -> SeparableFit | None:

@@ -35,9 +35,10 @@ def separable_warnings(found: SeparableFit, problem: Callable[[], Problem]) -> t
         Builds the problem that was solved.
     """
     deviation = np.sqrt(np.diag(found.covariance))
-    correlation = found.covariance / np.outer(deviation, deviation)
+    correlation = np.abs(found.covariance / (deviation[:, None] * deviation))
+    np.fill_diagonal(correlation, 0.0)
     harmless = (
-        np.abs(np.triu(correlation, 1)).max() < _CORRELATED
+        correlation.max() < _CORRELATED
         and found.law_error < found.scaled_errors[found.modulus] < _WIDE
         and max(found.scaled_errors) < _WIDE
         and _runs_score(found.residuals) > _FEW_RUNS

@@ -149,7 +149,9 @@ class CurveFitter:
         )
         notes = settled.notes[len(settled.values) :]  # what was taken stands in the row itself
         noted = curve.with_metadata(notes=(*curve.metadata.get("notes", ()), *notes)) if notes else curve
-        return replace(place, values={**place.values, **settled.values}), noted, notes
+        if settled.values:
+            place = replace(place, values={**place.values, **settled.values})
+        return place, noted, notes
 
     def _read(self, place: CurvePlace, row: dict[str, Any]) -> Curve:
         """Read the curve and the part of it that is fitted; note its hash and position."""
