@@ -1,5 +1,6 @@
 """Noise, drift and jump against each other: the algebra against dense matrices, the intervals by their coverage."""
 
+import math
 from dataclasses import replace
 from functools import partial
 
@@ -16,7 +17,7 @@ from underlay.inference.misfit.averaging import average
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, Place, descend
-from underlay.inference.misfit.drift import DRIFTS, SMOOTH, drift_columns
+from underlay.inference.misfit.drift import BASES, DRIFTS, SMOOTH, drift_columns
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.linearised import Linearised, Part, jump_columns, ramp_column
@@ -26,8 +27,6 @@ from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley
 from underlay.inference.misfit.whitened_squares import WhitenedSquares
 from underlay.inference.misfit.whitener import Whitener
-from underlay.mechanics.published.dimitriadis2002 import BONDED
-from underlay.mechanics.published.layer_contact import LayerContact
 
 RNG = np.random.default_rng(7)
 
@@ -133,24 +132,25 @@ def test_the_evidence_is_that_of_dense_matrices():
 def test_a_layer_that_relaxes_loses_what_theory_says():
     """Of a force of 1 N/s: tau (1 - exp(-t / tau)) - t; kernels at the middle of a step h are off by h^2/24."""
     time = np.linspace(-20.0, 80.0, 401)
-    lost = drift_columns(np.maximum(time, 0.0), time + 1e-9, time)[:, 4:8]
+    lost = drift_columns(np.maximum(time, 0.0), time + 1e-9, time)[:, 3:7]
     assert (lost[time < 0.0] == 0.0).all()
     t, tau, step = time[time >= 0.0, None], 80.0 * np.array([0.04, 0.1, 0.3, 1.0]), 0.25
     off = np.abs(lost[time >= 0.0] + tau * np.expm1(-t / tau) + t)
     assert (off <= step**2 / tau / 24.0 + 1e-12).all()
 
 
-def test_a_base_under_a_half_space_is_the_published_one_and_a_soft_one_takes_force_away():
+def test_a_soft_base_under_a_half_space_takes_force_away_and_small_bases_are_looked_for_as_large_ones():
     depth = np.linspace(-1.0, 4.0, 51)
     force = np.maximum(depth, 0.0) ** 1.5
-    rigid, soft = drift_columns(force, depth, np.arange(51.0))[:, -2:].T
-    wide = 1.5 * np.sqrt(np.maximum(depth, 0.0) / 4.0)
-    layer = LayerContact(indenter=ul.Paraboloid(1.0), thickness=1.0, layer=ul.Isotropic(1.0, 0.5), base=None)
-    published = BONDED.factor(layer)
-    assert rigid == pytest.approx(force * (published.value(wide) - 1.0), rel=1e-13)
+    soft = drift_columns(force, depth, np.arange(51.0))[:, -1]
     # To first order in the contact radius 1 / (1 + 4 s) - 1 is -4 s, and -4/5 at full depth.
     assert soft[-1] == pytest.approx(-0.8 * force[-1])
     assert (soft <= 0.0).all()
+    small, large = np.array(BASES[0]), np.array(BASES[-1])
+    assert small == pytest.approx(0.01 * large)
+    half_space = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), math.inf))
+    problem = ul.Problem(half_space, ul.synthesize(half_space, depth * 1e-5, rng=1), ["layer.E"])
+    assert Sizes.of(problem).drifts == BASES
 
 
 def test_what_is_left_out_weighs_nothing():

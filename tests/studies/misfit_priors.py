@@ -34,7 +34,7 @@ from support.user_scenes import user_test
 from support.worlds import WORLDS, Clean, assumed, disturbed
 from underlay.inference.headline.plain import quadratic_interval
 from underlay.inference.misfit.averaging import average
-from underlay.inference.misfit.drift import BENT, FAR_BASE, NEAR_BASE, RELAXING, SMOOTH
+from underlay.inference.misfit.drift import BASES, RELAXING, SMOOTH
 from underlay.inference.misfit.sizes import Sizes
 
 E = "layer.E"
@@ -42,10 +42,9 @@ FREE = [E, "instrument.contact_depth", "instrument.baseline"]
 #: Kinds of drift that compete, by name, and the prior probability of none.
 PRIORS = {
     "smooth 0.8": ((SMOOTH,), 0.8),
-    "bent 0.8": ((BENT,), 0.8),
-    "relaxing 0.85": ((RELAXING,), 0.85),
-    "bent, relaxing 0.8": ((BENT, RELAXING), 0.8),
-    "bent, bases 0.65": ((BENT, FAR_BASE, NEAR_BASE), 0.65),
+    "relaxing 0.82": ((RELAXING,), 0.82),
+    "bases 0.8": (BASES, 0.8),
+    "bases 0.65": (BASES, 0.65),
 }
 _SEEN, _OFF = 2.58, 2.0
 _WRONG = 0.01

@@ -58,7 +58,7 @@ class Competition:
     log_evidence : FloatArray
         Logarithm of prior times likelihood, (c,).
     shift : FloatArray
-        Best shift of the coordinates, amplitudes of known errors, and columns of drift, jump and ramp, (c, k + 19).
+        Best shift of the coordinates, amplitudes of known errors, and columns of drift, jump and ramp, (c, k + 17).
     covariance : FloatArray
         Of coordinates and amplitudes, (c, k, k).
     variance : FloatArray
@@ -110,7 +110,7 @@ class Competition:
 
     @cached_property
     def amounts(self) -> FloatArray:
-        """Sizes of drift, jump and ramp of every combination, (c, 10 + 2)."""
+        """Sizes of drift, jump and ramp of every combination, (c, 8 + 2)."""
         return np.asarray(self.sizes.amounts[self.places[:, 1]])
 
     @property
@@ -215,7 +215,7 @@ class _Weighed:
     def _bordered(
         self, noise: NDArray[np.intp], amounts: FloatArray | None, variance: FloatArray
     ) -> FloatArray:
-        """N with c and r'r beside it, (c, m, m), for noises, amounts (c, 10 + 2) and s^2 (c,).
+        """N with c and r'r beside it, (c, m, m), for noises, amounts (c, 8 + 2) and s^2 (c,).
 
         Without amounts the columns of the misfits keep their size and have no prior.
         """

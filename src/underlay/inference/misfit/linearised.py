@@ -52,7 +52,7 @@ class Part:
     jacobian : FloatArray
         Its derivatives in scaled coordinates and in the amplitudes of known errors, (n, k).
     drift, jump, ramp : FloatArray
-        `drift_columns`, `jump_columns` and `ramp_column`, (n, 10), (n, 8), (n, 1), over the scatter.
+        `drift_columns`, `jump_columns` and `ramp_column`, (n, 8), (n, 8), (n, 1), over the scatter.
     time : FloatArray
         Times of the readings (s), (n,), increasing; their numbers where there are none.
     """
@@ -66,7 +66,7 @@ class Part:
 
     @cached_property
     def columns(self) -> FloatArray:
-        """All that is whitened, (n, k + 20): derivatives, drift, jump, ramp, residuals."""
+        """All that is whitened, (n, k + 18): derivatives, drift, jump, ramp, residuals."""
         parts = (self.jacobian, self.drift, self.jump, self.ramp, self.residuals)
         return np.asfortranarray(np.column_stack(parts))
 
@@ -109,7 +109,7 @@ class Linearised:
         return int(np.count_nonzero(self.precision))
 
     def products(self, noises: Sequence[tuple[float, float] | None]) -> tuple[FloatArray, FloatArray]:
-        """Products of all columns under V^-1, (g, m, m) with m = k + 19 curves + 1, and log det V, (g,).
+        """Products of all columns under V^-1, (g, m, m) with m = k + 17 curves + 1, and log det V, (g,).
 
         The columns are the derivatives, drift, jump and ramp of each curve, and the residuals. Noises of one
         correlation time share its work when they stand side by side.

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.misfit.drift import BENT, DRIFTS, FAR_BASE, NEAR_BASE, RELAXING, SMOOTH
+from underlay.inference.misfit.drift import BASES, DRIFTS, RELAXING, SMOOTH
 from underlay.inference.misfit.linearised import JUMPS, RAMPS
 from underlay.inference.problem import Problem
 from underlay.scene.scene import Scene
@@ -55,11 +55,11 @@ class Sizes:
 
     times: int = 5
     shares: tuple[float, ...] = (0.1, 1.0, 10.0, 100.0, 1000.0)
-    drifts: tuple[tuple[float, ...], ...] = (BENT, RELAXING)
+    drifts: tuple[tuple[float, ...], ...] = (RELAXING,)
     jumps: tuple[float, ...] = (1.0, 4.64, 21.5, 100.0)
     ramps: tuple[float, ...] = (0.03,)
     white: float = 0.7
-    exact: float = 0.8
+    exact: float = 0.82
     smooth: float = 0.5
     level: float = 0.8
 
@@ -69,7 +69,7 @@ class Sizes:
         if shape_parameters(problem):
             return cls(exact=0.5, drifts=(tuple(size / 3.0 for size in SMOOTH), SMOOTH))
         if all(_is_half_space(scene) for scene in problem.base_scenes):
-            return cls(exact=0.65, drifts=(BENT, FAR_BASE, NEAR_BASE))
+            return cls(exact=0.65, drifts=BASES)
         return cls()
 
     def noises(self, times: Sequence[FloatArray]) -> list[tuple[float, float] | None]:
@@ -81,7 +81,7 @@ class Sizes:
 
     @cached_property
     def amounts(self) -> FloatArray:
-        """Sizes of the columns of the drift, of jump and of ramp, of every combination, (c, 10 + 2)."""
+        """Sizes of the columns of the drift, of jump and of ramp, of every combination, (c, 8 + 2)."""
         groups = (((0.0,) * DRIFTS, *self.drifts), (0.0, *self.jumps), (0.0, *self.ramps))
         return np.array([(*drift, jump, ramp) for drift, jump, ramp in product(*groups)])
 
@@ -94,7 +94,7 @@ class Sizes:
     def scales(amounts: FloatArray, variance: FloatArray, parameters: int, curves: int) -> FloatArray:
         """Factors on the columns of `Linearised.products`, residuals left out, (c, m - 1).
 
-        Amounts (c, 10 + 2) as in `amounts`; s^2 (c,) is over the scatter squared.
+        Amounts (c, 8 + 2) as in `amounts`; s^2 (c,) is over the scatter squared.
         """
         own = np.repeat(amounts, (*(1,) * DRIFTS, JUMPS, RAMPS), axis=1)
         shares = np.r_[:DRIFTS, DRIFTS + JUMPS : own.shape[1]]
