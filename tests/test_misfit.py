@@ -17,7 +17,7 @@ from underlay.inference.misfit.averaging import average
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, Place, descend
-from underlay.inference.misfit.drift import BASES, DRIFTS, SMOOTH, drift_columns
+from underlay.inference.misfit.drift import BASES, DRIFTS, RELAXING, SMOOTH, drift_columns
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.linearised import Linearised, Part, jump_columns, ramp_column
@@ -89,7 +89,7 @@ def at(found, noise, amounts):
 
 
 def test_the_evidence_is_that_of_dense_matrices():
-    linearised, sizes = made(), Sizes()
+    linearised, sizes = made(), Sizes(drifts=(SMOOTH, RELAXING))
     found = Competition.of(linearised, sizes, lightest=0.0)
     model = linearised.parts[0]
     n, k = model.jacobian.shape
