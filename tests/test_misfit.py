@@ -1,5 +1,6 @@
 """Noise, drift and jump against each other: the algebra against dense matrices, the intervals by their coverage."""
 
+import math
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +19,7 @@ from underlay.inference.misfit.averaging import average
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, Place, descend
-from underlay.inference.misfit.drift import DRIFTS, SMOOTH, drift_columns
+from underlay.inference.misfit.drift import BASES, DRIFTS, RELAXING, SMOOTH, drift_columns
 from underlay.inference.misfit.evidence import Evidence
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
@@ -29,8 +30,6 @@ from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley
 from underlay.inference.misfit.whitened_squares import WhitenedSquares
 from underlay.inference.misfit.whitener import Whitener
-from underlay.mechanics.published.dimitriadis2002 import BONDED
-from underlay.mechanics.published.layer_contact import LayerContact
 
 RNG = np.random.default_rng(7)
 BENCHMARK = Path(__file__).parents[1] / "data_samples" / "benchmark"
@@ -94,7 +93,7 @@ def at(found, noise, amounts):
 
 
 def test_the_evidence_is_that_of_dense_matrices():
-    linearised, sizes = made(), Sizes()
+    linearised, sizes = made(), Sizes(drifts=(SMOOTH, RELAXING))
     found = Competition.of(linearised, sizes, lightest=0.0)
     model = linearised.parts[0]
     n, k = model.jacobian.shape
@@ -158,7 +157,7 @@ def test_a_layer_that_relaxes_loses_what_theory_says():
     """
     time = np.linspace(-20.0, 80.0, 401)
     force = np.maximum(time, 0.0) ** 1.5
-    lost = drift_columns(force, time + 1e-9, time)[:, 4:8]
+    lost = drift_columns(force, time + 1e-9, time)[:, 3:7]
     assert (lost[time < 0.0] == 0.0).all()
     t, tau, step = time[time >= 0.0, None], 80.0 * np.array([0.04, 0.1, 0.3, 1.0]), 0.25
     off = np.abs(lost[time >= 0.0] - force[time >= 0.0, None] * (special.hyp1f1(1.0, 2.5, -t / tau) - 1.0))
@@ -169,7 +168,7 @@ def test_what_relaxes_does_not_follow_the_noise_of_the_depth():
     time = np.linspace(-20.0, 80.0, 401)
     force, used = np.maximum(time, 0.0) ** 1.5, time > 8.0
     noisy = time + np.random.default_rng(5).standard_normal(len(time))
-    shares = [drift_columns(force, depth, time)[used, 4:8] / force[used, None] for depth in (time, noisy)]
+    shares = [drift_columns(force, depth, time)[used, 3:7] / force[used, None] for depth in (time, noisy)]
     off = shares[1] - shares[0]
     # A cubic through 320 readings is known to 4/sqrt(320) of their scatter at its ends: 4 % of the force at a depth
     # of 8, of which four standard deviations are allowed.
@@ -187,17 +186,18 @@ def test_a_noise_of_the_depth_is_not_taken_for_a_law_that_drifts():
     assert truth in known
 
 
-def test_a_base_under_a_half_space_is_the_published_one_and_a_soft_one_takes_force_away():
+def test_a_soft_base_under_a_half_space_takes_force_away_and_small_bases_are_looked_for_as_large_ones():
     depth = np.linspace(-1.0, 4.0, 51)
     force = np.maximum(depth, 0.0) ** 1.5
-    rigid, soft = drift_columns(force, depth, np.arange(51.0))[:, -2:].T
-    wide = 1.5 * np.sqrt(np.maximum(depth, 0.0) / 4.0)
-    layer = LayerContact(indenter=ul.Paraboloid(1.0), thickness=1.0, layer=ul.Isotropic(1.0, 0.5), base=None)
-    published = BONDED.factor(layer)
-    assert rigid == pytest.approx(force * (published.value(wide) - 1.0), rel=1e-13)
+    soft = drift_columns(force, depth, np.arange(51.0))[:, -1]
     # To first order in the contact radius 1 / (1 + 4 s) - 1 is -4 s, and -4/5 at full depth.
     assert soft[-1] == pytest.approx(-0.8 * force[-1])
     assert (soft <= 0.0).all()
+    small, large = np.array(BASES[0]), np.array(BASES[-1])
+    assert small == pytest.approx(0.01 * large)
+    half_space = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), math.inf))
+    problem = ul.Problem(half_space, ul.synthesize(half_space, depth * 1e-5, rng=1), ["layer.E"])
+    assert Sizes.of(problem).drifts == BASES
 
 
 def test_what_is_left_out_weighs_nothing():

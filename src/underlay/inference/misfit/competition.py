@@ -65,7 +65,7 @@ class Competition:
     variance : FloatArray
         s^2 over the scatter of the curves squared, (c,).
     misfits : FloatArray
-        Best drift, jump and ramp of every curve under the heaviest combination, (19 curves,).
+        Best drift, jump and ramp of every curve under the heaviest combination, (17 curves,).
     degrees : int
         n - k.
     """
@@ -109,7 +109,7 @@ class Competition:
 
     @cached_property
     def amounts(self) -> FloatArray:
-        """Sizes of drift, jump and ramp of every combination, (c, 10 + 2)."""
+        """Sizes of drift, jump and ramp of every combination, (c, 8 + 2)."""
         return np.asarray(self.sizes.amounts[self.places[:, 1]])
 
     @property

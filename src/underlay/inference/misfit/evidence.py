@@ -70,7 +70,7 @@ class Evidence:
 
     @cached_property
     def _amount(self) -> NDArray[np.intp]:
-        """Which of the 10 + 2 amounts is that of each of the misfits' columns."""
+        """Which of the 8 + 2 amounts is that of each of the misfits' columns."""
         return acting_columns(self.sizes.largest, len(self.model.parts))
 
     def roughly(self, log_prior: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -147,7 +147,7 @@ class Evidence:
         return found
 
     def misfits(self, noise: int, column: int, variance: float) -> FloatArray:
-        """Best drift, jump and ramp of every curve under one combination, (19 curves,)."""
+        """Best drift, jump and ramp of every curve under one combination, (17 curves,)."""
         amounts, s2 = self.sizes.amounts[[column]], np.array([variance])
         (bordered,) = self._bordered(np.array([noise]), amounts, s2)
         shift = -np.linalg.solve(bordered[:-1, :-1], bordered[:-1, -1])[: len(self._amount)]
@@ -170,7 +170,7 @@ class Evidence:
         variance: FloatArray,
         used: NDArray[np.intp] | None = None,
     ) -> FloatArray:
-        """N with c and r'r beside it, (c, m, m), of `used` misfits, for noises, amounts (c, 10 + 2), s^2 (c,)."""
+        """N with c and r'r beside it, (c, m, m), of `used` misfits, for noises, amounts (c, 8 + 2), s^2 (c,)."""
         every = len(self._amount)
         used = np.arange(every) if used is None else used
         places = np.concatenate((used, np.arange(every, self.products.shape[-1])))
