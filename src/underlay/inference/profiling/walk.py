@@ -11,10 +11,11 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.engine import FINE, Minimum, Search, minimise
+from underlay.inference.least_squares.engine import FINE, Search, minimise
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.projection import Point
 from underlay.inference.least_squares.scan import scan
 from underlay.inference.problem import Problem
 from underlay.scene.noise import Noise
@@ -88,8 +89,9 @@ class Walk:
             if not self.delta_chi_squares[i - 1] > self.delta_chi_squares[i] < self.delta_chi_squares[i + 1]:
                 continue
             found = minimise(free, self.vectors[i])
-            bottom = self.vectors[i] if found is None else found.vector
-            rise = free.square(bottom) - self.base
+            if found is None:
+                continue
+            bottom, rise = found.point.vector, self.delta_chi_square(found.point)
             here = float(bottom[self.index])
             if rise < self.delta_chi_squares[i] and min(q[i - 1], q[i + 1]) < here < max(q[i - 1], q[i + 1]):
                 away, known = abs(here - q[0]), abs(q[i] - q[0])
@@ -158,19 +160,13 @@ class Walk:
             step = self._next_step(step)
         return replace(self, reason="none")
 
-    def delta_chi_square(self, found: Minimum) -> float:
-        """T at a minimum."""
-        return self.objective.square(found.vector) - self.base
+    def delta_chi_square(self, found: Point) -> float:
+        """T at a place."""
+        return found.square - self.base
 
     @staticmethod
     def _z(rise: float) -> float:
         return float(np.sqrt(max(rise, 0.0)))
-
-    def _exists(self, vector: FloatArray) -> bool:
-        """Whether there is a law; where there is none, residuals count a failure."""
-        failures = self.objective.failures
-        self.objective.residuals(vector)
-        return self.objective.failures == failures
 
     def _first_step(self) -> float:
         deviation = float(np.sqrt(self.fit.scaled_covariance[self.index, self.index]))
@@ -181,11 +177,11 @@ class Walk:
         slope = abs(self._z(self.delta_chi_squares[-1]) - self._z(self.delta_chi_squares[-2])) / step
         return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
 
-    def in_doubt(self, found: Minimum | None) -> bool:
+    def in_doubt(self, found: Point | None) -> bool:
         """Whether a better place for the others would matter to an interval."""
         return found is None or self.delta_chi_square(found) > _DOUBTED
 
-    def look_elsewhere(self, q: float, found: Minimum | None) -> Minimum | None:
+    def look_elsewhere(self, q: float, found: Point | None) -> Point | None:
         """Others fitted with the parameter at q from a scan; `found` if that is no better."""
         pinned = _with(self.vectors[-1] if found is None else found.vector, self.index, q)
         low, high = self.fit.problem.bounds.T
@@ -205,7 +201,7 @@ class Walk:
                 found = other
         return found
 
-    def follow(self, q: float) -> Minimum | None:
+    def follow(self, q: float) -> Point | None:
         """Others fitted with the parameter at q, starting where the last two steps point."""
         start = np.array(self.vectors[-1])
         if len(self.vectors) > 1:
@@ -223,38 +219,35 @@ class Walk:
                 return self._minimised(begin)
         return None
 
-    def _minimised(self, start: FloatArray, search: Search = FINE) -> Minimum | None:
+    def _minimised(self, start: FloatArray, search: Search = FINE) -> Point | None:
         """Others fitted from a start; None if there is no law there or where that leads."""
+        found = self._searched(start, search)
+        return None if found is None else self._off_plateau(found)
+
+    def _searched(self, start: FloatArray, search: Search) -> Point | None:
+        """Lowest place that a search asked for: its last step moves nothing that an interval could tell."""
         refused = self.objective.failures + _MOST_REFUSED
         found = minimise(self.objective, start, search, lambda _, __, ___: self.objective.failures > refused)
-        if found is None:
-            return None
-        found = self._off_plateau(found)
-        return found if self._exists(found.vector) else None
+        return None if found is None else found.point
 
-    def _off_plateau(self, found: Minimum) -> Minimum:
+    def _off_plateau(self, found: Point) -> Point:
         """Try again with an entry that does not act at the scene's own value, and keep the better.
 
         A minimiser finds no way back from the middle of a plateau: a base left rigid there would stay so,
         and the profile of the thickness would not know that a thinner layer on a softer base answers alike.
         """
-        for i in self._flat(found.vector):
-            begin = _with(found.vector, i, 0.0)
-            other = minimise(self.objective, begin, _ROUGH)
+        for i in self._flat(found):
+            other = self._searched(_with(found.vector, i, 0.0), _ROUGH)
             # Where that leads back to the plateau nothing was gained; elsewhere it is worth an exact search.
-            if other is not None and i not in self._flat(other.vector):
-                other = minimise(self.objective, other.vector)
-            else:
-                other = None
-            if other is not None:
-                found = min((found, other), key=self.delta_chi_square)
+            if other is not None and i not in self._flat(other):
+                other = self._searched(other.vector, FINE)
+                if other is not None and other.square < found.square:
+                    found = other
         return found
 
-    def _flat(self, vector: FloatArray) -> list[int]:
-        """Entries that do not act here; none where no law exists."""
-        if not self.objective.exists(vector):
-            return []
-        norms = np.linalg.norm(self.objective.jacobian(vector, rough=True), axis=0)
+    def _flat(self, found: Point) -> list[int]:
+        """Entries that do not act there."""
+        norms = np.sqrt(np.diagonal(found.normal))
         return [i for i in self.objective.active if norms[i] < _FLAT]
 
     def _tangent(self) -> FloatArray:
