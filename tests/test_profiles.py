@@ -12,9 +12,11 @@ import underlay as ul
 from support.inverse import layer_on, measured, problem
 from underlay.errors import InputError
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.projection import Point
 from underlay.inference.priors.densities import Normal
 from underlay.inference.profiles import Interval, delta_chi_square_at, profile
 from underlay.inference.profiling.profile_result import _constant, _crossing
+from underlay.inference.profiling.walk import Walk
 from underlay.scene.noise import Noise
 
 sys.path.insert(0, str(Path(__file__).parent / "studies"))
@@ -215,3 +217,34 @@ def test_a_walk_that_ends_on_the_limit_has_its_end_there():
         found = _crossing(places, z, _constant(float(np.nextafter(z[-1], 0.0))))
         # Where the curve is level there, a rounding of z is the root of one along the walk.
         assert found == pytest.approx(places[-1], abs=1e-6)
+
+
+def test_a_bottom_that_a_walk_stood_on_takes_the_place_of_that_step():
+    # Beside it, at the same value to rounding, it left a profile that no cubic goes through.
+    found = fit(problem(layer_on(ul.RIGID), [E, C]))
+    beside = [found.vector + step * np.array([0.1, 0.0]) for step in (-1.0, 0.0, 1.0)]
+    walk = replace(Walk.start(found, 0, found.vector), vectors=beside, delta_chi_squares=[1.0, 0.5, 1.0])
+    walked = walk.with_bottoms()
+    places = np.array(walked.vectors)[:, 0]
+    assert (np.diff(places) > 1e-3).all()
+    assert len(places) == 3
+    assert walked.delta_chi_squares[1] < 0.5
+
+
+def test_a_walk_halves_the_way_to_where_the_laws_end(monkeypatch):
+    found = fit(problem(layer_on(ul.RIGID), [E, C]))
+    here = float(found.vector[0])
+    deviation = float(np.sqrt(found.scaled_covariance[0, 0]))
+    wall, asked = here + 300.7 * deviation, []
+
+    def follow(self, q):
+        asked.append(q)
+        there = Point(np.array([q, found.vector[1]]), self.base, np.zeros(2), np.eye(2))
+        return there if q < wall else None
+
+    monkeypatch.setattr(Walk, "follow", follow)
+    walked = Walk.start(found, 0, found.vector).go(1.0)
+    assert walked.reason == "law"
+    # A level profile: steps double to the wall in ten, and halve what is left to a twentieth of the way.
+    assert len(asked) < 20
+    assert walked.vectors[-1][0] < wall < walked.vectors[-1][0] + 0.06 * (wall - here) + deviation

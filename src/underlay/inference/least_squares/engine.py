@@ -84,11 +84,13 @@ class Minimum:
     message: str
 
 
-def minimise(objective: Objective, start: FloatArray, search: Search = FINE) -> Minimum | None:
-    """Minimise between the problem's bounds from a scaled start (k,); None if no law is there."""
+def minimise(
+    objective: Objective, start: FloatArray, search: Search = FINE, give_up: GiveUp | None = None
+) -> Minimum | None:
+    """Minimise between the problem's bounds from a scaled start (k,); None if no law is there, or it gave up."""
     low, high = (end[None] for end in objective.problem.bounds.T)
     begin = objective.places(np.clip(start[None], low, high), low, high)
-    return descend(objective, begin, low, high, search)[0] if np.isfinite(begin.square[0]) else None
+    return descend(objective, begin, low, high, search, give_up)[0] if np.isfinite(begin.square[0]) else None
 
 
 def descend(

@@ -140,6 +140,8 @@ class Objective:
 
     def exists(self, vector: FloatArray) -> bool:
         """Whether there is a contact law at a vector (k,), and beside it for its derivatives."""
+        if np.abs(vector).max(initial=0.0) > _FAR:
+            return False
         try:
             self.asked.columns(self.problem.physical(vector), rough=True)
         except InputError:

@@ -11,10 +11,11 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.engine import FINE, Minimum, Search, minimise
+from underlay.inference.least_squares.engine import FINE, Search, minimise
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.projection import Point
 from underlay.inference.least_squares.scan import scan
 from underlay.inference.problem import Problem
 from underlay.scene.noise import Noise
@@ -30,13 +31,19 @@ _GROWTH = 2.0  # a flattening profile is walked in steps at most this much longe
 # range of the curve.
 _FARTHEST = 12.0
 _MOST_STEPS = 60
+# Where the laws end is found to this share of the first step (a tenth of a standard deviation) and of the way.
+_WALL, _WALL_SHARE = 0.2, 0.05
+# So many models without a law in one search: what it looks for lies beyond the end of the laws.
+_MOST_REFUSED = 8
+# Two values of the parameter this close (scaled coordinates) are one.
+_SAME = 1e-9
 # An entry that moves all readings together by less than this many standard deviations per unit lies on a plateau.
 _FLAT = 1e-3
 # Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
 _BETTER = 0.01  # of t: less than that changes no interval by a hundredth of its width
 # Of a start elsewhere: after so many steps it must be within this rise of what it competes with.
-_ROUGH, _MAY_BE = Search(steps=8, settled=1e-4), 30.0
+_ROUGH, _MAY_BE = Search(steps=8, settled=1e-4, damping=1e-2), 30.0
 # A start of the scan this close to where the others are (scaled coordinates) ends where they are.
 _SAME_PLACE = 0.3
 
@@ -82,13 +89,17 @@ class Walk:
             if not self.delta_chi_squares[i - 1] > self.delta_chi_squares[i] < self.delta_chi_squares[i + 1]:
                 continue
             found = minimise(free, self.vectors[i])
-            bottom = self.vectors[i] if found is None else found.vector
-            rise = free.square(bottom) - self.base
+            if found is None:
+                continue
+            bottom, rise = found.point.vector, self.delta_chi_square(found.point)
             here = float(bottom[self.index])
             if rise < self.delta_chi_squares[i] and min(q[i - 1], q[i + 1]) < here < max(q[i - 1], q[i + 1]):
-                place = i + 1 if abs(here - q[0]) > abs(q[i] - q[0]) else i
-                vectors.insert(place, bottom)
-                rises.insert(place, rise)
+                away, known = abs(here - q[0]), abs(q[i] - q[0])
+                # A bottom that was stood on already, to rounding, takes the place of that step.
+                stays = 0 if abs(away - known) <= _SAME else 1
+                place = i + 1 if stays and away > known else i
+                vectors[place : place + 1 - stays] = [bottom]
+                rises[place : place + 1 - stays] = [rise]
         return replace(self, vectors=vectors, delta_chi_squares=rises)
 
     def go(self, direction: float, highest: float = HIGHEST) -> Walk:
@@ -111,10 +122,14 @@ class Walk:
         bound = self.fit.problem.bounds[self.index][1 if direction > 0.0 else 0]
         here = float(self.vectors[0][self.index])
         room = abs(bound - here)
-        step = self._first_step()
+        step = first = self._first_step()
+        wall = np.inf
         for _ in range(_MOST_STEPS):
             travelled = abs(float(self.vectors[-1][self.index]) - here)
-            step = min(step, room - travelled)
+            if wall - travelled <= _WALL * first + _WALL_SHARE * travelled:
+                return replace(self, reason="law")
+            # Half the way to where there was no law, once that is known.
+            step = min(step, room - travelled, 0.5 * (wall - travelled))
             if step <= 1e-12 * (1.0 + travelled):
                 return replace(self, reason="bound")
             # An optimum far out on a plateau (a base that might be rigid) is walked back from all the way.
@@ -123,12 +138,10 @@ class Walk:
             q = here + direction * (travelled + step)
             found = self.follow(q)
             if found is None:
-                if step < 1e-3 * self._first_step():
-                    return replace(self, reason="law")
-                step *= 0.25
+                wall = travelled + step
                 continue
             climb = self._z(self.delta_chi_square(found)) - self._z(self.delta_chi_squares[-1])
-            if climb > _STEEPEST and step > 1e-3 * self._first_step():
+            if climb > _STEEPEST and step > 1e-3 * first:
                 # A valley that lies open at the optimum and closes further on: its curvature there, or the
                 # slope of the last step, foretold too long a step, and there is nothing to read between; or
                 # a second basin lies within it.
@@ -147,19 +160,13 @@ class Walk:
             step = self._next_step(step)
         return replace(self, reason="none")
 
-    def delta_chi_square(self, found: Minimum) -> float:
-        """T at a minimum."""
-        return self.objective.square(found.vector) - self.base
+    def delta_chi_square(self, found: Point) -> float:
+        """T at a place."""
+        return found.square - self.base
 
     @staticmethod
     def _z(rise: float) -> float:
         return float(np.sqrt(max(rise, 0.0)))
-
-    def _exists(self, vector: FloatArray) -> bool:
-        """Whether there is a law; where there is none, residuals count a failure."""
-        failures = self.objective.failures
-        self.objective.residuals(vector)
-        return self.objective.failures == failures
 
     def _first_step(self) -> float:
         deviation = float(np.sqrt(self.fit.scaled_covariance[self.index, self.index]))
@@ -170,11 +177,11 @@ class Walk:
         slope = abs(self._z(self.delta_chi_squares[-1]) - self._z(self.delta_chi_squares[-2])) / step
         return min(_STEP / slope, _GROWTH * step) if slope > 0.0 else _GROWTH * step
 
-    def in_doubt(self, found: Minimum | None) -> bool:
+    def in_doubt(self, found: Point | None) -> bool:
         """Whether a better place for the others would matter to an interval."""
         return found is None or self.delta_chi_square(found) > _DOUBTED
 
-    def look_elsewhere(self, q: float, found: Minimum | None) -> Minimum | None:
+    def look_elsewhere(self, q: float, found: Point | None) -> Point | None:
         """Others fitted with the parameter at q from a scan; `found` if that is no better."""
         pinned = _with(self.vectors[-1] if found is None else found.vector, self.index, q)
         low, high = self.fit.problem.bounds.T
@@ -194,7 +201,7 @@ class Walk:
                 found = other
         return found
 
-    def follow(self, q: float) -> Minimum | None:
+    def follow(self, q: float) -> Point | None:
         """Others fitted with the parameter at q, starting where the last two steps point."""
         start = np.array(self.vectors[-1])
         if len(self.vectors) > 1:
@@ -202,40 +209,45 @@ class Walk:
             start = start + moved * (q - start[self.index]) / moved[self.index]
         else:
             start = start + self._tangent() * (q - start[self.index])
+        # An entry on a plateau runs ahead of the walk, and has nothing to find there.
+        last = self.vectors[-1]
+        start = np.clip(start, np.minimum(last, -_FARTHEST), np.maximum(last, _FARTHEST))
         low, high = self.fit.problem.bounds.T
-        for candidate in (np.clip(start, low, high), self.vectors[-1]):
+        for candidate in (np.clip(start, low, high), last):
             begin = _with(candidate, self.index, q)
-            found = self._minimised(begin)
-            if found is not None:
-                return found
+            if self.objective.exists(begin):
+                return self._minimised(begin)
         return None
 
-    def _minimised(self, start: FloatArray, search: Search = FINE) -> Minimum | None:
-        """Others fitted from a start; None if there is no law there or where that ends."""
-        found = minimise(self.objective, start, search)
-        if found is None:
-            return None
-        found = self._off_plateau(found)
-        return found if self._exists(found.vector) else None
+    def _minimised(self, start: FloatArray, search: Search = FINE) -> Point | None:
+        """Others fitted from a start; None if there is no law there or where that leads."""
+        found = self._searched(start, search)
+        return None if found is None else self._off_plateau(found)
 
-    def _off_plateau(self, found: Minimum) -> Minimum:
+    def _searched(self, start: FloatArray, search: Search) -> Point | None:
+        """Lowest place that a search asked for: its last step moves nothing that an interval could tell."""
+        refused = self.objective.failures + _MOST_REFUSED
+        found = minimise(self.objective, start, search, lambda _, __, ___: self.objective.failures > refused)
+        return None if found is None else found.point
+
+    def _off_plateau(self, found: Point) -> Point:
         """Try again with an entry that does not act at the scene's own value, and keep the better.
 
         A minimiser finds no way back from the middle of a plateau: a base left rigid there would stay so,
         and the profile of the thickness would not know that a thinner layer on a softer base answers alike.
         """
-        for i in self._flat(found.vector):
-            begin = _with(found.vector, i, 0.0)
-            other = minimise(self.objective, begin)
-            if other is not None:
-                found = min((found, other), key=self.delta_chi_square)
+        for i in self._flat(found):
+            other = self._searched(_with(found.vector, i, 0.0), _ROUGH)
+            # Where that leads back to the plateau nothing was gained; elsewhere it is worth an exact search.
+            if other is not None and i not in self._flat(other):
+                other = self._searched(other.vector, FINE)
+                if other is not None and other.square < found.square:
+                    found = other
         return found
 
-    def _flat(self, vector: FloatArray) -> list[int]:
-        """Entries that do not act here; none where no law exists."""
-        if not self.objective.exists(vector):
-            return []
-        norms = np.linalg.norm(self.objective.jacobian(vector, rough=True), axis=0)
+    def _flat(self, found: Point) -> list[int]:
+        """Entries that do not act there."""
+        norms = np.sqrt(np.diagonal(found.normal))
         return [i for i in self.objective.active if norms[i] < _FLAT]
 
     def _tangent(self) -> FloatArray:
