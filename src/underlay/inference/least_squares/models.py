@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +33,7 @@ class Models:
         self.members, self.count = members, 0
         self._last_models: tuple[bytes, list[FloatArray]] = (b"", [])
         self._last_columns: dict[bool, tuple[bytes, list[FloatArray]]] = {}
+        self._followed = b"", b""
         # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
         self._one_law = not any(
             member.forward.similarity.ratio_slopes(path, member.base)
@@ -81,6 +82,32 @@ class Models:
                 self.count += 1
                 self._last_models = key, [reading.force for reading, _ in both]
         return columns
+
+    def follow(self, physical: FloatArray, near: Callable[[FloatArray, list[FloatArray]], bool]) -> bool:
+        """Whether the models at a vector (k,) follow by their slopes from those asked last, and are kept so.
+
+        `near` is told the step (k,) and what it changes the models by (N), (n,) each: whether that is little.
+        """
+        key, columns = self._last_columns.get(False, (b"", []))
+        if not key or key in (self._followed[0], physical.tobytes()) or key != self._last_models[0]:
+            return False
+        step = physical - np.frombuffer(key)
+        changes = [
+            own @ step[list(member.entries.values())]
+            for own, member in zip(columns, self.members, strict=True)
+        ]
+        if not near(step, changes):
+            return False
+        there = physical.tobytes()
+        models = [model + change for model, change in zip(self._last_models[1], changes, strict=True)]
+        self._last_models, self._last_columns[False] = (there, models), (there, columns)
+        self._followed = there, key
+        return True
+
+    def asked_for(self, physical: FloatArray) -> FloatArray:
+        """Vector (k,) of the laws behind the models at a vector (k,): that itself, or the one they `follow`."""
+        there, key = self._followed
+        return np.frombuffer(key) if physical.tobytes() == there else physical
 
     def several(
         self, physical: FloatArray, possible: NDArray[np.bool_]
