@@ -296,7 +296,7 @@ def _solved(
         downhill = np.where(which, gradient, 0.0)
     scaled = normal / (scale[:, :, None] * scale[:, None, :])
     if rest:
-        scaled *= which[:, :, None] & which[:, None, :]
+        scaled = np.where(which[:, :, None] & which[:, None, :], scaled, 0.0)
     count = scaled.shape[1]
     scaled.reshape(-1, count * count)[:, :: count + 1] = diagonal
     return -np.linalg.solve(scaled, (downhill / scale)[:, :, None])[:, :, 0] / scale

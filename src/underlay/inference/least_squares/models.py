@@ -116,27 +116,42 @@ class Models:
 
         Rows without a law are taken out of `possible` (s,), and zero.
         """
-        together = self._together(physical) if len(physical) > 1 and self.in_batches else None
+        if len(physical) == 1:
+            return self._one(physical, possible)
+        together = self._together(physical) if self.in_batches else None
         if together is not None:
             columns, models, known = together
             missing = possible & ~known
             self.count += int(np.count_nonzero(possible & known))
         else:
-            columns = [
-                np.zeros((len(physical), len(member.entries), len(member.force))) for member in self.members
-            ]
-            models = [np.zeros((len(physical), len(member.force))) for member in self.members]
+            columns, models = self._room(len(physical))
             missing = possible.copy()
             self._prepare(physical[possible])
         for row in np.flatnonzero(missing).tolist():
-            try:
-                own, forces = self.columns(physical[row], rough=True), self.models(physical[row])
-            except InputError:
-                possible[row] = False
-                continue
-            for into, each in zip((*columns, *models), (*(part.T for part in own), *forces), strict=True):
-                into[row] = each
+            own, forces = self._one(physical[row : row + 1], possible[row : row + 1])
+            for into, each in zip((*columns, *models), (*own, *forces), strict=True):
+                into[row] = each[0]
         return columns, models
+
+    def _room(self, sets: int) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Zeros for the derivatives and the forces of every curve."""
+        points = [len(member.force) for member in self.members]
+        columns = [
+            np.zeros((sets, len(member.entries), n)) for member, n in zip(self.members, points, strict=True)
+        ]
+        return columns, [np.zeros((sets, n)) for n in points]
+
+    def _one(
+        self, physical: FloatArray, possible: NDArray[np.bool_]
+    ) -> tuple[list[FloatArray], list[FloatArray]]:
+        """What `several` says of one row, (1, k)."""
+        if possible[0]:
+            try:
+                own = self.columns(physical[0], rough=True)
+                return [part.T[None] for part in own], [part[None] for part in self.models(physical[0])]
+            except InputError:
+                possible[0] = False
+        return self._room(1)
 
     def _together(
         self, physical: FloatArray
