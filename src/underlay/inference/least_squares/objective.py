@@ -214,11 +214,12 @@ class Objective:
         curves = [
             Rows(
                 noise.whiten((model - member.force) / sigma, member.curve.time),
-                noise.whiten(own / sigma, member.curve.time) * slopes[:, entries, None],
+                noise.whiten(own / sigma, member.curve.time)
+                * (slopes if entries is None else slopes[:, entries])[:, :, None],
                 entries,
             )
             for own, model, entries, (member, noise, sigma) in zip(
-                columns, models, self._entries, self._curves(), strict=True
+                columns, models, self._some_entries, self._curves(), strict=True
             )
         ]
         here = projected(curves, self._prior_places(vectors, physical), self._linear, low, high)
@@ -255,6 +256,12 @@ class Objective:
             square[row], gradient[row] = float(values @ values), values @ columns
             normal[row] = columns.T @ columns
         return Places(vectors, square, gradient, normal)
+
+    @cached_property
+    def _some_entries(self) -> list[NDArray[np.intp] | None]:
+        """As `Rows` has them."""
+        everything = np.arange(len(self.problem.coordinates))
+        return [None if np.array_equal(entries, everything) else entries for entries in self._entries]
 
     # --- their weights ------------------------------------------------------------------------------------
 

@@ -43,11 +43,15 @@ def slope_by_factors(
 
     With numbers (sets,) in `values`, one for each row.
     """
-    column = (-1, *(1,) * (P.ndim - 1))
-    log_b, log_c = (np.reshape(slope, column) for slope in similarity.factor_slopes(path, values))
-    total = log_c * P
-    if log_b.any():
-        total += log_b * w * S
+    log_b, log_c = similarity.factor_slopes(path, values)
+    if isinstance(log_b, np.ndarray):
+        column = (-1, *(1,) * (P.ndim - 1))
+        log_b, log_c = np.reshape(log_b, column), np.reshape(log_c, column)
+    elif not log_b:
+        return np.asarray(log_c * P)
+    total = w * S
+    total *= log_b
+    total += log_c * P
     return np.asarray(total)
 
 
