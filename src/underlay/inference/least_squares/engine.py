@@ -27,7 +27,7 @@ GiveUp: TypeAlias = Callable[[int, float, FloatArray], bool]
 _MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
 # Below this the damping of two columns that are one to rounding would be rounding itself.
 _LEAST_DAMPING = 1e-13
-_VENTURE = 10.0  # how much higher than its beginning a step up the side may end
+_VENTURE = 100.0  # how much higher than its beginning a step up the side may end
 # A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.
 _LONGEST = 3.0
 # Steps shorter than this in every coordinate move nothing that a curve could tell.

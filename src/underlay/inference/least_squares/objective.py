@@ -150,7 +150,7 @@ class Objective:
         return True
 
     def follows(self, vector: FloatArray, square: float) -> bool:
-        """Whether models at a vector (k,) follow by their slopes from those asked last, with sum of squares `square`.
+        """Whether models at a vector (k,) follow by slopes from those asked last, whose squares sum to `square`.
 
         Not where a law was refused on the way.
         """
