@@ -49,8 +49,6 @@ _BLOCKS = 16  # enough to tell a contact to a grid step
 _FIRST_RATIO = 10.0
 # For the other ratios: about the contacts of all thicknesses with the first one.
 _FEWER_CONTACTS = 6
-# A modulus between the ratios tried is not further off than half the way to the next.
-_LARGEST_MOVE = 1.0
 # ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
 _RIVAL, _APART = np.log(2.7), np.log(1.6)
 
@@ -193,12 +191,9 @@ def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[fl
     base_is_known = bases.size > 0 and BASE_MODULUS not in curve.free
     asked = replace(curve, scales=True) if base_is_known else curve
     shape = (max(bases.size, 1), max(thicknesses.size, 1))
-    # Laws that are solved for are dear: then the ratios tried are all there is.
-    again = base_is_known and bases.size > 1 and curve.forward.laws.table is not None
-    fits = _fits(asked, member, thicknesses, bases, refine=not again)
+    fits = _fits(asked, member, thicknesses, bases)
     misfit, contact, amplitude = (
-        part.reshape(shape).T
-        for part in (fits.misfit, fits.lowest if again else fits.contact, fits.amplitude)
+        part.reshape(shape).T for part in (fits.misfit, fits.contact, fits.amplitude)
     )
     values = {CONTACT: contact}
     if asked.scales:
@@ -209,18 +204,13 @@ def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[fl
         values[THICKNESS] = np.repeat(thicknesses[:, None], shape[0], axis=1)
     grid = _Grid(misfit, values)
     if base_is_known:
-        beyond = np.log(bases / member.base[BASE_MODULUS]) + np.log(amplitude)
-        grid = _consistent(grid, beyond)
-        if again:
-            grid = _asked_again(grid, asked, member, bases, beyond)
+        grid = _consistent(grid, np.log(bases / member.base[BASE_MODULUS]) + np.log(amplitude))
     if not (alone or THICKNESS in problem.shared):
         grid = grid.best_along(0)
     return grid if moduli_are_shared else grid.best_along(1)
 
 
-def _fits(
-    curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: FloatArray, *, refine: bool
-) -> GridFit:
+def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: FloatArray) -> GridFit:
     """What the curve says to every thickness on the first base, then on the second, and so on."""
     rows: dict[str, float | FloatArray] = dict(member.base)
     count, contacts = max(thicknesses.size, 1), curve.contacts
@@ -231,7 +221,7 @@ def _fits(
             rows[BASE_MODULUS] = float(bases[0])
         laws = curve.laws(rows)
         found = curve.best_contact(rows, laws, contacts)
-        return curve.refined(rows, laws, found) if refine and len(contacts) > 1 else found
+        return curve.refined(rows, laws, found) if len(contacts) > 1 else found
     order = np.argsort(np.abs(np.log(bases / member.base[MODULUS] / _FIRST_RATIO)))
     rows[BASE_MODULUS] = np.repeat(bases[order], count)
     laws = curve.laws(rows)
@@ -239,7 +229,7 @@ def _fits(
     found = curve.best_contact(_part(rows, first), laws.part(first), contacts)
     about = _about(contacts, found)
     found = found.followed_by(curve.best_contact(_part(rows, others), laws.part(others), about))
-    if refine and len(contacts) > 1:
+    if len(contacts) > 1:
         found = curve.refined(rows, laws, found)
     back = np.argsort(order)
     parts = (found.misfit, found.contact, found.amplitude, found.lowest)
@@ -285,30 +275,6 @@ def _consistent(grid: _Grid, beyond: FloatArray) -> _Grid:
     values = {path: between(value) for path, value in grid.values.items()}
     values[MODULUS] = np.exp(between(np.log(grid.values[MODULUS])))
     return _Grid(misfit, values).best_along(1)
-
-
-def _asked_again(
-    grid: _Grid, curve: ScanCurve, member: Member, bases: FloatArray, beyond: FloatArray
-) -> _Grid:
-    """The same (thicknesses, 1) by laws of the moduli found: between the ratios tried those were guesses.
-
-    `beyond` (thicknesses, moduli), that of `_consistent`, belongs to the base's moduli `bases` (Pa), (moduli,).
-    """
-    numbers = {path: value[:, 0] for path, value in grid.values.items() if path != CONTACT}
-    rows = {**member.base, **numbers}
-    found = curve.best_contact(rows, curve.laws(rows), grid.values[CONTACT])
-    # The layer's modulus is a part of the ratio: an amplitude beside one moves both, by as much as amplitudes
-    # went with the ratio between those tried.
-    log_bases = np.log(bases)
-    here = np.log(member.base[MODULUS] * member.base[BASE_MODULUS] / numbers[MODULUS])
-    interval = np.clip(np.searchsorted(log_bases, here), 1, len(bases) - 1)
-    slopes = np.diff(beyond, axis=1) / np.diff(log_bases)
-    slope = slopes[np.arange(len(slopes)), interval - 1]
-    told = np.isfinite(found.misfit) & np.isfinite(slope) & (found.amplitude > 0.0) & (slope > 0.0)
-    move = np.where(told, np.log(np.where(told, found.amplitude, 1.0)) / np.where(told, slope, 1.0), 0.0)
-    moduli = numbers[MODULUS] * np.exp(np.clip(move, -_LARGEST_MOVE, _LARGEST_MOVE))
-    misfit = np.where(told, found.misfit, grid.misfit[:, 0])
-    return _Grid(misfit[:, None], {**grid.values, MODULUS: moduli[:, None]})
 
 
 def _radius_scale(scene: Scene, blocks: Blocks) -> float:
