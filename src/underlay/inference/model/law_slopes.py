@@ -43,7 +43,9 @@ def slope_by_factors(
 
     With numbers (sets,) in `values`, one for each row.
     """
-    log_b, log_c = similarity.factor_slopes(path, values)
+    # Numbers, or arrays where those of `values` are.
+    factors: tuple[Any, Any] = similarity.factor_slopes(path, values)
+    log_b, log_c = factors
     if isinstance(log_b, np.ndarray):
         column = (-1, *(1,) * (P.ndim - 1))
         log_b, log_c = np.reshape(log_b, column), np.reshape(log_c, column)
