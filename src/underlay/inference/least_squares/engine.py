@@ -27,7 +27,7 @@ GiveUp: TypeAlias = Callable[[int, float, FloatArray], bool]
 _MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
 # Below this the damping of two columns that are one to rounding would be rounding itself.
 _LEAST_DAMPING = 1e-13
-_VENTURE = 10.0  # how much higher than its beginning a step up the side may end
+_VENTURE = 100.0  # how much higher than its beginning a step up the side may end
 # A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.
 _LONGEST = 3.0
 # Steps shorter than this in every coordinate move nothing that a curve could tell.
@@ -209,8 +209,11 @@ class _Running(NamedTuple):
         step, gain = _steps(self.now, self.damping, active, self.low, self.high)
         little = gain <= search.settled * self.best.square
         little |= np.abs(step).max(axis=1) <= _SHORTEST
-        step = np.where((gain > _STILL * self.best.square)[:, None], step, 0.0)
-        return np.clip(self.now.vector + step, self.low, self.high), little & ~self.ventured
+        made = gain > _STILL * self.best.square
+        if not made.all():
+            step = np.where(made[:, None], step, 0.0)
+        there = np.minimum(np.maximum(self.now.vector + step, self.low), self.high)
+        return there, little & ~self.ventured
 
     def moved(self, there: Places, search: Search) -> tuple[Self, list[str]]:
         """The searches after they were `there`, and in words why one ended; no words where it goes on."""
@@ -237,23 +240,16 @@ def _steps(
 ) -> tuple[FloatArray, FloatArray]:
     """Steps (s, k), where entries that would leave their ends rest, and what each should gain (s,)."""
     gradient, normal = places.gradient, places.normal
-    norms = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
+    norms = np.sqrt(normal.diagonal(axis1=1, axis2=2))
     low, high = low - places.vector, high - places.vector
-    inside = ((low < 0.0) | (gradient < 0.0)) & ((high > 0.0) | (gradient > 0.0))
-    which = active & acting(norms) & inside
+    which = active & acting(norms)
+    which &= (low < 0.0) | (gradient < 0.0)
+    which &= (high > 0.0) | (gradient > 0.0)
     step = _solved(gradient, normal, which, norms, damping)
-    at, held, free = np.zeros_like(step), np.zeros_like(step), which.copy()
-    while (beyond := free & ((step < low) | (step > high))).any():
-        # What would leave its ends first stays there, and the others go to where they are best beside it. From
-        # there the sum falls on: held all at once they may pull each other uphill.
-        end = np.where(step > 0.0, high, low)
-        share = np.divide(end - at, step - at, out=np.full_like(step, np.inf), where=beyond)
-        first, over = share.argmin(axis=1), np.asarray(beyond.any(axis=1))
-        at += np.where(over, share.min(axis=1), 0.0)[:, None] * (step - at)
-        meets = over[:, None] & (np.arange(step.shape[1]) == first[:, None])
-        held, free = np.where(meets, end, held), free & ~meets
-        moved = gradient + (normal @ held[:, :, None])[:, :, 0]
-        step = np.where(over[:, None], held + _solved(moved, normal, free, norms, damping), step)
+    beyond = which & ((step < low) | (step > high))
+    held = np.zeros(0)
+    if beyond.any():
+        step, held = _kept_inside(places, step, beyond, which, norms, damping, low, high)
     longest = np.abs(step).max(axis=1, initial=0.0)
     if (longest > _LONGEST).any():
         step *= (_LONGEST / np.maximum(longest, _LONGEST))[:, None]
@@ -262,15 +258,47 @@ def _steps(
     return step, -np.einsum("sk,sk->s", step, 2.0 * gradient + (normal @ step[:, :, None])[:, :, 0])
 
 
+def _kept_inside(
+    places: Places,
+    step: FloatArray,
+    beyond: NDArray[np.bool_],
+    which: NDArray[np.bool_],
+    norms: FloatArray,
+    damping: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Steps (s, k) between `low` and `high`, and those of the entries that are held there, zero for the others."""
+    at, held, free = np.zeros_like(step), np.zeros_like(step), which
+    while beyond.any():
+        # What would leave its ends first stays there, and the others go to where they are best beside it. From
+        # there the sum falls on: held all at once they may pull each other uphill.
+        end = np.where(step > 0.0, high, low)
+        share = np.divide(end - at, step - at, out=np.full_like(step, np.inf), where=beyond)
+        first, over = share.argmin(axis=1), np.asarray(beyond.any(axis=1))
+        at += np.where(over, share.min(axis=1), 0.0)[:, None] * (step - at)
+        meets = over[:, None] & (np.arange(step.shape[1]) == first[:, None])
+        held, free = np.where(meets, end, held), free & ~meets
+        moved = places.gradient + (places.normal @ held[:, :, None])[:, :, 0]
+        again = held + _solved(moved, places.normal, free, norms, damping)
+        step = np.where(over[:, None], again, step)
+        beyond = free & ((step < low) | (step > high))
+    return step, held
+
+
 def _solved(
     gradient: FloatArray, normal: FloatArray, which: NDArray[np.bool_], norms: FloatArray, damping: FloatArray
 ) -> FloatArray:
     """Damped steps (s, k) of the entries `which` (s, k), from J'r (s, k) and J'J (s, k, k); the others rest."""
-    # An entry that rests has a row of its own, and no gradient.
-    scale = np.where(which, norms, 1.0)
-    both = which[:, :, None] & which[:, None, :]
-    scaled = np.where(both, normal / (scale[:, :, None] * scale[:, None, :]), 0.0)
+    scale, diagonal, downhill = norms, 1.0 + damping[:, None], gradient
+    rest = not which.all()
+    if rest:
+        # An entry that rests has a row of its own, and no gradient.
+        scale, diagonal = np.where(which, norms, 1.0), np.where(which, diagonal, 1.0)
+        downhill = np.where(which, gradient, 0.0)
+    scaled = normal / (scale[:, :, None] * scale[:, None, :])
+    if rest:
+        scaled = np.where(which[:, :, None] & which[:, None, :], scaled, 0.0)
     count = scaled.shape[1]
-    scaled.reshape(-1, count * count)[:, :: count + 1] = np.where(which, 1.0 + damping[:, None], 1.0)
-    downhill = np.where(which, gradient / scale, 0.0)
-    return -np.linalg.solve(scaled, downhill[:, :, None])[:, :, 0] / scale
+    scaled.reshape(-1, count * count)[:, :: count + 1] = diagonal
+    return -np.linalg.solve(scaled, (downhill / scale)[:, :, None])[:, :, 0] / scale

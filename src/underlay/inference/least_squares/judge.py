@@ -76,7 +76,8 @@ def judge(
     whitened = np.split(residuals, ends)[: len(forces)]
     alternatives = _alternatives(objective, vector, residuals, deviation_scaled, others)
     related = [correlated(own, force) for own, force in zip(whitened, forces, strict=True)]
-    laws = [member.law(physical) for member in problem.members]
+    asked = objective.asked.asked_for(physical)
+    laws = [member.law(asked) for member in problem.members]
     law = max(laws, key=lambda law: law.error_estimate)
     statistics = _statistics(optimum, whitened, law, seconds)
     return Fit(

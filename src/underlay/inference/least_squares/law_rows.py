@@ -80,16 +80,11 @@ class LawRows:
     def force(self, depth: FloatArray) -> FloatArray:
         """P (N), (r, c, n), at tip depths (m) of that shape or (1, c, n); zero where there is no law."""
         if self.over is None:
-            return self._asked("force", depth) * self.c
+            return self._asked(depth) * self.c
         asked, ratio = self.over.seen(depth)
-        return self._asked("force", asked) * (ratio * self.c)
+        return self._asked(asked) * (ratio * self.c)
 
-    def stiffness(self, depth: FloatArray) -> FloatArray:
-        """dP/dw (N/m), as `force`."""
-        asked = depth if self.over is None else self.over.seen(depth)[0]
-        return self._asked("stiffness", asked) * (self.b * self.c)
-
-    def _asked(self, what: str, depth: FloatArray) -> FloatArray:
+    def _asked(self, depth: FloatArray) -> FloatArray:
         w = self.b * depth
         if not self.possible.all():
             w *= self.possible[:, None, None]
@@ -97,12 +92,12 @@ class LawRows:
         if len(self.shared) > 1 and len(counts) == 1 and self.possible.all():
             # All laws in one call: the calls, not their arithmetic, are what so few numbers cost.
             laws = [law for _, law in self.shared]
-            together = laws[0].side_by_side(laws, what, w.reshape(len(laws), -1))
+            together = laws[0].side_by_side(laws, "force", w.reshape(len(laws), -1))
             if together is not None:
                 return together.reshape(w.shape)
         result = np.zeros_like(w)
         for part, law in self.shared:
-            result[part] = getattr(law, what)(w[part])
+            result[part] = law.force(w[part])
         return result
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +33,7 @@ class Models:
         self.members, self.count = members, 0
         self._last_models: tuple[bytes, list[FloatArray]] = (b"", [])
         self._last_columns: dict[bool, tuple[bytes, list[FloatArray]]] = {}
+        self._followed = b"", b""
         # Where no free parameter moves a ratio, or tables give the derivative in it, no further law is needed.
         self._one_law = not any(
             member.forward.similarity.ratio_slopes(path, member.base)
@@ -82,6 +83,32 @@ class Models:
                 self._last_models = key, [reading.force for reading, _ in both]
         return columns
 
+    def follow(self, physical: FloatArray, near: Callable[[FloatArray, list[FloatArray]], bool]) -> bool:
+        """Whether the models at a vector (k,) follow by their slopes from those asked last, and are kept so.
+
+        `near` is told the step (k,) and what it changes the models by (N), (n,) each: whether that is little.
+        """
+        key, columns = self._last_columns.get(False, (b"", []))
+        if not key or key in (self._followed[0], physical.tobytes()) or key != self._last_models[0]:
+            return False
+        step = physical - np.frombuffer(key)
+        changes = [
+            own @ step[list(member.entries.values())]
+            for own, member in zip(columns, self.members, strict=True)
+        ]
+        if not near(step, changes):
+            return False
+        there = physical.tobytes()
+        models = [model + change for model, change in zip(self._last_models[1], changes, strict=True)]
+        self._last_models, self._last_columns[False] = (there, models), (there, columns)
+        self._followed = there, key
+        return True
+
+    def asked_for(self, physical: FloatArray) -> FloatArray:
+        """Vector (k,) of the laws behind the models at a vector (k,): that itself, or the one they `follow`."""
+        there, key = self._followed
+        return np.frombuffer(key) if physical.tobytes() == there else physical
+
     def several(
         self, physical: FloatArray, possible: NDArray[np.bool_]
     ) -> tuple[list[FloatArray], list[FloatArray]]:
@@ -89,27 +116,42 @@ class Models:
 
         Rows without a law are taken out of `possible` (s,), and zero.
         """
-        together = self._together(physical) if len(physical) > 1 and self.in_batches else None
+        if len(physical) == 1:
+            return self._one(physical, possible)
+        together = self._together(physical) if self.in_batches else None
         if together is not None:
             columns, models, known = together
             missing = possible & ~known
             self.count += int(np.count_nonzero(possible & known))
         else:
-            columns = [
-                np.zeros((len(physical), len(member.entries), len(member.force))) for member in self.members
-            ]
-            models = [np.zeros((len(physical), len(member.force))) for member in self.members]
+            columns, models = self._room(len(physical))
             missing = possible.copy()
             self._prepare(physical[possible])
         for row in np.flatnonzero(missing).tolist():
-            try:
-                own, forces = self.columns(physical[row], rough=True), self.models(physical[row])
-            except InputError:
-                possible[row] = False
-                continue
-            for into, each in zip((*columns, *models), (*(part.T for part in own), *forces), strict=True):
-                into[row] = each
+            own, forces = self._one(physical[row : row + 1], possible[row : row + 1])
+            for into, each in zip((*columns, *models), (*own, *forces), strict=True):
+                into[row] = each[0]
         return columns, models
+
+    def _room(self, sets: int) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Zeros for the derivatives and the forces of every curve."""
+        points = [len(member.force) for member in self.members]
+        columns = [
+            np.zeros((sets, len(member.entries), n)) for member, n in zip(self.members, points, strict=True)
+        ]
+        return columns, [np.zeros((sets, n)) for n in points]
+
+    def _one(
+        self, physical: FloatArray, possible: NDArray[np.bool_]
+    ) -> tuple[list[FloatArray], list[FloatArray]]:
+        """What `several` says of one row, (1, k)."""
+        if possible[0]:
+            try:
+                own = self.columns(physical[0], rough=True)
+                return [part.T[None] for part in own], [part[None] for part in self.models(physical[0])]
+            except InputError:
+                possible[0] = False
+        return self._room(1)
 
     def _together(
         self, physical: FloatArray

@@ -29,6 +29,9 @@ __all__ = ["Objective"]
 
 # Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
 _FAR = 40.0
+# A step that changes the residuals by less than this share of their sum of squares, a thirtieth of a standard error
+# with 1000 points, and every scaled coordinate by less than a thousandth, is straight to 1e-3 of itself.
+_UNTOLD, _A_HAIR = 1e-6, 1e-3
 
 
 @dataclass
@@ -148,6 +151,20 @@ class Objective:
             return False
         return True
 
+    def follows(self, vector: FloatArray, square: float) -> bool:
+        """Whether models at a vector (k,) follow by slopes from those asked last, whose squares sum to `square`.
+
+        Not where a law was refused on the way.
+        """
+        physical = self.problem.physical(vector)
+        hair = _A_HAIR * np.abs(self.problem.space.slopes(physical))
+
+        def near(step: FloatArray, changes: list[FloatArray]) -> bool:
+            told = sum(float(own @ own) for own in self._whitened(changes))
+            return told <= _UNTOLD * square and bool((np.abs(step) <= hair).all())
+
+        return not self.failures and self.asked.follow(physical, near)
+
     def loss(self, vector: FloatArray) -> float:
         """Minus twice the log-likelihood with the frozen noise, priors' residuals included, at (k,)."""
         normalisation = sum(
@@ -199,11 +216,12 @@ class Objective:
         curves = [
             Rows(
                 noise.whiten((model - member.force) / sigma, member.curve.time),
-                noise.whiten(own / sigma, member.curve.time) * slopes[:, entries, None],
+                noise.whiten(own / sigma, member.curve.time)
+                * (slopes if entries is None else slopes[:, entries])[:, :, None],
                 entries,
             )
             for own, model, entries, (member, noise, sigma) in zip(
-                columns, models, self._entries, self._curves(), strict=True
+                columns, models, self._some_entries, self._curves(), strict=True
             )
         ]
         here = projected(curves, self._prior_places(vectors, physical), self._linear, low, high)
@@ -241,6 +259,12 @@ class Objective:
             normal[row] = columns.T @ columns
         return Places(vectors, square, gradient, normal)
 
+    @cached_property
+    def _some_entries(self) -> list[NDArray[np.intp] | None]:
+        """As `Rows` has them."""
+        everything = np.arange(len(self.problem.coordinates))
+        return [None if np.array_equal(entries, everything) else entries for entries in self._entries]
+
     # --- their weights ------------------------------------------------------------------------------------
 
     def _weighted(self, models: list[FloatArray], physical: FloatArray) -> FloatArray:
@@ -263,9 +287,15 @@ class Objective:
         return rows
 
     def _whitened_residuals(self, models: list[FloatArray]) -> list[FloatArray]:
+        return self._whitened(
+            [model - member.force for model, member in zip(models, self.members, strict=True)]
+        )
+
+    def _whitened(self, forces: list[FloatArray]) -> list[FloatArray]:
+        """Forces (N), (n,) each, over the noise."""
         return [
-            noise.whiten((model - member.force) / sigma, member.curve.time)
-            for model, (member, noise, sigma) in zip(models, self._curves(), strict=True)
+            noise.whiten(force / sigma, member.curve.time)
+            for force, (member, noise, sigma) in zip(forces, self._curves(), strict=True)
         ]
 
     def _whitened_rows(self, columns: list[FloatArray]) -> list[FloatArray]:

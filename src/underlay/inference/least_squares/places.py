@@ -27,13 +27,13 @@ class Rows(NamedTuple):
         Whitened, (s, n).
     derivatives : FloatArray
         Of the residuals in the scaled entries that the curve reads, (s, own, n).
-    entries : ndarray of int (own,)
-        Which those are.
+    entries : ndarray of int (own,) or None
+        Which those are; None where they are all, in order.
     """
 
     residuals: FloatArray
     derivatives: FloatArray
-    entries: NDArray[np.intp]
+    entries: NDArray[np.intp] | None
 
 
 @dataclass(frozen=True)
@@ -107,15 +107,20 @@ def projected(
     gradient, normal, square = prior.gradient, prior.normal.copy(), prior.square
     for curve in curves:
         J = curve.derivatives
-        normal[:, curve.entries[:, None], curve.entries] += J @ J.swapaxes(-1, -2)
+        own = J @ J.swapaxes(-1, -2)
+        if curve.entries is None:
+            normal += own
+        else:
+            normal[:, curve.entries[:, None], curve.entries] += own
     gradient, square = _against(curves, [curve.residuals for curve in curves], prior)
     step = linear.steps(Places(prior.vector, square, gradient, normal), low, high)
     if step is None:
         return Places(prior.vector, square, gradient, normal)
     # From the residuals, not from their products: a small sum of squares keeps its digits.
-    residuals = [
-        curve.residuals + (step.along[:, None, curve.entries] @ curve.derivatives)[:, 0] for curve in curves
-    ]
+    residuals = []
+    for curve in curves:
+        along = step.along if curve.entries is None else step.along[:, curve.entries]
+        residuals.append(curve.residuals + (along[:, None] @ curve.derivatives)[:, 0])
     gradient, square = _against(curves, residuals, prior, step.grown)
     grown = step.grown[:, :, None] * step.grown[:, None, :]
     normal = (normal - prior.normal) * grown + prior.normal
@@ -126,10 +131,14 @@ def _against(
     curves: Sequence[Rows], residuals: Sequence[FloatArray], prior: Places, grown: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """J'r (s, k), its derivatives grown by factors (s, k), and r'r (s,), with what the priors add."""
-    gradient, square = np.zeros_like(prior.gradient), prior.square.copy()
+    gradient, square = np.zeros(prior.gradient.shape), prior.square.copy()
     for curve, r in zip(curves, residuals, strict=True):
         square += np.einsum("sn,sn->s", r, r)
-        gradient[:, curve.entries] += (curve.derivatives @ r[:, :, None])[:, :, 0]
+        own = (curve.derivatives @ r[:, :, None])[:, :, 0]
+        if curve.entries is None:
+            gradient += own
+        else:
+            gradient[:, curve.entries] += own
     if grown is not None:
         gradient *= grown
     return gradient + prior.gradient, square

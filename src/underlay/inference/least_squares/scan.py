@@ -232,9 +232,8 @@ def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: Floa
     if len(contacts) > 1:
         found = curve.refined(rows, laws, found)
     back = np.argsort(order)
-    return GridFit(
-        *(part.reshape(-1, count)[back].ravel() for part in (found.misfit, found.contact, found.amplitude))
-    )
+    parts = (found.misfit, found.contact, found.amplitude, found.lowest)
+    return GridFit(*(part.reshape(-1, count)[back].ravel() for part in parts))
 
 
 def _part(rows: Mapping[str, float | FloatArray], which: slice) -> dict[str, float | FloatArray]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.least_squares.blocks import Blocks
@@ -33,11 +34,14 @@ class GridFit:
         Best contact depth (m).
     amplitude : FloatArray
         Factor on the moduli that goes with it.
+    lowest : FloatArray
+        Contact depth (m) where the parabola through the misfits of the best and its neighbours is lowest.
     """
 
     misfit: FloatArray
     contact: FloatArray
     amplitude: FloatArray
+    lowest: FloatArray
 
     def followed_by(self, other: GridFit) -> GridFit:
         """These rows and then those of another."""
@@ -53,6 +57,7 @@ class GridFit:
             (self.misfit, other.misfit),
             (self.contact, other.contact),
             (self.amplitude, other.amplitude),
+            (self.lowest, other.lowest),
         )
 
 
@@ -85,7 +90,7 @@ class ScanCurve:
         return LawRows.of(self.forward, rows, float(self._travel(rows).max() - self.contacts[0]))
 
     def best_contact(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> GridFit:
-        """Best of the contacts (m), (c,) or (r, c), of every row."""
+        """Best of the contacts (m), in even steps (c,) or (r, 1), of every row."""
         forces = laws.force(self._travel(rows) - np.atleast_2d(contacts)[:, :, None])
         basis = self._linear_basis
         target = _project_out(self.blocks.force - self._fixed_offset(rows), basis)
@@ -93,16 +98,17 @@ class ScanCurve:
         amplitude = self._amplitudes(rows, target, shapes)
         left = target - amplitude[..., None] * shapes
         misfit = np.where(laws.possible[:, None], np.einsum("rcm,rcm->rc", left, left), np.inf)
-        chosen = np.arange(len(misfit)), np.argmin(misfit, axis=1)
-        return GridFit(misfit[chosen], np.broadcast_to(contacts, misfit.shape)[chosen], amplitude[chosen])
+        best = np.argmin(misfit, axis=1)
+        chosen = np.arange(len(misfit)), best
+        contact = np.broadcast_to(contacts, misfit.shape)[chosen]
+        lowest = contact
+        if misfit.shape[1] > 1:
+            lowest = contact + float(contacts[1] - contacts[0]) * _steps_to_lowest(misfit, best)
+        return GridFit(misfit[chosen], contact, amplitude[chosen], lowest)
 
     def refined(self, rows: Rows, laws: LawRows, found: GridFit) -> GridFit:
-        """The same after a Gauss-Newton step of each contact, where that is better."""
-        step = float(self.contacts[1] - self.contacts[0])
-        moved = found.contact + np.clip(self._towards(rows, laws, found), -step, step)
-        # Not before the first contact: the laws reach no deeper.
-        moved = np.clip(moved, self.contacts[0], self.free[CONTACT].high)
-        return found.better(self.best_contact(rows, laws, moved[:, None]))
+        """The same at the lowest point of each parabola, where that is better."""
+        return found.better(self.best_contact(rows, laws, found.lowest[:, None]))
 
     def linear(self, values: Mapping[str, float]) -> dict[str, float]:
         """Baseline and slope, those that are free, that go best with the other numbers."""
@@ -114,26 +120,6 @@ class ScanCurve:
         rest = self.blocks.force - self._fixed_offset(values) - laws.force(travel[None, None])[0, 0]
         solved = np.linalg.lstsq(columns, rest, rcond=None)[0]
         return dict(zip((path for path in _LINEAR if path in self.free), solved.tolist(), strict=True))
-
-    def _towards(self, rows: Rows, laws: LawRows, found: GridFit) -> FloatArray:
-        """Gauss-Newton step of the contact depth (m), (r,), everything linear solved for beside it."""
-        basis = self._linear_basis
-        tip = (self._travel(rows) - found.contact[:, None])[:, None]
-        force, stiffness = laws.force(tip)[:, 0], laws.stiffness(tip)[:, 0]
-        slope = _project_out(-found.amplitude[:, None] * stiffness, basis)
-        shape = _project_out(force, basis)
-        left = _project_out(self.blocks.force - self._fixed_offset(rows), basis) - (
-            found.amplitude[:, None] * shape
-        )
-        if self.scales:
-            power = np.einsum("rm,rm->r", shape, shape)
-            felt = power > 0.0
-            share = np.einsum("rm,rm->r", slope, shape) / np.where(felt, power, 1.0)
-            slope = slope - share[:, None] * shape
-        power = np.einsum("rm,rm->r", slope, slope)
-        acts = power > 0.0
-        step = np.einsum("rm,rm->r", slope, left) / np.where(acts, power, 1.0)
-        return np.where(acts, step, 0.0)
 
     def _amplitudes(self, rows: Rows, target: FloatArray, shapes: FloatArray) -> FloatArray:
         """Factor (r, c) on the layer's modulus that fits best, within its bounds; one if it is fixed."""
@@ -168,6 +154,18 @@ class ScanCurve:
     def _fixed_offset(self, rows: Rows) -> FloatArray:
         baseline, slope = (0.0 if path in self.free else rows[path] for path in _LINEAR)
         return np.asarray(baseline + slope * self.blocks.depth)
+
+
+def _steps_to_lowest(misfit: FloatArray, best: NDArray[np.intp]) -> FloatArray:
+    """Steps (r,) from the best of every row (r, c) to where the parabola through its neighbours is lowest."""
+    rows, inside = np.arange(len(best)), (best > 0) & (best < misfit.shape[1] - 1)
+    inside &= np.isfinite(misfit[:, 0])
+    middle = np.clip(best, 1, misfit.shape[1] - 2)
+    before, here, after = (
+        np.where(inside, misfit[rows, middle + beside], float(beside * beside)) for beside in (-1, 0, 1)
+    )
+    bend = before - 2.0 * here + after
+    return np.where(bend > 0.0, 0.5 * (before - after) / np.where(bend > 0.0, bend, 1.0), 0.0)
 
 
 def _project_out(rows: FloatArray, basis: FloatArray | None) -> FloatArray:

@@ -94,7 +94,8 @@ def _searched(objective: Objective, start: FloatArray, robust: Minimiser | None)
     if found is None:
         return Optimum(objective, start, success=False, message="no contact law beside the start")
     # The last step was not asked for its law, and may lead to where there is none.
-    vector = found.vector if objective.exists(found.vector) else found.point.vector
+    known = objective.follows(found.vector, found.point.square) or objective.exists(found.vector)
+    vector = found.vector if known else found.point.vector
     return Optimum(objective, vector, found.success, found.message)
 
 

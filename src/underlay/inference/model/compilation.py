@@ -46,14 +46,15 @@ def compile_members(
     entries: list[dict[str, int]] = [{} for _ in tests]
     paths = [request.path for request in requests]
     spans = [_spans(curve) for _, curve in tests]
+    of_noises = [_quantities_of(noise) for noise in noises]
     for index, request in enumerate(requests):
         own = [tests[i] for i in request.curves]
         first = noises[request.curves[0]]
-        of_noise = _quantities_of(first)
+        of_noise = of_noises[request.curves[0]]
         for scene, _ in own:
             require_acting(request.path, scene, paths, solver, of_noise)
         known = of_noise.get(request.path) or own[0][0].quantities[request.path]
-        start = _common_start(request, own, first)
+        start = _common_start(request, own, first, of_noise)
         widest = Spans(
             depth=max(spans[i].depth for i in request.curves),
             force=max(spans[i].force for i in request.curves),
@@ -62,7 +63,8 @@ def compile_members(
         for i in request.curves:
             entries[i][request.path] = index
     members = tuple(
-        _member(scene, curve, noises[i], entries[i], solver, store) for i, (scene, curve) in enumerate(tests)
+        _member(scene, curve, noises[i], of_noises[i], entries[i], solver, store)
+        for i, (scene, curve) in enumerate(tests)
     )
     points = sum(len(curve) for _, curve in tests)
     if points <= len(coordinates):
@@ -170,8 +172,10 @@ def _numbered(free: Mapping[str, Given], shared: tuple[str, ...], count: int) ->
     return single
 
 
-def _common_start(request: _Request, own: Sequence[tuple[Scene, Curve]], noise: NoiseModel) -> float:
-    if request.path in _quantities_of(noise):
+def _common_start(
+    request: _Request, own: Sequence[tuple[Scene, Curve]], noise: NoiseModel, of_noise: Mapping[str, Quantity]
+) -> float:
+    if request.path in of_noise:
         field, given = request.path.partition(".")[2], request.given
         prior = given if isinstance(given, Prior) else None
         bounds = given if isinstance(given, tuple) else None
@@ -193,11 +197,11 @@ def _member(
     scene: Scene,
     curve: Curve,
     noise: NoiseModel,
+    of_noise: Mapping[str, Quantity],
     entries: Mapping[str, int],
     solver: Solver,
     store: LawStore,
 ) -> Member:
-    of_noise = _quantities_of(noise)
     mechanical = {path: index for path, index in entries.items() if path not in of_noise}
     noisy = {path.partition(".")[2]: index for path, index in entries.items() if path in of_noise}
     _check_history(scene, curve, mechanical)

@@ -88,7 +88,9 @@ class Forward:
 
         A lever is told the `force` readings (N), (n,).
         """
-        elastic = replace(scene.elastic, discrepancy=None)
+        elastic = scene.elastic
+        if elastic.discrepancy is not None:
+            elastic = replace(elastic, discrepancy=None)
         reference = replace(elastic, instrument=Instrument(), lever=None)
         similarity = compile_similarity(elastic, free, scaling=solver.scaling)
         laws = LawSource.of(similarity, reference, free, solver, store)

@@ -93,8 +93,10 @@ def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequen
         elif path == ContactDepth.path:
             np.negative(stiffness, out=columns[:, row])
         else:
-            columns[:, row] = ratio * _slope(asked, path, laws)
-    return Jacobians(asked.instrument_force(ratio * laws.force), columns, laws.possible)
+            slope = _slope(asked, path, laws)
+            columns[:, row] = slope if over is None else ratio * slope
+    contact = laws.force if over is None else ratio * laws.force
+    return Jacobians(asked.instrument_force(contact), columns, laws.possible)
 
 
 def _laws(asked: ParameterSets) -> _Laws | None:

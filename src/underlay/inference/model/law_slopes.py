@@ -24,6 +24,8 @@ __all__ = ["LawSlopes", "force_scale", "slope_by_factors"]
 # Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
 # derivative, and a law's own error of 1e-6 enters with 1e-3.
 _RATIO_STEP = 1e-3
+# Name of the one ratio of a table, whatever its parameters are.
+_TABLED = "ratio"
 
 
 def force_scale(similarity: Similarity, path: str, values: Mapping[str, float]) -> float | None:
@@ -41,11 +43,17 @@ def slope_by_factors(
 
     With numbers (sets,) in `values`, one for each row.
     """
-    column = (-1, *(1,) * (P.ndim - 1))
-    log_b, log_c = (np.reshape(slope, column) for slope in similarity.factor_slopes(path, values))
-    total = log_c * P
-    if log_b.any():
-        total += log_b * w * S
+    # Numbers, or arrays where those of `values` are.
+    factors: tuple[Any, Any] = similarity.factor_slopes(path, values)
+    log_b, log_c = factors
+    if isinstance(log_b, np.ndarray):
+        column = (-1, *(1,) * (P.ndim - 1))
+        log_b, log_c = np.reshape(log_b, column), np.reshape(log_c, column)
+    elif not log_b:
+        return np.asarray(log_c * P)
+    total = w * S
+    total *= log_b
+    total += log_c * P
     return np.asarray(total)
 
 
@@ -87,9 +95,10 @@ class LawSlopes:
         value = self.values[path]
         derivative = slope_by_factors(self.similarity, path, self.values, self.w, self.P, self.S) / value
         if self.laws.table is not None and (slope := self.laws.table.slope(path)):
-            known = self.law.ratio_slope(self.w, self.P)
-            if known is not None:
-                return np.asarray(derivative + known * (slope / value))
+            if _TABLED not in self._columns and (known := self.law.ratio_slope(self.w, self.P)) is not None:
+                self._columns[_TABLED] = known
+            if _TABLED in self._columns:
+                return np.asarray(derivative + self._columns[_TABLED] * (slope / value))
         for ratio, slope in self.similarity.ratio_slopes(path, self.values).items():
             if ratio not in self._columns:
                 known = self._known(ratio)

@@ -60,7 +60,8 @@ class ParameterSets:
         upright = {path: v[:, None] if isinstance(v, np.ndarray) else v for path, v in values.items()}
         self.chain = Chain.of(upright)
         travel = self.chain.travel(forward.depth_at(upright))
-        self.tip = np.broadcast_to(travel, (sets, forward.depth.shape[-1]))
+        shape = (sets, forward.depth.shape[-1])
+        self.tip = travel if travel.shape == shape else np.broadcast_to(travel, shape)
         self.deepest = np.maximum(self.tip.max(axis=1), 0.0)
 
     @property
@@ -81,7 +82,8 @@ class ParameterSets:
     def gain(self) -> FloatArray:
         """Force reading over force of each set, (sets,)."""
         numbers: Any = self.values  # as in __init__
-        return np.broadcast_to(self.forward.similarity.gain(numbers), self.sets)
+        gain = self.forward.similarity.gain(numbers)
+        return gain if isinstance(gain, np.ndarray) else np.full(self.sets, gain)
 
     def instrument_force(self, contact: FloatArray) -> FloatArray:
         """Force of the instrument (N), (sets, n), of that of the contact."""
