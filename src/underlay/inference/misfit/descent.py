@@ -32,7 +32,7 @@ _LEAST = 1e-12
 
 @dataclass(frozen=True)
 class Combination:
-    """One of what is weighed: correlated noise (tau, g) or None, drift, jump and ramp (8 + 2,), and s^2."""
+    """One of what is weighed: correlated noise (tau, g) or None, drift, jump and ramp (10 + 2,), and s^2."""
 
     noise: tuple[float, float] | None
     amounts: FloatArray

@@ -2,49 +2,55 @@
 
 A drift is a relative error of the law that is nil at contact:
 
-- smooth in the contact radius, P s^j / j with s = (w / w_max)^(1/2) and j = 1 to 3: finite strain, a base that is
+- smooth in the contact radius, P s^j / j with s = (w / w_max)^(1/2) and j = 1 to 4: finite strain, a base that is
   not what the scene says;
 - the force that a layer loses which relaxes while it is pressed, integral of exp(-(t - t') / tau) dP(t') - P (Lee
   and Radok 1960), for times tau from a twenty-fifth of the time since contact to all of it;
-- where a scene says half-space, a base after all. A softer one lets the force fall toward its own: with the smooth
-  columns goes P (1 / (1 + 4 s) - 1), which bends as this does; what a rigid one adds they follow themselves.
+- where a scene says half-space, a base after all: P (1.133 x + 1.283 x^2 + 0.769 x^3 + 0.0975 x^4), x = 1.5 s, of a
+  rigid one under an incompressible layer (Dimitriadis et al. 2002, equation 12), and P (1 / (1 + 4 s) - 1), which
+  falls toward the force of a far softer one.
+
+A force that fades does not grow (`evidence.py`): columns that go with time could otherwise take the growth of the force
+upon themselves, leave the law flat, and so make little of the noise of the depth.
 
 Each kind of drift is one Gaussian family of sizes, and the kinds compete. A family of many directions costs a clean
-curve less width than one of few: its probability falls with each direction that is not seen. It falls with the size
-too, and then a drift of 1 %, which no data show, is not allowed for. Whoever says half-space does not know how far
-down the base is: three sizes of it compete.
+curve less width than one of few: its probability falls with each direction that is not seen.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.polynomial import Polynomial
+from numpy.polynomial import Polynomial, polynomial
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 
-__all__ = ["BASES", "DRIFTS", "RELAXING", "SMOOTH", "drift_columns"]
+__all__ = ["BENT", "DRIFTS", "FADING", "FAR_BASE", "NEAR_BASE", "RELAXING", "SMOOTH", "drift_columns"]
 
-_POWERS = np.arange(1.0, 4.0)
+_POWERS = np.arange(1.0, 5.0)
 # Over the time from contact to the end of the curve.
 _TIMES = np.array([0.04, 0.1, 0.3, 1.0])
 # Degree of the polynomial in time that the depth is taken to follow.
 _COURSE = 3
-_SOFT = 4.0
-#: Columns of a drift: smooth, relaxing, and for a soft base.
-DRIFTS = len(_POWERS) + len(_TIMES) + 1
+_RIGID, _WIDE, _SOFT = (1.133, 1.283, 0.769, 0.0975), 1.5, 4.0
+#: Columns of a drift: smooth, relaxing, and for a rigid and a soft base.
+DRIFTS = len(_POWERS) + len(_TIMES) + 2
+#: Those of a force that fades among them.
+FADING = slice(len(_POWERS), len(_POWERS) + len(_TIMES))
 
 # Sizes of the columns of one kind of drift each, as shares of the force.
-#: A law that drifts smoothly.
-SMOOTH = (0.3, 0.3, 0.3, *(0.0,) * 5)
-#: A layer that relaxes, or whose law drifts: forces that fade serve for powers of the depth as well.
-RELAXING = (0.3, 0.0, 0.0, 0.14, 0.21, 0.21, 0.35, 0.0)
-#: A base under a half-space, from far down to near.
-BASES = tuple((size, size, size, *(0.0,) * 4, 1.25 * size) for size in (0.05, 0.5, 5.0))
+#: A law that drifts smoothly, in three half powers of the depth or in four.
+SMOOTH = (0.3, 0.3, 0.3, 0.0, *(0.0,) * 6)
+BENT = (0.3, 0.3, 0.3, 0.3, *(0.0,) * 6)
+#: A layer that relaxes.
+RELAXING = (*(0.0,) * 4, 0.2, 0.3, 0.3, 0.5, 0.0, 0.0)
+#: A base under a half-space: far down, to first order in contact radius over thickness, or near.
+FAR_BASE = (0.3, *(0.0,) * 9)
+NEAR_BASE = (0.3, 0.3, *(0.0,) * 6, 0.5, 1.0)
 
 
 def drift_columns(force: FloatArray, depth: FloatArray, time: FloatArray) -> FloatArray:
-    """Phi: relative errors of the law that vanish at contact, in the unit of the force, (n, 8).
+    """Phi: relative errors of the law that vanish at contact, in the unit of the force, (n, 10).
 
     Parameters
     ----------
@@ -62,8 +68,10 @@ def drift_columns(force: FloatArray, depth: FloatArray, time: FloatArray) -> Flo
     if not deepest > 0.0:
         raise InputError("a curve that never touches has no drift with depth")
     share = np.sqrt(np.maximum(depth, 0.0) / deepest)[:, None]
-    powers, soft = share**_POWERS / _POWERS, 1.0 / (1.0 + _SOFT * share) - 1.0
-    return np.hstack((force[:, None] * powers, _lost(force, depth, time), force[:, None] * soft))
+    wide = _WIDE * share
+    bases = np.hstack((wide * polynomial.polyval(wide, _RIGID), 1.0 / (1.0 + _SOFT * share) - 1.0))
+    powers = share**_POWERS / _POWERS
+    return np.hstack((force[:, None] * powers, _lost(force, depth, time), force[:, None] * bases))
 
 
 def _lost(force: FloatArray, depth: FloatArray, time: FloatArray) -> FloatArray:

@@ -14,13 +14,17 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from underlay._arrays import FloatArray
-from underlay.inference.misfit.drift import DRIFTS
+from underlay.inference.misfit.drift import DRIFTS, FADING
 from underlay.inference.misfit.linearised import Linearised, acting_columns
 from underlay.inference.misfit.sizes import Sizes, over_noise
 
 __all__ = ["Evidence", "Weighed"]
+
+# Standard deviations beyond which a force that should fade is seen to grow, and the kind of drift is none.
+_GROWS = 1.645
 
 
 class Weighed(NamedTuple):
@@ -70,7 +74,7 @@ class Evidence:
 
     @cached_property
     def _amount(self) -> NDArray[np.intp]:
-        """Which of the 8 + 2 amounts is that of each of the misfits' columns."""
+        """Which of the 10 + 2 amounts is that of each of the misfits' columns."""
         return acting_columns(self.sizes.largest, len(self.model.parts))
 
     def roughly(self, log_prior: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -139,6 +143,9 @@ class Evidence:
             found.log_evidence[rows] = log_prior[rows] + self._evidence(
                 square, self.log_determinants[noise[rows]], log_normal
             )
+            if kind[FADING].any():
+                scale = over_noise(amounts, variance[rows])[:, self._amount[used]]
+                found.log_evidence[rows] += self._fades(root, self._fading[:, used] * scale[:, None])
             # The coordinates are the last columns but one: their part of the factor is that of what is left.
             inverse = np.linalg.inv(root[:, -1 - k : -1, -1 - k : -1])
             found.shift[rows] = -(root[:, -1:, -1 - k : -1] @ inverse)[:, 0]
@@ -146,8 +153,34 @@ class Evidence:
             found.covariance[rows] = own * (np.swapaxes(inverse, 1, 2) @ inverse)
         return found
 
+    def _fades(self, root: FloatArray, along: FloatArray) -> FloatArray:
+        """Log of twice the probability that every curve's force fades, and does not grow, (c,).
+
+        `along` (c, curves, m) are the misfits' shares in what has faded at full depth, N = `root` `root`'.
+        """
+        misfits = along.shape[-1]
+        ahead = np.zeros((*along.shape[:2], root.shape[-1] - 1))
+        ahead[..., :misfits] = along
+        across = np.linalg.solve(root[:, :-1, :-1], np.swapaxes(ahead, 1, 2))
+        mean = -(root[:, -1:, :-1] @ across)[:, 0]
+        spread = np.linalg.norm(across, axis=1) * root[:, -1, -1:] / self.freedom**0.5
+        z = mean / spread
+        return np.asarray(np.where(z > -_GROWS, np.log(2.0) + special.log_ndtr(z), -np.inf).sum(axis=-1))
+
+    @cached_property
+    def _fading(self) -> FloatArray:
+        """Force that has faded at full depth for every column of the misfits, (curves, m)."""
+        found = np.zeros((len(self.model.parts), len(self._amount)))
+        own = len(self._amount) // len(self.model.parts)
+        for number, part in enumerate(self.model.parts):
+            amount = self._amount[:own]
+            fades = np.flatnonzero((amount >= FADING.start) & (amount < FADING.stop))
+            lost = part.drift[np.argmax(np.abs(part.drift[:, 0]))]
+            found[number, own * number + fades] = -lost[amount[fades]]
+        return found
+
     def misfits(self, noise: int, column: int, variance: float) -> FloatArray:
-        """Best drift, jump and ramp of every curve under one combination, (17 curves,)."""
+        """Best drift, jump and ramp of every curve under one combination, (19 curves,)."""
         amounts, s2 = self.sizes.amounts[[column]], np.array([variance])
         (bordered,) = self._bordered(np.array([noise]), amounts, s2)
         shift = -np.linalg.solve(bordered[:-1, :-1], bordered[:-1, -1])[: len(self._amount)]
@@ -170,7 +203,7 @@ class Evidence:
         variance: FloatArray,
         used: NDArray[np.intp] | None = None,
     ) -> FloatArray:
-        """N with c and r'r beside it, (c, m, m), of `used` misfits, for noises, amounts (c, 8 + 2), s^2 (c,)."""
+        """N with c and r'r beside it, (c, m, m), of `used` misfits, for noises, amounts (c, 10 + 2), s^2 (c,)."""
         every = len(self._amount)
         used = np.arange(every) if used is None else used
         places = np.concatenate((used, np.arange(every, self.products.shape[-1])))

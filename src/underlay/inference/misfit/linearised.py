@@ -52,7 +52,7 @@ class Part:
     jacobian : FloatArray
         Its derivatives in scaled coordinates and in the amplitudes of known errors, (n, k).
     drift, jump, ramp : FloatArray
-        `drift_columns`, `jump_columns` and `ramp_column`, (n, 8), (n, 8), (n, 1), over the scatter.
+        `drift_columns`, `jump_columns` and `ramp_column`, (n, 10), (n, 8), (n, 1), over the scatter.
     time : FloatArray
         Times of the readings (s), (n,), increasing; their numbers where there are none.
     """
@@ -65,14 +65,14 @@ class Part:
     time: FloatArray
 
     def columns(self, amounts: FloatArray) -> FloatArray:
-        """What is whitened, (n, m): drift, jump, ramp that have `amounts` (8 + 2,), derivatives, residuals."""
+        """What is whitened, (n, m): drift, jump, ramp that have `amounts` (10 + 2,), derivatives, residuals."""
         drift, (jump, ramp) = np.split(amounts > 0.0, [DRIFTS])
         parts = (self.drift[:, drift], self.jump[:, : JUMPS * jump], self.ramp[:, : RAMPS * ramp])
         return np.asfortranarray(np.hstack((*parts, self.jacobian, self.residuals[:, None])))
 
 
 def acting_columns(amounts: FloatArray, curves: int) -> NDArray[np.intp]:
-    """Which of the `amounts` (8 + 2,) is that of each column of drift, jump, ramp of all curves that has one."""
+    """Which of the `amounts` (10 + 2,) is that of each column of drift, jump, ramp of all curves that has one."""
     acting = np.flatnonzero(amounts > 0.0)
     return np.tile(np.repeat(acting, _WIDTHS[acting]), curves)
 
@@ -119,7 +119,7 @@ class Linearised:
     ) -> tuple[FloatArray, FloatArray]:
         """Products of columns under V^-1, (g, m, m), and log det V, (g,).
 
-        The columns are drift, jump and ramp of each curve, those alone that have a size in `amounts` (8 + 2,),
+        The columns are drift, jump and ramp of each curve, those alone that have a size in `amounts` (10 + 2,),
         then the derivatives and the residuals. Noises of one correlation time share its work when they stand side
         by side.
         """

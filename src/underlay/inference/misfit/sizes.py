@@ -24,7 +24,7 @@ from itertools import product
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.misfit.drift import BASES, DRIFTS, RELAXING, SMOOTH
+from underlay.inference.misfit.drift import BENT, DRIFTS, FAR_BASE, NEAR_BASE, RELAXING, SMOOTH
 from underlay.inference.problem import Problem
 from underlay.scene.scene import Scene
 
@@ -53,11 +53,11 @@ class Sizes:
 
     times: int = 5
     shares: tuple[float, ...] = (0.1, 1.0, 10.0, 100.0, 1000.0)
-    drifts: tuple[tuple[float, ...], ...] = (RELAXING,)
+    drifts: tuple[tuple[float, ...], ...] = (BENT, RELAXING)
     jumps: tuple[float, ...] = (1.0, 4.64, 21.5, 100.0)
     ramps: tuple[float, ...] = (0.03,)
     white: float = 0.7
-    exact: float = 0.82
+    exact: float = 0.8
     smooth: float = 0.5
     level: float = 0.8
 
@@ -67,7 +67,7 @@ class Sizes:
         if shape_parameters(problem):
             return cls(exact=0.5, drifts=(tuple(size / 3.0 for size in SMOOTH), SMOOTH))
         if all(_is_half_space(scene) for scene in problem.base_scenes):
-            return cls(exact=0.65, drifts=BASES)
+            return cls(exact=0.65, drifts=(BENT, FAR_BASE, NEAR_BASE))
         return cls()
 
     def noises(self, times: Sequence[FloatArray]) -> list[tuple[float, float] | None]:
@@ -84,13 +84,13 @@ class Sizes:
 
     @cached_property
     def amounts(self) -> FloatArray:
-        """Sizes of the columns of the drift, of jump and of ramp, of every combination, (c, 8 + 2)."""
+        """Sizes of the columns of the drift, of jump and of ramp, of every combination, (c, 10 + 2)."""
         groups = (self.kinds, (0.0, *self.jumps), (0.0, *self.ramps))
         return np.array([(*drift, jump, ramp) for drift, jump, ramp in product(*groups)])
 
     @cached_property
     def largest(self) -> FloatArray:
-        """The largest of each, (8 + 2,)."""
+        """The largest of each, (10 + 2,)."""
         return np.asarray(self.amounts.max(axis=0))
 
     def log_prior(self, noises: int) -> FloatArray:
@@ -104,7 +104,7 @@ class Sizes:
 
 
 def over_noise(amounts: FloatArray, variance: FloatArray) -> FloatArray:
-    """Amounts (c, 8 + 2) of `Sizes.amounts`, over the noise as jumps are; s^2 (c,) over the scatter squared."""
+    """Amounts (c, 10 + 2) of `Sizes.amounts`, over the noise as jumps are; s^2 (c,) over the scatter squared."""
     own = amounts / np.sqrt(variance)[:, None]
     own[:, DRIFTS] = amounts[:, DRIFTS]
     return np.asarray(own)
