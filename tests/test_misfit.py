@@ -178,14 +178,16 @@ def test_a_layer_that_relaxes_loses_what_theory_says():
     assert (off <= step**2 * 1.5 * np.sqrt(t) / (8.0 * tau) + 1e-12).all()
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_force_that_grows_is_no_layer_that_relaxes(sign):
-    """A loss of a quarter, and as large a gain: noise of 0.003 of the force sees either by dozens of deviations."""
+def test_a_force_that_grows_is_no_layer_that_relaxes():
+    """A loss of a quarter, and as large a gain: without its sign a kind of drift weighs the same in both."""
     lost = made(truth=np.zeros(80)).parts[0].drift[:, FADING] @ np.full(4, 1.0 / 12.0)
-    found = Competition.of(made(truth=RNG.standard_normal(80) - sign * lost), Sizes())
-    fades = (found.amounts[:, FADING] > 0.0).any(axis=1)
-    assert (found.weights[fades] > 0.0).any() == (sign > 0.0)
-    assert found.exact_law < 0.01
+    noise = RNG.standard_normal(80)
+    weights = []
+    for residuals in (noise - lost, noise + lost):
+        found = Competition.of(made(truth=residuals), Sizes())
+        fades = (found.amounts[:, FADING] > 0.0).any(axis=1)
+        weights.append(found.weights[fades].sum())
+    assert weights[0] > 0.5 > 0.1 > weights[1]
 
 
 def test_what_relaxes_does_not_follow_the_noise_of_the_depth():

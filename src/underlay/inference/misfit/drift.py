@@ -10,8 +10,8 @@ A drift is a relative error of the law that is nil at contact:
   rigid one under an incompressible layer (Dimitriadis et al. 2002, equation 12), and P (1 / (1 + 4 s) - 1), which
   falls toward the force of a far softer one.
 
-A force that fades does not grow (`evidence.py`): columns that go with time could otherwise take the growth of the force
-upon themselves, leave the law flat, and so make little of the noise of the depth.
+A force that fades does not grow (`evidence.py`): columns that go with time could otherwise take the growth of the
+force upon themselves, leave the law flat, and so make little of the noise of the depth.
 
 Each kind of drift is one Gaussian family of sizes, and the kinds compete. A family of many directions costs a clean
 curve less width than one of few: its probability falls with each direction that is not seen.
