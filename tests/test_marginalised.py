@@ -30,7 +30,7 @@ def dense_densities(problem, vectors):
     models = [curve.forward.force(curve.member.values_at(problem.physical(vector))) for vector in vectors]
     residuals = (np.array(models) - curve.force) / curve.member.scatter
     n = len(curve.force)
-    for (g, c), variance in zip(found.places, found.variance, strict=True):
+    for (g, c), variance, fading in zip(found.places, found.variance, found.fading, strict=True):
         V = np.eye(n)
         if found.noises[g] is not None:
             tau, share = found.noises[g]
@@ -40,7 +40,7 @@ def dense_densities(problem, vectors):
         for size, columns in ((drift, part.drift), (jump, part.jump), (ramp, part.ramp)):
             V += (size**2 * columns) @ columns.T
         square = np.einsum("sn,ns->s", residuals, np.linalg.solve(V, residuals.T))
-        terms.append(prior[g, c] - 0.5 * np.linalg.slogdet(V)[1] - 0.5 * n * np.log(square))
+        terms.append(prior[g, c] + fading - 0.5 * np.linalg.slogdet(V)[1] - 0.5 * n * np.log(square))
     return special.logsumexp(terms, axis=0)
 
 

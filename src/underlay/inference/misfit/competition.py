@@ -65,6 +65,8 @@ class Competition:
         Of coordinates and amplitudes, (c, k, k).
     variance : FloatArray
         s^2 over the scatter of the curves squared, (c,).
+    fading : FloatArray
+        What the sign of a force that fades adds to log_evidence, (c,); -inf where it would have to grow.
     misfits : FloatArray
         Best drift, jump and ramp of every curve under the heaviest combination, (19 curves,).
     degrees : int
@@ -78,6 +80,7 @@ class Competition:
     shift: FloatArray
     covariance: FloatArray
     variance: FloatArray
+    fading: FloatArray
     misfits: FloatArray
     degrees: int
 

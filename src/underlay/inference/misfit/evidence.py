@@ -28,12 +28,17 @@ _GROWS = 1.645
 
 
 class Weighed(NamedTuple):
-    """Log evidence (c,), shifts (c, k) and covariances (c, k, k) of the coordinates, and s^2 (c,)."""
+    """Log evidence (c,), shifts (c, k) and covariances (c, k, k) of the coordinates, s^2 (c,), and `fading` (c,).
+
+    The last is in the evidence already: the logarithm of how much likelier what fades is to fade than before the
+    test, and -inf where it is seen to grow.
+    """
 
     log_evidence: FloatArray
     shift: FloatArray
     covariance: FloatArray
     variance: FloatArray
+    fading: FloatArray
 
 
 @dataclass(frozen=True)
@@ -127,7 +132,9 @@ class Evidence:
     ) -> Weighed:
         """What some combinations say, (c,), each with its own s^2."""
         k, count = self._known, len(noise)
-        found = Weighed(np.empty(count), np.empty((count, k)), np.empty((count, k, k)), np.empty(count))
+        found = Weighed(
+            np.empty(count), np.empty((count, k)), np.empty((count, k, k)), np.empty(count), np.zeros(count)
+        )
         kinds = column // (len(self.sizes.amounts) // len(self.sizes.kinds))
         for number in np.unique(kinds):
             rows = np.flatnonzero(kinds == number)
@@ -145,7 +152,9 @@ class Evidence:
             )
             if kind[FADING].any():
                 scale = over_noise(amounts, variance[rows])[:, self._amount[used]]
-                found.log_evidence[rows] += self._fades(root, self._fading[:, used] * scale[:, None])
+                along = np.asarray(self._fading[:, used] * scale[:, None], dtype=np.float64)
+                found.fading[rows] = self._fades(root, along)
+                found.log_evidence[rows] += found.fading[rows]
             # The coordinates are the last columns but one: their part of the factor is that of what is left.
             inverse = np.linalg.inv(root[:, -1 - k : -1, -1 - k : -1])
             found.shift[rows] = -(root[:, -1:, -1 - k : -1] @ inverse)[:, 0]

@@ -172,7 +172,7 @@ class MarginalLikelihood:
             [competition.noises[number] for number in numbers],
             noise,
             _sizes(blocked, competition, kept),
-            prior[competition.places[kept, 0], competition.places[kept, 1]],
+            prior[competition.places[kept, 0], competition.places[kept, 1]] + competition.fading[kept],
         )
         expected = np.array([error.mean for error in blocked.errors])
         means = [part.jacobian[:, known:] @ expected for part in model.parts]
