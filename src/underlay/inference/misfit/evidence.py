@@ -152,8 +152,8 @@ class Evidence:
             )
             if kind[FADING].any():
                 scale = over_noise(amounts, variance[rows])[:, self._amount[used]]
-                along = np.asarray(self._fading[:, used] * scale[:, None], dtype=np.float64)
-                found.fading[rows] = self._fades(root, along)
+                along = self._fading[:, used] * scale[:, None]
+                found.fading[rows] = self._fades(np.asarray(root), np.asarray(along))
                 found.log_evidence[rows] += found.fading[rows]
             # The coordinates are the last columns but one: their part of the factor is that of what is left.
             inverse = np.linalg.inv(root[:, -1 - k : -1, -1 - k : -1])
