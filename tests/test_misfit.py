@@ -211,6 +211,13 @@ def test_a_noise_of_the_depth_is_not_taken_for_a_law_that_drifts():
     known, plain = fit.interval("layer.E"), quadratic_interval(fit, "layer.E", 0.95)
     assert plain.low < known.value < plain.high
     assert truth in known
+    assert any("as loud deep in contact" in reason for reason in fit.verdict.reasons)
+
+
+@pytest.mark.parametrize("kind", ["white", "correlated"])
+def test_an_even_noise_is_not_called_louder_in_contact(kind):
+    fit = ul.fit(load_problem(BENCHMARK / f"elastic.{kind}.csv", BENCHMARK / "elastic.toml"))
+    assert not any("as loud deep in contact" in reason for reason in fit.verdict.reasons)
 
 
 def test_a_base_under_a_half_space_is_the_published_one_and_a_soft_one_takes_force_away():

@@ -23,6 +23,8 @@ _POSSIBLE, _NAMED = 0.05, 0.05
 # evidence of either), and the share of the force from which on such a curve is one to be looked at: of 25 random
 # walks by 3 to 6 % of the force 2 stay below it, of 25 curves with white noise none is above.
 _STEADY, _LARGE = 0.1, 0.01
+# Times by which the noise deep in contact is louder than before contact from which on it is said.
+_LOUDER = 2.0
 # Logarithm of the largest factor by which a drift is said to move a parameter.
 _FACTOR = 2.0
 # Half of an interval of ln E that fixes nothing.
@@ -46,7 +48,8 @@ def verdict(fit: Fit, averaged: Averaged | None, interval: Callable[[str], State
 
 def _of_the_residuals(fit: Fit, averaged: Averaged) -> tuple[list[str], list[str]]:
     """What is wrong, and what is to be looked at, by the weights."""
-    law, contact, baseline = _of_the_law(averaged), _of_the_contact(averaged), _of_the_baseline(averaged)
+    law, contact = _of_the_law(averaged), _of_the_contact(averaged)
+    baseline = [*_of_the_baseline(averaged), *_of_the_noise(averaged)]
     if any(scene.adhesion is not None for scene in fit.problem.base_scenes):
         # A law of adhesion says itself which force there is at contact: another one is its error.
         return [*law, *contact], baseline
@@ -101,6 +104,16 @@ def _of_the_baseline(averaged: Averaged) -> list[str]:
             f"the noise wanders by {100.0 * wander:.2g} % of the range of the force over the record"
         )
     return reasons
+
+
+def _of_the_noise(averaged: Averaged) -> list[str]:
+    louder = averaged.louder
+    if louder <= _LOUDER:
+        return []
+    size = f"the noise is {louder:.2g} times as loud deep in contact as before it"
+    return [
+        f"{size}, and the interval takes it for even: free noise.force and noise.depth, or noise.relative"
+    ]
 
 
 def _of_the_intervals(fit: Fit, interval: Callable[[str], StatedInterval]) -> list[str]:

@@ -34,6 +34,9 @@ from underlay.inference.problem import Problem
 __all__ = ["Averaged", "average"]
 
 _MOST_PASSES = 3
+# Share of the largest force times contact radius from which on a reading is deep, and the chance of as loud a noise
+# there below which it is none. Second differences (1, -2, 1) have correlations 1, -2/3, 1/6: 1 + 2 (4/9 + 1/36).
+_DEEP, _CHANCE, _KNOWN = 0.5, 1e-3, 1.944
 # A shift whose square, what a linear model leaves out, is below this share of a standard deviation is not followed.
 _STRAIGHT = 0.2
 # Optima nearer than this, in standard deviations, are one; one lighter than this share does not count.
@@ -176,6 +179,24 @@ class Averaged:
     def _misfits(self) -> list[FloatArray]:
         """Drift, jump and ramp of every curve, of the heaviest combination."""
         return np.split(self.competition.misfits, len(self.blocked.curves))
+
+    @property
+    def louder(self) -> float:
+        """How many times as loud the noise is deep in contact as before it, at most; 1 where chance may do that.
+
+        By second differences, which leave out what is smooth; n of them know a variance as n / 1.944 readings do.
+        """
+        found = [1.0]
+        for part in self.model.parts:
+            rough = np.diff(part.residuals, n=2)
+            # The first column of the drift is P s: nil before contact, half of its largest at 0.7 of the depth.
+            grown = part.drift[1:-1, 0] / np.abs(part.drift[:, 0]).max()
+            deep, before = rough[grown > _DEEP], rough[grown == 0.0]
+            if len(deep) and before.any():
+                ratio = float(np.mean(deep * deep) / np.mean(before * before))
+                if special.fdtrc(len(deep) / _KNOWN, len(before) / _KNOWN, ratio) < _CHANCE:
+                    found.append(ratio**0.5)
+        return max(found)
 
     @property
     def exact_law(self) -> float:
