@@ -126,14 +126,17 @@ class Walk:
         wall = np.inf
         for _ in range(_MOST_STEPS):
             travelled = abs(float(self.vectors[-1][self.index]) - here)
-            if wall - travelled <= _WALL * first + _WALL_SHARE * travelled:
+            is_far = direction * float(self.vectors[-1][self.index]) >= _FARTHEST
+            at_wall = wall - travelled <= _WALL * first + _WALL_SHARE * travelled
+            # Far out on a plateau it is the numbers that end, and not the laws.
+            if at_wall and not is_far:
                 return replace(self, reason="law")
             # Half the way to where there was no law, once that is known.
             step = min(step, room - travelled, 0.5 * (wall - travelled))
             if step <= 1e-12 * (1.0 + travelled):
                 return replace(self, reason="bound")
             # An optimum far out on a plateau (a base that might be rigid) is walked back from all the way.
-            if travelled >= _FARTHEST and direction * float(self.vectors[-1][self.index]) >= _FARTHEST:
+            if is_far and (at_wall or travelled >= _FARTHEST):
                 return replace(self, reason="none")
             q = here + direction * (travelled + step)
             found = self.follow(q)
