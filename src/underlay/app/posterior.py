@@ -13,7 +13,7 @@ from underlay.data.curve import Curve
 from underlay.inference.from_files import problem_from, weak_bounds
 from underlay.inference.sampling.run import sample
 from underlay.report import plots
-from underlay.report.gathered import gathered_warnings
+from underlay.report.gathered_warnings import gathered_warnings
 from underlay.report.posterior_tables import posterior_table
 from underlay.report.spoken import spoken
 from underlay.report.words import posterior_summary

@@ -35,7 +35,7 @@ from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
 from underlay.inference.problem import Problem
 from underlay.report import plots
-from underlay.report.gathered import gathered_warnings
+from underlay.report.gathered_warnings import gathered_warnings
 from underlay.report.plots.laws import canvas
 from underlay.report.plots.style import drawn, unit_for
 from underlay.report.reading import format_name, reading_table

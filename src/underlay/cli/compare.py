@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from underlay._files import require_writable_folder, write_atomic
 from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.options import CurveFile, OutputFolder, SceneOption
-from underlay.report.gathered import gathered_warnings
+from underlay.report.gathered_warnings import gathered_warnings
 from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from underlay._files import require_writable_folder
 from underlay.cli.console import say, say_warnings
 from underlay.cli.fit import show_fit
 from underlay.data.samples import sample
-from underlay.report.gathered import gathered_warnings
+from underlay.report.gathered_warnings import gathered_warnings
 
 __all__ = ["demo"]
 

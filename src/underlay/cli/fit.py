@@ -10,7 +10,7 @@ from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.excel_file import require_excel
 from underlay.cli.options import CurveFile, ExcelFile, OutputFolder, Rtol, SceneOption, SolverName
 from underlay.cli.wanted_solver import wanted_solver
-from underlay.report.gathered import gathered_warnings
+from underlay.report.gathered_warnings import gathered_warnings
 from underlay.report.spoken import spoken
 
 if TYPE_CHECKING:

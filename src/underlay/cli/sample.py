@@ -13,7 +13,7 @@ from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, Seed, SolverName
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
-from underlay.report.gathered import gathered_warnings
+from underlay.report.gathered_warnings import gathered_warnings
 
 if TYPE_CHECKING:
     from underlay.inference.sampling.posterior import Posterior

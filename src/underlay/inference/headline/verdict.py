@@ -49,11 +49,11 @@ def verdict(fit: Fit, averaged: Averaged | None, interval: Callable[[str], State
 def _of_the_residuals(fit: Fit, averaged: Averaged) -> tuple[list[str], list[str]]:
     """What is wrong, and what is to be looked at, by the weights."""
     law, contact = _of_the_law(averaged), _of_the_contact(averaged)
-    baseline = [*_of_the_baseline(averaged), *_of_the_noise(averaged)]
+    readings = [*_of_the_baseline(averaged), *_of_the_noise(averaged)]
     if any(scene.adhesion is not None for scene in fit.problem.base_scenes):
         # A law of adhesion says itself which force there is at contact: another one is its error.
-        return [*law, *contact], baseline
-    return law, [*contact, *baseline]
+        return [*law, *contact], readings
+    return law, [*contact, *readings]
 
 
 def _of_the_law(averaged: Averaged) -> list[str]:
