@@ -11,6 +11,7 @@ from underlay.inference.sampling.convergence import (
     effective_size,
     highest_density_interval,
     median_error,
+    quantile_error,
     rank_normalised_rhat,
     tail_size,
 )
@@ -53,8 +54,24 @@ def test_autocorrelation_time_is_that_of_the_process(phi):
     )
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_walker_that_rests_at_an_end_hides_no_tail(side):
+    """One walker of 32 is more than the 2.5 % beyond the outer quantile: no draw lies beyond it."""
+    steps, walkers = 100, 32
+    chain = ar1(0.0, steps, walkers)
+    chain[:, 0] = side * 9.0
+    # Halves of a walker of which one rests say what their number says, and no more.
+    assert 1.0 < tail_size(chain) <= 4 * walkers
+    outer = 0.5 + side * 0.475
+    assert quantile_error(chain, outer) > 10.0 * quantile_error(chain, 0.5)
+    outcome = judge(chain[:, :, None], steps)
+    assert not outcome.converged
+    assert np.isfinite(outcome.quantile_errors).all()
+
+
 def test_a_chain_that_never_moved_is_worth_nothing():
     still = np.ones((50, 4))
+    assert np.isnan(quantile_error(still, 0.5))
     assert autocorrelation_time(still) == np.inf
     assert np.isnan(rank_normalised_rhat(still))
 

@@ -86,8 +86,7 @@ def tail_size(chain: FloatArray) -> float:
     Walkers that go far out and stay there for long leave the autocorrelation of the quantity itself short.
     """
     halves = _split(chain)
-    beyond = [(halves <= quantile).astype(np.float64) for quantile in np.quantile(halves, _TAILS)]
-    return min(_effective_size(indicator) for indicator in beyond)
+    return min(_effective_size(_below(halves, level)) for level in _TAILS)
 
 
 def median_error(chain: FloatArray) -> float:
@@ -99,10 +98,12 @@ def quantile_error(chain: FloatArray, level: float) -> float:
     """Monte Carlo standard error of a quantile of one quantity, (steps, walkers), in its unit.
 
     The share of draws below the quantile has the effective size of that indicator; its one-sigma beta
-    quantiles are turned back into draws (section 4.3 of the source).
+    quantiles are turned back into draws (section 4.3 of the source). A chain that does not move gives nan.
     """
     halves = _split(chain)
-    size = _effective_size((halves <= np.quantile(halves, level)).astype(np.float64))
+    size = _effective_size(_below(halves, level))
+    if math.isnan(size):
+        return size
     low, high = special.betaincinv(level * size + 1.0, (1.0 - level) * size + 1.0, special.ndtr([-1.0, 1.0]))
     draws = np.sort(halves, axis=None)
     below = int(np.floor(low * draws.size))
@@ -123,6 +124,13 @@ def _split(chain: FloatArray) -> FloatArray:
     """Halves of every walker as chains of their own; the middle step of an odd number is dropped."""
     half = chain.shape[0] // 2
     return np.concatenate([chain[:half], chain[chain.shape[0] - half :]], axis=1)
+
+
+def _below(chain: FloatArray, level: float) -> FloatArray:
+    """Which draws (1 or 0) are not above a quantile; below it, where a walker that rests is the quantile itself."""
+    quantile = np.quantile(chain, level)
+    below = chain <= quantile
+    return np.asarray(chain < quantile if below.all() else below, dtype=np.float64)
 
 
 def _rank_normalised(chain: FloatArray) -> FloatArray:
