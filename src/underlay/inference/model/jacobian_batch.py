@@ -164,6 +164,6 @@ def _tabulated(asked: ParameterSets, table: OneRatio) -> _Laws | None:
     )
     nu = float(asked.values["layer.nu"])
     theta = asked.gain * np.asarray(isotropic_constants(asked.column("layer.E")[:, 0], nu).theta)
-    found = curves.with_slopes(asked.tip, theta, thickness, asked.abel_coefficients())
-    moved = {table.path: found[2], table.over: -found[2]}
-    return _Laws(found[0], found[1], moved, curves.error_estimate <= asked.rtol)
+    force, stiffness, slopes = curves.with_slopes(asked.tip, theta, thickness, asked.abel_coefficients())
+    moved = {table.path: slopes[:, 0], table.over: -slopes[:, 0]}
+    return _Laws(force, stiffness, moved, curves.error_estimate <= asked.rtol)

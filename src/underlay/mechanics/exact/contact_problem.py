@@ -127,16 +127,22 @@ class ContactProblem:
 
 
 def contact_factors(
-    punch: PunchSolution, indenter: Indenter, measure: PowerLawShape, thickness: Real
+    punch: PunchSolution,
+    indenter: Indenter,
+    measure: PowerLawShape,
+    thickness: Real,
+    lengths: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Varpi (..., radii) and the logarithms of the three factors (..., radii, 3).
 
-    `thickness` (m) is a float, or (batch, 1) with a batch of solutions.
+    `thickness` (m) is a float, or (batch, 1) with a batch of solutions; `lengths` are the contact radii (m), where
+    fewer than there are solutions.
     """
     exponent = measure.exponent
     factors = np.empty((*punch.kappa.shape, len(Factor)))
     factors[..., Factor.STIFFNESS] = punch.kappa
-    lengths = punch.eps * thickness
+    if lengths is None:
+        lengths = punch.eps * thickness
     depth, force = punch.depth_and_force(_weights_over_depth(indenter, measure, punch.rule, lengths))
     if indenter is measure:
         swell = depth ** (1.0 / exponent)
