@@ -310,6 +310,11 @@ class Sphere(Indenter):
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", positive(self.radius, "sphere radius", "m"))
 
+    @cached_property
+    def apex(self) -> Paraboloid:
+        """The paraboloid of the same curvature."""
+        return Paraboloid(self.radius)
+
     @property
     def max_radius(self) -> float:
         """0.9999 R: there the flank is 89.2 degrees steep and H(r) grows without bound towards R."""

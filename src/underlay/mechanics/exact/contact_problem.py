@@ -15,7 +15,7 @@ from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.exact.tables import TABLES
-from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, PowerLawShape, Sphere, abel_factor
+from underlay.mechanics.indenters import Indenter, PowerLaw, PowerLawShape, Sphere, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales
 from underlay.mechanics.plane_constants import Real
 
@@ -168,7 +168,7 @@ def depth_measure(indenter: Indenter) -> PowerLawShape:
     if isinstance(indenter, PowerLawShape):
         return indenter
     if isinstance(indenter, Sphere):
-        return Paraboloid(indenter.radius)
+        return indenter.apex
     if not np.isfinite(indenter.max_radius):
         name = type(indenter).__name__
         raise InputError(

@@ -123,7 +123,7 @@ def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves
         terms = eps.shape[1] + _MORE_TERMS
         numbers = np.array([range_number(last) for last in eps[:, -1].tolist()])
         coarse = np.zeros(rows.size, dtype=bool)
-        for number in np.unique(numbers[eps[:, -1] <= LARGEST_EPS]).tolist():
+        for number in sorted(set(numbers[eps[:, -1] <= LARGEST_EPS].tolist())):
             here = np.flatnonzero(numbers == number)
             found = _contracted(part.part(here), eps[here], placing.stretch.softness, number)
             if found is not None:
@@ -247,4 +247,4 @@ def _slopes(exponent: float, factors: FloatArray, moved: FloatArray) -> FloatArr
     """
     excess = factors[..., Factor.RADIUS] + factors[..., Factor.STIFFNESS] - factors[..., Factor.FORCE]
     through_depth = (exponent + 1.0) * np.expm1(excess)[:, None] * moved[..., Factor.RADIUS]
-    return np.asarray(np.moveaxis(moved[..., Factor.FORCE] + through_depth, 1, 2))
+    return np.asarray((moved[..., Factor.FORCE] + through_depth).swapaxes(1, 2))
