@@ -54,7 +54,7 @@ ALONE = {
 
 def code_of_each_effect(monkeypatch):
     """Counters at the one place each effect's code must pass through."""
-    sphere = ("surface", "abel", "abel_slope", "abel_moments", "halfspace_radius")
+    sphere = ("surface", "abel", "abel_slope", "abel_moments", "halfspace_radius", "halfspace_force")
     return {
         "finite thickness": count_calls(monkeypatch, one_layer, "_interface"),
         "anisotropy": count_calls(monkeypatch, materials, "transversely_isotropic_constants"),

@@ -48,6 +48,14 @@ def test_moments_integrate_the_abel_transform(indenter):
         assert float(moments[1]) == pytest.approx(third, rel=1e-13)
 
 
+@pytest.mark.parametrize("indenter", SHAPES, ids=lambda shape: shape.shape)
+def test_the_force_on_a_half_space_is_what_the_moment_leaves(indenter):
+    radius = np.array([1e-6, 1e-3, 1.499e-3, 1.501e-3, 2.9e-3])
+    depth = indenter.abel(radius)
+    left = depth * radius - indenter.abel_moments(radius)[0]
+    assert indenter.halfspace_force(depth, radius) == pytest.approx(left, rel=1e-14)
+
+
 @given(st.floats(-12.0, 0.69))
 def test_sphere_radius_inverts_its_depth(exponent):
     sphere = ul.Sphere(1.0)

@@ -14,7 +14,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import CHOSEN_FOR_DEPTH, ContactLaw
-from underlay.mechanics.indenters import FlatPunch, Indenter, PowerLawShape
+from underlay.mechanics.indenters import FlatPunch, Indenter
 
 __all__ = ["HalfspaceLaw", "halfspace_law", "largest_halfspace_depth", "layer_effect"]
 
@@ -69,18 +69,11 @@ class HalfspaceLaw(ContactLaw):
         return self.indenter.halfspace_radius(depth)
 
     def _force(self, depth: FloatArray) -> FloatArray:
-        return self._force_of(depth, self.indenter.halfspace_radius(depth))
+        return 4.0 * self.theta * self.indenter.halfspace_force(depth, self.indenter.halfspace_radius(depth))
 
     def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
         radius = self.indenter.halfspace_radius(depth)
-        return np.stack((self._force_of(depth, radius), 4.0 * self.theta * radius))
-
-    def _force_of(self, depth: FloatArray, radius: FloatArray) -> FloatArray:
-        """Force (N) at depths (m) where the contact radii (m) are known, (n,)."""
-        if isinstance(self.indenter, PowerLawShape):
-            exponent = self.indenter.exponent
-            return 4.0 * self.theta * exponent / (exponent + 1.0) * depth * radius
-        return 4.0 * self.theta * (depth * radius - self.indenter.abel_moments(radius)[0])
+        return 4.0 * self.theta * np.stack((self.indenter.halfspace_force(depth, radius), radius))
 
     def _stiffness(self, depth: FloatArray) -> FloatArray:
         return 4.0 * self.theta * self.indenter.halfspace_radius(depth)

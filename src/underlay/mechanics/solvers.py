@@ -240,7 +240,7 @@ def solver_named(name: str, **numbers: Any) -> Solver:
     >>> solver_named("exact", rtol=1e-8)
     Exact(rtol=1e-08)
     """
-    own = name in (*_NAMED, *published_names())  # then no other package is looked into
+    own = name in _NAMED or name in published_names()  # then no other package is looked into
     if not own and name not in _plugged():
         raise _unknown("solver", name, solver_names(), faults(plugged_solvers()))
     kind: Any = _NAMED.get(name) if own else _plugged()[name]

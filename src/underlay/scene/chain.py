@@ -165,7 +165,7 @@ class Chain:
 
         def called(path: str) -> bool:
             value = values[path]
-            return path in free or (bool(value) if isinstance(value, float) else bool(np.any(value)))
+            return path in free or bool(value.any() if isinstance(value, np.ndarray) else value)
 
         frame = values[Frame.path]
         if called(Frame.path) and not isinstance(frame, float):

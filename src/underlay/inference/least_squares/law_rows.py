@@ -48,7 +48,7 @@ class LawRows:
     def of(cls, forward: Forward, rows: Rows, deepest: float) -> Self:
         """Find or build the laws for tip depths up to `deepest` (m)."""
         similarity = forward.similarity
-        count = max(np.size(value) for value in rows.values())
+        count = max(value.size if isinstance(value, np.ndarray) else 1 for value in rows.values())
         # `factors` and `reduced` divide and multiply: arrays go through them as numbers do.
         numbers: Any = rows
         b, c = (np.broadcast_to(factor, count) for factor in similarity.factors(numbers))

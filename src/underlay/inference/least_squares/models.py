@@ -166,7 +166,9 @@ class Models:
         known = [each for each in found if each is not None]
         if len(known) < len(found):
             return None
-        possible: NDArray[np.bool_] = np.all([each.possible for each in known], axis=0)
+        possible = known[0].possible
+        for each in known[1:]:
+            possible = possible & each.possible
         return [each.columns for each in known], [each.force for each in known], possible
 
     def _prepare(self, physical: FloatArray) -> None:

@@ -167,7 +167,7 @@ def _vector(
                 value = min(max(values[path], coordinate.low), coordinate.high)
                 if value > 0.0 or coordinate.scale is not None:
                     found[entry].append(coordinate.scaled(value))
-    return np.array([float(np.mean(values)) if values else 0.0 for values in found])
+    return np.array([sum(values) / len(values) if values else 0.0 for values in found])
 
 
 def _scanned(member: Member, problem: Problem) -> ScanCurve:

@@ -112,7 +112,7 @@ class ScanCurve:
 
     def linear(self, values: Mapping[str, float]) -> dict[str, float]:
         """Baseline and slope, those that are free, that go best with the other numbers."""
-        columns = self._linear_columns()
+        columns = self._linear_columns
         if columns is None:
             return {}
         travel = self._travel(values) - values[CONTACT]
@@ -139,15 +139,21 @@ class ScanCurve:
         compliance = rows["instrument.compliance"]
         return self.blocks.depth - compliance * self.blocks.force if compliance else self.blocks.depth
 
+    @cached_property
     def _linear_columns(self) -> FloatArray | None:
-        columns = {_LINEAR[0]: np.ones_like(self.blocks.depth), _LINEAR[1]: self.blocks.depth}
-        free = [column for path, column in columns.items() if path in self.free]
+        """Columns (m, p) of the linear parameters that are free; None where none is."""
+        depth = self.blocks.depth
+        free = [
+            column
+            for path, column in zip(_LINEAR, (np.ones(depth.shape), depth), strict=True)
+            if path in self.free
+        ]
         return np.stack(free, axis=1) if free else None
 
     @cached_property
     def _linear_basis(self) -> FloatArray | None:
         """Orthonormal columns (m, p) that span those of the linear parameters."""
-        columns = self._linear_columns()
+        columns = self._linear_columns
         # Columns are brought to unit length first: metres beside ones would cost digits.
         return None if columns is None else np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
 

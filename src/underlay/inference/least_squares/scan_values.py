@@ -48,7 +48,7 @@ def tried_thicknesses(free: Mapping[str, Coordinate], radii: tuple[float, float]
     inside = grid[(grid >= low) & (grid <= high)]
     # The scene's own is one more, but not where a fit is hopeless: the law of so thin a layer is dear.
     own = coordinate.reference
-    return np.unique(np.append(inside, own)) if own >= lowest or not inside.size else inside
+    return _with(inside, own) if own >= lowest or not inside.size else inside
 
 
 def tried_base_moduli(free: Mapping[str, Coordinate], base: Mapping[str, float]) -> FloatArray:
@@ -64,4 +64,9 @@ def tried_base_moduli(free: Mapping[str, Coordinate], base: Mapping[str, float])
     ratios, own = np.clip(_MODULUS_RATIOS, low, high), base[BASE_MODULUS] / base[MODULUS]
     # The scene's own is one more where the others do not reach.
     beyond = not ratios[0] <= own <= ratios[-1]
-    return base[MODULUS] * np.unique(np.append(ratios, own) if beyond else ratios)
+    return base[MODULUS] * (_with(ratios, own) if beyond else _with(ratios))
+
+
+def _with(values: FloatArray, *own: float) -> FloatArray:
+    """Each of the values (n,) and of one's own once, ascending: numpy.unique takes ten times as long on so few."""
+    return np.array(sorted({*values.tolist(), *own}))

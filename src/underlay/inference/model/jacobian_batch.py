@@ -51,7 +51,11 @@ def goes_together(forward: Forward, values: Values, paths: Sequence[str]) -> boo
     elsewhere = (forward.history, forward.left_out, forward.bending)
     if any(part is not None for part in elsewhere) or forward.similarity.energies:
         return False
-    return Frame.path not in paths and not np.any(values[Frame.path])
+    return Frame.path not in paths and not _acts(values[Frame.path])
+
+
+def _acts(value: float | FloatArray) -> bool:
+    return bool(value.any() if isinstance(value, np.ndarray) else value)
 
 
 def batched_jacobians(forward: Forward, values: Values, sets: int, paths: Sequence[str]) -> Jacobians | None:
@@ -162,8 +166,8 @@ def _tabulated(asked: ParameterSets, table: OneRatio) -> _Laws | None:
         rtol=asked.rtol,
         slopes=True,
     )
-    nu = float(asked.values["layer.nu"])
-    theta = asked.gain * np.asarray(isotropic_constants(asked.column("layer.E")[:, 0], nu).theta)
-    found = curves.with_slopes(asked.tip, theta, thickness, asked.abel_coefficients())
-    moved = {table.path: found[2], table.over: -found[2]}
-    return _Laws(found[0], found[1], moved, curves.error_estimate <= asked.rtol)
+    of_one_pascal = float(isotropic_constants(1.0, float(asked.values["layer.nu"])).theta)
+    theta = asked.gain * asked.column("layer.E")[:, 0] * of_one_pascal
+    force, stiffness, slopes = curves.with_slopes(asked.tip, theta, thickness, asked.abel_coefficients())
+    moved = {table.path: slopes[:, 0], table.over: -slopes[:, 0]}
+    return _Laws(force, stiffness, moved, curves.error_estimate <= asked.rtol)

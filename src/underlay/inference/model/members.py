@@ -17,7 +17,7 @@ from underlay.inference.model.noise_start import scatter
 from underlay.inference.model.parameter_sets import Values
 from underlay.inference.model.tip_over_power_law import TipOverPowerLaw
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.indenters import Paraboloid, Sphere
+from underlay.mechanics.indenters import Sphere
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
@@ -73,7 +73,7 @@ class Member:
         tip, laws = self.scene.indenter, self.forward.laws
         if not isinstance(tip, Sphere) or laws.tips is None:
             return None
-        rounded = Paraboloid(tip.radius)
+        rounded = tip.apex
         forward = Forward.compile(
             replace(self.scene, indenter=rounded),
             self.curve.depth,

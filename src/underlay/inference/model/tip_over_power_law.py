@@ -43,7 +43,7 @@ class TipOverPowerLaw:
         radius = self.tip.halfspace_radius(w)
         same = self.power_law.abel(radius)
         asked[touching] = same
-        ratio[touching] = _force(self.tip, w, radius) / _force(self.power_law, same, radius)
+        ratio[touching] = self.tip.halfspace_force(w, radius) / self.power_law.halfspace_force(same, radius)
         return asked, ratio
 
     def stiffness(
@@ -55,7 +55,7 @@ class TipOverPowerLaw:
         radius = self.power_law.halfspace_radius(w)
         share = factor * self.power_law.abel_slope(radius) / self.tip.abel_slope(radius)
         # The factor's own derivative: on a half-space both forces rise with 4 theta a.
-        rising = radius * (1.0 - share) / _force(self.power_law, w, radius)
+        rising = radius * (1.0 - share) / self.power_law.halfspace_force(w, radius)
         slope = np.zeros(asked.shape)
         slope[touching] = share * stiffness[touching] + rising * force[touching]
         return slope
@@ -66,8 +66,3 @@ class TipOverPowerLaw:
         P, S = slopes.law.force_and_stiffness(asked)
         inner = replace(slopes, w=asked, P=P, S=S)
         return np.asarray(ratio * inner.of(path))
-
-
-def _force(shape: Indenter, depth: FloatArray, radius: FloatArray) -> FloatArray:
-    """P/(4 theta) (m^2) on a half-space at a depth (m) and its contact radius (m)."""
-    return depth * radius - shape.abel_moments(radius)[0]

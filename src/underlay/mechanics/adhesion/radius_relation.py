@@ -107,11 +107,7 @@ class HalfspaceRelation(RadiusRelation):
     def at(self, radius: FloatArray) -> AtRadius:
         """See `RadiusRelation`; closed forms."""
         depth, one = self.indenter.abel(radius), np.ones_like(radius)
-        if isinstance(self.indenter, PowerLawShape):
-            exponent = self.indenter.exponent
-            work = depth * radius * (exponent / (exponent + 1.0))
-        else:
-            work = depth * radius - self.indenter.abel_moments(radius)[0]
+        work = self.indenter.halfspace_force(depth, radius)
         slope = self.indenter.abel_slope(radius)
         return AtRadius(depth, slope, 4.0 * self.theta * work, one, one, np.zeros_like(radius))
 

@@ -15,7 +15,7 @@ from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.exact.tables import TABLES
-from underlay.mechanics.indenters import Indenter, Paraboloid, PowerLaw, PowerLawShape, Sphere, abel_factor
+from underlay.mechanics.indenters import Indenter, PowerLaw, PowerLawShape, Sphere, abel_factor
 from underlay.mechanics.kernel import Kernel, Scales
 from underlay.mechanics.plane_constants import Real
 
@@ -127,16 +127,22 @@ class ContactProblem:
 
 
 def contact_factors(
-    punch: PunchSolution, indenter: Indenter, measure: PowerLawShape, thickness: Real
+    punch: PunchSolution,
+    indenter: Indenter,
+    measure: PowerLawShape,
+    thickness: Real,
+    lengths: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Varpi (..., radii) and the logarithms of the three factors (..., radii, 3).
 
-    `thickness` (m) is a float, or (batch, 1) with a batch of solutions.
+    `thickness` (m) is a float, or (batch, 1) with a batch of solutions; `lengths` are the contact radii (m), where
+    fewer than there are solutions.
     """
     exponent = measure.exponent
     factors = np.empty((*punch.kappa.shape, len(Factor)))
     factors[..., Factor.STIFFNESS] = punch.kappa
-    lengths = punch.eps * thickness
+    if lengths is None:
+        lengths = punch.eps * thickness
     depth, force = punch.depth_and_force(_weights_over_depth(indenter, measure, punch.rule, lengths))
     if indenter is measure:
         swell = depth ** (1.0 / exponent)
@@ -162,7 +168,7 @@ def depth_measure(indenter: Indenter) -> PowerLawShape:
     if isinstance(indenter, PowerLawShape):
         return indenter
     if isinstance(indenter, Sphere):
-        return Paraboloid(indenter.radius)
+        return indenter.apex
     if not np.isfinite(indenter.max_radius):
         name = type(indenter).__name__
         raise InputError(

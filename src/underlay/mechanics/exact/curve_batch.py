@@ -43,8 +43,8 @@ class CurveBatch:
     error_estimate : ndarray (sets,)
         Relative error of each; above the `rtol` of the batch where a set's materials lie too far from those
         it was compiled for: solve such a set alone.
-    ratio_slopes : ndarray (sets, rows, 4), optional
-        d/d ln k of the coefficients of the force's factor, k the ratio in which the curves of a family differ.
+    slopes : ndarray (sets, numbers, rows, 4), optional
+        Of d ln P/ds at fixed depth, s each of the numbers in which neighbouring curves differ.
     """
 
     measure: PowerLawShape
@@ -53,7 +53,7 @@ class CurveBatch:
     softness: FloatArray
     coefficients: FloatArray
     error_estimate: FloatArray
-    ratio_slopes: FloatArray | None = None
+    slopes: FloatArray | None = None
 
     def part(self, rows: slice | list[int]) -> Self:
         """Some of the sets."""
@@ -64,7 +64,7 @@ class CurveBatch:
             self.softness[rows],
             self.coefficients[rows],
             self.error_estimate[rows],
-            None if self.ratio_slopes is None else self.ratio_slopes[rows],
+            None if self.slopes is None else self.slopes[rows],
         )
 
     def logarithms(self, varpi: FloatArray) -> FloatArray:
@@ -148,26 +148,26 @@ class CurveBatch:
         thickness: FloatArray,
         abel_coefficient: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Forces (N), dP/dw (N/m) and dP/d ln k (N), each (sets, n); arguments and errors as for `force`.
+        """Forces (N) and dP/dw (N/m), (sets, n), and dP/ds (N), (sets, numbers, n), of the numbers of `slopes`.
 
-        For a few sets of few depths: what they cost is calls, and here one polynomial serves all three. The
-        last needs `ratio_slopes`, and is zero without.
+        Arguments and errors as for `force`. For a few sets of few depths: what they cost is calls, and here one
+        polynomial serves all.
         """
         touching, radius, per_set = self._half_space(depth, thickness, abel_coefficient)
         z = self._z(radius * (per_set / thickness)[:, None], slice(None))
         own = self.coefficients
-        table = np.zeros_like(own)
+        table = np.empty((len(own), 2, *own.shape[2:]))
         table[:, 0] = own[:, Factor.FORCE]
         np.add(own[:, Factor.RADIUS], own[:, Factor.STIFFNESS], out=table[:, 1])
-        if self.ratio_slopes is not None:
-            table[:, 2] = self.ratio_slopes
+        if self.slopes is not None:
+            table = np.concatenate((table, self.slopes), axis=1)
         values = polynomial(table, z[:, None, :])
         np.exp(values[:, :2], out=values[:, :2])
         stiffness = values[:, 1] * ((4.0 * theta * per_set)[:, None] * radius)
         exponent = self.measure.exponent
         force = values[:, 0] * ((4.0 * theta * per_set * exponent / (exponent + 1.0))[:, None] * radius)
         force *= touching
-        return force, stiffness, force * values[:, 2]
+        return force, stiffness, force[:, None] * values[:, 2:]
 
     def _half_space(
         self, depth: ArrayLike, thickness: FloatArray, abel_coefficient: FloatArray | None
@@ -219,8 +219,8 @@ def curves_through(
         Shape that measures depth.
     varpi : ndarray (sets, n)
         Increasing in every row, and close to Chebyshev points of the stretched variable.
-    logarithms : ndarray (sets, n, 3)
-        Of the factors.
+    logarithms : ndarray (sets, n, 3 + numbers)
+        Of the factors, and columns of derivatives after them: see `CurveBatch.slopes`.
     top : float or ndarray (sets,)
         Largest varpi that is asked for.
     softness : float
@@ -238,5 +238,15 @@ def curves_through(
     basis = np.cos(angles[..., None] * np.arange(count))
     coefficients: FloatArray = np.asarray(np.linalg.solve(basis, logarithms), dtype=np.float64)
     share = (np.arcsinh(top) + np.log1p(softness * np.asarray(top))) / lengths[:, 0]
-    errors = growth_beyond(share, count) * truncation_error(coefficients)
-    return CurveBatch(measure, top, lengths, np.full_like(lengths, softness), in_powers(coefficients), errors)
+    factors = len(Factor)
+    errors = growth_beyond(share, count) * truncation_error(coefficients[..., :factors])
+    tables = in_powers(coefficients)
+    return CurveBatch(
+        measure,
+        top,
+        lengths,
+        np.full_like(lengths, softness),
+        tables[:, :factors],
+        errors,
+        tables[:, factors:],
+    )

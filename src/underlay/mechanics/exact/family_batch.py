@@ -127,7 +127,7 @@ def family_batch(
     if slopes:
         orders = np.arange(1, table.shape[1])
         weights = orders * powers[:, :-1] / tables.halves[places][:, None]
-        in_ratio = np.einsum("sr,srjc->sjc", weights, table[:, 1:, Factor.FORCE])
+        in_ratio = np.einsum("sr,srjc->sjc", weights, table[:, 1:, Factor.FORCE])[:, None]
     return CurveBatch(
         indenter,
         tables.tops[places],

@@ -154,8 +154,8 @@ def truncation_error(coefficients: FloatArray) -> FloatArray:
     The last four give the rate, pair against pair; the terms left out, and their aliases, are then within
     three times the sum of a geometric series. A rate of 0.9 and more is taken as 0.9.
     """
-    first, second, third, fourth = np.moveaxis(np.abs(coefficients[..., -4:, :]).max(axis=-1), -1, 0)
-    last, before = third + fourth, first + second
+    sizes = np.abs(coefficients[..., -4:, :]).max(axis=-1)
+    last, before = sizes[..., 2] + sizes[..., 3], sizes[..., 0] + sizes[..., 1]
     # last/(last + before) is rate/(1 + rate): no division by zero but where all four vanish, exactly.
     share = np.minimum(last / np.maximum(last + before, np.finfo(float).tiny), 0.9 / 1.9)
     rate = share / (1.0 - share)

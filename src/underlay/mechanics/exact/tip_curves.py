@@ -53,6 +53,10 @@ _MORE_TERMS = 4  # where an estimate says that a curve is too coarse
 # A sphere's contact ten thicknesses wide takes 28 at 1e-6; beside a solution of its own they cost next to nothing.
 _MOST_TERMS = MOST_IN_POWERS
 _RANGES_BELOW = 5
+# Of ln k and ln h: a difference of polynomials, whose truncation is 1e-7 of the derivative and rounding 1e-9.
+_STEP = 1e-7
+# A contact, one a step further in ln k, and one in ln h.
+_BESIDE = _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 
 
 class TipContacts(NamedTuple):
@@ -91,7 +95,10 @@ class TipContacts(NamedTuple):
 
 
 class TipCurves(NamedTuple):
-    """Curves of some contacts, what they were read off, the radii of each, and the largest a/h (sets,)."""
+    """Curves of some contacts, what they were read off, the radii of each, and the largest a/h (sets,).
+
+    Their slopes are those in ln k, k the ratio of the bodies, and in the logarithm of the thickness.
+    """
 
     batch: CurveBatch
     resolution: Resolution
@@ -116,7 +123,7 @@ def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves
         terms = eps.shape[1] + _MORE_TERMS
         numbers = np.array([range_number(last) for last in eps[:, -1].tolist()])
         coarse = np.zeros(rows.size, dtype=bool)
-        for number in np.unique(numbers[eps[:, -1] <= LARGEST_EPS]).tolist():
+        for number in sorted(set(numbers[eps[:, -1] <= LARGEST_EPS].tolist())):
             here = np.flatnonzero(numbers == number)
             found = _contracted(part.part(here), eps[here], placing.stretch.softness, number)
             if found is not None:
@@ -217,10 +224,27 @@ def _contracted(asked: TipContacts, eps: FloatArray, softness: float, number: in
     if table is None:
         return None
     measure = depth_measure(asked.tip)
-    punch = table.at(asked.log_ratio, eps)
-    varpi, logarithms = contact_factors(punch, asked.tip, measure, asked.thickness[:, None])
+    # Beside each contact one of the same radius on a layer a step further in ln k, and in ln h.
+    punch = table.at(asked.log_ratio[:, None] + _BESIDE[:, 0], eps[:, None] * np.exp(-_BESIDE[:, 1])[:, None])
+    thickness = asked.thickness[:, None, None]
+    varpi, logarithms = contact_factors(
+        punch, asked.tip, measure, thickness * np.exp(_BESIDE[:, 1:]), eps[:, None] * thickness
+    )
+    varpi, factors = varpi[:, 0], logarithms[:, 0]
+    slopes = _slopes(measure.exponent, factors, (logarithms[:, 1:] - logarithms[:, :1]) / _STEP)
     # The last radius may fall short of its range: the curve ends where its points do.
     tops = np.minimum(asked.top, varpi[:, -1])
-    batch = curves_through(measure, varpi, logarithms, tops, softness)
+    batch = curves_through(measure, varpi, np.concatenate((factors, slopes), axis=2), tops, softness)
     errors = SHARE_OF_NODES * asked.rtol + UNEVEN * batch.error_estimate
     return TipCurves(replace(batch, error_estimate=errors), table.resolution, eps.shape[1], eps[:, -1])
+
+
+def _slopes(exponent: float, factors: FloatArray, moved: FloatArray) -> FloatArray:
+    """d ln P/ds at fixed depth (sets, radii, numbers).
+
+    From the logarithms of the factors (sets, radii, 3) and how these move with each number at one contact radius,
+    (sets, numbers, radii, 3): there depth and force go as a_half^exponent and a_half w times their factors.
+    """
+    excess = factors[..., Factor.RADIUS] + factors[..., Factor.STIFFNESS] - factors[..., Factor.FORCE]
+    through_depth = (exponent + 1.0) * np.expm1(excess)[:, None] * moved[..., Factor.RADIUS]
+    return np.asarray((moved[..., Factor.FORCE] + through_depth).swapaxes(1, 2))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import ceil, exp, log
+from dataclasses import dataclass
+from math import ceil, log
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,7 +17,7 @@ from underlay.mechanics.exact.contact_problem import LARGEST_EPS, depth_measure
 from underlay.mechanics.exact.curve_batch import CurveBatch
 from underlay.mechanics.exact.curve_family import range_number, ratio_number
 from underlay.mechanics.exact.law import ExactLaw
-from underlay.mechanics.exact.master_curve import MasterCurve, Stretch
+from underlay.mechanics.exact.master_curve import Factor, MasterCurve, Stretch
 from underlay.mechanics.exact.tip_curves import TipContacts, TipCurves, tip_curves
 from underlay.mechanics.indenters import Indenter, Sphere
 from underlay.mechanics.kernel import Family
@@ -29,40 +29,20 @@ _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
 # Where a curve of the tables ends because the contact is too wide the law ends too, no deeper than by so much.
 _WIDE, _DEEPER = 0.9999 * LARGEST_EPS, 1.0005
-# Of ln k and ln h: a difference of polynomials, whose truncation is 1e-7 of the derivative and rounding 1e-9.
-_STEP = 1e-7
 
 
 @dataclass(frozen=True, kw_only=True)
 class TipLaw(ExactLaw):
-    """An exact law off the tables of the flat punch, with its derivatives in the ratio and in the tip's size.
+    """An exact law off the tables of the flat punch, with its derivatives in the ratio and in the tip's size."""
 
-    Parameters
-    ----------
-    neighbours : CurveBatch
-        Curves of this contact, of that a step further in ln k, and of that a step further in ln h.
-    """
-
-    neighbours: CurveBatch
-
-    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray:
+    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray | None:
         """dP/d ln k (N) at fixed depth (m), (n,), where the force (N) is `force`; zero out of contact."""
-        return np.asarray(force * self._slope(depth, 1, self.thickness))
+        return self.beside_slope(0, depth, force)
 
-    def size_slope(self, depth: FloatArray, force: FloatArray, stiffness: FloatArray) -> FloatArray:
-        """dP/d ln(size of the tip) (N) at fixed depth (m) and thickness, (n,).
-
-        All lengths together scale the force with their square, P(s w; s R, s h) = s^2 P.
-        """
-        slope = self._slope(depth, 2, self.thickness * exp(_STEP))
-        return np.asarray(2.0 * force - depth * stiffness - force * slope)
-
-    def _slope(self, depth: FloatArray, which: int, thickness: float) -> FloatArray:
-        """Derivative of ln P at fixed depth (m), (n,), by the difference to a neighbour of that thickness (m)."""
-        pair = self.neighbours.part([0, which])
-        force = pair.force(np.maximum(depth, 0.0), np.ones(2), np.array([self.thickness, thickness]))
-        logarithms = np.log(np.where(force > 0.0, force, 1.0))
-        return np.asarray((logarithms[1] - logarithms[0]) / _STEP)
+    def size_slope(self, depth: FloatArray, force: FloatArray, stiffness: FloatArray) -> FloatArray | None:
+        """dP/d ln(size of the tip) (N) at fixed depth (m) and thickness, (n,)."""
+        in_thickness = self.beside_slope(1, depth, force)
+        return None if in_thickness is None else _in_size(depth, force, stiffness, in_thickness)
 
 
 class TipSlopes(NamedTuple):
@@ -76,36 +56,33 @@ class TipSlopes(NamedTuple):
 
 def tips_side_by_side(laws: Sequence[TipLaw], depth: FloatArray) -> TipSlopes:
     """What the laws say at depths (m), (laws, n), each at its row: for the calls of one law."""
-    count, first = len(laws), laws[0].neighbours
-    tables = [law.neighbours.coefficients for law in laws]
-    coefficients = np.zeros(
-        (count, *first.coefficients.shape[:2], max(table.shape[2] for table in tables), 4)
-    )
+    count, first = len(laws), laws[0]
+    tables = [law.curve.coefficients[0] for law in laws]
+    coefficients = np.zeros((count, len(tables[0]), max(table.shape[1] for table in tables), 4))
     for into, table in zip(coefficients, tables, strict=True):
-        into[:, :, : table.shape[2]] = table
-    # The curves of all, then those a step further in ln k, then in ln h.
+        into[:, : table.shape[1]] = table
+    factors = len(Factor)
     batch = CurveBatch(
         first.measure,
         np.inf,
-        np.stack([law.neighbours.lengths for law in laws], axis=1).reshape(-1, 1),
-        np.stack([law.neighbours.softness for law in laws], axis=1).reshape(-1, 1),
-        coefficients.swapaxes(0, 1).reshape(3 * count, *coefficients.shape[2:]),
-        np.zeros(3 * count),
+        np.array([[law.curve.stretch.length] for law in laws]),
+        np.array([[law.curve.stretch.softness] for law in laws]),
+        coefficients[:, :factors],
+        np.zeros(count),
+        coefficients[:, factors:],
     )
     thickness, theta = (np.array([getattr(law, name) for law in laws]) for name in ("thickness", "theta"))
     abel = np.array([law.measure.abel_coefficient for law in laws])
     w = np.maximum(depth, 0.0)
-    own = batch.part(slice(0, count))
-    stiffness = own.stiffness(w, theta, thickness, abel)
-    thick = np.concatenate((thickness, thickness, thickness * exp(_STEP)))
-    forces = batch.force(np.concatenate((w, w, w)), np.tile(theta, 3), thick, np.tile(abel, 3))
-    force, further, thicker = forces.reshape(3, count, -1)
-    felt = force > 0.0
-    over = np.where(felt, force, 1.0)
-    in_ratio, in_thickness = (
-        force * np.log(np.where(felt, other, 1.0) / over) / _STEP for other in (further, thicker)
-    )
-    return TipSlopes(force, stiffness, in_ratio, 2.0 * force - w * stiffness - in_thickness)
+    force, stiffness, slopes = batch.with_slopes(w, theta, thickness, abel)
+    return TipSlopes(force, stiffness, slopes[:, 0], _in_size(w, force, stiffness, slopes[:, 1]))
+
+
+def _in_size(
+    depth: FloatArray, force: FloatArray, stiffness: FloatArray, in_thickness: FloatArray
+) -> FloatArray:
+    """dP/d ln(size of the tip) (N): all lengths together scale the force with their square."""
+    return np.asarray(2.0 * force - depth * stiffness - in_thickness)
 
 
 def tip_range(contact: Contact, depth: float) -> int:
@@ -151,7 +128,6 @@ def tip_laws(
         span = None if ratios is None else ratio_number(ratios[row])
         groups.setdefault((_shape(contact.indenter), span, range_number(tops[row])), []).append(row)
     for (tip, span, octave), members in groups.items():
-        # Each with its neighbours, side by side.
         log_ratios = np.zeros(len(members)) if ratios is None else np.log([ratios[row] for row in members])
         thickness = np.array([contacts[row].thickness / _unit(contacts[row].indenter) for row in members])
         asked = TipContacts(
@@ -160,16 +136,14 @@ def tip_laws(
             span,
             octave,
             rtol,
-            np.ravel(log_ratios[:, None] + np.array([0.0, _STEP, 0.0])),
-            np.ravel(thickness[:, None] * np.exp([0.0, 0.0, _STEP])),
-            np.repeat([tops[row] for row in members], 3),
+            log_ratios,
+            thickness,
+            np.array([tops[row] for row in members]),
         )
         for rows, found in tip_curves(asked):
-            for place in np.flatnonzero(rows % 3 == 0).tolist():
-                row = members[int(rows[place]) // 3]
-                # A neighbour that another table has is one too far.
-                if rows[place : place + 3].tolist() == list(range(int(rows[place]), int(rows[place]) + 3)):
-                    laws[row] = _law(contacts[row], found, place, depths[row], rtol)
+            for place, member in enumerate(rows.tolist()):
+                row = members[member]
+                laws[row] = _law(contacts[row], found, place, depths[row], rtol)
     return laws
 
 
@@ -190,14 +164,15 @@ def _law(
     contact: Contact, found: TipCurves, place: int, depth: float, rtol: float
 ) -> TipLaw | RangeError | None:
     """One of the curves as a law, or why there is none so deep; None where it errs by more, or ends before."""
-    batch = found.batch.part(slice(place, place + 3))
-    error, measure = float(batch.error_estimate[0]), depth_measure(contact.indenter)
+    batch, measure = found.batch.part([place]), depth_measure(contact.indenter)
+    error, slopes = float(batch.error_estimate[0]), batch.slopes
     max_depth = float(measure.abel(np.asarray(batch.top)[0] * contact.thickness))
     if depth > _DEEPER * max_depth and found.eps[place] >= _WIDE:
         return too_wide(depth, max_depth)
-    if not error <= rtol or max_depth < depth:
+    if slopes is None or not error <= rtol or max_depth < depth:
         return None
     stretch = Stretch(float(batch.lengths[0, 0]), float(batch.softness[0, 0]))
+    tables = np.concatenate((batch.coefficients, slopes), axis=1)
     return TipLaw(
         method="exact",
         reason=f"exact contact problem, off tables of the flat punch for a/h up to {found.eps[place]:.3g}",
@@ -206,8 +181,7 @@ def _law(
         measure=measure,
         theta=contact.theta,
         thickness=contact.thickness,
-        curve=MasterCurve(stretch, (-1.0, 1.0), batch.coefficients[:1], error),
+        curve=MasterCurve(stretch, (-1.0, 1.0), tables, error),
         resolution=found.resolution,
         radii=found.radii,
-        neighbours=replace(batch, measure=measure, top=np.inf),
     )
