@@ -1,7 +1,8 @@
 """Master curves of one power-law tip on several bodies that are much alike: of one table, solved together.
 
 Beside a solution of few nodes the calls and the cosines cost most. Bodies of one span of a table take the same
-contact radii and nodes, those of the most demanding of them: one batch then serves them all.
+contact radii and nodes, those of the most demanding of them: one batch then serves them all. Where little accuracy
+is asked for, curves that were stored do.
 """
 
 from __future__ import annotations
@@ -18,17 +19,25 @@ from underlay.mechanics.exact.contact_curve import (
     SHARE_OF_NODES,
     SOFT,
     RadiusGuess,
+    SolvedCurve,
     solve_curve,
 )
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, contact_factors
 from underlay.mechanics.exact.curve_batch import curves_through
-from underlay.mechanics.exact.master_curve import MOST_TERMS, Factor, Stretch, chebyshev_angles
+from underlay.mechanics.exact.master_curve import (
+    MOST_TERMS,
+    Factor,
+    MasterCurve,
+    Stretch,
+    chebyshev_angles,
+)
 from underlay.mechanics.exact.nodes import Resolution, wanted_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import Kernel
 
-__all__ = ["Logarithms", "SolvedCurves", "solve_curves"]
+__all__ = ["Logarithms", "SolvedCurves", "solve_curves", "stored_curve"]
 
 #: Logarithms of the factors of all curves at varpi (n,), shape (curves, 3, n).
 Logarithms: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -68,8 +77,35 @@ def solve_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: fl
     RangeError
         If a contact radius would pass 20 thicknesses.
     """
-    together = _together(bodies, exponent, top, rtol)
-    return together if together is not None else _one_by_one(bodies, exponent, top, rtol)
+    for way in (_stored, _together):
+        found = way(bodies, exponent, top, rtol)
+        if found is not None:
+            return found
+    return _one_by_one(bodies, exponent, top, rtol)
+
+
+def stored_curve(body: Kernel, exponent: float, top: float, rtol: float) -> SolvedCurve | None:
+    """Curve of one body as it was stored, with as few terms as do; None where there is none."""
+    series = stored_curves([body], exponent, top, rtol)
+    if series is None:
+        return None
+    terms = series.coefficients[0]
+    tails = np.cumsum(np.abs(terms).max(axis=1)[::-1])[::-1]
+    kept = max(1, int(np.count_nonzero(tails > SHARE_OF_CURVE * rtol)))
+    left_out = float(tails[kept]) if kept < len(terms) else 0.0
+    curve = MasterCurve.of_pieces(series.stretch, [-1.0, 1.0], [terms[:kept]])
+    eps = top * float(curve.factor(Factor.RADIUS, np.array([top]))[0])
+    return SolvedCurve(curve, series.resolution, series.radii, eps, STORED_ERROR + left_out)
+
+
+def _stored(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
+    """Read the curves off those of the file; None where it does not hold all of them."""
+    series = stored_curves(bodies, exponent, top, rtol)
+    if series is None:
+        return None
+    widest = series.logarithms(np.array([top]))[:, Factor.RADIUS].max()
+    eps = float(np.exp(widest)) * top
+    return SolvedCurves(series.logarithms, series.resolution, series.radii, eps, STORED_ERROR)
 
 
 def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
