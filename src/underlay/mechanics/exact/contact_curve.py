@@ -22,6 +22,7 @@ from underlay.mechanics.exact.master_curve import (
 )
 from underlay.mechanics.exact.nodes import Resolution, curve_terms, series_terms
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
+from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
 from underlay.mechanics.indenters import abel_factor
 from underlay.mechanics.kernel import Scales
 
@@ -78,18 +79,37 @@ class SolvedCurve:
 
 
 def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
-    """Solve for varpi in [0, `top`] at relative error `rtol`.
+    """Solve for varpi in [0, `top`] at relative error `rtol`, or read what is stored where that will do.
 
     Raises
     ------
     RangeError
         If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
     """
+    stored = _stored(problem, top, rtol)
+    if stored is not None:
+        return stored
     guess = RadiusGuess.of(problem.scales, problem.measure.exponent)
     last = _widened(problem, top, float(guess.radius(np.array([top]))[0]), rtol)
     place, last, gain = _placement(problem, guess, top, last)
     found = None if place is None else _direct(problem, place, top, last, rtol, gain)
     return found if found is not None else _by_branches(problem, top, last, rtol, gain)
+
+
+def _stored(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve | None:
+    """Read off the stored curves, with as few terms as do; None where they do not have it."""
+    if problem.indenter is not problem.measure or problem.beside:
+        return None
+    series = stored_curves([problem.kernel], problem.measure.exponent, top, rtol)
+    if series is None:
+        return None
+    terms = series.coefficients[0]
+    tails = np.cumsum(np.abs(terms).max(axis=1)[::-1])[::-1]
+    kept = max(1, int(np.count_nonzero(tails > SHARE_OF_CURVE * rtol)))
+    left_out = float(tails[kept]) if kept < len(terms) else 0.0
+    curve = MasterCurve.of_pieces(series.stretch, [-1.0, 1.0], [terms[:kept]])
+    eps = top * float(curve.factor(Factor.RADIUS, np.array([top]))[0])
+    return SolvedCurve(curve, series.resolution, series.radii, eps, STORED_ERROR + left_out)
 
 
 def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, gain: float) -> SolvedCurve:

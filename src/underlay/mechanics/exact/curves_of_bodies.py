@@ -19,7 +19,6 @@ from underlay.mechanics.exact.contact_curve import (
     SHARE_OF_NODES,
     SOFT,
     RadiusGuess,
-    SolvedCurve,
     solve_curve,
 )
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, contact_factors
@@ -27,7 +26,6 @@ from underlay.mechanics.exact.curve_batch import curves_through
 from underlay.mechanics.exact.master_curve import (
     MOST_TERMS,
     Factor,
-    MasterCurve,
     Stretch,
     chebyshev_angles,
 )
@@ -37,7 +35,7 @@ from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import Kernel
 
-__all__ = ["Logarithms", "SolvedCurves", "solve_curves", "stored_curve"]
+__all__ = ["Logarithms", "SolvedCurves", "solve_curves"]
 
 #: Logarithms of the factors of all curves at varpi (n,), shape (curves, 3, n).
 Logarithms: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -82,20 +80,6 @@ def solve_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: fl
         if found is not None:
             return found
     return _one_by_one(bodies, exponent, top, rtol)
-
-
-def stored_curve(body: Kernel, exponent: float, top: float, rtol: float) -> SolvedCurve | None:
-    """Curve of one body as it was stored, with as few terms as do; None where there is none."""
-    series = stored_curves([body], exponent, top, rtol)
-    if series is None:
-        return None
-    terms = series.coefficients[0]
-    tails = np.cumsum(np.abs(terms).max(axis=1)[::-1])[::-1]
-    kept = max(1, int(np.count_nonzero(tails > SHARE_OF_CURVE * rtol)))
-    left_out = float(tails[kept]) if kept < len(terms) else 0.0
-    curve = MasterCurve.of_pieces(series.stretch, [-1.0, 1.0], [terms[:kept]])
-    eps = top * float(curve.factor(Factor.RADIUS, np.array([top]))[0])
-    return SolvedCurve(curve, series.resolution, series.radii, eps, STORED_ERROR + left_out)
 
 
 def _stored(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:

@@ -21,7 +21,6 @@ from underlay.mechanics.exact.curve_family import (
     range_number,
     ratio_number,
 )
-from underlay.mechanics.exact.curves_of_bodies import stored_curve
 from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, piecewise
 from underlay.mechanics.exact.tables import TABLES
@@ -138,12 +137,9 @@ def _alone(exponent: float, family: Family, ratio: float, reach: int, rtol: floa
 def _solved_alone(
     exponent: float, family: Family, ratio: float, reach: int, rtol: float
 ) -> SolvedCurve | None:
-    body, top = family.kernel(ratio), range_end(reach)
-    stored = stored_curve(body, exponent, top, rtol)
-    if stored is not None:
-        return stored
+    problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, family.kernel(ratio))
     try:
-        solved = solve_curve(ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, body), top, rtol)
+        solved = solve_curve(problem, range_end(reach), rtol)
     except RangeError:
         return None
     return None if solved.curve.jumps else solved
