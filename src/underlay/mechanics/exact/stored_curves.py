@@ -25,7 +25,7 @@ from underlay.errors import LawError
 from underlay.mechanics.exact.master_curve import Stretch, chebyshev_angles, chebyshev_coefficients
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.tables import TABLES
-from underlay.mechanics.kernel import Kernel, LayerKernel
+from underlay.mechanics.kernel import Kernel, LayerKernel, SubstrateKernel
 from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
 
 __all__ = ["EXPONENT", "FILE", "STORED_ERROR", "TOP", "StoredCurves", "StoredSeries", "grid", "stored_curves"]
@@ -193,16 +193,19 @@ def _body(ratio: float, share: float) -> LayerKernel:
 
 def _place(body: Kernel) -> tuple[float, float] | None:
     """Where a body stands in both series: infinite on a rigid base, None where it has no place."""
-    if not isinstance(body, LayerKernel) or not _is_isotropic(body.layer):
+    if not isinstance(body, LayerKernel | SubstrateKernel):
         return None
-    if body.base is None:
-        return inf, _spread(2.0 * body.layer.coupling)
-    if not _is_isotropic(body.base):
+    layer, base = body.constants
+    if not _is_isotropic(layer):
         return None
-    ratio = float(body.base.theta / body.layer.theta)
+    if base is None:
+        return inf, _spread(2.0 * layer.coupling)
+    if not _is_isotropic(base):
+        return None
+    ratio = float(base.theta / layer.theta)
     low, high = _LOG_RATIOS
     first = 2.0 * (log(ratio) - low) / (high - low) - 1.0
-    share = (2.0 * (ratio * body.layer.coupling - body.base.coupling) + 1.0) / (ratio + 1.0)
+    share = (2.0 * (ratio * layer.coupling - base.coupling) + 1.0) / (ratio + 1.0)
     return None if abs(first) > 1.0 else (first, _spread(share))
 
 
