@@ -105,7 +105,8 @@ def _stored(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve | N
         return None
     terms = series.coefficients[0]
     tails = np.cumsum(np.abs(terms).max(axis=1)[::-1])[::-1]
-    kept = max(1, int(np.count_nonzero(tails > SHARE_OF_CURVE * rtol)))
+    # What a curve's own estimate is read from is four terms.
+    kept = max(4, int(np.count_nonzero(tails > SHARE_OF_CURVE * rtol)))
     left_out = float(tails[kept]) if kept < len(terms) else 0.0
     curve = MasterCurve.of_pieces(series.stretch, [-1.0, 1.0], [terms[:kept]])
     eps = top * float(curve.factor(Factor.RADIUS, np.array([top]))[0])
