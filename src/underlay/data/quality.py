@@ -362,4 +362,4 @@ def _ball_against_paraboloid(ratio: float) -> float:
         t -= (t * a - ratio) / (a + t * (1.0 - a * a))
     a = tanh(t)
     force = ratio * a - 0.5 * (a - (1.0 - a * a) * t)
-    return abs(2.0 / 3.0 * ratio**1.5 / force - 1.0)
+    return abs(2.0 / 3.0 * ratio * sqrt(ratio) / force - 1.0)

@@ -217,7 +217,7 @@ def _spread(share: float) -> float:
 
 
 def _is_isotropic(material: PlaneConstants) -> bool:
-    return abs(material.p - 1.0) < _ROUNDING and abs(material.sigma - 2.0) < _ROUNDING
+    return abs(float(material.p) - 1.0) < _ROUNDING and abs(float(material.sigma) - 2.0) < _ROUNDING
 
 
 def _polynomials(place: FloatArray, count: int) -> FloatArray:
