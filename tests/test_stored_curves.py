@@ -6,7 +6,7 @@ import pytest
 from studies.stored_curves import RTOL
 from underlay.errors import LawError
 from underlay.mechanics.exact import stored_curves as module
-from underlay.mechanics.exact.contact_curve import solve_curve
+from underlay.mechanics.exact.contact_curve import known_curve
 from underlay.mechanics.exact.contact_problem import ContactProblem
 from underlay.mechanics.exact.curve_family import IsotropicPair, RigidBase, range_end
 from underlay.mechanics.exact.master_curve import Factor
@@ -35,7 +35,7 @@ def random_bodies(count):
 
 def solved(body, rtol=RTOL):
     """Solved where so much accuracy is asked for, else stored."""
-    return solve_curve(ContactProblem.of(PowerLaw(EXPONENT, 1.0), 1.0, body), TOP, rtol)
+    return known_curve(ContactProblem.of(PowerLaw(EXPONENT, 1.0), 1.0, body), TOP, rtol)
 
 
 def test_what_is_stored_is_what_is_solved():

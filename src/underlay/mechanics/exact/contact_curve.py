@@ -32,6 +32,7 @@ __all__ = [
     "SOFT",
     "RadiusGuess",
     "SolvedCurve",
+    "known_curve",
     "solve_curve",
     "too_wide",
 ]
@@ -79,16 +80,13 @@ class SolvedCurve:
 
 
 def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
-    """Solve for varpi in [0, `top`] at relative error `rtol`, or read what is stored where that will do.
+    """Solve for varpi in [0, `top`] at relative error `rtol`.
 
     Raises
     ------
     RangeError
         If the contact radius would pass 20 thicknesses, or the end of the indenter's shape.
     """
-    stored = _stored(problem, top, rtol)
-    if stored is not None:
-        return stored
     guess = RadiusGuess.of(problem.scales, problem.measure.exponent)
     last = _widened(problem, top, float(guess.radius(np.array([top]))[0]), rtol)
     place, last, gain = _placement(problem, guess, top, last)
@@ -96,13 +94,11 @@ def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
     return found if found is not None else _by_branches(problem, top, last, rtol, gain)
 
 
-def _stored(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve | None:
-    """Read off the stored curves, with as few terms as do; None where they do not have it."""
-    if problem.indenter is not problem.measure or problem.beside:
-        return None
+def known_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
+    """Read the curve where it is stored, with as few terms as do, or solve for it; raises as `solve_curve`."""
     series = stored_curves([problem.kernel], problem.measure.exponent, top, rtol)
-    if series is None:
-        return None
+    if series is None or problem.indenter is not problem.measure:
+        return solve_curve(problem, top, rtol)
     terms = series.coefficients[0]
     tails = np.cumsum(np.abs(terms).max(axis=1)[::-1])[::-1]
     # What a curve's own estimate is read from is four terms.

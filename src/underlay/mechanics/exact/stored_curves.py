@@ -25,7 +25,7 @@ from underlay.errors import LawError
 from underlay.mechanics.exact.master_curve import Stretch, chebyshev_angles, chebyshev_coefficients
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.tables import TABLES
-from underlay.mechanics.kernel import Kernel, LayerKernel, SubstrateKernel
+from underlay.mechanics.kernel import Kernel, LayerKernel
 from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
 
 __all__ = ["EXPONENT", "FILE", "STORED_ERROR", "TOP", "StoredCurves", "StoredSeries", "grid", "stored_curves"]
@@ -193,11 +193,9 @@ def _body(ratio: float, share: float) -> LayerKernel:
 
 def _place(body: Kernel) -> tuple[float, float] | None:
     """Where a body stands in both series: infinite on a rigid base, None where it has no place."""
-    if not isinstance(body, LayerKernel | SubstrateKernel):
+    if not (isinstance(body, LayerKernel) and _is_isotropic(body.layer)):
         return None
-    layer, base = body.constants
-    if not _is_isotropic(layer):
-        return None
+    layer, base = body.layer, body.base
     if base is None:
         return inf, _spread(2.0 * layer.coupling)
     if not _is_isotropic(base):

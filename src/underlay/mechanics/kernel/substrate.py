@@ -32,11 +32,6 @@ class LayerKernel(Kernel):
     layer: PlaneConstants
     base: PlaneConstants | None
 
-    @property
-    def constants(self) -> tuple[PlaneConstants, PlaneConstants | None]:
-        """Layer and base, as a `SubstrateKernel` says them."""
-        return self.layer, self.base
-
     def values(self, u: FloatArray) -> FloatArray:
         """1 - L at `u` (nodes,); (nodes,) or (batch, nodes)."""
         return one_minus_L(u, self.layer, self.base)
