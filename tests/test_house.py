@@ -234,6 +234,7 @@ DOORS = {
     "inference/batch/journal": {"sqlite3.connect", "json.loads"},  # its own guard
     "inference/sampling/chain_file": {"library.File"},  # after require_regular
     "inference/batch/map_table": {"pd.read_csv"},  # text in memory
+    "mechanics/exact/stored_curves": {"np.load"},  # of the package itself
     "report/bench_users": {"read_text", "np.loadtxt"},  # the processor's name; a peer that is timed
     "report/execution": {"open"},  # writes a log
     "report/page": {"read_text"},  # of the package itself

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from underlay.data import quality as module
 from underlay.data.curve import Curve
 from underlay.data.quality import DOUBTFUL, GOOD, REFUSED, check_quality
 from underlay.errors import CurveError
@@ -101,3 +102,16 @@ def test_a_failed_search_and_a_force_as_small_is_a_test_in_air():
     assert "no contact: the search for it stopped" in told(weak).reasons[0]
     # The same curve with a force far beyond what was searched for was in contact after all.
     assert told(made(1.5, search_criterion=1e-9, search_reached=0.4e-9)).verdict == GOOD
+
+
+def test_a_ball_against_its_paraboloid():
+    """In plain numbers what the indenters say, and half of what is allowed where it is not asked."""
+    radius = 2e-3
+    for ratio in (module._SHALLOW, 0.2, 0.5, 2.0):
+        depth = np.array([ratio * radius])
+        ball, paraboloid = (
+            Scene(tip, Layer(Isotropic(1e3, 0.4))).force(depth)[0]
+            for tip in (Sphere(radius), Paraboloid(radius))
+        )
+        assert module._ball_against_paraboloid(ratio) == pytest.approx(paraboloid / ball - 1.0, rel=1e-9)
+    assert module._ball_against_paraboloid(module._SHALLOW) < 0.51 * module._SHAPE

@@ -19,6 +19,7 @@ import numpy as np
 from underlay.data.contact_scan import (
     BEFORE,
     ContactEstimate,
+    Points,
     change_point,
     power_law,
     scan,
@@ -132,10 +133,12 @@ def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, expo
         If the method gives none.
     """
     shape = power_law(exponent) if law is None else shape_of(law)
+    points = Points.of(foot)
+    by_foot = scan("foot", foot, points, shape)
     tried = (
-        scan("foot", foot, shape),
+        None if by_foot is None else by_foot.estimate,
         # Without a stretch in front of contact there is no change to find.
-        change_point(foot) if foot.has_baseline else None,
+        change_point(foot, points) if foot.has_baseline else None,
         _threshold(foot, exponent),
     )
     estimates = tuple(estimate for estimate in tried if estimate is not None)
@@ -153,8 +156,8 @@ def contact_of(foot: Foot, law: ContactLaw | None, method: str = "auto", *, expo
         noise=foot.noise,
         notes=_notes(foot),
     )
-    if contact.method == "foot":
-        return replace(found, uncertainty=with_a_doubtful_shape(foot, shape, contact))
+    if by_foot is not None and contact is by_foot.estimate:
+        return replace(found, uncertainty=with_a_doubtful_shape(foot, points, shape, by_foot))
     # These know nothing of a shape: they differ by what theirs do.
     return replace(found, uncertainty=float(np.hypot(contact.uncertainty, found.scatter)))
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import exp, hypot, isfinite, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +19,8 @@ from underlay.mechanics.contact_law import ContactLaw
 __all__ = [
     "BEFORE",
     "ContactEstimate",
+    "Points",
+    "Scanned",
     "Shape",
     "change_point",
     "power_law",
@@ -33,6 +37,8 @@ _MAX_POINTS = 2000
 # Contact depths tried on means of neighbouring points, then between two steps on either side of the best, then the
 # same on all points; a parabola through the last three ends it.
 _COARSE, _FINER, _FINE, _BLOCKS = 41, 13, 5, 80
+# Depths at which a shape is asked for the former two: a step of theirs is twice as wide.
+_TABLE = 256
 _REACH = 2
 #: A curve that starts in contact has it in front of its first point, by up to this share of the foot.
 BEFORE = 1.0
@@ -52,6 +58,8 @@ _PARABOLA_SHARE = 0.053
 _EXPONENT_OFF = 0.2
 # Points in contact from which on four numbers can be told, and a logarithm of odds beyond which nothing changes.
 _LEAST_PRESSED, _CERTAIN = 4, 300.0
+# Below this share of the largest eigenvalue a direction of normal equations is none.
+_SINGULAR = 1e-15
 
 
 @dataclass(frozen=True)
@@ -93,20 +101,40 @@ def _parabola(pressed: FloatArray) -> tuple[FloatArray, ...]:
     return (pressed, pressed * pressed)
 
 
-def scan(method: str, foot: Foot, shape: Shape) -> ContactEstimate | None:
+class Points(NamedTuple):
+    """Points of a foot without those pulled below the baseline, thinned, and means of neighbouring ones."""
+
+    depth: FloatArray
+    force: FloatArray
+    blocks: tuple[FloatArray, FloatArray]
+
+    @classmethod
+    def of(cls, foot: Foot) -> Points:
+        """Take them from a foot."""
+        x, force = _fitted_points(foot)
+        return cls(x, force, _in_blocks(x, force))
+
+
+class Scanned(NamedTuple):
+    """What a scan found: the estimate, and what the shape leaves of the force there (n,), in N."""
+
+    estimate: ContactEstimate
+    residual: FloatArray
+
+
+def scan(method: str, foot: Foot, points: Points, shape: Shape) -> Scanned | None:
     """Contact depth with the least sum of squares; None if no contact depth gives a rise."""
-    x, force = _fitted_points(foot)
+    x, force, blocks = points
     low = x[0] - (0.0 if foot.has_baseline else BEFORE * np.ptp(x))
     high = x[-2]
-    blocks, whole = _in_blocks(x, force), (x, force)
-    tried = np.linspace(low, high, _COARSE)
-    sums = _sums_of_squares(*blocks, tried, shape, foot)
-    for points, count in ((blocks, _FINER), (whole, _FINE)):
-        at = int(np.argmin(sums))
+    tried, rough = _steps(low, high, _COARSE), _read_off(shape, float(x[-1] - low))
+    sums = _sums_of_squares(*blocks, tried, rough, foot)
+    for part, column, count in ((blocks, rough, _FINER), ((x, force), shape, _FINE)):
+        at = int(sums.argmin())
         if not np.isfinite(sums[at]):
             return None
-        tried = np.linspace(tried[max(at - _REACH, 0)], tried[min(at + _REACH, len(tried) - 1)], count)
-        sums = _sums_of_squares(*points, tried, shape, foot)
+        tried = _steps(tried[max(at - _REACH, 0)], tried[min(at + _REACH, len(tried) - 1)], count)
+        sums = _sums_of_squares(*part, tried, column, foot)
     best = _lowest(tried, sums)
     if best is None:
         return None
@@ -117,23 +145,24 @@ def scan(method: str, foot: Foot, shape: Shape) -> ContactEstimate | None:
     sides = _sums(residuals, rising)[1:]
     degrees = max(len(x) - 4, 1)
     variance = squares / degrees * _widening(residual)
-    rises = [side - squares for side in sides if np.isfinite(side) and side > squares]
+    rises = [side - squares for side in sides.tolist() if isfinite(side) and side > squares]
     if not rises:
         return None
-    curvature = 2.0 * float(np.mean(rises)) / step**2
-    return ContactEstimate(method, best, float(np.sqrt(2.0 * variance / curvature)))
+    curvature = 2.0 * (sum(rises) / len(rises)) / step**2
+    return Scanned(ContactEstimate(method, best, sqrt(2.0 * variance / curvature)), residual)
 
 
-def change_point(foot: Foot) -> ContactEstimate | None:
+def change_point(foot: Foot, points: Points) -> ContactEstimate | None:
     """Contact by a parabola, with the error that a parabola makes of a foot that is none."""
-    found = scan("change-point", foot, _parabola)
-    if found is None:
+    scanned = scan("change-point", foot, points, _parabola)
+    if scanned is None:
         return None
+    found = scanned.estimate
     misshapen = _PARABOLA_SHARE * max(float(foot.depth[-1]) - found.depth, 0.0)
-    return replace(found, uncertainty=float(np.hypot(found.uncertainty, misshapen)))
+    return replace(found, uncertainty=hypot(found.uncertainty, misshapen))
 
 
-def with_a_doubtful_shape(foot: Foot, shape: Shape, contact: ContactEstimate) -> float:
+def with_a_doubtful_shape(foot: Foot, points: Points, shape: Shape, scanned: Scanned) -> float:
     """Standard error (m) of the foot's contact where its law may rise with another power of the depth.
 
     A foot's own error is that of its law, which has a thickness or a modulus yet to be found: on a thin layer it
@@ -142,34 +171,58 @@ def with_a_doubtful_shape(foot: Foot, shape: Shape, contact: ContactEstimate) ->
     Dickey 1971, Ann. Math. Stat. 42, 204), and the error is the mean square distance of the truth from the
     estimate over both.
     """
-    x, force = _fitted_points(foot)
+    x, force, _ = points
+    contact, residual = scanned
     pressed = np.maximum(x - contact.depth, 0.0)
-    (residual,), _ = _solve(x, force, np.array([contact.depth]), shape, foot)
-    if np.count_nonzero(pressed) <= _LEAST_PRESSED or not residual.any():
+    inside = pressed > 0.0
+    if np.count_nonzero(inside) <= _LEAST_PRESSED or not residual.any():
         return contact.uncertainty
     reach = 1e-3 * float(np.ptp(x))
-    sides = np.concatenate([np.maximum(pressed + side, 0.0) for side in (0.0, reach, -reach)])
-    P, ahead, behind = shape(sides * np.tile(pressed > 0.0, 3))[0].reshape(3, -1)
-    share = np.where(pressed > 0.0, pressed, pressed.max()) / pressed.max()
+    sides = np.zeros((3, len(x)))
+    np.add(pressed, np.array([[0.0], [reach], [-reach]]), out=sides, where=inside)
+    P, ahead, behind = shape(np.maximum(sides, 0.0, out=sides).ravel())[0].reshape(3, -1)
     # To first order in baseline, scale, contact and exponent; of the scale's size the last two have a factor.
     fitted = force - residual
     size = float(P @ (fitted - fitted[0])) / float(P @ P)
-    columns = np.column_stack((P, size * (ahead - behind) / (2.0 * reach), size * P * np.log(share)))
-    if foot.has_baseline:
-        columns = np.column_stack((np.ones(len(x)), columns))
+    columns = np.zeros((4, len(x)))
+    columns[0], columns[1] = 1.0, P
+    np.subtract(ahead, behind, out=columns[2])
+    columns[2] *= size / (2.0 * reach)
+    np.log(pressed / pressed.max(), out=columns[3], where=inside)
+    columns[3] *= size * P
+    if not foot.has_baseline:
+        columns = columns[1:]
     variance = float(residual @ residual) / max(len(x) - 4, 1) * _widening(residual)
-    lengths = np.linalg.norm(columns, axis=0)
-    columns = columns / lengths
-    normal = columns.T @ columns
+    lengths = np.sqrt(_products(columns, columns))
+    columns /= lengths[:, np.newaxis]
+    normal = columns @ columns.T
     normal[-1, -1] += variance / (_EXPONENT_OFF * lengths[-1]) ** 2
-    inverse = np.linalg.pinv(normal, hermitian=True)
+    inverse = _inverse(normal)
+    shifts = inverse[-2:] @ (columns @ residual) / lengths[-2:]
     (moved, bent), (own, deviation) = (
-        values[-2:] / lengths[-2:]
-        for values in (inverse @ (columns.T @ residual), np.sqrt(variance * np.diagonal(inverse)))
+        values.tolist() for values in (shifts, np.sqrt(variance * np.diagonal(inverse)[-2:]) / lengths[-2:])
     )
-    odds = deviation / _EXPONENT_OFF * np.exp(min(0.5 * (bent / deviation) ** 2, _CERTAIN))
-    squares = np.array([contact.uncertainty**2, own**2 + moved**2])
-    return float(np.sqrt(np.average(squares, weights=[1.0, odds])))
+    odds = deviation / _EXPONENT_OFF * exp(min(0.5 * (bent / deviation) ** 2, _CERTAIN))
+    return sqrt((contact.uncertainty**2 + odds * (own**2 + moved**2)) / (1.0 + odds))
+
+
+def _inverse(normal: FloatArray) -> FloatArray:
+    """Inverse of a symmetric matrix, zero along directions that it does not have."""
+    values, vectors = np.linalg.eigh(normal)
+    kept = np.abs(values) > _SINGULAR * np.abs(values).max()
+    return np.asarray((vectors[:, kept] / values[kept]) @ vectors[:, kept].T)
+
+
+def _read_off(shape: Shape, deepest: float) -> Shape:
+    """The same shape, read off a table: what lies between two of its points is off by 1e-6 of the whole."""
+    depths = np.linspace(0.0, deepest, _TABLE)
+    columns = shape(depths)
+    return lambda pressed: tuple(np.interp(pressed, depths, column) for column in columns)
+
+
+def _steps(low: float, high: float, count: int) -> FloatArray:
+    """Contact depths from `low` to `high`, evenly."""
+    return np.asarray(low + (high - low) / (count - 1) * np.arange(count))
 
 
 def _lowest(tried: FloatArray, sums: FloatArray) -> float | None:
@@ -220,13 +273,21 @@ def _solve(
     rises = np.zeros(len(contacts))
     used: list[tuple[FloatArray, FloatArray]] = []
     for column in _columns(x, contacts, shape):
-        rest = column - column[:, :n].mean(axis=1, keepdims=True) if foot.has_baseline else column
+        # What a column has before anything is taken from it: that and what is left.
+        rest, taken = column, np.zeros(len(contacts))
+        if foot.has_baseline:
+            mean = np.add.reduce(column[:, :n], axis=1) / n
+            taken += n * mean * mean
+            rest = column - mean[:, np.newaxis]
         for other, square in used:
-            rest = rest - (_products(other[:, :n], rest[:, :n]) / square)[:, np.newaxis] * other
+            product = _products(other[:, :n], rest[:, :n])
+            amount = product / square
+            taken += amount * product
+            rest = rest - amount[:, np.newaxis] * other
         inside = rest[:, :n]
         own = _products(inside, inside)
         # What rounding leaves of a column is no direction.
-        own = np.where(own > _NOTHING * _products(column[:, :n], column[:, :n]), own, np.inf)
+        own = np.where(own > _NOTHING * (own + taken), own, np.inf)
         amount = _products(inside, residual) / own
         residual = residual - amount[:, np.newaxis] * inside
         rises += amount * (rest[:, -2] - rest[:, -1])

@@ -22,6 +22,7 @@ from underlay.mechanics.exact.master_curve import (
 )
 from underlay.mechanics.exact.nodes import Resolution, curve_terms, series_terms
 from underlay.mechanics.exact.radius_series import Branch, RadiusSeries
+from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
 from underlay.mechanics.indenters import abel_factor
 from underlay.mechanics.kernel import Scales
 
@@ -31,6 +32,7 @@ __all__ = [
     "SOFT",
     "RadiusGuess",
     "SolvedCurve",
+    "known_curve",
     "solve_curve",
     "too_wide",
 ]
@@ -90,6 +92,21 @@ def solve_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
     place, last, gain = _placement(problem, guess, top, last)
     found = None if place is None else _direct(problem, place, top, last, rtol, gain)
     return found if found is not None else _by_branches(problem, top, last, rtol, gain)
+
+
+def known_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve:
+    """Read the curve where it is stored, with as few terms as do, or solve for it; raises as `solve_curve`."""
+    series = stored_curves([problem.kernel], problem.measure.exponent, top, rtol)
+    if series is None or problem.indenter is not problem.measure:
+        return solve_curve(problem, top, rtol)
+    terms = series.coefficients[0]
+    tails = np.cumsum(np.abs(terms).max(axis=1)[::-1])[::-1]
+    # What a curve's own estimate is read from is four terms.
+    kept = max(4, int(np.count_nonzero(tails > SHARE_OF_CURVE * rtol)))
+    left_out = float(tails[kept]) if kept < len(terms) else 0.0
+    curve = MasterCurve.of_pieces(series.stretch, [-1.0, 1.0], [terms[:kept]])
+    eps = top * float(curve.factor(Factor.RADIUS, np.array([top]))[0])
+    return SolvedCurve(curve, series.resolution, series.radii, eps, STORED_ERROR + left_out)
 
 
 def _by_branches(problem: ContactProblem, top: float, last: float, rtol: float, gain: float) -> SolvedCurve:

@@ -1,7 +1,8 @@
 """Master curves of one power-law tip on several bodies that are much alike: of one table, solved together.
 
 Beside a solution of few nodes the calls and the cosines cost most. Bodies of one span of a table take the same
-contact radii and nodes, those of the most demanding of them: one batch then serves them all.
+contact radii and nodes, those of the most demanding of them: one batch then serves them all. Where little accuracy
+is asked for, curves that were stored do.
 """
 
 from __future__ import annotations
@@ -22,9 +23,15 @@ from underlay.mechanics.exact.contact_curve import (
 )
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem, contact_factors
 from underlay.mechanics.exact.curve_batch import curves_through
-from underlay.mechanics.exact.master_curve import MOST_TERMS, Factor, Stretch, chebyshev_angles
+from underlay.mechanics.exact.master_curve import (
+    MOST_TERMS,
+    Factor,
+    Stretch,
+    chebyshev_angles,
+)
 from underlay.mechanics.exact.nodes import Resolution, wanted_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.stored_curves import STORED_ERROR, stored_curves
 from underlay.mechanics.indenters import PowerLaw
 from underlay.mechanics.kernel import Kernel
 
@@ -68,8 +75,21 @@ def solve_curves(bodies: Sequence[Kernel], exponent: float, top: float, rtol: fl
     RangeError
         If a contact radius would pass 20 thicknesses.
     """
-    together = _together(bodies, exponent, top, rtol)
-    return together if together is not None else _one_by_one(bodies, exponent, top, rtol)
+    for way in (_stored, _together):
+        found = way(bodies, exponent, top, rtol)
+        if found is not None:
+            return found
+    return _one_by_one(bodies, exponent, top, rtol)
+
+
+def _stored(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:
+    """Read the curves off those of the file; None where it does not hold all of them."""
+    series = stored_curves(bodies, exponent, top, rtol)
+    if series is None:
+        return None
+    widest = series.logarithms(np.array([top]))[:, Factor.RADIUS].max()
+    eps = float(np.exp(widest)) * top
+    return SolvedCurves(series.logarithms, series.resolution, series.radii, eps, STORED_ERROR)
 
 
 def _together(bodies: Sequence[Kernel], exponent: float, top: float, rtol: float) -> SolvedCurves | None:

@@ -10,7 +10,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
-from underlay.mechanics.exact.contact_curve import SolvedCurve, solve_curve
+from underlay.mechanics.exact.contact_curve import SolvedCurve, known_curve
 from underlay.mechanics.exact.contact_problem import ContactProblem
 from underlay.mechanics.exact.curve_family import (
     Cell,
@@ -139,7 +139,7 @@ def _solved_alone(
 ) -> SolvedCurve | None:
     problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, family.kernel(ratio))
     try:
-        solved = solve_curve(problem, range_end(reach), rtol)
+        solved = known_curve(problem, range_end(reach), rtol)
     except RangeError:
         return None
     return None if solved.curve.jumps else solved

@@ -108,8 +108,9 @@ class PunchFamily:
             table = flat.reshape(*place.shape, radii, columns)
         else:
             table = self.coefficients[0]
-        # A last radius that passes the end by rounding is nothing to a polynomial.
-        values = np.polynomial.chebyshev.chebvander(self.stretch.z(eps), radii - 1) @ table
+        # The last radius may pass the end by rounding.
+        angle = np.arccos(np.minimum(self.stretch.z(eps), 1.0))
+        values = np.cos(angle[..., None] * np.arange(radii)) @ table
         kappa, edge = np.exp(values[..., 0]), np.exp(values[..., 1])
         count = self.rule.nodes.size
         g, rho = values[..., 2 : 2 + count], values[..., 2 + count :]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import RangeError
-from underlay.mechanics.exact.contact_curve import SHARE_OF_NODES, solve_curve
+from underlay.mechanics.exact.contact_curve import SHARE_OF_NODES, known_curve
 from underlay.mechanics.exact.contact_problem import (
     LARGEST_EPS,
     UNEVEN,
@@ -212,7 +212,7 @@ def _on_a_family(asked: TipContacts, exponent: float) -> _Placing | None:
 def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
     problem = ContactProblem.of(PowerLaw(exponent, 1.0), 1.0, asked.family.kernel(1.0))
     try:
-        curve = solve_curve(problem, range_end(asked.octave), _PLACED).curve
+        curve = known_curve(problem, range_end(asked.octave), _PLACED).curve
     except RangeError:
         return None
     return _Placing(exponent, problem.scales, curve.stretch, curve.coefficients[:1, Factor.RADIUS])

@@ -1,0 +1,36 @@
+"""Solve for the curves that the package keeps in a file, and write it.
+
+python tests/studies/stored_curves.py
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from underlay.mechanics.exact.contact_curve import solve_curve
+from underlay.mechanics.exact.contact_problem import ContactProblem
+from underlay.mechanics.exact.master_curve import Factor
+from underlay.mechanics.exact.stored_curves import EXPONENT, TOP, StoredCurves, grid
+from underlay.mechanics.indenters import PowerLaw
+
+# A thirtieth of what the series leave out.
+RTOL = 1e-5
+
+
+def solved():
+    """Return what the file holds."""
+    bodies, varpi = grid()
+    tip = PowerLaw(EXPONENT, 1.0)
+    found = [[solve_curve(ContactProblem.of(tip, 1.0, body), TOP, RTOL) for body in row] for row in bodies]
+    # One polynomial per factor is for curves that do not jump.
+    assert not any(one.curve.jumps for row in found for one in row)
+    values = np.array(
+        [[[one.curve.logarithm(which, varpi) for which in Factor] for one in row] for row in found]
+    )
+    finest = max((one.resolution for row in found for one in row), key=lambda one: one.radial)
+    nodes = np.array([finest.radial, finest.wavenumbers, finest.first, finest.reach])
+    return StoredCurves.through(np.moveaxis(values, 2, -1), nodes)
+
+
+if __name__ == "__main__":
+    solved().write()

@@ -1,0 +1,117 @@
+"""Curves kept in a file: as accurate as they claim, of every body that they are for, refused when stale."""
+
+import numpy as np
+import pytest
+
+from studies.stored_curves import RTOL
+from underlay.errors import LawError
+from underlay.mechanics.exact import stored_curves as module
+from underlay.mechanics.exact.contact_curve import known_curve
+from underlay.mechanics.exact.contact_problem import ContactProblem
+from underlay.mechanics.exact.curve_family import IsotropicPair, RigidBase, range_end
+from underlay.mechanics.exact.master_curve import Factor
+from underlay.mechanics.exact.stored_curves import (
+    EXPONENT,
+    FILE,
+    STORED_ERROR,
+    TOP,
+    StoredCurves,
+    stored_curves,
+)
+from underlay.mechanics.indenters import PowerLaw
+from underlay.mechanics.kernel import LayerKernel
+from underlay.mechanics.plane_constants import isotropic_constants, transversely_isotropic_constants
+
+
+def random_bodies(count):
+    """Layers of any Poisson's ratio, the ends among them, on bases of 0.006 to 300 times theirs, or rigid."""
+    rng = np.random.default_rng(8)
+    for _ in range(count):
+        layer_nu, base_nu = rng.choice([0.0, 0.3, 0.45, 0.499, 0.5, rng.uniform(0.0, 0.5)], 2).tolist()
+        ratio = float(np.exp(rng.uniform(np.log(0.006), np.log(300.0))))
+        family = RigidBase(layer_nu) if rng.random() < 0.1 else IsotropicPair(layer_nu, base_nu)
+        yield family.kernel(ratio)
+
+
+def solved(body, rtol=RTOL):
+    """Solved where so much accuracy is asked for, else stored."""
+    return known_curve(ContactProblem.of(PowerLaw(EXPONENT, 1.0), 1.0, body), TOP, rtol)
+
+
+def test_what_is_stored_is_what_is_solved():
+    bodies, varpi = list(random_bodies(40)), np.geomspace(1e-3, TOP, 100)
+    stored = stored_curves(bodies, EXPONENT, TOP, STORED_ERROR).logarithms(varpi)
+    curves = [solved(body).curve for body in bodies]
+    again = np.array([[curve.logarithm(which, varpi) for which in Factor] for curve in curves])
+    assert np.abs(stored - again).max() < STORED_ERROR + RTOL
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-2])
+def test_a_curve_with_fewer_terms_keeps_the_error_that_it_claims(rtol):
+    varpi = np.geomspace(1e-3, TOP, 100)
+    # Of a half-space next to nothing is left: few terms, not none.
+    for body in (*random_bodies(10), IsotropicPair(0.3, 0.3).kernel(1.0)):
+        short, full = solved(body, rtol), solved(body).curve
+        assert short.resolution == StoredCurves.read().of([(0.0, 0.0)]).resolution
+        assert short.error_estimate <= rtol
+        for which in Factor:
+            error = np.abs(np.expm1(short.curve.logarithm(which, varpi) - full.logarithm(which, varpi)))
+            assert error.max() < short.error_estimate + RTOL
+
+
+def test_a_body_is_two_numbers():
+    """Three Poisson's ratios and the moduli to them have the same ratio of theta and the same share."""
+    u, kernels = np.linspace(0.0, 6.0, 50), []
+    for coupling in (0.1, 0.2, 0.3):
+        ratio, share = 3.0, 0.4
+        layer, base = (
+            (1.0 - 2.0 * part) / (2.0 - 2.0 * part)
+            for part in (coupling, ratio * coupling - 0.5 * share * (ratio + 1.0) + 0.5)
+        )
+        kernels.append(
+            LayerKernel(
+                isotropic_constants(1.0, layer),
+                isotropic_constants(ratio * (1.0 - base**2) / (1.0 - layer**2), base),
+            ).values(u)
+        )
+    np.testing.assert_allclose(kernels[1:], [kernels[0]] * 2, rtol=0.0, atol=1e-14)
+
+
+def test_what_is_not_stored_is_said_to_be_missing():
+    body = IsotropicPair(0.45, 0.3).kernel(10.0)
+    assert stored_curves([body], EXPONENT, TOP, STORED_ERROR) is not None
+    assert stored_curves([body], 1.0, TOP, STORED_ERROR) is None
+    assert stored_curves([body], EXPONENT, range_end(4), STORED_ERROR) is None
+    assert stored_curves([body], EXPONENT, TOP, 0.9 * STORED_ERROR) is None
+    fibres = transversely_isotropic_constants(1.0, 2.0, 0.3, 0.3, 0.5)
+    auxetic = isotropic_constants(1.0, -0.2)
+    others = [
+        IsotropicPair(0.45, 0.3).kernel(1000.0),
+        LayerKernel(fibres, body.base),
+        LayerKernel(body.layer, fibres),
+        LayerKernel(auxetic, None),
+        LayerKernel(body.layer, None),
+    ]
+    held = [stored_curves([body, other], EXPONENT, TOP, STORED_ERROR) is not None for other in others]
+    assert held == [False, False, False, False, True]
+
+
+def test_a_stale_file_is_refused(monkeypatch, tmp_path):
+    path = tmp_path / FILE.name
+    monkeypatch.setattr(module, "FILE", path)
+    kept = StoredCurves(*np.load(FILE, allow_pickle=False).tolist())
+    monkeypatch.setattr(module, "_MADE_FOR", (*module._MADE_FOR[:-1], 29))
+    np.save(path, np.load(FILE, allow_pickle=False))
+    with pytest.raises(LawError, match="install underlay again"):
+        StoredCurves.read()
+    np.save(path, kept.series)
+    with pytest.raises(LawError, match="does not hold"):
+        StoredCurves.read()
+
+
+def test_what_is_written_is_read(monkeypatch, tmp_path):
+    there = StoredCurves.read()
+    monkeypatch.setattr(module, "FILE", tmp_path / FILE.name)
+    there.write()
+    for one, other in zip(there, StoredCurves.read(), strict=True):
+        np.testing.assert_array_equal(one, other)
