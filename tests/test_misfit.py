@@ -76,14 +76,7 @@ def made(n=80, k=2, truth=None):
     residuals = RNG.standard_normal(n) if truth is None else truth
     none = np.zeros(k)
     # Force in units of a noise of 0.003 of its largest.
-    part = Part(
-        residuals,
-        jacobian,
-        drift_columns(force / 3e-3, depth, time),
-        jump_columns(depth),
-        ramp_column(force / 3e-3, time),
-        time,
-    )
+    part = Part(residuals, jacobian, force / 3e-3, depth, time)
     return Linearised([part], none, none)
 
 
