@@ -144,17 +144,19 @@ class Linearised:
         then the derivatives and the residuals. Noises of one correlation time share its work when they stand side
         by side.
         """
-        k = len(self.precision)
-        acting = len(acting_columns(amounts, len(self.parts)))
-        own = acting // len(self.parts)
-        products = np.zeros((len(noises), *(acting + k + 1,) * 2))
-        log_determinants = np.zeros(len(noises))
-        for number, part in enumerate(self.parts):
-            places = np.concatenate((own * number + np.arange(own), acting + np.arange(k + 1)))
-            at = (slice(None), places[:, None], places)
-            found, each = _products(part, noises, amounts)
-            products[at] += found
-            log_determinants += each
+        k, curves = len(self.precision), len(self.parts)
+        acting = len(acting_columns(amounts, curves))
+        own = acting // curves
+        if curves == 1:
+            products, log_determinants = _products(self.parts[0], noises, amounts)
+        else:
+            products = np.zeros((len(noises), *(acting + k + 1,) * 2))
+            log_determinants = np.zeros(len(noises))
+            for number, part in enumerate(self.parts):
+                places = np.concatenate((own * number + np.arange(own), acting + np.arange(k + 1)))
+                found, each = _products(part, noises, amounts)
+                products[:, places[:, None], places] += found
+                log_determinants += each
         # One on the diagonal, and nothing beside: the algebra keeps its shape, and the shift of these is zero.
         held = acting + np.array(self.held, dtype=np.intp)
         products[:, held, held] += 1.0
