@@ -26,7 +26,17 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 
-__all__ = ["BENT", "DRIFTS", "FADING", "FAR_BASE", "NEAR_BASE", "RELAXING", "SMOOTH", "deepest_of", "drift_columns"]
+__all__ = [
+    "BENT",
+    "DRIFTS",
+    "FADING",
+    "FAR_BASE",
+    "NEAR_BASE",
+    "RELAXING",
+    "SMOOTH",
+    "deepest_of",
+    "drift_columns",
+]
 
 _POWERS = np.arange(1.0, 5.0)
 # Over the time from contact to the end of the curve.
