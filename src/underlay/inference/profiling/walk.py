@@ -34,7 +34,7 @@ _MOST_STEPS = 60
 # Where the laws end is found to this share of the first step (a tenth of a standard deviation) and of the way.
 _WALL, _WALL_SHARE = 0.2, 0.05
 # So many models without a law in one search: what it looks for lies beyond the end of the laws.
-_MOST_REFUSED = 4
+_MOST_REFUSED = 8
 # Two values of the parameter this close (scaled coordinates) are one.
 _SAME = 1e-9
 # An entry that moves all readings together by less than this many standard deviations per unit lies on a plateau.
