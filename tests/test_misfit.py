@@ -22,7 +22,7 @@ from underlay.inference.misfit.drift import DRIFTS, FADING, SMOOTH, drift_column
 from underlay.inference.misfit.evidence import Evidence
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
-from underlay.inference.misfit.linearised import Linearised, Part, acting_columns, jump_columns, ramp_column
+from underlay.inference.misfit.linearised import Linearised, Part, acting_columns
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.paraboloid_for_sphere import paraboloid_for_sphere
 from underlay.inference.misfit.sizes import Sizes
