@@ -244,10 +244,11 @@ class Walk:
         refused = self.objective.failures + _MOST_REFUSED
 
         def leaves(_: int, square: float, ahead: FloatArray) -> bool:
-            back = known is not None and square >= known.square
-            if back and (np.abs(ahead - known.vector) < _SAME_PLACE).all():
+            if self.objective.failures > refused:
                 return True
-            return self.objective.failures > refused
+            if known is None or square < known.square:
+                return False
+            return bool((np.abs(ahead - known.vector) < _SAME_PLACE).all())
 
         found = minimise(self.objective, start, search, leaves)
         return None if found is None else found.point
