@@ -22,7 +22,7 @@ from underlay.inference.misfit.drift import DRIFTS, FADING, SMOOTH, drift_column
 from underlay.inference.misfit.evidence import Evidence
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
-from underlay.inference.misfit.linearised import Linearised, Part, acting_columns, jump_columns, ramp_column
+from underlay.inference.misfit.linearised import Linearised, Part, acting_columns
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.paraboloid_for_sphere import paraboloid_for_sphere
 from underlay.inference.misfit.sizes import Sizes
@@ -76,14 +76,7 @@ def made(n=80, k=2, truth=None):
     residuals = RNG.standard_normal(n) if truth is None else truth
     none = np.zeros(k)
     # Force in units of a noise of 0.003 of its largest.
-    part = Part(
-        residuals,
-        jacobian,
-        drift_columns(force / 3e-3, depth, time),
-        jump_columns(depth),
-        ramp_column(force / 3e-3, time),
-        time,
-    )
+    part = Part(residuals, jacobian, force / 3e-3, depth, time)
     return Linearised([part], none, none)
 
 

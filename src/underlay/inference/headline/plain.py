@@ -18,6 +18,8 @@ __all__ = ["ends_of", "plain_interval", "quadratic_interval"]
 
 # The rise at a quadratic end may be off by this share of the threshold: an end then moves by half of it.
 _UNLIKE = 0.2
+# Where a quadratic end lies on the profile, the others are found in few steps; from elsewhere it is walked anyway.
+_MOST_MODELS = 12
 # In z: a profile is walked a little beyond its threshold, so that an end lies between two steps.
 _BEYOND = 0.1
 
@@ -82,5 +84,5 @@ def _agrees(fit: Fit, name: str, value: float, threshold: float) -> bool:
     if not coordinate.low <= value <= coordinate.high:
         return False
     walk = Walk.start(fit, index, fit.vector)
-    found = walk.follow(coordinate.scaled(value))
+    found = walk.follow(coordinate.scaled(value), _MOST_MODELS)
     return found is not None and abs(walk.delta_chi_square(found) - threshold) <= _UNLIKE * threshold

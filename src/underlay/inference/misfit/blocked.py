@@ -15,10 +15,10 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.misfit.drift import drift_columns
+from underlay.inference.misfit.drift import deepest_of
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
-from underlay.inference.misfit.linearised import Linearised, Part, jump_columns, ramp_column
+from underlay.inference.misfit.linearised import Linearised, Part
 from underlay.inference.model.batched_slopes import batched_jacobian
 from underlay.inference.model.forward import Forward, Reading
 from underlay.inference.model.laws import LawStore
@@ -173,6 +173,7 @@ class BlockedCurve:
         columns[:, entries] = own * slopes[entries]
         bent = values["instrument.compliance"] * reading.contact
         depth = self.forward.depth_at(values) - values[ContactDepth.path] - bent
+        deepest_of(depth)
         if errors:
             law = self.forward.law(values, max(float(depth.max()), 0.0))
             by = partial(self._law_by, values, max(float(depth.max()), 0.0))
@@ -182,8 +183,7 @@ class BlockedCurve:
         return Part(
             (reading.force - self.force) / scatter,
             columns / scatter,
-            drift_columns(reading.contact / scatter, depth, self.time),
-            jump_columns(depth),
-            ramp_column(reading.contact / scatter, self.time),
+            reading.contact / scatter,
+            depth,
             self.time,
         )

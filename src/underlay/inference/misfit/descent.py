@@ -70,12 +70,15 @@ class Place:
         acting = acting_columns(combination.amounts, len(blocked.curves))
         scale = over_noise(combination.amounts[None], variance)[:, acting]
         (bordered,) = model.bordered(products, scale, variance)
-        first, others = len(acting), len(model.precision) - known
-        kept = np.r_[first : first + known, -1]
-        gone = np.r_[:first, first + known : first + known + others]
-        cross = bordered[gone[:, None], kept]
-        solved = np.linalg.solve(bordered[gone[:, None], gone], cross)
-        left = bordered[kept[:, None], kept] - cross.T @ solved
+        first = len(acting)
+        if len(model.precision) > known:
+            # Amplitudes of known errors go with the misfits.
+            order = np.arange(len(bordered))
+            order[first:-1] = np.roll(order[first:-1], -known)
+            bordered = bordered[order[:, None], order]
+            first = len(bordered) - known - 1
+        cross = bordered[:first, first:]
+        left = bordered[first:, first:] - cross.T @ np.linalg.solve(bordered[:first, :first], cross)
         return cls(vector, left[:-1, :-1], left[:-1, -1], float(left[-1, -1]), combination.variance)
 
     def step(self, damping: float, free: NDArray[np.bool_]) -> FloatArray:

@@ -20,12 +20,23 @@ curve less width than one of few: its probability falls with each direction that
 from __future__ import annotations
 
 import numpy as np
-from numpy.polynomial import Polynomial, polynomial
+from numpy.polynomial import polynomial
+from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 
-__all__ = ["BENT", "DRIFTS", "FADING", "FAR_BASE", "NEAR_BASE", "RELAXING", "SMOOTH", "drift_columns"]
+__all__ = [
+    "BENT",
+    "DRIFTS",
+    "FADING",
+    "FAR_BASE",
+    "NEAR_BASE",
+    "RELAXING",
+    "SMOOTH",
+    "deepest_of",
+    "drift_columns",
+]
 
 _POWERS = np.arange(1.0, 5.0)
 # Over the time from contact to the end of the curve.
@@ -49,7 +60,9 @@ FAR_BASE = (0.3, *(0.0,) * 9)
 NEAR_BASE = (0.3, 0.3, *(0.0,) * 6, 0.5, 1.0)
 
 
-def drift_columns(force: FloatArray, depth: FloatArray, time: FloatArray) -> FloatArray:
+def drift_columns(
+    force: FloatArray, depth: FloatArray, time: FloatArray, wanted: NDArray[np.bool_] | None = None
+) -> FloatArray:
     """Phi: relative errors of the law that vanish at contact, in the unit of the force, (n, 10).
 
     Parameters
@@ -58,20 +71,34 @@ def drift_columns(force: FloatArray, depth: FloatArray, time: FloatArray) -> Flo
         Contact force P and indentation depth w (m), (n,); zero and negative before contact.
     time : FloatArray
         Of the readings (s), increasing, (n,).
+    wanted : NDArray, optional
+        Whether a column is, (10,): those alone are returned, all by default.
 
     Raises
     ------
     InputError
         If no depth is in contact.
     """
+    wanted = np.ones(DRIFTS, dtype=bool) if wanted is None else wanted
+    share = np.sqrt(np.maximum(depth, 0.0) / deepest_of(depth))[:, None]
+    found = []
+    if wanted[: FADING.start].any():
+        found.append(force[:, None] * (share**_POWERS / _POWERS)[:, wanted[: FADING.start]])
+    if wanted[FADING].any():
+        found.append(_lost(force, depth, time)[:, wanted[FADING]])
+    if wanted[FADING.stop :].any():
+        wide = _WIDE * share
+        bases = np.hstack((wide * polynomial.polyval(wide, _RIGID), 1.0 / (1.0 + _SOFT * share) - 1.0))
+        found.append(force[:, None] * bases[:, wanted[FADING.stop :]])
+    return np.hstack(found) if found else np.empty((len(force), 0))
+
+
+def deepest_of(depth: FloatArray) -> float:
+    """Largest of depths w (m), (n,); raises InputError if none is in contact."""
     deepest = float(depth.max())
     if not deepest > 0.0:
         raise InputError("a curve that never touches has no drift with depth")
-    share = np.sqrt(np.maximum(depth, 0.0) / deepest)[:, None]
-    wide = _WIDE * share
-    bases = np.hstack((wide * polynomial.polyval(wide, _RIGID), 1.0 / (1.0 + _SOFT * share) - 1.0))
-    powers = share**_POWERS / _POWERS
-    return np.hstack((force[:, None] * powers, _lost(force, depth, time), force[:, None] * bases))
+    return deepest
 
 
 def _lost(force: FloatArray, depth: FloatArray, time: FloatArray) -> FloatArray:
@@ -86,7 +113,8 @@ def _lost(force: FloatArray, depth: FloatArray, time: FloatArray) -> FloatArray:
     if not since[-1] > 0.0:
         return np.zeros((len(force), len(_TIMES)))
     terms = min(_COURSE, len(time) - touch - 1)
-    course = Polynomial.fit(time[touch:], depth[touch:], terms)(time[touch:])
+    basis, _ = np.linalg.qr(polynomial.polyvander(2.0 * since[touch:, 0] / since[-1] - 1.0, terms))
+    course = basis @ (basis.T @ depth[touch:])
     rises = np.diff(np.maximum(course, 0.0) ** 1.5, prepend=0.0)[:, None]
     passed = since[touch:] / (since[-1] * _TIMES)
     middle = passed - 0.5 * np.diff(passed, axis=0, prepend=0.0)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.misfit.drift import DRIFTS
+from underlay.inference.misfit.drift import DRIFTS, drift_columns
 from underlay.inference.misfit.whitener import Whitener
 
 __all__ = ["JUMPS", "RAMPS", "Linearised", "Part", "acting_columns", "jump_columns", "ramp_column"]
@@ -51,24 +52,44 @@ class Part:
         Model minus data over the scatter of the curve, (n,).
     jacobian : FloatArray
         Its derivatives in scaled coordinates and in the amplitudes of known errors, (n, k).
-    drift, jump, ramp : FloatArray
-        `drift_columns`, `jump_columns` and `ramp_column`, (n, 10), (n, 8), (n, 1), over the scatter.
+    force : FloatArray
+        Contact force over the scatter, (n,).
+    depth : FloatArray
+        Indentation depths (m), (n,), negative before contact.
     time : FloatArray
         Times of the readings (s), (n,), increasing; their numbers where there are none.
     """
 
     residuals: FloatArray
     jacobian: FloatArray
-    drift: FloatArray
-    jump: FloatArray
-    ramp: FloatArray
+    force: FloatArray
+    depth: FloatArray
     time: FloatArray
+
+    @cached_property
+    def drift(self) -> FloatArray:
+        """`drift_columns` over the scatter, (n, 10)."""
+        return drift_columns(self.force, self.depth, self.time)
+
+    @cached_property
+    def jump(self) -> FloatArray:
+        """`jump_columns`, (n, 8)."""
+        return jump_columns(self.depth)
+
+    @cached_property
+    def ramp(self) -> FloatArray:
+        """`ramp_column` over the scatter, (n, 1)."""
+        return ramp_column(self.force, self.time)
 
     def columns(self, amounts: FloatArray) -> FloatArray:
         """What is whitened, (n, m): drift, jump, ramp that have `amounts` (10 + 2,), derivatives, residuals."""
         drift, (jump, ramp) = np.split(amounts > 0.0, [DRIFTS])
-        parts = (self.drift[:, drift], self.jump[:, : JUMPS * jump], self.ramp[:, : RAMPS * ramp])
-        return np.asfortranarray(np.hstack((*parts, self.jacobian, self.residuals[:, None])))
+        found = [drift_columns(self.force, self.depth, self.time, drift)]
+        if jump:
+            found.append(self.jump)
+        if ramp:
+            found.append(self.ramp)
+        return np.asfortranarray(np.hstack((*found, self.jacobian, self.residuals[:, None])))
 
 
 def acting_columns(amounts: FloatArray, curves: int) -> NDArray[np.intp]:
@@ -123,17 +144,19 @@ class Linearised:
         then the derivatives and the residuals. Noises of one correlation time share its work when they stand side
         by side.
         """
-        k = len(self.precision)
-        acting = len(acting_columns(amounts, len(self.parts)))
-        own = acting // len(self.parts)
-        products = np.zeros((len(noises), *(acting + k + 1,) * 2))
-        log_determinants = np.zeros(len(noises))
-        for number, part in enumerate(self.parts):
-            places = np.concatenate((own * number + np.arange(own), acting + np.arange(k + 1)))
-            at = (slice(None), places[:, None], places)
-            found, each = _products(part, noises, amounts)
-            products[at] += found
-            log_determinants += each
+        k, curves = len(self.precision), len(self.parts)
+        acting = len(acting_columns(amounts, curves))
+        own = acting // curves
+        if curves == 1:
+            products, log_determinants = _products(self.parts[0], noises, amounts)
+        else:
+            products = np.zeros((len(noises), *(acting + k + 1,) * 2))
+            log_determinants = np.zeros(len(noises))
+            for number, part in enumerate(self.parts):
+                places = np.concatenate((own * number + np.arange(own), acting + np.arange(k + 1)))
+                found, each = _products(part, noises, amounts)
+                products[:, places[:, None], places] += found
+                log_determinants += each
         # One on the diagonal, and nothing beside: the algebra keeps its shape, and the shift of these is zero.
         held = acting + np.array(self.held, dtype=np.intp)
         products[:, held, held] += 1.0

@@ -11,7 +11,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.engine import FINE, Search, minimise
+from underlay.inference.least_squares.engine import Search, minimise
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
@@ -42,6 +42,10 @@ _FLAT = 1e-3
 # Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
 _BETTER = 0.01  # of t: less than that changes no interval by a hundredth of its width
+# Of t: a search whose next step should gain less ends. Along a plateau many such steps may follow one another.
+_SETTLED = 1e-4
+# Most models of one search.
+_MOST_MODELS = 60
 # Of a start elsewhere: after so many steps it must be within this rise of what it competes with.
 _ROUGH, _MAY_BE = Search(steps=8, settled=1e-4, damping=1e-2), 30.0
 # A start of the scan this close to where the others are (scaled coordinates) ends where they are.
@@ -88,7 +92,7 @@ class Walk:
         for i in range(len(rises) - 2, 0, -1):
             if not self.delta_chi_squares[i - 1] > self.delta_chi_squares[i] < self.delta_chi_squares[i + 1]:
                 continue
-            found = minimise(free, self.vectors[i])
+            found = minimise(free, self.vectors[i], self._fine)
             if found is None:
                 continue
             bottom, rise = found.point.vector, self.delta_chi_square(found.point)
@@ -132,7 +136,7 @@ class Walk:
             if at_wall and not is_far:
                 return replace(self, reason="law")
             # Half the way to where there was no law, once that is known.
-            step = min(step, room - travelled, 0.5 * (wall - travelled))
+            step = min(step, room - travelled, 0.5 * (wall - travelled), self._left(direction, travelled))
             if step <= 1e-12 * (1.0 + travelled):
                 return replace(self, reason="bound")
             # An optimum far out on a plateau (a base that might be rigid) is walked back from all the way.
@@ -163,6 +167,11 @@ class Walk:
             step = self._next_step(step)
         return replace(self, reason="none")
 
+    def _left(self, direction: float, travelled: float) -> float:
+        """How far it still is to where a walk ends on a plateau: nothing is asked further out."""
+        left = _FARTHEST - min(travelled, direction * float(self.vectors[-1][self.index]))
+        return left if left > 0.0 else np.inf
+
     def delta_chi_square(self, found: Point) -> float:
         """T at a place."""
         return found.square - self.base
@@ -192,19 +201,15 @@ class Walk:
             if found is not None and (np.abs(start - found.vector) < _SAME_PLACE).all():
                 continue
             begin = _with(np.clip(start, low, high), self.index, q)
-            other = self._minimised(begin, _ROUGH)
-            if other is None or (
-                found is not None and self.delta_chi_square(other) > self.delta_chi_square(found) + _MAY_BE
-            ):
+            other = self._minimised(begin, _ROUGH, found)
+            if other is None or (found is not None and other.square > found.square + _MAY_BE):
                 continue
-            other = self._minimised(other.vector)
-            if other is not None and (
-                found is None or self.delta_chi_square(other) < self.delta_chi_square(found)
-            ):
+            other = self._minimised(other.vector, known=found)
+            if other is not None and (found is None or other.square < found.square):
                 found = other
         return found
 
-    def follow(self, q: float) -> Point | None:
+    def follow(self, q: float, most_steps: int = _MOST_MODELS) -> Point | None:
         """Others fitted with the parameter at q, starting where the last two steps point."""
         start = np.array(self.vectors[-1])
         if len(self.vectors) > 1:
@@ -219,18 +224,33 @@ class Walk:
         for candidate in (np.clip(start, low, high), last):
             begin = _with(candidate, self.index, q)
             if self.objective.exists(begin):
-                return self._minimised(begin)
+                return self._minimised(begin, replace(self._fine, steps=most_steps))
         return None
 
-    def _minimised(self, start: FloatArray, search: Search = FINE) -> Point | None:
-        """Others fitted from a start; None if there is no law there or where that leads."""
-        found = self._searched(start, search)
+    @property
+    def _fine(self) -> Search:
+        """How exactly the others are searched for: the noise is frozen, and so a sum of squares is a rise of t."""
+        return Search(_MOST_MODELS, _SETTLED / self.base, along=True)
+
+    def _minimised(
+        self, start: FloatArray, search: Search | None = None, known: Point | None = None
+    ) -> Point | None:
+        """Others fitted from a start; None if there is no law there or where that leads, or it leads to `known`."""
+        found = self._searched(start, search or self._fine, known)
         return None if found is None else self._off_plateau(found)
 
-    def _searched(self, start: FloatArray, search: Search) -> Point | None:
+    def _searched(self, start: FloatArray, search: Search, known: Point | None = None) -> Point | None:
         """Lowest place that a search asked for: its last step moves nothing that an interval could tell."""
         refused = self.objective.failures + _MOST_REFUSED
-        found = minimise(self.objective, start, search, lambda _, __, ___: self.objective.failures > refused)
+
+        def leaves(_: int, square: float, ahead: FloatArray) -> bool:
+            if self.objective.failures > refused:
+                return True
+            if known is None or square < known.square:
+                return False
+            return bool((np.abs(ahead - known.vector) < _SAME_PLACE).all())
+
+        found = minimise(self.objective, start, search, leaves)
         return None if found is None else found.point
 
     def _off_plateau(self, found: Point) -> Point:
@@ -243,7 +263,7 @@ class Walk:
             other = self._searched(_with(found.vector, i, 0.0), _ROUGH)
             # Where that leads back to the plateau nothing was gained; elsewhere it is worth an exact search.
             if other is not None and i not in self._flat(other):
-                other = self._searched(other.vector, FINE)
+                other = self._searched(other.vector, self._fine)
                 if other is not None and other.square < found.square:
                     found = other
         return found
