@@ -41,6 +41,8 @@ __all__ = [
 # tightest, three tenths claimed.
 SHARE_OF_NODES = 0.3
 SHARE_OF_CURVE = 0.6
+# What a stored curve may leave out: six tenths led one search of 500 past the optimum.
+_SHARE_OF_TAIL = 0.1
 # Points that stop this much short of the wanted range would leave the polynomial to extrapolate.
 _SHORT = 0.99
 # Below this ratio of theta, varpi(eps) bends too much for points placed without knowing it.
@@ -102,7 +104,7 @@ def known_curve(problem: ContactProblem, top: float, rtol: float) -> SolvedCurve
     terms = series.coefficients[0]
     tails = np.cumsum(np.abs(terms).max(axis=1)[::-1])[::-1]
     # What a curve's own estimate is read from is four terms.
-    kept = max(4, int(np.count_nonzero(tails > SHARE_OF_CURVE * rtol)))
+    kept = max(4, int(np.count_nonzero(tails > _SHARE_OF_TAIL * rtol)))
     left_out = float(tails[kept]) if kept < len(terms) else 0.0
     curve = MasterCurve.of_pieces(series.stretch, [-1.0, 1.0], [terms[:kept]])
     eps = top * float(curve.factor(Factor.RADIUS, np.array([top]))[0])
