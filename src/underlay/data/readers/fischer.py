@@ -26,7 +26,9 @@ _COLUMNS = (("force", "mN"), ("length", "um"), ("time", "s"))
 
 def _sniff(source: Source) -> bool:
     head = source.head(262_144)
-    return ("Name of the application" in head or "HM" in head) and _BLOCK.search(head) is not None
+    # The longer words first: they are looked for in long steps.
+    is_block = "Block" in head and ("Name of the application" in head or "HM" in head)
+    return is_block and _BLOCK.search(head) is not None
 
 
 def _read_all(source: Source, options: Options) -> list[Curve]:
