@@ -159,6 +159,7 @@ def _show(table: pd.DataFrame) -> None:
     import numpy as np
     import pandas as pd
 
+    from underlay.report.maps import shared_error_words
     from underlay.scene.parameters import kind_of
     from underlay.units import format_quantity
 
@@ -185,6 +186,9 @@ def _show(table: pd.DataFrame) -> None:
         )
     if rows:
         say_table(pd.DataFrame(rows), "Over all curves")
+    shared = shared_error_words(table)
+    if shared:
+        say(shared)
     failed = table[table["status"] == "failed"]
     for name, reason in zip(failed["name"].head(_LISTED), failed["reason"].head(_LISTED), strict=True):
         say(f"failed: {name}: {reason}")

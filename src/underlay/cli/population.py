@@ -32,8 +32,11 @@ def population(
         str, typer.Option(help="normal, or outliers: a tenth of the curves may be far off.")
     ] = "normal",
     shared_error: Annotated[
-        float, typer.Option(help="Relative error that all curves share, such as that of the tip's radius.")
-    ] = 0.0,
+        float | None,
+        typer.Option(
+            help="Relative error that all curves share, such as the tip radius's; else the map's own."
+        ),
+    ] = None,
     output: OutputFolder = None,
     excel: ExcelFile = None,
 ) -> None:
@@ -67,7 +70,7 @@ def population(
         from underlay.report.excel import write_excel
 
         asked = {"table": str(table), "by": ", ".join(levels), "group": group or "", "parameter": parameter}
-        asked |= {"doubtful": doubtful, "tails": tails, "shared error": f"{shared_error:g}"}
+        asked |= {"doubtful": doubtful, "tails": tails, "shared error": f"{result.shared_error:g}"}
         say(f"wrote {write_excel(excel, read_map(table), result, settings=asked)}")
     if output is None:
         return

@@ -11,13 +11,15 @@ from underlay.inference.priors.prior import Prior
 from underlay.scene.lever import SENSITIVITY_RATIO, SPRING_CONSTANT_RATIO, Lever
 from underlay.scene.scene import Scene
 
-__all__ = ["KnownLever", "known_lever"]
+__all__ = ["UNCERTAINTIES", "KnownLever", "known_lever"]
 
 # Path of what may be off, and the entry of a curve's metadata that says by how much.
 _RATIOS = {
     SPRING_CONSTANT_RATIO: ("spring_constant_uncertainty", "spring constant"),
     SENSITIVITY_RATIO: ("sensitivity_uncertainty", "sensitivity"),
 }
+#: Entries of a curve's metadata that say how well its calibration is known.
+UNCERTAINTIES = tuple(key for key, _ in _RATIOS.values())
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from underlay.inference.batch.decisions import ACCEPT, REFUSE, without_refused
-from underlay.inference.batch.map_table import is_map, read_map
-from underlay.inference.batch.results_table import FITTED
+from underlay.inference.batch.map_table import is_map, read_map, shared_error_of
+from underlay.inference.batch.results_table import FITTED, SHARED
 from underlay.report.labels import label, start
 from underlay.report.tables import facts_table, labelled_table, source_rows
 from underlay.report.words import quantity_with_interval
@@ -28,6 +28,7 @@ __all__ = [
     "parameter_table",
     "read_map",
     "sample_parameters",
+    "shared_error_words",
     "verdict_table",
     "without_refused",
 ]
@@ -81,7 +82,20 @@ def map_summary(table: pd.DataFrame) -> str:
         )
     if doubtful:
         counts += f", {doubtful} of them with reservations"
-    return "\n\n".join([" ".join(sentences), f"{counts}.", cheap])
+    return "\n\n".join(filter(None, [" ".join(sentences), f"{counts}.", cheap, shared_error_words(fitted)]))
+
+
+def shared_error_words(table: pd.DataFrame) -> str:
+    """What the calibration may add to every modulus of a map; empty where nothing was said of it."""
+    if SHARED not in table.columns:
+        return ""
+    share = shared_error_of(table)
+    if share is None:
+        return "How well the calibration is known was said, and is in none of these errors."
+    return (
+        f"An error of the calibration moves every {label('layer.E')} alike, by {100.0 * share:.2g} % (one standard "
+        "error): no scatter shows it, and no mean takes it away."
+    )
 
 
 def _sentence(name: str, values: pd.Series) -> str:

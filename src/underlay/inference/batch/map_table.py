@@ -13,9 +13,9 @@ import pandas as pd
 from underlay._csv import numbered_rows
 from underlay._csv_text import unguarded
 from underlay._door import FileKind, PathLike, read_bytes, read_start, understood
-from underlay.inference.batch.results_table import LIKELIHOOD, read_parquet
+from underlay.inference.batch.results_table import FITTED, LIKELIHOOD, SHARED, read_parquet
 
-__all__ = ["is_map", "read_map"]
+__all__ = ["is_map", "read_map", "shared_error_of"]
 
 _ERROR = ".stderr"
 _TEXTS = ("name", "status", "verdict", "reason")
@@ -35,6 +35,14 @@ def is_map(path: PathLike) -> bool:
     if Path(path).suffix.lower() == ".parquet":
         return True
     return read_start(path, len(_HEADER)) == _HEADER.encode()
+
+
+def shared_error_of(table: pd.DataFrame) -> float | None:
+    """Relative error of the modulus that the curves of a map share (median); None where the table has none."""
+    if SHARED not in table.columns:
+        return None
+    shares = table.loc[table["status"] == FITTED, SHARED].astype(float).dropna()
+    return float(shares.median()) if len(shares) else None
 
 
 def read_map(path: PathLike) -> pd.DataFrame:

@@ -25,6 +25,7 @@ __all__ = [
     "INSTRUMENT",
     "LIKELIHOOD",
     "RESERVED",
+    "SHARED",
     "Layout",
     "read_parquet",
     "require_format",
@@ -38,6 +39,9 @@ FITTED, FAILED = "fitted", "failed"
 
 #: The instrument's own modulus (Pa) for the same Poisson's ratio, and ours over it less one (per cent).
 INSTRUMENT, DIFFERENCE = "layer.E.instrument", "layer.E.difference_percent"
+
+#: Relative error of the modulus that all curves of a calibration have in common.
+SHARED = "layer.E.shared_error"
 
 #: End of the column with the likelihood of a parameter in nine numbers, where its error alone would not do.
 LIKELIHOOD = "likelihood"

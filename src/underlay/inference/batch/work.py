@@ -26,15 +26,25 @@ from underlay.inference.adhesive_numbers import adhesive_numbers
 from underlay.inference.batch.curves import CurvePlace, read_place
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.batch.options import Sampling
-from underlay.inference.batch.results_table import DIFFERENCE, FAILED, FITTED, INSTRUMENT, LIKELIHOOD, Layout
+from underlay.inference.batch.results_table import (
+    DIFFERENCE,
+    FAILED,
+    FITTED,
+    INSTRUMENT,
+    LIKELIHOOD,
+    SHARED,
+    Layout,
+)
 from underlay.inference.batch.separable import SeparableModel
 from underlay.inference.batch.separable_warnings import separable_warnings
+from underlay.inference.batch.shared_error import shared_error
 from underlay.inference.file_facts import EVERYTHING, settle
 from underlay.inference.from_files import require_elastic, within_range
 from underlay.inference.least_squares.instrument_modulus import STATED, instrument_modulus
 from underlay.inference.least_squares.provenance import curve_hash
 from underlay.inference.plausibility import in_doubt, require_sizes, require_travel
 from underlay.inference.problem import Problem
+from underlay.scene.scene import Scene
 
 __all__ = ["DIED", "CurveFitter", "Rows", "file_hash", "given_up", "work"]
 
@@ -172,14 +182,13 @@ class CurveFitter:
         _require_contact(curve, outcome)
         row.update(outcome.values)
         if "layer.E" in outcome.values and STATED in curve.metadata:
-            told = instrument_modulus(
-                self._model.scene.with_values({**place.values, **self._of_scene(outcome)}), curve
-            )
+            told = instrument_modulus(self._fitted(place, outcome), curve)
             if told is not None:
                 row.update({INSTRUMENT: told.youngs, DIFFERENCE: 100.0 * told.difference})
         if self._model.scene.adhesion is not None:
-            fitted = self._model.scene.with_values({**place.values, **self._of_scene(outcome)})
-            row.update(adhesive_numbers(fitted, self._model.solver))
+            row.update(adhesive_numbers(self._fitted(place, outcome), self._model.solver))
+        if SHARED in self._layout.kinds:
+            row[SHARED] = shared_error(self._model, self._fitted(place, outcome), curve)
         row.update({f"{path}.stderr": error for path, error in outcome.stderr.items()})
         if _MODULUS_LIKELIHOOD in self._layout.kinds and self._error_will_not_do(outcome):
             row[_MODULUS_LIKELIHOOD] = self._likelihood(place, curve)
@@ -214,8 +223,10 @@ class CurveFitter:
 
         return CurveLikelihood.of_profile(profile(self._problem(place, curve), _MODULUS)).as_text()
 
-    def _of_scene(self, outcome: _Found) -> dict[str, float]:
-        return {path: value for path, value in outcome.values.items() if path in self._base}
+    def _fitted(self, place: CurvePlace, outcome: _Found) -> Scene:
+        """The scene with what was fitted."""
+        found = {path: value for path, value in outcome.values.items() if path in self._base}
+        return self._model.scene.with_values({**place.values, **found})
 
     def _fast(self, place: CurvePlace, curve: Curve) -> _Found | None:
         if self._separable is None or self._model.sampling is not None or self._model.intervals:

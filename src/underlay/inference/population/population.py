@@ -40,6 +40,7 @@ _ENDS = np.array([0.025, 0.5, 0.975])
 # A spread is told by an upper limit where it may be none: less than this has more than that probability.
 _NO_SPREAD, _MAY_BE_NONE = 0.05, 0.05
 _TAILS = ("normal", "outliers")
+_MODULUS = "layer.E"
 # Fewer units than these hardly tell how much they differ: the prior would, and no scale of it covers evenly.
 _ENOUGH = 6
 
@@ -52,7 +53,7 @@ def population(
     group: str | None = None,
     doubtful: str = "keep",
     tails: str = "normal",
-    shared_error: float = 0.0,
+    shared_error: float | None = None,
 ) -> Population:
     """Mean and spread of a population from curves at several sites of several animals.
 
@@ -72,9 +73,10 @@ def population(
         "keep" counts curves with a doubtful verdict, "drop" leaves them out; how many is said.
     tails : str
         "normal", or "outliers": a tenth of the curves may lie five spreads off.
-    shared_error : float
+    shared_error : float, optional
         Relative error that all curves have in common, such as that of the tip's radius times its effect: it
-        does not average out, and is in every mean but in no ratio of groups.
+        does not average out, and is in every mean but in no ratio of groups. By default what a map says of it
+        (``layer.E.shared_error``), else none.
 
     Raises
     ------
@@ -96,9 +98,10 @@ def population(
     names = tuple(by)
     if tails not in _TAILS:
         raise InputError(f"tails must be one of {', '.join(_TAILS)}; got {tails!r}")
-    if not (math.isfinite(shared_error) and 0.0 <= shared_error < 1.0):
+    if not (shared_error is None or (math.isfinite(shared_error) and 0.0 <= shared_error < 1.0)):
         raise InputError(f"shared_error is a relative error, 0 to 1; got {shared_error!r}")
-    curves, left = _selected(results, parameter, names, group, doubtful)
+    curves, left, told = _selected(results, parameter, names, group, doubtful)
+    shared = told if shared_error is None else float(shared_error)
     groups: dict[str, list[LabelledCurve]] = {}
     for curve in curves:
         groups.setdefault(curve.group, []).append(curve)
@@ -109,14 +112,14 @@ def population(
             f"no curve{named} is left: {len(left)} were left out ({left[0].reason if left else 'none'})"
         )
     found = {
-        name: _group(name, members, names, outliers=tails == "outliers", shared=shared_error)
+        name: _group(name, members, names, outliers=tails == "outliers", shared=shared)
         for name, members in groups.items()
     }
     ordered = list(found.values())
     comparisons = [
         _compared(later, earlier) for place, later in enumerate(ordered) for earlier in ordered[:place]
     ]
-    return Population(parameter, names, found, tuple(comparisons), tuple(left), float(shared_error))
+    return Population(parameter, names, found, tuple(comparisons), tuple(left), shared)
 
 
 def _selected(
@@ -125,16 +128,18 @@ def _selected(
     by: Sequence[str],
     group: str | None,
     doubtful: str,
-) -> tuple[list[LabelledCurve], list[LeftOut]]:
+) -> tuple[list[LabelledCurve], list[LeftOut], float]:
+    """Curves, those left out, and the error that a map says they share."""
     import pandas as pd  # noqa: PLC0415  where a table is read
 
-    from underlay.inference.batch.map_table import read_map  # noqa: PLC0415  brings pandas
+    from underlay.inference.batch.map_table import read_map, shared_error_of  # noqa: PLC0415  brings pandas
 
-    if isinstance(results, pd.DataFrame):
-        return select_rows(results, parameter, by, group, doubtful)
     if isinstance(results, str | os.PathLike):
-        return select_rows(read_map(results), parameter, by, group, doubtful)
-    return select_results(results, parameter, by, group), []
+        results = read_map(results)
+    if not isinstance(results, pd.DataFrame):
+        return select_results(results, parameter, by, group), [], 0.0
+    told = shared_error_of(results) if parameter == _MODULUS else None
+    return *select_rows(results, parameter, by, group, doubtful), told or 0.0
 
 
 def _group(
