@@ -57,6 +57,22 @@ def test_the_ends_are_where_the_rise_is_the_threshold(name):
     assert (np.diff(result.values) > 0.0).all()
 
 
+@pytest.mark.parametrize("name", ["layer.E", "layer.thickness"])
+def test_a_curve_without_noise_has_the_interval_of_the_noise_that_is_stated(name):
+    """What a search leaves counts in units of the stated noise, not of the residuals, which are next to none."""
+    scene = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.Isotropic(2e7, 0.3))
+    depth = np.linspace(-2e-5, 1.2e-4, 300)
+    sigma = 0.005 * float(scene.force(depth[-1]))
+    free = ["layer.E", "layer.thickness", "substrate.E", "instrument.contact_depth"]
+    curve = ul.synthesize(scene, depth, ul.Noise(force=1e-9 * sigma), 3)
+    known = profile(ul.Problem(scene, curve, free, Noise(sigma)), name).interval(0.95)
+    others = [path for path in free if path != name]
+    for end in (known.low, known.high):
+        held = fit(ul.Problem(scene.with_values({name: end}), curve, others, Noise(sigma)))
+        # The rise above a fit that leaves nothing; an end lies between two steps, to a hundredth of the interval.
+        assert float(np.sum((held.residuals[0] / sigma) ** 2)) == pytest.approx(3.84, rel=0.04)
+
+
 @pytest.mark.parametrize("name", [E, H, BASE])
 def test_a_valley_that_is_open_at_the_optimum_and_closed_further_on(name):
     # A thin layer on a soft base answers as a thicker one on bone does: the thickness may rise by a half while the

@@ -50,6 +50,8 @@ class Search:
     settled : float
         A step that should lower the sum of squares by less than this share of it is taken as what its linear
         model says, and is the last.
+    least : float
+        So is one that should lower it by less than this.
     damping : float
         Of the first step, on columns of unit length.
     along : bool
@@ -60,8 +62,13 @@ class Search:
 
     steps: int = 60
     settled: float = 2e-7
+    least: float = 0.0
     damping: float = 1e-5
     along: bool = False
+
+    def is_little(self, gain: FloatArray, square: FloatArray) -> NDArray[np.bool_]:
+        """Whether a gain (s,) on sums of squares (s,) is too small to go on."""
+        return np.asarray(gain <= np.maximum(self.settled * square, self.least))
 
 
 #: Of all points: the last step is within some hundredths of a standard error, what it leaves within a thousandth.
@@ -214,7 +221,7 @@ class _Running(NamedTuple):
     def proposed(self, active: NDArray[np.bool_], search: Search) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Vectors (s, k) to go to, and which of those are last steps that need no model."""
         step, gain = _steps(self.now, self.damping, active, self.low, self.high)
-        little = gain <= search.settled * self.best.square
+        little = search.is_little(gain, self.best.square)
         little |= np.abs(step).max(axis=1) <= _SHORTEST
         made = gain > _STILL * self.best.square
         if not made.all():
@@ -236,7 +243,7 @@ class _Running(NamedTuple):
         why = [
             "the last step gained nothing" if little else "no step leads further down" if stuck else ""
             for little, stuck in zip(
-                (np.abs(change) <= search.settled * best.square).tolist(),
+                search.is_little(np.abs(change), best.square).tolist(),
                 (damping > _MOST_DAMPING).tolist(),
                 strict=True,
             )

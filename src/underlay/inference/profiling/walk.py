@@ -42,10 +42,9 @@ _FLAT = 1e-3
 # Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
 _BETTER = 0.01  # of t: less than that changes no interval by a hundredth of its width
-# Of t: a search whose next step should gain less ends. Along a plateau many such steps may follow one another.
-_SETTLED = 1e-4
-# Most models of one search.
-_MOST_MODELS = 60
+# The noise is frozen, so a sum of squares is a rise of t. A step that should gain less than 1e-4 of that is the last:
+# along a plateau many such steps may follow one another.
+_FINE = Search(steps=60, least=1e-4, along=True)
 # Of a start elsewhere: after so many steps it must be within this rise of what it competes with.
 _ROUGH, _MAY_BE = Search(steps=8, settled=1e-4, damping=1e-2), 30.0
 # A start of the scan this close to where the others are (scaled coordinates) ends where they are.
@@ -92,7 +91,7 @@ class Walk:
         for i in range(len(rises) - 2, 0, -1):
             if not self.delta_chi_squares[i - 1] > self.delta_chi_squares[i] < self.delta_chi_squares[i + 1]:
                 continue
-            found = minimise(free, self.vectors[i], self._fine)
+            found = minimise(free, self.vectors[i], _FINE)
             if found is None:
                 continue
             bottom, rise = found.point.vector, self.delta_chi_square(found.point)
@@ -209,7 +208,7 @@ class Walk:
                 found = other
         return found
 
-    def follow(self, q: float, most_steps: int = _MOST_MODELS) -> Point | None:
+    def follow(self, q: float, most_steps: int = _FINE.steps) -> Point | None:
         """Others fitted with the parameter at q, starting where the last two steps point."""
         start = np.array(self.vectors[-1])
         if len(self.vectors) > 1:
@@ -224,19 +223,14 @@ class Walk:
         for candidate in (np.clip(start, low, high), last):
             begin = _with(candidate, self.index, q)
             if self.objective.exists(begin):
-                return self._minimised(begin, replace(self._fine, steps=most_steps))
+                return self._minimised(begin, replace(_FINE, steps=most_steps))
         return None
 
-    @property
-    def _fine(self) -> Search:
-        """How exactly the others are searched for: the noise is frozen, and so a sum of squares is a rise of t."""
-        return Search(_MOST_MODELS, _SETTLED / self.base, along=True)
-
     def _minimised(
-        self, start: FloatArray, search: Search | None = None, known: Point | None = None
+        self, start: FloatArray, search: Search = _FINE, known: Point | None = None
     ) -> Point | None:
         """Others fitted from a start; None if there is no law there or where that leads, or it leads to `known`."""
-        found = self._searched(start, search or self._fine, known)
+        found = self._searched(start, search, known)
         return None if found is None else self._off_plateau(found)
 
     def _searched(self, start: FloatArray, search: Search, known: Point | None = None) -> Point | None:
@@ -263,7 +257,7 @@ class Walk:
             other = self._searched(_with(found.vector, i, 0.0), _ROUGH)
             # Where that leads back to the plateau nothing was gained; elsewhere it is worth an exact search.
             if other is not None and i not in self._flat(other):
-                other = self._searched(other.vector, self._fine)
+                other = self._searched(other.vector, _FINE)
                 if other is not None and other.square < found.square:
                     found = other
         return found
