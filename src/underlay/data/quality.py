@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import sqrt, tanh
 from typing import NamedTuple
 
 import numpy as np
@@ -58,8 +57,8 @@ _FEW_BEFORE = 4
 _COARSE = Auto(1e-3)
 # A paraboloid may stand for a ball while their forces differ by less than this.
 _SHAPE = 0.02
-# Over the radius: there they differ by half as much. And steps of Newton's method from within a fifth of the root.
-_SHALLOW, _NEWTON_STEPS = 0.1, 6
+# Over the radius: there they differ by half as much.
+_SHALLOW = 0.1
 # A test in air swings about the force at which the stage was told to stop; a real one goes far beyond it.
 _BEYOND_SEARCH = 3.0
 
@@ -351,15 +350,7 @@ def _shape_doubts(curve: Curve, scene: Scene | None, deepest: float) -> Iterator
 
 
 def _ball_against_paraboloid(ratio: float) -> float:
-    """Relative difference of their forces on a half-space at a depth over radius: no modulus enters.
-
-    P/(4 theta) = w a - int_0^a H ds, as `Sphere` has it, is R^2 (w a - (a - (1 - a^2) t)/2) with w = t tanh(t) and
-    a = tanh(t) over R; 2/3 w a for the paraboloid. In plain numbers, since arrays of one cost forty times as much.
-    """
-    t = sqrt(ratio * (1.0 + ratio))
-    for _ in range(_NEWTON_STEPS):
-        a = tanh(t)
-        t -= (t * a - ratio) / (a + t * (1.0 - a * a))
-    a = tanh(t)
-    force = ratio * a - 0.5 * (a - (1.0 - a * a) * t)
-    return abs(2.0 / 3.0 * ratio * sqrt(ratio) / force - 1.0)
+    """Relative difference of their forces on a half-space at a depth over radius: no modulus enters."""
+    depth, ball = np.array([ratio]), Sphere(1.0)
+    force, rounded = (tip.halfspace_force(depth, tip.halfspace_radius(depth)) for tip in (ball, ball.apex))
+    return abs(float(rounded[0] / force[0]) - 1.0)
