@@ -49,6 +49,8 @@ _FINE = Search(steps=60, least=1e-4, along=True)
 _ROUGH, _MAY_BE = Search(steps=8, settled=1e-4, damping=1e-2), 30.0
 # A start of the scan this close to where the others are (scaled coordinates) ends where they are.
 _SAME_PLACE = 0.3
+# A search for a way off a plateau that has gone this far back towards it (a factor of 20) ends there.
+_BACK_TO_PLATEAU = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,8 +235,13 @@ class Walk:
         found = self._searched(start, search, known)
         return None if found is None else self._off_plateau(found)
 
-    def _searched(self, start: FloatArray, search: Search, known: Point | None = None) -> Point | None:
-        """Lowest place that a search asked for: its last step moves nothing that an interval could tell."""
+    def _searched(
+        self, start: FloatArray, search: Search, known: Point | None = None, plateau: int | None = None
+    ) -> Point | None:
+        """Lowest place that a search asked for: its last step moves nothing that an interval could tell.
+
+        None where that leads to what is `known`; of an entry that is on a `plateau` there, anywhere far out on it.
+        """
         refused = self.objective.failures + _MOST_REFUSED
 
         def leaves(_: int, square: float, ahead: FloatArray) -> bool:
@@ -242,7 +249,10 @@ class Walk:
                 return True
             if known is None or square < known.square:
                 return False
-            return bool((np.abs(ahead - known.vector) < _SAME_PLACE).all())
+            there = np.abs(ahead - known.vector) < _SAME_PLACE
+            if plateau is not None:
+                there[plateau] |= ahead[plateau] * np.sign(known.vector[plateau]) >= _BACK_TO_PLATEAU
+            return bool(there.all())
 
         found = minimise(self.objective, start, search, leaves)
         return None if found is None else found.point
@@ -254,10 +264,10 @@ class Walk:
         and the profile of the thickness would not know that a thinner layer on a softer base answers alike.
         """
         for i in self._flat(found):
-            other = self._searched(_with(found.vector, i, 0.0), _ROUGH)
+            other = self._searched(_with(found.vector, i, 0.0), _ROUGH, found, i)
             # Where that leads back to the plateau nothing was gained; elsewhere it is worth an exact search.
             if other is not None and i not in self._flat(other):
-                other = self._searched(other.vector, _FINE)
+                other = self._searched(other.vector, _FINE, found, i)
                 if other is not None and other.square < found.square:
                     found = other
         return found
