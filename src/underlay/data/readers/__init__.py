@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 from underlay._door import printable
 from underlay._version import VERSION
+from underlay.data.calibration import Calibration
 from underlay.data.curve import Curve
 from underlay.data.readers import (
     afm,
@@ -29,7 +30,6 @@ from underlay.data.readers import (
     testxpert,
 )
 from underlay.data.readers._added import added_formats, plugged_readers
-from underlay.data.readers._calibration import Calibration
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._hdf5 import KeptOpen
 from underlay.data.readers._hdf5_map import Hdf5MapCurve, curves_of_hdf5

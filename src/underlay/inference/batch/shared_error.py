@@ -17,8 +17,8 @@ from math import hypot, log
 import numpy as np
 from scipy.special import ndtr
 
+from underlay.data.calibration import Calibration
 from underlay.data.curve import Curve
-from underlay.data.readers._calibration import Calibration
 from underlay.inference.batch.curves import CurvePlace
 from underlay.inference.batch.model import BatchModel
 from underlay.inference.known_lever import UNCERTAINTIES, known_lever
