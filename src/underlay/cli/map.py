@@ -159,7 +159,7 @@ def _show(table: pd.DataFrame) -> None:
     import numpy as np
     import pandas as pd
 
-    from underlay.report.maps import shared_error_words
+    from underlay.report.maps import errors_in_words, shared_error_words
     from underlay.scene.parameters import kind_of
     from underlay.units import format_quantity
 
@@ -186,6 +186,7 @@ def _show(table: pd.DataFrame) -> None:
         )
     if rows:
         say_table(pd.DataFrame(rows), "Over all curves")
+        say(errors_in_words(table))
     shared = shared_error_words(table)
     if shared:
         say(shared)

@@ -20,6 +20,7 @@ __all__ = [
     "columns_to_draw",
     "decision_table",
     "decision_words",
+    "errors_in_words",
     "failure_table",
     "has_positions",
     "is_map",
@@ -70,19 +71,23 @@ def map_summary(table: pd.DataFrame) -> str:
     sentences = [f"**{_sentence(name, fitted[name])}**" for name in sample_parameters(table) if len(fitted)]
     doubtful = int((fitted["verdict"] == "doubtful").sum())
     counts = f"{len(fitted)} of {len(table)} curves were fitted"
-    # What a single fit weighs (see `Fit.interval`) costs a map some ten times its fits.
-    cheap = (
-        "Errors and verdicts of a map are the quick ones: standard errors of white noise, and doubts of the fit. "
-        "A map that is asked for intervals, or a site that is fitted by itself, averages over correlated noise "
-        "and a wrong law."
-    )
-    if any(column.endswith(".low") for column in table.columns):
-        cheap = (
-            "Intervals are those that a fit of the site by itself states; errors are those of white noise."
-        )
     if doubtful:
         counts += f", {doubtful} of them with reservations"
-    return "\n\n".join(filter(None, [" ".join(sentences), f"{counts}.", cheap, shared_error_words(fitted)]))
+    return "\n\n".join(
+        filter(None, [" ".join(sentences), f"{counts}.", errors_in_words(table), shared_error_words(fitted)])
+    )
+
+
+def errors_in_words(table: pd.DataFrame) -> str:
+    """What the errors of a map allow for."""
+    if any(column.endswith(".low") for column in table.columns):
+        return "Intervals are those that a fit of the site by itself states; errors are those of white noise."
+    # What a single fit weighs (see `Fit.interval`) costs a map some ten times its fits.
+    return (
+        "Errors and verdicts of a map are the quick ones: standard errors of white noise, and doubts of the fit. "
+        "A map that is asked for intervals (`underlay map --intervals`), or a site that is fitted by itself, averages over "
+        "correlated noise and a wrong law."
+    )
 
 
 def shared_error_words(table: pd.DataFrame) -> str:
