@@ -115,7 +115,7 @@ def test_a_mean_that_knows_of_it_covers_and_one_that_does_not_fails():
 def test_what_the_errors_of_a_map_allow_for_is_said():
     curves = curves_of(2, np.random.default_rng(5), {})
     quick = fitted(curves)
-    stated = ul.fit_many(curves, SCENE, FREE, workers=0, intervals=True)
+    stated = ul.fit_many(curves, SCENE, FREE, workers=0, options=ul.MapOptions(intervals=True))
     assert "white noise" in maps.errors_in_words(quick)
     assert "--intervals" in maps.errors_in_words(quick)
     assert "--intervals" not in maps.errors_in_words(stated)

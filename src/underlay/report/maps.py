@@ -85,8 +85,8 @@ def errors_in_words(table: pd.DataFrame) -> str:
     # What a single fit weighs (see `Fit.interval`) costs a map some ten times its fits.
     return (
         "Errors and verdicts of a map are the quick ones: standard errors of white noise, and doubts of the fit. "
-        "A map that is asked for intervals (`underlay map --intervals`), or a site that is fitted by itself, averages over "
-        "correlated noise and a wrong law."
+        "A map that is asked for intervals (`underlay map --intervals`), or a site that is fitted by itself, "
+        "averages over correlated noise and a wrong law."
     )
 
 

@@ -251,7 +251,8 @@ def _pages(cards: Sequence[Card], per_page: int) -> Iterator[str]:
             f"<p>Write <b>accept</b> or <b>refuse</b>, and why, beside a curve's name in <b>{_DECISIONS}</b>, "
             "whose rows are in this order; then run the same <code>underlay map</code> again with "
             f"<code>--resume --decisions {_DECISIONS}</code>. Grey: measured; blue: fit; dashed: contact point; "
-            f"below: what is left over. ±: standard errors of white noise.</p><nav>Page {number} of {len(groups)}: {links}</nav>"
+            "below: what is left over. ±: standard errors of white noise.</p>"
+            f"<nav>Page {number} of {len(groups)}: {links}</nav>"
             f'<div class="grid">\n{body}\n</div></body></html>\n'
         )
 
