@@ -67,16 +67,6 @@ class LawRows:
                 shared.append((part, law))
         return cls(b[:, None, None], c[:, None, None], possible, shared, forward.over)
 
-    def part(self, rows: slice) -> LawRows:
-        """Some of the rows."""
-        start, stop, _ = rows.indices(len(self.possible))
-        shared = [
-            (slice(max(part.start - start, 0), min(part.stop, stop) - start), law)
-            for part, law in self.shared
-            if part.start < stop and part.stop > start
-        ]
-        return LawRows(self.b[rows], self.c[rows], self.possible[rows], shared, self.over)
-
     def force(self, depth: FloatArray) -> FloatArray:
         """P (N), (r, c, n), at tip depths (m) of that shape or (1, c, n); zero where there is no law."""
         if self.over is None:

@@ -43,22 +43,16 @@ class GridFit:
     amplitude: FloatArray
     lowest: FloatArray
 
-    def followed_by(self, other: GridFit) -> GridFit:
-        """These rows and then those of another."""
-        return GridFit(*(np.concatenate(pair) for pair in self._beside(other)))
-
     def better(self, other: GridFit) -> GridFit:
         """Row by row the one that fits better."""
         lower = other.misfit < self.misfit
-        return GridFit(*(np.where(lower, theirs, ours) for ours, theirs in self._beside(other)))
-
-    def _beside(self, other: GridFit) -> tuple[tuple[FloatArray, FloatArray], ...]:
-        return (
+        pairs = (
             (self.misfit, other.misfit),
             (self.contact, other.contact),
             (self.amplitude, other.amplitude),
             (self.lowest, other.lowest),
         )
+        return GridFit(*(np.where(lower, theirs, ours) for ours, theirs in pairs))
 
 
 @dataclass(frozen=True)
