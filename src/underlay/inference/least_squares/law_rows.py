@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import Any, Self, TypeAlias
@@ -36,6 +36,8 @@ class LawRows:
         The rows that one law serves, in order.
     over : TipOverPowerLaw, optional
         The tip, where the laws are those of its power law.
+    together : callable, optional
+        Forces (N) of that shape at depths (m), (r, c, n), in place of `shared`.
     """
 
     b: FloatArray
@@ -43,6 +45,7 @@ class LawRows:
     possible: NDArray[np.bool_]
     shared: list[tuple[slice, ContactLaw]]
     over: TipOverPowerLaw | None = None
+    together: Callable[[FloatArray], FloatArray] | None = None
 
     @classmethod
     def of(cls, forward: Forward, rows: Rows, deepest: float) -> Self:
@@ -58,6 +61,11 @@ class LawRows:
         possible = np.ones(count, dtype=bool)
         rows_of = [(key, list(group)) for key, group in groupby(keys)] if ratios else [((), [()] * count)]
         shared: list[tuple[slice, ContactLaw]] = []
+        scales = b[:, None, None], c[:, None, None]
+        if len({len(group) for _, group in rows_of}) == 1:
+            together = forward.laws.side_by_side([key for key, _ in rows_of], float(depths.max()))
+            if together is not None:
+                return cls(*scales, possible, shared, forward.over, together)
         end = 0
         forward.laws.laws_of([key for key, _ in rows_of], _deepest(depths, rows_of))
         for key, group in rows_of:
@@ -65,7 +73,7 @@ class LawRows:
             law, possible[part] = _reaching(forward, key, depths[part])
             if law is not None:
                 shared.append((part, law))
-        return cls(b[:, None, None], c[:, None, None], possible, shared, forward.over)
+        return cls(*scales, possible, shared, forward.over)
 
     def force(self, depth: FloatArray) -> FloatArray:
         """P (N), (r, c, n), at tip depths (m) of that shape or (1, c, n); zero where there is no law."""
@@ -76,15 +84,10 @@ class LawRows:
 
     def _asked(self, depth: FloatArray) -> FloatArray:
         w = self.b * depth
+        if self.together is not None:
+            return self.together(w)
         if not self.possible.all():
             w *= self.possible[:, None, None]
-        counts = {part.stop - part.start for part, _ in self.shared}
-        if len(self.shared) > 1 and len(counts) == 1 and self.possible.all():
-            # All laws in one call: the calls, not their arithmetic, are what so few numbers cost.
-            laws = [law for _, law in self.shared]
-            together = laws[0].side_by_side(laws, "force", w.reshape(len(laws), -1))
-            if together is not None:
-                return together.reshape(w.shape)
         result = np.zeros_like(w)
         for part, law in self.shared:
             result[part] = law.force(w[part])
