@@ -2,9 +2,10 @@
 
     python tests/studies/fit_floor.py [--rounds 201] [--output tests/studies/fit_floor.json]
 
-The curve of `underlay bench`, fitted by the barest numpy that does the same work: the same grid of thicknesses, ratios
-and contacts, the same tables, three starts in lock-step on 32 blocks, all points, standard errors. It knows this one
-scene alone: no bounds, priors, offsets, other laws, checks or warnings. The unit is lmfit's fit of Hertz's formula.
+The curve of `underlay bench`, fitted by the barest numpy that does the same work: the same grid of thicknesses,
+ratios and contacts, the same tables, three starts in lock-step on 32 blocks, all points, standard errors. It knows
+this one scene alone: no bounds, priors, offsets, other laws, checks or warnings. The unit is lmfit's fit of Hertz's
+formula to the same points.
 """
 
 from __future__ import annotations
@@ -118,23 +119,27 @@ def scan(depth, force):
     contacts = depth[0] + CONTACTS * np.ptp(depth)
     # Of the reference: P(w) = c P_ref(b w).
     stretch = REFERENCE.thickness / thicknesses
-    b, c = np.tile(stretch**2, 5)[:, None, None], np.tile(stretch**-3, 5)[:, None, None]
+    b, c = (stretch**2)[:, None, None], (stretch**-3)[:, None, None]
     if not LAWS:
         deepest = float(b.max() * (depth[-1] - contacts[0]))
         LAWS.append(side_by_side(REFERENCE, PAIR, RATIOS.tolist(), deepest, 1e-2))
 
     def tried(contact):
-        """Misfit and factor on the modulus (r, c) at contacts (r or 1, c)."""
-        shapes = LAWS[0](b * (depth - contact[:, :, None])) * c
-        power, along = np.einsum("rcm,rcm->rc", shapes, shapes), shapes @ force
+        """Misfit and factor on the modulus (r, c) at contacts (1, 1, c) or (ratios, thicknesses, 1)."""
+        w = b * (depth - contact[..., None])
+        shapes = LAWS[0](w.reshape(len(w), -1)).reshape(5, *w.shape[1:]) * c
+        power, along = np.einsum("ktcm,ktcm->ktc", shapes, shapes), shapes @ force
         factor = np.divide(along, power, out=np.zeros_like(power), where=power > 0.0)
-        return force @ force - factor * along, factor
+        misfit = force @ force - factor * along
+        return misfit.reshape(-1, misfit.shape[2]), factor
 
-    misfit, _ = tried(contacts[None])
+    misfit, _ = tried(contacts[None, None])
     best = np.clip(misfit.argmin(axis=1), 1, len(contacts) - 2)
     before, here, after = (np.take_along_axis(misfit, best[:, None] + i, 1)[:, 0] for i in (-1, 0, 1))
-    contact = contacts[best] + 0.5 * (contacts[1] - contacts[0]) * (before - after) / (before - 2 * here + after)
-    misfit, factor = tried(contact[:, None])
+    contact = contacts[best] + 0.5 * (contacts[1] - contacts[0]) * (before - after) / (
+        before - 2 * here + after
+    )
+    misfit, factor = tried(contact.reshape(5, -1, 1))
     misfit, contact, log_modulus = (
         values.reshape(5, -1).T for values in (misfit, contact, np.log(np.maximum(factor, 1e-12) * 3e6))
     )
@@ -168,7 +173,10 @@ def descend(depth, force, sigma, vectors, rtol, settled, span):
         residuals = (said - force) / sigma
         columns *= scale[:, None] / sigma
         square = np.einsum("sn,sn->s", residuals, residuals)
-        own_gradient, own_normal = (columns @ residuals[:, :, None])[:, :, 0], columns @ columns.swapaxes(1, 2)
+        own_gradient, own_normal = (
+            (columns @ residuals[:, :, None])[:, :, 0],
+            columns @ columns.swapaxes(1, 2),
+        )
         lower = square < least
         if count == 1:
             gradient, normal = own_gradient, own_normal

@@ -147,7 +147,7 @@ class Solver(ABC):
     def side_by_side(
         self, contact: Contact, family: Family, ratios: Sequence[float], depth: float
     ) -> Callable[[FloatArray], FloatArray] | None:
-        """Forces (N) at depths (m) up to `depth`, as many rows for each of several bodies; None: one by one."""
+        """Forces (N) of several bodies at depths (m) up to `depth`, (bodies, n) or (1, n) for all; None: none."""
         del contact, family, ratios, depth
         return None
 

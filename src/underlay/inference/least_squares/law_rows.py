@@ -37,7 +37,10 @@ class LawRows:
     over : TipOverPowerLaw, optional
         The tip, where the laws are those of its power law.
     together : callable, optional
-        Forces (N) of that shape at depths (m), (r, c, n), in place of `shared`.
+        Forces (N), (laws, n), at depths (m), (laws, n) or (1, n) for all, of laws that serve the same factors each,
+        in place of `shared`.
+    places : int
+        Rows that each of these laws serves.
     """
 
     b: FloatArray
@@ -46,6 +49,7 @@ class LawRows:
     shared: list[tuple[slice, ContactLaw]]
     over: TipOverPowerLaw | None = None
     together: Callable[[FloatArray], FloatArray] | None = None
+    places: int = 0
 
     @classmethod
     def of(cls, forward: Forward, rows: Rows, deepest: float) -> Self:
@@ -62,10 +66,11 @@ class LawRows:
         rows_of = [(key, list(group)) for key, group in groupby(keys)] if ratios else [((), [()] * count)]
         shared: list[tuple[slice, ContactLaw]] = []
         scales = b[:, None, None], c[:, None, None]
-        if len({len(group) for _, group in rows_of}) == 1:
+        places = len(rows_of[0][1])
+        if {len(group) for _, group in rows_of} == {places} and (b.reshape(-1, places) == b[:places]).all():
             together = forward.laws.side_by_side([key for key, _ in rows_of], float(depths.max()))
             if together is not None:
-                return cls(*scales, possible, shared, forward.over, together)
+                return cls(*scales, possible, shared, forward.over, together, places)
         end = 0
         forward.laws.laws_of([key for key, _ in rows_of], _deepest(depths, rows_of))
         for key, group in rows_of:
@@ -83,9 +88,12 @@ class LawRows:
         return self._asked(asked) * (ratio * self.c)
 
     def _asked(self, depth: FloatArray) -> FloatArray:
-        w = self.b * depth
         if self.together is not None:
-            return self.together(w)
+            alike = len(depth) == 1  # then the rows of every law ask for the same depths
+            w = (self.b[: self.places] if alike else self.b) * depth
+            laws = 1 if alike else len(self.b) // self.places
+            return self.together(w.reshape(laws, -1)).reshape(len(self.b), *w.shape[1:])
+        w = self.b * depth
         if not self.possible.all():
             w *= self.possible[:, None, None]
         result = np.zeros_like(w)

@@ -200,7 +200,7 @@ class LawSource:
     def side_by_side(
         self, reduced: Sequence[tuple[float, ...]], depth: float
     ) -> Callable[[FloatArray], FloatArray] | None:
-        """Forces (N) of laws with these ratios at depths (m) up to `depth`, as many rows for each, in one call.
+        """Forces (N), (laws, n), of these ratios' laws at depths (m) up to `depth`, (laws, n) or (1, n) for all.
 
         None where the laws are asked one by one.
         """

@@ -147,8 +147,8 @@ def side_by_side(
     Returns
     -------
     callable
-        Depths (m) to forces (N) of that shape, of whose first axis every law has as many neighbours. None where
-        one of the bodies has no curve.
+        Depths (m), (laws, n), or (1, n) for all, to forces (N), (laws, n). None where one of the bodies has no
+        curve.
     """
     indenter = contact.indenter
     if not isinstance(indenter, PowerLawShape):
@@ -163,11 +163,14 @@ def side_by_side(
             return None
         tables = [each.curve.coefficients[0, : len(Factor)] for each in known]
         rows = max(table.shape[1] for table in tables)
+        stretches = list(dict.fromkeys(each.curve.stretch for each in known))
+        if len(stretches) > 1:
+            stretches = [each.curve.stretch for each in known]
         return CurveBatch(
             PowerLaw(exponent, 1.0),
             range_end(reach),
-            np.array([[each.curve.stretch.length] for each in known]),
-            np.array([[each.curve.stretch.softness] for each in known]),
+            np.array([[stretch.length] for stretch in stretches]),
+            np.array([[stretch.softness] for stretch in stretches]),
             np.stack([np.pad(table, ((0, 0), (0, rows - table.shape[1]), (0, 0))) for table in tables]),
             np.array([each.error_estimate for each in known]),
         )
@@ -175,9 +178,8 @@ def side_by_side(
     found = TABLES.get(key, gathered)
     if found is None:
         return None
-    curves, sets = replace(found, measure=indenter), np.ones(len(ratios))
-    scales = contact.theta * sets, contact.thickness * sets
-    return lambda w: curves.force(w.reshape(sets.size, -1), *scales).reshape(w.shape)
+    curves = replace(found, measure=indenter)
+    return lambda w: curves.of_one_layer(w, contact.theta, contact.thickness)
 
 
 def _alone(exponent: float, family: Family, ratio: float, reach: int, rtol: float) -> SolvedCurve | None:
