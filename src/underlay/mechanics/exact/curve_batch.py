@@ -105,7 +105,10 @@ class CurveBatch:
         `depth` (m) is (sets, n), or (1, n): curves of one stretched variable then share it, which costs most of it.
         """
         touching, radius, _ = self._half_space(depth, np.full(1, thickness), None)
-        value = polynomial(self.coefficients[:, Factor.FORCE], self._z(radius / thickness, slice(None)))
+        varpi = radius / thickness
+        if len(varpi) < len(self.lengths):
+            varpi = np.repeat(varpi, len(self.lengths), axis=0)
+        value = polynomial(self.coefficients[:, Factor.FORCE], self._z(varpi, slice(None)))
         np.exp(value, out=value)
         exponent = self.measure.exponent
         value *= radius * touching * (4.0 * theta * exponent / (exponent + 1.0))
