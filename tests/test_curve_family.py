@@ -17,7 +17,7 @@ from underlay.mechanics.exact.curve_family import (
     range_number,
 )
 from underlay.mechanics.exact.curves_of_bodies import solve_curves
-from underlay.mechanics.exact.family_law import tabulated_law
+from underlay.mechanics.exact.family_law import side_by_side, tabulated_law
 from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw
 from underlay.mechanics.materials import Isotropic
@@ -175,6 +175,9 @@ def test_a_law_solved_alone_is_that_of_the_table(ratio):
     for asked in ("force", "stiffness"):
         both = getattr(alone, asked)(depth), getattr(table, asked)(depth)
         np.testing.assert_allclose(*both, rtol=alone.error_estimate + table.error_estimate)
-        # Side by side in one call they are what they are one by one.
-        together = alone.side_by_side([alone, table], asked, np.stack((depth, depth)))
-        np.testing.assert_allclose(together, np.stack(both), rtol=1e-12)
+    # Side by side in one call they are what they are one by one.
+    # Next to one of another stretched variable, and next to itself, which shares it.
+    for other in (0.05 * ratio, ratio):
+        together = side_by_side(contact, IsotropicPair(0.45, 0.3), [ratio, other], float(depth[-1]), 1e-5)
+        for asked in (depth[None], np.stack((depth, 0.5 * depth))):
+            np.testing.assert_allclose(together(asked)[0], alone.force(depth), rtol=1e-12)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple, Self
@@ -222,14 +222,6 @@ class ContactLaw(Response, ABC):
     def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
         """Force (N) and dP/dw (N/m) at depths (m) inside the domain, (n,), as rows (2, n)."""
         return np.stack((self._force(depth), self._stiffness(depth)))
-
-    def side_by_side(self, laws: Sequence[ContactLaw], what: str, depth: FloatArray) -> FloatArray | None:
-        """``"force"`` or ``"stiffness"`` of several laws, (laws, n), each at its row of `depth` (m), in one call.
-
-        None where these laws are not of a kind that can be asked so; a caller then asks one by one.
-        """
-        del laws, what, depth
-        return None
 
     @property
     def nodes(self) -> int | None:

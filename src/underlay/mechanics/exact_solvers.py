@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -13,7 +13,7 @@ from underlay.errors import InputError, RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.curve_family import range_numbers
-from underlay.mechanics.exact.family_law import table_number, tabulated_law
+from underlay.mechanics.exact.family_law import side_by_side, table_number, tabulated_law
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.exact.tip_law import tip_laws, tip_range
 from underlay.mechanics.halfspace import halfspace_law, largest_halfspace_depth, layer_effect
@@ -75,6 +75,12 @@ class _ToTolerance(Solver):
     ) -> ContactLaw | None:
         """See `tabulated_law`."""
         return tabulated_law(contact, family, ratio, depth, self.rtol, alone=alone)
+
+    def side_by_side(
+        self, contact: Contact, family: Family, ratios: Sequence[float], depth: float
+    ) -> Callable[[FloatArray], FloatArray] | None:
+        """See `family_law`."""
+        return side_by_side(contact, family, ratios, depth, self.rtol)
 
     def has_slopes(self, contact: Contact) -> bool:
         """Laws of tips that slide on layers say them, without adhesion; a flat punch has no curve to say them."""

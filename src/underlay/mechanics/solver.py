@@ -8,7 +8,7 @@ methods say what callers may rely on; the defaults promise nothing.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from typing import Any, ClassVar
@@ -142,6 +142,13 @@ class Solver(ABC):
         the law may be solved for `alone`.
         """
         del contact, family, ratio, depth, alone
+        return None
+
+    def side_by_side(
+        self, contact: Contact, family: Family, ratios: Sequence[float], depth: float
+    ) -> Callable[[FloatArray], FloatArray] | None:
+        """Forces (N) of several bodies at depths (m) up to `depth`, (bodies, n) or (1, n) for all; None: none."""
+        del contact, family, ratios, depth
         return None
 
     def has_slopes(self, contact: Contact) -> bool:

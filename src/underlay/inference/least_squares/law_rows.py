@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 from typing import Any, Self, TypeAlias
@@ -36,6 +36,11 @@ class LawRows:
         The rows that one law serves, in order.
     over : TipOverPowerLaw, optional
         The tip, where the laws are those of its power law.
+    together : callable, optional
+        Forces (N), (laws, n), at depths (m), (laws, n) or (1, n) for all, of laws that serve the same factors each,
+        in place of `shared`.
+    places : int
+        Rows that each of these laws serves.
     """
 
     b: FloatArray
@@ -43,6 +48,8 @@ class LawRows:
     possible: NDArray[np.bool_]
     shared: list[tuple[slice, ContactLaw]]
     over: TipOverPowerLaw | None = None
+    together: Callable[[FloatArray], FloatArray] | None = None
+    places: int = 0
 
     @classmethod
     def of(cls, forward: Forward, rows: Rows, deepest: float) -> Self:
@@ -58,6 +65,12 @@ class LawRows:
         possible = np.ones(count, dtype=bool)
         rows_of = [(key, list(group)) for key, group in groupby(keys)] if ratios else [((), [()] * count)]
         shared: list[tuple[slice, ContactLaw]] = []
+        scales = b[:, None, None], c[:, None, None]
+        places = len(rows_of[0][1])
+        if {len(group) for _, group in rows_of} == {places} and (b.reshape(-1, places) == b[:places]).all():
+            together = forward.laws.side_by_side([key for key, _ in rows_of], float(depths.max()))
+            if together is not None:
+                return cls(*scales, possible, shared, forward.over, together, places)
         end = 0
         forward.laws.laws_of([key for key, _ in rows_of], _deepest(depths, rows_of))
         for key, group in rows_of:
@@ -65,17 +78,7 @@ class LawRows:
             law, possible[part] = _reaching(forward, key, depths[part])
             if law is not None:
                 shared.append((part, law))
-        return cls(b[:, None, None], c[:, None, None], possible, shared, forward.over)
-
-    def part(self, rows: slice) -> LawRows:
-        """Some of the rows."""
-        start, stop, _ = rows.indices(len(self.possible))
-        shared = [
-            (slice(max(part.start - start, 0), min(part.stop, stop) - start), law)
-            for part, law in self.shared
-            if part.start < stop and part.stop > start
-        ]
-        return LawRows(self.b[rows], self.c[rows], self.possible[rows], shared, self.over)
+        return cls(*scales, possible, shared, forward.over)
 
     def force(self, depth: FloatArray) -> FloatArray:
         """P (N), (r, c, n), at tip depths (m) of that shape or (1, c, n); zero where there is no law."""
@@ -85,16 +88,14 @@ class LawRows:
         return self._asked(asked) * (ratio * self.c)
 
     def _asked(self, depth: FloatArray) -> FloatArray:
+        if self.together is not None:
+            alike = len(depth) == 1  # then the rows of every law ask for the same depths
+            w = (self.b[: self.places] if alike else self.b) * depth
+            laws = 1 if alike else len(self.b) // self.places
+            return self.together(w.reshape(laws, -1)).reshape(len(self.b), *w.shape[1:])
         w = self.b * depth
         if not self.possible.all():
             w *= self.possible[:, None, None]
-        counts = {part.stop - part.start for part, _ in self.shared}
-        if len(self.shared) > 1 and len(counts) == 1 and self.possible.all():
-            # All laws in one call: the calls, not their arithmetic, are what so few numbers cost.
-            laws = [law for _, law in self.shared]
-            together = laws[0].side_by_side(laws, "force", w.reshape(len(laws), -1))
-            if together is not None:
-                return together.reshape(w.shape)
         result = np.zeros_like(w)
         for part, law in self.shared:
             result[part] = law.force(w[part])

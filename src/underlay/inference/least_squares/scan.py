@@ -10,7 +10,7 @@ start, and so are places thinner and thicker than the best: thin and stiffly bac
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -45,10 +45,6 @@ _SCAN_RTOL = 1e-2
 # What a grid tries, and what scales out of its laws with that.
 _TRIED = (MODULUS, BASE_MODULUS, THICKNESS)
 _BLOCKS = 16  # enough to tell a contact to a grid step
-# Base over layer with which the contact is looked for first.
-_FIRST_RATIO = 10.0
-# For the other ratios: about the contacts of all thicknesses with the first one.
-_FEWER_CONTACTS = 6
 # ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
 _RIVAL, _APART = np.log(2.7), np.log(1.6)
 
@@ -216,38 +212,11 @@ def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: Floa
     count, contacts = max(thicknesses.size, 1), curve.contacts
     if thicknesses.size:
         rows[THICKNESS] = np.tile(thicknesses, max(bases.size, 1))
-    if bases.size <= 1:
-        if bases.size:
-            rows[BASE_MODULUS] = float(bases[0])
-        laws = curve.laws(rows)
-        found = curve.best_contact(rows, laws, contacts)
-        return curve.refined(rows, laws, found) if len(contacts) > 1 else found
-    order = np.argsort(np.abs(np.log(bases / member.base[MODULUS] / _FIRST_RATIO)))
-    rows[BASE_MODULUS] = np.repeat(bases[order], count)
+    if bases.size:
+        rows[BASE_MODULUS] = np.repeat(bases, count)
     laws = curve.laws(rows)
-    first, others = slice(0, count), slice(count, None)
-    found = curve.best_contact(_part(rows, first), laws.part(first), contacts)
-    about = _about(contacts, found)
-    found = found.followed_by(curve.best_contact(_part(rows, others), laws.part(others), about))
-    if len(contacts) > 1:
-        found = curve.refined(rows, laws, found)
-    back = np.argsort(order)
-    parts = (found.misfit, found.contact, found.amplitude, found.lowest)
-    return GridFit(*(part.reshape(-1, count)[back].ravel() for part in parts))
-
-
-def _part(rows: Mapping[str, float | FloatArray], which: slice) -> dict[str, float | FloatArray]:
-    return {path: value[which] if isinstance(value, np.ndarray) else value for path, value in rows.items()}
-
-
-def _about(contacts: FloatArray, seen: GridFit) -> FloatArray:
-    """Contacts between those seen and a step of the grid beyond, two where a softer base would bend the curve."""
-    reached = seen.contact[np.isfinite(seen.misfit)]
-    if len(contacts) <= _FEWER_CONTACTS or not reached.size:
-        return contacts
-    step = contacts[1] - contacts[0]
-    low, high = max(reached.min() - step, contacts[0]), min(reached.max() + 2.0 * step, contacts[-1])
-    return np.linspace(low, high, _FEWER_CONTACTS)
+    found = curve.best_contact(rows, laws, contacts)
+    return curve.refined(rows, laws, found) if len(contacts) > 1 else found
 
 
 def _consistent(grid: _Grid, beyond: FloatArray) -> _Grid:

@@ -43,22 +43,16 @@ class GridFit:
     amplitude: FloatArray
     lowest: FloatArray
 
-    def followed_by(self, other: GridFit) -> GridFit:
-        """These rows and then those of another."""
-        return GridFit(*(np.concatenate(pair) for pair in self._beside(other)))
-
     def better(self, other: GridFit) -> GridFit:
         """Row by row the one that fits better."""
         lower = other.misfit < self.misfit
-        return GridFit(*(np.where(lower, theirs, ours) for ours, theirs in self._beside(other)))
-
-    def _beside(self, other: GridFit) -> tuple[tuple[FloatArray, FloatArray], ...]:
-        return (
+        pairs = (
             (self.misfit, other.misfit),
             (self.contact, other.contact),
             (self.amplitude, other.amplitude),
             (self.lowest, other.lowest),
         )
+        return GridFit(*(np.where(lower, theirs, ours) for ours, theirs in pairs))
 
 
 @dataclass(frozen=True)
@@ -95,9 +89,12 @@ class ScanCurve:
         basis = self._linear_basis
         target = _project_out(self.blocks.force - self._fixed_offset(rows), basis)
         shapes = _project_out(forces, basis)
-        amplitude = self._amplitudes(rows, target, shapes)
-        left = target - amplitude[..., None] * shapes
-        misfit = np.where(laws.possible[:, None], np.einsum("rcm,rcm->rc", left, left), np.inf)
+        power, along = np.einsum("rcm,rcm->rc", shapes, shapes), shapes @ target
+        amplitude = self._amplitudes(rows, power, along)
+        # From products: what these lose in digits is far below the error of so coarse a law.
+        misfit = float(target @ target) - amplitude * (2.0 * along - amplitude * power)
+        if not laws.possible.all():
+            misfit[~laws.possible] = np.inf
         best = np.argmin(misfit, axis=1)
         chosen = np.arange(len(misfit)), best
         contact = np.broadcast_to(contacts, misfit.shape)[chosen]
@@ -121,14 +118,16 @@ class ScanCurve:
         solved = np.linalg.lstsq(columns, rest, rcond=None)[0]
         return dict(zip((path for path in _LINEAR if path in self.free), solved.tolist(), strict=True))
 
-    def _amplitudes(self, rows: Rows, target: FloatArray, shapes: FloatArray) -> FloatArray:
-        """Factor (r, c) on the layer's modulus that fits best, within its bounds; one if it is fixed."""
+    def _amplitudes(self, rows: Rows, power: FloatArray, along: FloatArray) -> FloatArray:
+        """Factor (r, c) on the layer's modulus that fits best, within its bounds; one if it is fixed.
+
+        From the squares of the forces, and their products with the target, each (r, c).
+        """
         if not self.scales:
-            return np.ones(shapes.shape[:2])
-        power = np.einsum("rcm,rcm->rc", shapes, shapes)
+            return np.ones(power.shape)
         # A contact beyond the last point gives no force at all: it explains nothing.
         felt = power > 0.0
-        amplitude = np.where(felt, shapes @ target / np.where(felt, power, 1.0), 0.0)
+        amplitude = np.where(felt, along / np.where(felt, power, 1.0), 0.0)
         start = np.reshape(rows[MODULUS], (-1, 1))
         coordinate = self.free[MODULUS]
         lowest = max(coordinate.low, 1e-12 * float(start.min()))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -196,6 +196,19 @@ class LawSource:
             for row, law in zip(rows, several, strict=True):
                 found[row] = law if isinstance(law, ContactLaw) else None
         return found
+
+    def side_by_side(
+        self, reduced: Sequence[tuple[float, ...]], depth: float
+    ) -> Callable[[FloatArray], FloatArray] | None:
+        """Forces (N), (laws, n), of these ratios' laws at depths (m) up to `depth`, (laws, n) or (1, n) for all.
+
+        None where the laws are asked one by one.
+        """
+        if self.table is None or self.table.family is None or not (self.scattered and depth > 0.0):
+            return None
+        values, paths = self.similarity.values, self.similarity.ratio_paths
+        ratios = [self.table.of({**values, **dict(zip(paths, own, strict=True))}) for own in reduced]
+        return self.solver.side_by_side(self.contact, self.table.family, ratios, depth)
 
     def for_statements(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law of the same kind that ends at `depth` (m), where its errors and flags depend on the range.

@@ -99,6 +99,21 @@ class CurveBatch:
         scale = 4.0 * theta * exponent / (exponent + 1.0)
         return self._evaluate(depth, thickness, abel_coefficient, (Factor.FORCE,), scale, with_depth=True)
 
+    def of_one_layer(self, depth: FloatArray, theta: float, thickness: float) -> FloatArray:
+        """Forces (N), (sets, n), as `force`, where the bodies under one tip and layer alone differ.
+
+        `depth` (m) is (sets, n), or (1, n): curves of one stretched variable then share it, which costs most of it.
+        """
+        touching, radius, _ = self._half_space(depth, np.full(1, thickness), None)
+        varpi = radius / thickness
+        if len(varpi) < len(self.lengths):
+            varpi = np.repeat(varpi, len(self.lengths), axis=0)
+        value = polynomial(self.coefficients[:, Factor.FORCE], self._z(varpi, slice(None)))
+        np.exp(value, out=value)
+        exponent = self.measure.exponent
+        value *= radius * touching * (4.0 * theta * exponent / (exponent + 1.0))
+        return value
+
     def stiffness(
         self,
         depth: ArrayLike,

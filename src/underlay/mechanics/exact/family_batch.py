@@ -121,19 +121,18 @@ def family_batch(
     places = np.array([tables.places[number] for number in numbers])
     table = tables.coefficients[places]
     position = (np.log(ratio) - tables.middles[places]) / tables.halves[places]
-    powers = position[:, None] ** np.arange(table.shape[1])
-    curves = (powers[:, None] @ table.reshape(*table.shape[:2], -1)).reshape(ratio.size, *table.shape[2:])
-    in_ratio = None
+    orders = np.arange(table.shape[1])
+    weights = np.zeros((ratio.size, 1 + slopes, orders.size))
+    weights[:, 0] = position[:, None] ** orders
     if slopes:
-        orders = np.arange(1, table.shape[1])
-        weights = orders * powers[:, :-1] / tables.halves[places][:, None]
-        in_ratio = np.einsum("sr,srjc->sjc", weights, table[:, 1:, Factor.FORCE])[:, None]
+        weights[:, 1, 1:] = orders[1:] * weights[:, 0, :-1] / tables.halves[places][:, None]
+    said = (weights @ table.reshape(*table.shape[:2], -1)).reshape(ratio.size, -1, *table.shape[2:])
     return CurveBatch(
         indenter,
         tables.tops[places],
         tables.lengths[places][:, None],
         tables.softness[places][:, None],
-        curves,
+        said[:, 0],
         tables.errors[places],
-        in_ratio,
+        said[:, 1:, Factor.FORCE] if slopes else None,
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from math import log
 
 import numpy as np
@@ -12,6 +13,7 @@ from underlay.errors import RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.contact_curve import SolvedCurve, known_curve
 from underlay.mechanics.exact.contact_problem import ContactProblem
+from underlay.mechanics.exact.curve_batch import CurveBatch
 from underlay.mechanics.exact.curve_family import (
     Cell,
     CurveFamily,
@@ -27,7 +29,7 @@ from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.kernel import Family
 
-__all__ = ["FamilyLaw", "table_number", "tabulated_law"]
+__all__ = ["FamilyLaw", "side_by_side", "table_number", "tabulated_law"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,6 +128,58 @@ def tabulated_law(
         family=table,
         log_ratio=log(ratio),
     )
+
+
+def side_by_side(
+    contact: Contact, family: Family, ratios: Sequence[float], depth: float, rtol: float
+) -> Callable[[FloatArray], FloatArray] | None:
+    """Laws of bodies of a family in one call, each solved for itself, as `tabulated_law` has them `alone`.
+
+    Calls, not their arithmetic, are what few numbers cost.
+
+    Parameters
+    ----------
+    contact, family, depth, rtol
+        As in `tabulated_law`.
+    ratios : sequence of float
+        Which bodies.
+
+    Returns
+    -------
+    callable
+        Depths (m), (laws, n), or (1, n) for all, to forces (N), (laws, n). None where one of the bodies has no
+        curve.
+    """
+    indenter = contact.indenter
+    if not isinstance(indenter, PowerLawShape):
+        return None
+    exponent, reach = indenter.exponent, table_number(contact, depth)
+    key = ("side by side, alone", exponent, family, tuple(ratios), reach, rtol)
+
+    def gathered() -> CurveBatch | None:
+        solved = [_alone(exponent, family, ratio, reach, rtol) for ratio in ratios]
+        known = [each for each in solved if each is not None and len(each.curve.edges) == 2]
+        if len(known) < len(solved):
+            return None
+        tables = [each.curve.coefficients[0, : len(Factor)] for each in known]
+        rows = max(table.shape[1] for table in tables)
+        stretches = list(dict.fromkeys(each.curve.stretch for each in known))
+        if len(stretches) > 1:
+            stretches = [each.curve.stretch for each in known]
+        return CurveBatch(
+            PowerLaw(exponent, 1.0),
+            range_end(reach),
+            np.array([[stretch.length] for stretch in stretches]),
+            np.array([[stretch.softness] for stretch in stretches]),
+            np.stack([np.pad(table, ((0, 0), (0, rows - table.shape[1]), (0, 0))) for table in tables]),
+            np.array([each.error_estimate for each in known]),
+        )
+
+    found = TABLES.get(key, gathered)
+    if found is None:
+        return None
+    curves = replace(found, measure=indenter)
+    return lambda w: curves.of_one_layer(w, contact.theta, contact.thickness)
 
 
 def _alone(exponent: float, family: Family, ratio: float, reach: int, rtol: float) -> SolvedCurve | None:

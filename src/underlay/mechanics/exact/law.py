@@ -8,7 +8,6 @@ radii up to 20 thicknesses, and up to the end of the indenter's shape.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +18,6 @@ from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import solve_curve
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem
-from underlay.mechanics.exact.curve_batch import CurveBatch
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve, piecewise
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
@@ -60,33 +58,6 @@ class ExactLaw(ContactLaw):
     def nodes(self) -> int:
         """Radial nodes of the solution."""
         return self.resolution.radial
-
-    def side_by_side(self, laws: Sequence[ContactLaw], what: str, depth: FloatArray) -> FloatArray | None:
-        """One call for laws of one tip, layer and thickness: calls, not arithmetic, are what few numbers cost."""
-        alike = [law for law in laws if isinstance(law, ExactLaw) and self._is_beside(law)]
-        if len(alike) < len(laws):
-            return None
-        rows = max(law.curve.coefficients.shape[-2] for law in alike)
-        coefficients = np.zeros((len(alike), *self.curve.coefficients.shape[1:2], rows, 4))
-        for table, law in zip(coefficients, alike, strict=True):
-            table[:, : law.curve.coefficients.shape[-2]] = law.curve.coefficients[0]
-        ends = self.measure.halfspace_radius(np.array([law.max_depth for law in alike]))
-        batch = CurveBatch(
-            self.measure,
-            ends / self.thickness,
-            np.array([[law.curve.stretch.length] for law in alike]),
-            np.array([[law.curve.stretch.softness] for law in alike]),
-            coefficients,
-            np.array([law.error_estimate for law in alike]),
-        )
-        sets = np.ones(len(alike))
-        arguments = (depth, self.theta * sets, self.thickness * sets)
-        return batch.force(*arguments) if what == "force" else batch.stiffness(*arguments)
-
-    def _is_beside(self, law: ExactLaw) -> bool:
-        """Whether a law shares all but its curve, which must be in one piece."""
-        alike = law.measure == self.measure and law.theta == self.theta and law.thickness == self.thickness
-        return alike and len(law.curve.edges) == 2
 
     def beside_slope(self, which: int, depth: FloatArray, force: FloatArray) -> FloatArray | None:
         """dP/ds (N) at fixed depth (m), (n,), towards one of `Contact.beside`; None where the curve folds."""
