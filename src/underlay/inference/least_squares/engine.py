@@ -19,7 +19,7 @@ from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.places import Places
 from underlay.inference.least_squares.projection import Point, acting
 
-__all__ = ["FINE", "GiveUp", "Minimum", "Search", "descend", "minimise"]
+__all__ = ["FINE", "GiveUp", "Minimum", "Search", "descend", "minimise", "newton_step"]
 
 #: Asked before each step with the steps made, the least sum of squares and the vector proposed: whether to leave.
 GiveUp: TypeAlias = Callable[[int, float, FloatArray], bool]
@@ -105,6 +105,15 @@ def minimise(
     low, high = (end[None] for end in objective.problem.bounds.T)
     begin = objective.places(np.clip(start[None], low, high), low, high)
     return descend(objective, begin, low, high, search, give_up)[0] if np.isfinite(begin.square[0]) else None
+
+
+def newton_step(point: Point, active: list[int]) -> FloatArray:
+    """Step (k,) of the entries `active` to where the linear model at a place is least, wherever that is."""
+    norms = np.sqrt(point.normal.diagonal())[None]
+    which = np.zeros_like(norms, dtype=bool)
+    which[:, active] = True
+    which &= acting(norms)
+    return _solved(point.gradient[None], point.normal[None], which, norms, np.full(1, _LEAST_DAMPING))[0]
 
 
 def descend(

@@ -11,7 +11,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.engine import Search, minimise
+from underlay.inference.least_squares.engine import Search, minimise, newton_step
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
@@ -256,11 +256,22 @@ class Walk:
         for i in self._flat(found):
             other = self._searched(_with(found.vector, i, 0.0), _ROUGH)
             # Where that leads back to the plateau nothing was gained; elsewhere it is worth an exact search.
-            if other is not None and i not in self._flat(other):
+            if other is not None and i not in self._flat(other) and not self._goes_back(other, found, i):
                 other = self._searched(other.vector, _FINE)
                 if other is not None and other.square < found.square:
                     found = other
         return found
+
+    def _goes_back(self, other: Point, found: Point, i: int) -> bool:
+        """Whether a search from a place no better would only slide back to the plateau of entry i.
+
+        What an entry still does dies out towards a plateau as exp(-distance): in that variable a step of one and more
+        leads past the plateau's end, where `found` is.
+        """
+        if other.square < found.square:
+            return False
+        ahead = newton_step(other, self.objective.active)[i]
+        return bool(ahead * np.sign(found.vector[i] - other.vector[i]) >= 1.0)
 
     def _flat(self, found: Point) -> list[int]:
         """Entries that do not act there."""
