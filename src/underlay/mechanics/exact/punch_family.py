@@ -102,8 +102,7 @@ class PunchFamily:
         """Solution on the bodies at ln k (...,), at contact radii `eps` (..., radii)."""
         terms, radii, columns = self.coefficients.shape
         if terms > 1 and self.cell.ratio is not None:
-            low, high = ratio_span(self.cell.ratio)
-            place = (log_ratios - low) * (2.0 / (high - low)) - 1.0
+            place = ratio_span(self.cell.ratio).place(log_ratios)
             flat = place[..., None] ** np.arange(terms) @ self.coefficients.reshape(terms, -1)
             table = flat.reshape(*place.shape, radii, columns)
         else:
@@ -132,19 +131,15 @@ def _tabulated(cell: PunchCell) -> PunchFamily | None:
 
 def _first_ratios(cell: PunchCell, share: float) -> int:
     """How many ratios to begin with: what a far stiffer base adds to a rigid one is some eps/k of the whole."""
-    low, _ = ratio_span(cell.ratio or 0)
-    changed = min(4.0 * cell.top / float(np.exp(low)), 1.0)
+    changed = min(4.0 * cell.top / float(np.exp(ratio_span(cell.ratio or 0).low)), 1.0)
     return max(first_ratios(_SHARE_OF_RATIO * share / changed), _FEWEST_TERMS)
 
 
 def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
     """Solve at Chebyshev points in ln k and in eps, and expand; at more points if need be."""
-    low, high = (0.0, 0.0) if cell.ratio is None else ratio_span(cell.ratio)
     angles = chebyshev_angles(ratios)
-    bodies = [
-        cell.family.kernel(float(np.exp(0.5 * (low + high) + 0.5 * (high - low) * place)))
-        for place in np.cos(angles)
-    ]
+    span = ratio_span(cell.ratio or 0)
+    bodies = [cell.family.kernel(ratio) for ratio in span.ratios(np.cos(angles)).tolist()]
     middle = bodies[ratios // 2].scales
     # The ends need the most nodes: either may.
     hardest, resolution = max(
