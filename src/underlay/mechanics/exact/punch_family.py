@@ -13,7 +13,6 @@ Cells and store are those of `curve_family`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +22,7 @@ from underlay.errors import InputError
 from underlay.mechanics.exact.contact_curve import SHARE_OF_NODES
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS
 from underlay.mechanics.exact.curve_family import first_ratios, range_end, ratio_span
-from underlay.mechanics.exact.gauss import EvenRule, even_rule
+from underlay.mechanics.exact.gauss import EvenRule, even_legendre, even_rule
 from underlay.mechanics.exact.master_curve import (
     Stretch,
     chebyshev_angles,
@@ -34,7 +33,7 @@ from underlay.mechanics.exact.master_curve import (
 from underlay.mechanics.exact.nodes import Resolution, series_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution, cosines, proved_resolution
 from underlay.mechanics.exact.tables import TABLES
-from underlay.mechanics.kernel import Family
+from underlay.mechanics.kernel import Family, Kernel
 
 __all__ = ["PunchCell", "PunchFamily", "punch_family"]
 
@@ -43,6 +42,8 @@ __all__ = ["PunchCell", "PunchFamily", "punch_family"]
 # there was no table, after 1 s of trying; at 0.005, with a tenth more nodes, there are, but for the softest bases.
 _SHARE_OF_SOLUTION, _SHARE_OF_RATIO, _SHARE_OF_RADIUS = 0.005, 0.3, 0.3
 _MOST_RATIOS, _MOST_RADII = 24, 96
+_NARROW = 4.0  # a/h: narrower contacts take so few nodes that sorting them gains nothing
+_FINER = 0.03
 # What a series leaves out is read off its last four coefficients.
 _FEWEST_TERMS = 4
 
@@ -141,24 +142,16 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
     span = ratio_span(cell.ratio or 0)
     bodies = [cell.family.kernel(ratio) for ratio in span.ratios(np.cos(angles)).tolist()]
     middle = bodies[ratios // 2].scales
-    # The ends need the most nodes: either may.
-    hardest, resolution = max(
-        (
-            (number, proved_resolution(bodies[number], cell.top, _SHARE_OF_SOLUTION * cell.rtol))
-            for number in (0, -1)
-        ),
-        key=lambda end: (end[1].radial, end[1].wavenumbers),
-    )
+    hardest, resolution = _demanding(bodies, cell.top, cell.rtol)
     stretch = Stretch.to(cell.top, middle.softness)
     radii = max(series_terms(middle, cell.top, share), _FEWEST_TERMS)
     while True:
         eps_angles = chebyshev_angles(radii)
-        eps = stretch.v(np.cos(eps_angles))
-        solved = partial(PunchSolution.solve, eps=eps, resolution=resolution, waves=cosines(eps, resolution))
+        groups = _groups(bodies, stretch.v(np.cos(eps_angles)), resolution, cell.rtol)
         # One body tells whether these radii are enough before all are solved for.
-        first = chebyshev_coefficients(_told(solved(bodies[hardest])), eps_angles)
+        first = chebyshev_coefficients(_told(bodies[hardest], groups), eps_angles)
         if truncation_error(first) <= _SHARE_OF_RADIUS * share:
-            values = np.stack([_told(solved(body)) for body in bodies])
+            values = np.stack([_told(body, groups) for body in bodies])
             by_radius = np.stack([chebyshev_coefficients(own, eps_angles) for own in values])
             if truncation_error(np.moveaxis(by_radius, 1, 0).reshape(radii, -1)) <= _SHARE_OF_RADIUS * share:
                 break
@@ -177,10 +170,52 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
     )
 
 
-def _told(punch: PunchSolution) -> FloatArray:
+class _Group(NamedTuple):
+    """Contact radii (radii,) that share nodes, their `cosines`, and from values at those nodes to all nodes."""
+
+    eps: FloatArray
+    resolution: Resolution
+    waves: FloatArray
+    spread: FloatArray
+
+
+def _demanding(bodies: list[Kernel], top: float, rtol: float) -> tuple[int, Resolution]:
+    """Which body needs the most nodes for radii up to `top`, the first or the last, and these."""
+    ends = [(number, proved_resolution(bodies[number], top, _SHARE_OF_SOLUTION * rtol)) for number in (0, -1)]
+    return max(ends, key=lambda end: (end[1].radial, end[1].wavenumbers))
+
+
+def _groups(bodies: list[Kernel], eps: FloatArray, widest: Resolution, rtol: float) -> list[_Group]:
+    """Sort increasing radii by the nodes they need: half of them are far below the widest, which takes the most."""
+    groups, end, top, resolution = [], eps.size, float(eps[-1]), widest
+    nodes = even_rule(widest.radial).nodes
+    while end:
+        narrower = 0.5 * top
+        start = int(np.searchsorted(eps, narrower)) if narrower > _NARROW else 0
+        rule = even_rule(resolution.radial)
+        own = eps[start:end]
+        spread = rule.projection.T @ even_legendre(nodes, resolution.radial).T
+        groups.insert(0, _Group(own, resolution, cosines(own, resolution), spread))
+        end, top = start, narrower
+        resolution = _demanding(bodies, top, _FINER * rtol)[1]
+    return groups
+
+
+def _told(body: Kernel, groups: list[_Group]) -> FloatArray:
     """What is interpolated, (radii, 2 + 2 nodes)."""
+    return np.concatenate([_told_of(body, group) for group in groups])
+
+
+def _told_of(body: Kernel, group: _Group) -> FloatArray:
+    punch = PunchSolution.solve(body, group.eps, group.resolution, waves=group.waves)
     edge = 1.0 + punch.rho @ punch.rule.weights
     kappa = punch.kappa[:, None]
     return np.concatenate(
-        (np.log(kappa), np.log(edge)[:, None], punch.g / kappa, punch.rho / edge[:, None]), axis=1
+        (
+            np.log(kappa),
+            np.log(edge)[:, None],
+            punch.g / kappa @ group.spread,
+            punch.rho / edge[:, None] @ group.spread,
+        ),
+        axis=1,
     )
