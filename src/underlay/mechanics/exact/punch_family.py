@@ -40,7 +40,7 @@ __all__ = ["PunchCell", "PunchFamily", "punch_family"]
 # Of the share of an error that a solution's nodes may take: what either interpolation leaves out. What the nodes
 # themselves leave out is rough in eps, and beyond a/h = 5 a series does not end above it: at 0.4 of the tolerance
 # there was no table, after 1 s of trying; at 0.005, with a tenth more nodes, there are, but for the softest bases.
-_SHARE_OF_SOLUTION, _SHARE_OF_RATIO, _SHARE_OF_RADIUS = 0.005, 0.3, 0.3
+_SHARE_OF_SOLUTION, _SHARE_OF_RATIO, _SHARE_OF_RADIUS = 0.0005, 0.3, 0.3
 _MOST_RATIOS, _MOST_RADII = 24, 96
 _NARROW = 4.0  # a/h: narrower contacts take so few nodes that sorting them gains nothing
 _FINER = 0.03
