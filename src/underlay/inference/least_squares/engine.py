@@ -113,7 +113,8 @@ def newton_step(point: Point, active: list[int]) -> FloatArray:
     which = np.zeros_like(norms, dtype=bool)
     which[:, active] = True
     which &= acting(norms)
-    return _solved(point.gradient[None], point.normal[None], which, norms, np.full(1, _LEAST_DAMPING))[0]
+    damping = np.full(1, _LEAST_DAMPING)
+    return np.asarray(_solved(point.gradient[None], point.normal[None], which, norms, damping)[0])
 
 
 def descend(

@@ -265,8 +265,8 @@ class Walk:
     def _goes_back(self, other: Point, found: Point, i: int) -> bool:
         """Whether a search from a place no better would only slide back to the plateau of entry i.
 
-        What an entry still does dies out towards a plateau as exp(-distance): in that variable a step of one and more
-        leads past the plateau's end, where `found` is.
+        What an entry still does dies out towards a plateau as exp(-distance): in that variable a step of one
+        and more leads past the plateau's end, where `found` is.
         """
         if other.square < found.square:
             return False

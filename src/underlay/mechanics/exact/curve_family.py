@@ -61,8 +61,8 @@ __all__ = [
 # Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
 _RATIO_STEP, _RATIO_EDGE = 4.0, 1.37
 _RANGE_STEP, _RANGE_EDGE = 2.0, 1.31
-#: Number of the span of all bases from that of `_STIFF` on to a rigid one. What they add is analytic in 1/k there,
-#: and five terms do where ln k takes seven in each of a dozen spans (eleven under an incompressible layer at a/h = 20).
+#: Number of the span of all bases from that of `_STIFF` on to a rigid one. What they add is analytic in 1/k there:
+#: five terms do where ln k takes seven in each of a dozen spans (twelve under an incompressible layer at a/h = 20).
 STIFF_END, _STIFF = 10_000, 5
 _SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
 # Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio,

@@ -84,8 +84,8 @@ class Stretch:
 
     def v(self, z: FloatArray) -> FloatArray:
         """Inverse of `z`."""
-        # With q = v + sqrt(1 + v^2), exp(t) = q (1 + softness v) is quadratic in q: solved for q - 1, which is small
-        # where v is.
+        # With q = v + sqrt(1 + v^2), exp(t) = q (1 + softness v) is quadratic in q: solved for q - 1, which is
+        # small where v is.
         grown = np.expm1((0.5 * self.length) * (z + 1.0))
         linear = 1.0 + self.softness
         above = 2.0 * grown / (linear + np.sqrt(linear * linear + 2.0 * self.softness * grown))
