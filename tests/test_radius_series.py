@@ -33,3 +33,15 @@ def test_newton_ends_as_soon_as_it_is_there(monkeypatch):
     assert chi * np.exp(-0.3 * chi / (1.0 + chi)) == pytest.approx(varpi, rel=1e-12)
     # From a table of 180 points: quadratic steps from 1e-4 or so, and one more to see that it stands still.
     assert len(steps) <= 6
+
+
+def test_the_stretched_variable_is_turned_round_to_rounding():
+    for softness in (0.0, 0.3, 30.0, 1e8):
+        for top in (0.02, 1.0, 30.0):
+            stretch = Stretch.to(top, softness)
+            z = np.linspace(-1.0, 1.0, 50)
+            v = stretch.v(z)
+            assert v[0] == 0.0
+            assert v[-1] == pytest.approx(top, rel=1e-14)
+            # What subtracting one from z leaves of t.
+            assert stretch.z(v) == pytest.approx(z, abs=1e-15)

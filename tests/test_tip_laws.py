@@ -12,10 +12,17 @@ from underlay.inference.problem import Problem
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact import law as direct
-from underlay.mechanics.exact.curve_family import IsotropicPair, RigidBase, ratio_number
+from underlay.mechanics.exact.curve_family import (
+    STIFF_END,
+    IsotropicPair,
+    RigidBase,
+    end_number,
+    ratio_number,
+    ratio_span,
+)
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.exact.punch_family import PunchCell, punch_family
-from underlay.mechanics.exact.punch_solution import PunchSolution
+from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.exact.tip_law import tip_laws
 from underlay.mechanics.indenters import Paraboloid, Sphere
 from underlay.mechanics.kernel import LayerKernel
@@ -142,6 +149,44 @@ def test_the_flat_punch_is_read_between_the_ratios_and_radii_it_was_solved_at():
     solved = PunchSolution.solve(kernel, eps, table.resolution)
     for name in ("kappa", "g", "rho"):
         assert getattr(read, name) == pytest.approx(getattr(solved, name), rel=1e-6, abs=1e-6), name
+
+
+@pytest.mark.parametrize("ratio", [1e4, 1e6, 1e10])
+def test_bases_up_to_a_rigid_one_share_a_table_and_its_slope_dies_out(ratio):
+    nu, depth = 0.45, 0.25
+    family, tip = IsotropicPair(nu, 0.3), Sphere(1.0)
+    low = ratio_span(STIFF_END).low
+    assert end_number(float(np.exp(low)) * 1.001) == end_number(ratio) == STIFF_END
+    assert end_number(float(np.exp(low)) * 0.999) == ratio_number(float(np.exp(low)) * 0.999)
+    law = tip_laws([contact(tip, ratio, nu)], family, [ratio], [depth], 1e-6)[0]
+    w = SHARES * depth
+    force, step = law.force(w), 1e-3
+
+    def solved(k):
+        return exact_law(contact(tip, k, nu), depth, 1e-10).force(w)
+
+    in_ratio = (solved(ratio * np.exp(step)) - solved(ratio * np.exp(-step))) / (2.0 * step)
+    # A thousandth, as between other ratios, and the rounding of both differences: of logarithms known to
+    # 1e-14 over steps of 1e-7, and of laws solved to 1e-14 over 2e-3 where nodes are the same.
+    assert law.ratio_slope(w, force) == pytest.approx(in_ratio, rel=1e-3, abs=1e-7 * force.max())
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.5, 5.0, 1e4])
+def test_radii_that_share_fewer_nodes_are_as_exact_as_the_widest(ratio):
+    family = IsotropicPair(0.4, 0.3)
+    table = punch_family(PunchCell(family, end_number(ratio), 4, 1e-6))
+    eps = np.array([0.05, 0.7, 3.0, 4.9, 5.1, 9.9, 10.1, 19.0])
+    read = table.at(np.log(np.array(ratio)), eps)
+    solved = PunchSolution.solve(
+        family.kernel(ratio), eps, proved_resolution(family.kernel(ratio), 20.0, 1e-10)
+    )
+    for one, other in zip(
+        (read.kappa, *read.depth_and_force(read.rule.power_weights(2.0))),
+        (solved.kappa, *solved.depth_and_force(solved.rule.power_weights(2.0))),
+        strict=True,
+    ):
+        # The share that a table has of 1e-6.
+        assert one == pytest.approx(other, rel=3e-7)
 
 
 def test_a_measured_tip_has_its_tables_too():

@@ -15,7 +15,7 @@ and modulus, and tables are kept for the whole process.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, floor, log, log10
+from math import ceil, exp, floor, inf, log, log10
 from typing import NamedTuple
 
 import numpy as np
@@ -40,11 +40,14 @@ from underlay.mechanics.kernel import Family, LayerKernel
 from underlay.mechanics.plane_constants import isotropic_constants
 
 __all__ = [
+    "STIFF_END",
     "Cell",
     "CurveFamily",
     "IsotropicPair",
+    "RatioSpan",
     "RigidBase",
     "curve_family",
+    "end_number",
     "family_holding",
     "first_ratios",
     "range_end",
@@ -58,6 +61,9 @@ __all__ = [
 # Edges of the cells, at no round number: a ratio or range on an edge would fall on either side of it.
 _RATIO_STEP, _RATIO_EDGE = 4.0, 1.37
 _RANGE_STEP, _RANGE_EDGE = 2.0, 1.31
+#: Number of the span of all bases from that of `_STIFF` on to a rigid one. What they add is analytic in 1/k there:
+#: five terms do where ln k takes seven in each of a dozen spans (twelve under an incompressible layer at a/h = 20).
+STIFF_END, _STIFF = 10_000, 5
 _SMALLEST_RANGE = -6  # varpi up to 0.02: nothing is gained by less
 # Shares of rtol: the solutions (which claim up to 0.9 of what they are asked), the interpolation in the ratio,
 # and the terms in varpi that are dropped.
@@ -121,8 +127,8 @@ class Cell(NamedTuple):
         return cls(exponent, family, ratio_number(ratio), range_number(varpi), rtol)
 
     @property
-    def log_ratios(self) -> tuple[float, float]:
-        """Ends of the span in ln k."""
+    def log_ratios(self) -> RatioSpan:
+        """The span, which is its ends in ln k."""
         return ratio_span(self.ratio)
 
     @property
@@ -131,10 +137,46 @@ class Cell(NamedTuple):
         return range_end(self.range)
 
 
-def ratio_span(number: int) -> tuple[float, float]:
-    """Ends of a span in ln k."""
-    low = log(_RATIO_EDGE) + number * log(_RATIO_STEP)
-    return low, low + log(_RATIO_STEP)
+class RatioSpan(NamedTuple):
+    """A span of ratios k, and the variable on [-1, 1] in which what is told of its bodies is expanded.
+
+    That is ln k, and up to a rigid base 1/k.
+
+    Parameters
+    ----------
+    low, high : float
+        Its ends in ln k.
+    """
+
+    low: float
+    high: float
+
+    def place(self, log_ratios: FloatArray) -> FloatArray:
+        """Map ln k to the variable."""
+        if self.high == inf:
+            return np.asarray(1.0 - 2.0 * np.exp(self.low - log_ratios))
+        return (log_ratios - self.low) * (2.0 / (self.high - self.low)) - 1.0
+
+    def slope(self, log_ratio: float) -> float:
+        """Derivative of the variable in ln k."""
+        return 2.0 * exp(self.low - log_ratio) if self.high == inf else 2.0 / (self.high - self.low)
+
+    def ratios(self, places: FloatArray) -> FloatArray:
+        """Inverse of `place`, as k."""
+        if self.high == inf:
+            return np.asarray(2.0 * exp(self.low) / (1.0 - places))
+        return np.asarray(np.exp(0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * places))
+
+    @property
+    def middle(self) -> float:
+        """The ratio k in the middle."""
+        return float(self.ratios(np.array(0.0)))
+
+
+def ratio_span(number: int) -> RatioSpan:
+    """Return the span of a number."""
+    low = log(_RATIO_EDGE) + (_STIFF if number == STIFF_END else number) * log(_RATIO_STEP)
+    return RatioSpan(low, inf if number == STIFF_END else low + log(_RATIO_STEP))
 
 
 def ratio_number(ratio: float) -> int:
@@ -145,6 +187,12 @@ def ratio_number(ratio: float) -> int:
 def range_number(varpi: float) -> int:
     """Number of the span that reaches `varpi`."""
     return ceil(log(max(varpi, range_end(_SMALLEST_RANGE)) / _RANGE_EDGE) / log(_RANGE_STEP))
+
+
+def end_number(ratio: float) -> int:
+    """As `ratio_number`, where the stiffest bases share a span."""
+    number = ratio_number(ratio)
+    return number if number < _STIFF else STIFF_END
 
 
 def ratio_numbers(ratio: FloatArray) -> FloatArray:
@@ -203,11 +251,10 @@ class CurveFamily:
 
     def slopes(self, which: Factor, log_ratio: float) -> FloatArray:
         """d/d ln k of the coefficients of one factor, (pieces, rows, 4), at one ratio."""
-        low, high = self.cell.log_ratios
         orders = np.arange(1, len(self.coefficients))
         powers = orders * self._position(np.array([log_ratio])) ** (orders - 1)
         table = self.coefficients[1:, :, which]
-        flat = (powers * (2.0 / (high - low))) @ table.reshape(len(table), -1)
+        flat = (powers * self.cell.log_ratios.slope(log_ratio)) @ table.reshape(len(table), -1)
         return flat.reshape(table.shape[1:])
 
     def curve(self, log_ratio: float) -> MasterCurve:
@@ -217,8 +264,8 @@ class CurveFamily:
 
     def _position(self, log_ratios: FloatArray) -> FloatArray:
         """Place of ln k in the span, in [-1, 1]."""
-        low, high = self.cell.log_ratios
-        place = (log_ratios - low) * (2.0 / (high - low)) - 1.0
+        low, high = span = self.cell.log_ratios
+        place = span.place(log_ratios)
         if (np.abs(place) > 1.0 + 1e-9).any():
             raise RangeError(
                 f"ratios {np.exp(log_ratios.min()):.6g} to {np.exp(log_ratios.max()):.6g} leave the "
@@ -257,18 +304,17 @@ def first_ratios(error: float) -> int:
 
 def _expanded(cell: Cell, ratios: int) -> CurveFamily | None:
     """Solve at Chebyshev points in ln k, bring the curves to one stretch, and expand; more points if need be."""
-    low, high = cell.log_ratios
+    span = cell.log_ratios
     angles = chebyshev_angles(ratios)
-    log_ratios = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(angles)
     solved = solve_curves(
-        [cell.family.kernel(ratio) for ratio in np.exp(log_ratios).tolist()],
+        [cell.family.kernel(ratio) for ratio in span.ratios(np.cos(angles)).tolist()],
         cell.exponent,
         cell.top,
         _SHARE_OF_SOLUTIONS * cell.rtol,
     )
     if solved is None:
         return None
-    stretch = Stretch.to(cell.top, cell.family.kernel(float(np.exp(0.5 * (low + high)))).scales.softness)
+    stretch = Stretch.to(cell.top, cell.family.kernel(span.middle).scales.softness)
     pieces = _pieces(solved.logarithms, stretch, (-1.0, 1.0), cell.rtol)
     if pieces is None:
         return None

@@ -84,23 +84,12 @@ class Stretch:
 
     def v(self, z: FloatArray) -> FloatArray:
         """Inverse of `z`."""
-        target = (0.5 * self.length) * (z + 1.0)
-        if self.softness == 0.0:
-            return np.sinh(target)
-        # Newton in y = arcsinh(v), from above: either term of t alone bounds y. t is concave in y, so that
-        # the steps approach from below after the first.
-        y = np.minimum(target, np.arcsinh(np.expm1(target) / self.softness))
-        for _ in range(_NEWTON_STEPS):
-            v = np.sinh(y)
-            slope = 1.0 + self.softness * np.cosh(y) / (1.0 + self.softness * v)
-            step = (y + np.log1p(self.softness * v) - target) / slope
-            y = np.maximum(y - step, 0.0)
-            if (np.abs(step) <= 1e-15 * self.length).all():
-                break
-        return np.asarray(np.sinh(y), dtype=np.float64)
-
-
-_NEWTON_STEPS = 30
+        # With q = v + sqrt(1 + v^2), exp(t) = q (1 + softness v) is quadratic in q: solved for q - 1, which is
+        # small where v is.
+        grown = np.expm1((0.5 * self.length) * (z + 1.0))
+        linear = 1.0 + self.softness
+        above = 2.0 * grown / (linear + np.sqrt(linear * linear + 2.0 * self.softness * grown))
+        return np.asarray(above * (above + 2.0) / (2.0 * (above + 1.0)), dtype=np.float64)
 
 
 def chebyshev_angles(count: int) -> FloatArray:

@@ -13,7 +13,6 @@ Cells and store are those of `curve_family`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +22,7 @@ from underlay.errors import InputError
 from underlay.mechanics.exact.contact_curve import SHARE_OF_NODES
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS
 from underlay.mechanics.exact.curve_family import first_ratios, range_end, ratio_span
-from underlay.mechanics.exact.gauss import EvenRule, even_rule
+from underlay.mechanics.exact.gauss import EvenRule, even_legendre, even_rule
 from underlay.mechanics.exact.master_curve import (
     Stretch,
     chebyshev_angles,
@@ -34,15 +33,18 @@ from underlay.mechanics.exact.master_curve import (
 from underlay.mechanics.exact.nodes import Resolution, series_terms
 from underlay.mechanics.exact.punch_solution import PunchSolution, cosines, proved_resolution
 from underlay.mechanics.exact.tables import TABLES
-from underlay.mechanics.kernel import Family
+from underlay.mechanics.kernel import Family, Kernel
 
 __all__ = ["PunchCell", "PunchFamily", "punch_family"]
 
 # Of the share of an error that a solution's nodes may take: what either interpolation leaves out. What the nodes
 # themselves leave out is rough in eps, and beyond a/h = 5 a series does not end above it: at 0.4 of the tolerance
-# there was no table, after 1 s of trying; at 0.005, with a tenth more nodes, there are, but for the softest bases.
-_SHARE_OF_SOLUTION, _SHARE_OF_RATIO, _SHARE_OF_RADIUS = 0.005, 0.3, 0.3
+# there was no table, after 1 s of trying; at 0.005 there are, but for soft bases; at 0.0005, with 7 % more nodes,
+# also for a base a thirtieth as stiff as the layer up to a/h = 20.
+_SHARE_OF_SOLUTION, _SHARE_OF_RATIO, _SHARE_OF_RADIUS = 0.0005, 0.3, 0.3
 _MOST_RATIOS, _MOST_RADII = 24, 96
+_NARROW = 4.0  # a/h: narrower contacts take so few nodes that sorting them gains nothing
+_FINER = 0.03  # of the tolerance of the widest: where nodes change the solution jumps by what they leave out
 # What a series leaves out is read off its last four coefficients.
 _FEWEST_TERMS = 4
 
@@ -102,8 +104,7 @@ class PunchFamily:
         """Solution on the bodies at ln k (...,), at contact radii `eps` (..., radii)."""
         terms, radii, columns = self.coefficients.shape
         if terms > 1 and self.cell.ratio is not None:
-            low, high = ratio_span(self.cell.ratio)
-            place = (log_ratios - low) * (2.0 / (high - low)) - 1.0
+            place = ratio_span(self.cell.ratio).place(log_ratios)
             flat = place[..., None] ** np.arange(terms) @ self.coefficients.reshape(terms, -1)
             table = flat.reshape(*place.shape, radii, columns)
         else:
@@ -132,38 +133,26 @@ def _tabulated(cell: PunchCell) -> PunchFamily | None:
 
 def _first_ratios(cell: PunchCell, share: float) -> int:
     """How many ratios to begin with: what a far stiffer base adds to a rigid one is some eps/k of the whole."""
-    low, _ = ratio_span(cell.ratio or 0)
-    changed = min(4.0 * cell.top / float(np.exp(low)), 1.0)
+    changed = min(4.0 * cell.top / float(np.exp(ratio_span(cell.ratio or 0).low)), 1.0)
     return max(first_ratios(_SHARE_OF_RATIO * share / changed), _FEWEST_TERMS)
 
 
 def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
     """Solve at Chebyshev points in ln k and in eps, and expand; at more points if need be."""
-    low, high = (0.0, 0.0) if cell.ratio is None else ratio_span(cell.ratio)
     angles = chebyshev_angles(ratios)
-    bodies = [
-        cell.family.kernel(float(np.exp(0.5 * (low + high) + 0.5 * (high - low) * place)))
-        for place in np.cos(angles)
-    ]
+    span = ratio_span(cell.ratio or 0)
+    bodies = [cell.family.kernel(ratio) for ratio in span.ratios(np.cos(angles)).tolist()]
     middle = bodies[ratios // 2].scales
-    # The ends need the most nodes: either may.
-    hardest, resolution = max(
-        (
-            (number, proved_resolution(bodies[number], cell.top, _SHARE_OF_SOLUTION * cell.rtol))
-            for number in (0, -1)
-        ),
-        key=lambda end: (end[1].radial, end[1].wavenumbers),
-    )
+    hardest, resolution = _demanding(bodies, cell.top, cell.rtol)
     stretch = Stretch.to(cell.top, middle.softness)
     radii = max(series_terms(middle, cell.top, share), _FEWEST_TERMS)
     while True:
         eps_angles = chebyshev_angles(radii)
-        eps = stretch.v(np.cos(eps_angles))
-        solved = partial(PunchSolution.solve, eps=eps, resolution=resolution, waves=cosines(eps, resolution))
+        groups = _groups(bodies, stretch.v(np.cos(eps_angles)), resolution, cell.rtol)
         # One body tells whether these radii are enough before all are solved for.
-        first = chebyshev_coefficients(_told(solved(bodies[hardest])), eps_angles)
+        first = chebyshev_coefficients(_told(bodies[hardest], groups), eps_angles)
         if truncation_error(first) <= _SHARE_OF_RADIUS * share:
-            values = np.stack([_told(solved(body)) for body in bodies])
+            values = np.stack([_told(body, groups) for body in bodies])
             by_radius = np.stack([chebyshev_coefficients(own, eps_angles) for own in values])
             if truncation_error(np.moveaxis(by_radius, 1, 0).reshape(radii, -1)) <= _SHARE_OF_RADIUS * share:
                 break
@@ -182,10 +171,50 @@ def _expanded(cell: PunchCell, share: float, ratios: int) -> PunchFamily | None:
     )
 
 
-def _told(punch: PunchSolution) -> FloatArray:
+class _Group(NamedTuple):
+    """Contact radii (radii,) that share nodes, their `cosines`, and from values at those nodes to all nodes."""
+
+    eps: FloatArray
+    resolution: Resolution
+    waves: FloatArray
+    spread: FloatArray
+
+
+def _demanding(bodies: list[Kernel], top: float, rtol: float) -> tuple[int, Resolution]:
+    """Which body needs the most nodes for radii up to `top`, the first or the last, and these."""
+    ends = [(number, proved_resolution(bodies[number], top, _SHARE_OF_SOLUTION * rtol)) for number in (0, -1)]
+    return max(ends, key=lambda end: (end[1].radial, end[1].wavenumbers))
+
+
+def _groups(bodies: list[Kernel], eps: FloatArray, widest: Resolution, rtol: float) -> list[_Group]:
+    """Sort increasing radii by the nodes they need: half of them are far below the widest, which takes the most."""
+    nodes = even_rule(widest.radial).nodes
+    groups, end, resolution = [], eps.size, widest
+    while end:
+        narrower = 0.5 * float(eps[end - 1])
+        start = int(np.searchsorted(eps, narrower)) if narrower > _NARROW else 0
+        own, rule = eps[start:end], even_rule(resolution.radial)
+        spread = (even_legendre(nodes, resolution.radial) @ rule.projection).T
+        groups.append(_Group(own, resolution, cosines(own, resolution), spread))
+        end, resolution = start, _demanding(bodies, narrower, _FINER * rtol)[1]
+    return groups[::-1]
+
+
+def _told(body: Kernel, groups: list[_Group]) -> FloatArray:
     """What is interpolated, (radii, 2 + 2 nodes)."""
+    return np.concatenate([_told_of(body, group) for group in groups])
+
+
+def _told_of(body: Kernel, group: _Group) -> FloatArray:
+    punch = PunchSolution.solve(body, group.eps, group.resolution, waves=group.waves)
     edge = 1.0 + punch.rho @ punch.rule.weights
     kappa = punch.kappa[:, None]
     return np.concatenate(
-        (np.log(kappa), np.log(edge)[:, None], punch.g / kappa, punch.rho / edge[:, None]), axis=1
+        (
+            np.log(kappa),
+            np.log(edge)[:, None],
+            punch.g / kappa @ group.spread,
+            punch.rho / edge[:, None] @ group.spread,
+        ),
+        axis=1,
     )

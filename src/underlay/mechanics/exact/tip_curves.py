@@ -147,8 +147,7 @@ class _Placing(NamedTuple):
         """Polynomials in z (sets or 1, rows, 4) of the contacts."""
         if asked.span is None or len(self.radius) == 1:
             return self.radius[:1]
-        low, high = ratio_span(asked.span)
-        place = ((asked.log_ratio - low) * (2.0 / (high - low)) - 1.0)[:, None, None]
+        place = ratio_span(asked.span).place(asked.log_ratio)[:, None, None]
         # Horner's rule, not a product of matrices: that rounds otherwise for more contacts than for one.
         table = np.broadcast_to(self.radius[-1], (len(place), *self.radius.shape[1:]))
         for term in self.radius[-2::-1]:
@@ -205,7 +204,7 @@ def _on_a_family(asked: TipContacts, exponent: float) -> _Placing | None:
     table = curve_family(cell)
     if table is None or len(table.edges) > 2:
         return None
-    middle = asked.family.kernel(float(np.exp(0.5 * sum(cell.log_ratios))))
+    middle = asked.family.kernel(cell.log_ratios.middle)
     return _Placing(exponent, middle.scales, table.stretch, table.coefficients[:, 0, Factor.RADIUS])
 
 

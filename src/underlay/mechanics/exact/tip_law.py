@@ -15,7 +15,7 @@ from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact.contact_curve import too_wide
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, depth_measure
 from underlay.mechanics.exact.curve_batch import CurveBatch
-from underlay.mechanics.exact.curve_family import range_number, ratio_number
+from underlay.mechanics.exact.curve_family import end_number, range_number
 from underlay.mechanics.exact.law import ExactLaw
 from underlay.mechanics.exact.master_curve import Factor, MasterCurve, Stretch
 from underlay.mechanics.exact.tip_curves import TipContacts, TipCurves, tip_curves
@@ -125,7 +125,7 @@ def tip_laws(
     ]
     groups: dict[_Group, list[int]] = {}
     for row, contact in enumerate(contacts):
-        span = None if ratios is None else ratio_number(ratios[row])
+        span = None if ratios is None else end_number(ratios[row])
         groups.setdefault((_shape(contact.indenter), span, range_number(tops[row])), []).append(row)
     for (tip, span, octave), members in groups.items():
         log_ratios = np.zeros(len(members)) if ratios is None else np.log([ratios[row] for row in members])
