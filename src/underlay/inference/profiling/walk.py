@@ -265,11 +265,18 @@ class Walk:
         """
         for i in self._flat(found):
             other = self._searched(_with(found.vector, i, 0.0), _ROUGH, found, i)
-            # Where that leads back to the plateau nothing was gained; elsewhere it is worth an exact search.
+            # Only what does not lead back to the plateau is worth an exact search.
             if other is not None and i not in self._flat(other):
                 other = self._searched(other.vector, _FINE, found, i)
-                if other is not None and other.square < found.square:
-                    found = other
+            else:
+                other = None
+            if other is None:
+                # Steps along a plateau are cut short, and those of the others with them: these rest too early.
+                held = replace(self.objective, held=self.objective.held | {i})
+                minimum = minimise(held, found.vector, _FINE)
+                other = None if minimum is None else minimum.point
+            if other is not None and other.square < found.square:
+                found = other
         return found
 
     def _flat(self, found: Point) -> list[int]:
