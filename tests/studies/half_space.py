@@ -3,18 +3,19 @@
     python tests/studies/half_space.py [--curves 200] [--seed 3101] [--clean-seed 7001]
                                        [--output tests/studies/results/half_space.csv]
 
-`oracle.py` bounds what any procedure can do: who knows the noise holds 97 % of such layers at a mean clean width of
-1.4. Noise that hangs together does not lower that, since nobody asked for a width under it: a bound of 90 % at 1.4 is
-not out of reach for being unknown noise. Two questions remain.
+`oracle.py` bounds what any procedure can do: who knows the noise holds 97 % of such layers at a mean clean
+width of 1.4. Noise that hangs together does not lower that, since nobody asked for a width under it: a bound of
+90 % at 1.4 is not out of reach for being unknown noise. Two questions remain.
 
-"left out": an interval costs width where clean curves look like the one at hand, and where the exact law has next to
-no weight hardly any do. The sets of least clean width then leave out less in proportion (`Averaged.inside`). Each row
-is a weight of the exact law below which that begins, and the least share that is left out; 1 and 1 are a plain 95 %.
-Ends are those of the mixture, no profile is walked.
+"left out": an interval costs width where clean curves look like the one at hand, and where the exact law has
+next to no weight hardly any do. The sets of least clean width then leave out less in proportion
+(`Averaged.inside`). Each row is a weight of the exact law below which that begins, and the least share that is
+left out; 1 and 1 are a plain 95 %. Ends are those of the mixture, no profile is walked.
 
-"real curve": the ends for the cell in `data_samples` by the prior probability of the exact law, with and without a
-jump at contact and a creeping baseline, and the evidence of bases over that of the exact law, prior taken out. Where
-the law is exact for certain the width is that of noise, jump and creep alone: no weighing of bases can print less.
+"real curve": the ends for the cell in `data_samples` by the prior probability of the exact law, with and
+without a jump at contact and a creeping baseline, and the evidence of bases over that of the exact law, prior
+taken out. Where the law is exact for certain the width is that of noise, jump and creep alone: no weighing of
+bases can print less.
 """
 
 from __future__ import annotations
@@ -76,7 +77,9 @@ def left_out(world, seed, count):
             tail = 0.5 * share * (1.0 - LEVEL)
             low, high = (averaged.mixture.quantile(entry, p) for p in (tail, 1.0 - tail))
             wrong = averaged.exact_law < WRONG
-            found[begins, least].append((low <= truth <= high, wrong, (high - low) / plain, 0.5 * (high - low)))
+            found[begins, least].append(
+                (low <= truth <= high, wrong, (high - low) / plain, 0.5 * (high - low))
+            )
     for (begins, least), rows in found.items():
         held, wrong, width, half = (np.array(part) for part in zip(*rows, strict=True))
         yield {
