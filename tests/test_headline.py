@@ -10,8 +10,9 @@ from scipy import stats
 
 import underlay as ul
 from support.inverse import ambiguous
-from support.worlds import Clean, disturbed
+from support.worlds import Clean, assumed, disturbed
 from underlay.errors import InputError
+from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.headline.known_inputs import FORCE
 from underlay.inference.headline.plain import quadratic_interval
 from underlay.inference.least_squares.stated import Verdict
@@ -116,6 +117,34 @@ def test_the_profile_of_an_averaged_fit_ends_where_its_interval_does():
                     if math.isfinite(known):
                         gone = math.log(known / stated.value)
                         assert math.log(end / stated.value) == pytest.approx(gone, rel=allowed)
+
+
+def half_space_of(sample, rng):
+    """Fit of a half-space, to a curve with white noise."""
+    data = disturbed(Clean.of(sample, 1.2e-4, 300), "Hertz on a layer", rng, 0.003)
+    return ul.fit(ul.Problem(assumed(sample, "Hertz on a layer"), data, [E, C, "instrument.baseline"]))
+
+
+def test_an_interval_leaves_out_less_where_the_exact_law_is_given_up():
+    rng = np.random.default_rng(12)
+    bare = assumed(scene(), "Hertz on a layer")
+    own = averaged_fit(half_space_of(bare, rng))
+    assert own.exact_law > 0.5
+    assert own.inside(0.95) == 0.95
+    for thickness in (6e-4, 1e-3, 1.5e-3):
+        fit = half_space_of(scene(thickness=thickness), rng)
+        assert fit.verdict.word == "model wrong"
+        assert 1e6 in fit.interval(E)
+        own = averaged_fit(fit)
+        left = 1.0 - own.inside(0.95)
+        assert left < 0.05 * 0.1
+        assert own.inside(0.68) == pytest.approx(1.0 - 0.32 * left / 0.05)
+        known, at = fit.interval(E), fit.names.index(E)
+        plain = [own.mixture.quantile(at, tail) for tail in (0.025, 0.975)]
+        assert math.log(known.high / known.low) > plain[1] - plain[0]
+        walked = ul.profile(fit, E).interval()
+        assert walked.low == pytest.approx(known.low, rel=0.05)
+        assert walked.high == pytest.approx(known.high, rel=0.05)
 
 
 def test_a_wide_interval_is_carried_along_the_profile_and_may_stay_open():

@@ -48,15 +48,15 @@ def averaged_interval(fit: Fit, averaged: Averaged, name: str, level: float) -> 
         If there is no law where a profile begins.
     """
     index = fit.names.index(name)
-    held = averaged.blocked.held
+    held, inside = averaged.blocked.held, averaged.inside(level)
     if index in held:
         return _of_the_profile_alone(fit, averaged, index, level)
-    tails = (0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level)
+    tails = (0.5 - 0.5 * inside, 0.5, 0.5 + 0.5 * inside)
     low, middle, high = (averaged.mixture.quantile(index, tail) for tail in tails)
     if not held and is_straight(averaged, index, level):
         return _stated(fit, index, level, np.array([low, middle, high]), "averaged")
     # Bent: both what other noises allow and what the likeliest allows far out belong to the interval.
-    valley, least = averaged.valley, averaged.least_z(level)
+    valley, least = averaged.valley, averaged.least_z(inside)
     ends = [min(valley.end(index, -1.0, least), low), max(valley.end(index, 1.0, least), high)]
     middle = min(max(middle, ends[0]), ends[1])
     return _stated(fit, index, level, np.array([ends[0], middle, ends[1]]), "averaged profile")
@@ -64,7 +64,7 @@ def averaged_interval(fit: Fit, averaged: Averaged, name: str, level: float) -> 
 
 def is_straight(averaged: Averaged, index: int, level: float) -> bool:
     """Whether the profile under the heaviest combination rises as that of a linear model does."""
-    z = averaged.least_z(level)
+    z = averaged.least_z(averaged.inside(level))
     reach = z * averaged.deviations
     if (reach < _NARROW).all():
         return True
@@ -74,7 +74,7 @@ def is_straight(averaged: Averaged, index: int, level: float) -> bool:
 
 def _of_the_profile_alone(fit: Fit, averaged: Averaged, index: int, level: float) -> StatedInterval:
     """Interval of a parameter on a bound, or that hardly acts: the profile under the heaviest combination."""
-    z = averaged.least_z(level)
+    z = averaged.least_z(averaged.inside(level))
     ends = [averaged.valley.end(index, side, z) for side in (-1.0, 1.0)]
     middle = float(averaged.valley.optimum.vector[index])
     return _stated(fit, index, level, np.array([ends[0], middle, ends[1]]), "averaged profile")

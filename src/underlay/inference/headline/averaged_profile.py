@@ -64,7 +64,7 @@ def averaged_profile(fit: Fit, averaged: Averaged, name: str) -> LikelihoodProfi
 
 def _side(averaged: Averaged, index: int, direction: float, *, bent: bool) -> list[float]:
     """Ends (scaled) on one side at every height; infinite where the data set none."""
-    levels = 2.0 * special.ndtr(_HEIGHTS) - 1.0
+    levels = [averaged.inside(level) for level in 2.0 * special.ndtr(_HEIGHTS) - 1.0]
     least = [averaged.least_z(level) for level in levels]
     path = averaged.valley.path(index, direction, least[-1]) if bent else None
     ends: list[float] = []

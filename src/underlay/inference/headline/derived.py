@@ -146,7 +146,7 @@ def _ends(
     acting = [name for name, slope in zip(fit.names, gradient, strict=True) if slope]
     if any(name in fit.no_error_bars and name not in fit.bounds_hit for name in acting):
         return None
-    half = 0.5 * (1.0 + level)
+    half = 0.5 * (1.0 + (level if averaged is None else averaged.inside(level)))
     if averaged is not None:
         mixture = _along(averaged, gradient)
         return mixture.quantile(0, 1.0 - half), mixture.quantile(0, 0.5), mixture.quantile(0, half)

@@ -37,6 +37,8 @@ _MOST_PASSES = 3
 # Share of the largest force times contact radius from which on a reading is deep, and the chance of as loud a noise
 # there below which it is none. Second differences (1, -2, 1) have correlations 1, -2/3, 1/6: 1 + 2 (4/9 + 1/36).
 _DEEP, _CHANCE, _KNOWN = 0.5, 1e-3, 1.944
+# Probability of the exact law below which it is given up.
+_GIVEN_UP = 0.1
 # A shift whose square, what a linear model leaves out, is below this share of a standard deviation is not followed.
 _STRAIGHT = 0.2
 # Optima nearer than this, in standard deviations, are one; one lighter than this share does not count.
@@ -114,6 +116,16 @@ class Averaged:
     def deviations(self) -> FloatArray:
         """Standard deviations of the scaled vector under the heaviest combination, (k,)."""
         return _deviations(self.competition, self.competition.heaviest)[: len(self.vector)]
+
+    def inside(self, level: float) -> float:
+        """Probability that an interval of this level is given: more where an exact half-space is given up.
+
+        An interval pays for what it holds where undisturbed curves look like this one, and hardly any do when the
+        exact law has lost its weight: sets of least width on those for their coverage in both (Neyman and Pearson)
+        leave out less there, in proportion.
+        """
+        share = min(max(self.exact_law / _GIVEN_UP, self.competition.sizes.least_out), 1.0)
+        return 1.0 - share * (1.0 - level)
 
     def least_z(self, level: float) -> float:
         """Standard deviations from the optimum to an end, were the heaviest combination the only one."""
