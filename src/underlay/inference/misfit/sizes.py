@@ -51,8 +51,8 @@ class Sizes:
         Prior probability that there is no correlated noise, no drift, no jump, no ramp.
     least_out : float
         What intervals leave out at least where the exact law is given up, as a share of what they were asked to.
-        Drifts stand for a base under what was taken for a half-space, but none is one: of their 95 % intervals three
-        in four hold (`tests/studies/half_space.py`).
+        Drifts stand for a base under what was taken for a half-space, but none is one: of their 95 % intervals
+        three in four hold (`tests/studies/half_space.py`).
     """
 
     times: int = 5
