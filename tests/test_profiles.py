@@ -10,8 +10,11 @@ from scipy import stats
 
 import underlay as ul
 from support.inverse import layer_on, measured, problem
+from support.user_scenes import user_test
+from support.worlds import Clean, disturbed
 from underlay.errors import InputError
 from underlay.inference.least_squares import fit
+from underlay.inference.least_squares.engine import Search, minimise
 from underlay.inference.least_squares.projection import Point
 from underlay.inference.priors.densities import Normal
 from underlay.inference.profiles import Interval, delta_chi_square_at, profile
@@ -245,6 +248,37 @@ def test_a_bottom_that_a_walk_stood_on_takes_the_place_of_that_step():
     assert (np.diff(places) > 1e-3).all()
     assert len(places) == 3
     assert walked.delta_chi_squares[1] < 0.5
+
+
+def all_free(seed):
+    """Fit a random test of a user's range on an elastic base, its noise known."""
+    rng = np.random.default_rng(seed)
+    while True:
+        _, scene, depth, points, noise = user_test(rng)
+        if isinstance(scene.substrate, ul.Isotropic):
+            break
+    clean = Clean.of(scene, depth, points)
+    curve = disturbed(clean, "clean", rng, noise)
+    free = [E, H, BASE, C, "instrument.baseline"]
+    return fit(ul.Problem(scene, curve, free, ul.Noise(force=noise * clean.top)))
+
+
+@pytest.mark.parametrize("number", [4, 16])
+def test_beside_a_plateau_the_others_are_at_their_best(number):
+    """Where a base does not act, steps along it must not leave the others short of their best."""
+    found = all_free([3001, number])
+    at, base = found.names.index(H), found.names.index(BASE)
+    end = found.problem.coordinates[at].scaled(found.interval(H).high)
+    walk = Walk.start(found, at, found.vector)
+    rises = []
+    for away in np.linspace(-6.0, 6.0, 9):
+        start = np.array(found.vector)
+        start[[at, base]] = end, away
+        other = minimise(walk.objective, start, Search(steps=200, settled=1e-9, along=True))
+        rises += [] if other is None else [walk.delta_chi_square(other.point)]
+    # A crossing is placed to 1e-3 standard deviations of a profile that is nearly straight, dt = 2 z dz; ten times
+    # that for one that is bent.
+    assert min(rises) == pytest.approx(stats.chi2.ppf(0.95, 1), abs=0.04)
 
 
 def test_a_walk_halves_the_way_to_where_the_laws_end(monkeypatch):
