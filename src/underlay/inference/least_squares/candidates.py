@@ -18,7 +18,7 @@ __all__ = ["Candidate", "candidates"]
 
 # A step that lowers the sum of squares by less than this share came from within a third of a standard error of
 # the blocks; what is left is far less.
-_SEARCH = Search(steps=12, settled=3e-3, damping=1e-6)
+_SEARCH = Search(steps=24, settled=3e-3, damping=1e-6)
 # Nothing explains the data better than down to their scatter. Once one start does, another that is not among
 # those that may be the optimum after so many steps is given up.
 _PATIENCE = 2

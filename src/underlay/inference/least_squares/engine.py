@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay.inference.least_squares.base_steps import BaseSteps
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.places import Places
 from underlay.inference.least_squares.projection import Point, acting
@@ -125,7 +126,7 @@ def descend(
     outcome = _Outcome([None] * len(begin.square), give_up, ended)
     here = _Running.of(begin, low, high, search.damping)
     for count in range(search.steps):
-        proposed, last = here.proposed(active, search)
+        proposed, last = here.proposed(active, search, objective.bases)
         going = outcome.before_step(count, here, proposed, last)
         if not going.all():
             here, proposed = here.part(going), proposed[going]
@@ -218,15 +219,23 @@ class _Running(NamedTuple):
             self.high[which],
         )
 
-    def proposed(self, active: NDArray[np.bool_], search: Search) -> tuple[FloatArray, NDArray[np.bool_]]:
+    def proposed(
+        self, active: NDArray[np.bool_], search: Search, bases: BaseSteps | None
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Vectors (s, k) to go to, and which of those are last steps that need no model."""
-        step, gain = _steps(self.now, self.damping, active, self.low, self.high)
+        here = self.now.vector
+        if bases is None:
+            low, high = self.low - here, self.high - here
+        else:
+            low, high = bases.straight(here, self.low), bases.straight(here, self.high)
+        step, gain = _steps(self.now, self.damping, active, low, high)
         little = search.is_little(gain, self.best.square)
         little |= np.abs(step).max(axis=1) <= _SHORTEST
         made = gain > _STILL * self.best.square
         if not made.all():
             step = np.where(made[:, None], step, 0.0)
-        there = np.minimum(np.maximum(self.now.vector + step, self.low), self.high)
+        change = step if bases is None else bases.taken(here, step, _LONGEST)
+        there = np.minimum(np.maximum(here + change, self.low), self.high)
         return there, little & ~self.ventured
 
     def moved(self, there: Places, search: Search) -> tuple[Self, list[str]]:
@@ -254,10 +263,9 @@ class _Running(NamedTuple):
 def _steps(
     places: Places, damping: FloatArray, active: NDArray[np.bool_], low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Steps (s, k), where entries that would leave their ends rest, and what each should gain (s,)."""
+    """Steps (s, k) no further than `low` and `high` (s, k), and what each should gain (s,)."""
     gradient, normal = places.gradient, places.normal
     norms = np.sqrt(normal.diagonal(axis1=1, axis2=2))
-    low, high = low - places.vector, high - places.vector
     which = active & acting(norms)
     which &= (low < 0.0) | (gradient < 0.0)
     which &= (high > 0.0) | (gradient > 0.0)

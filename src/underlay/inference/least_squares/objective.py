@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
+from underlay.inference.least_squares.base_steps import BaseSteps
 from underlay.inference.least_squares.fractions import Fractions
 from underlay.inference.least_squares.frozen_noise import FrozenNoise
 from underlay.inference.least_squares.models import Models
@@ -230,6 +231,11 @@ class Objective:
             return here
         self.failures += int(np.count_nonzero(~possible))
         return replace(here, square=np.where(possible, here.square, np.inf))
+
+    @cached_property
+    def bases(self) -> BaseSteps | None:
+        """How searches step in the moduli of bases."""
+        return BaseSteps.of(self.members, self.problem.coordinates)
 
     @cached_property
     def _linear(self) -> LinearDirections:

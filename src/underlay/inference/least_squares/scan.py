@@ -10,7 +10,7 @@ start, and so are places thinner and thicker than the best: thin and stiffly bac
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.least_squares.adhesive_start import adhesive_starts
+from underlay.inference.least_squares.base_steps import bent
 from underlay.inference.least_squares.blocks import Blocks, blocked_forward
 from underlay.inference.least_squares.scan_curve import (
     BASE_MODULUS,
@@ -44,6 +45,9 @@ __all__ = ["Landscape", "scan"]
 _SCAN_RTOL = 1e-2
 # What a grid tries, and what scales out of its laws with that.
 _TRIED = (MODULUS, BASE_MODULUS, THICKNESS)
+# Of the distance to the neighbour on the other side, below which a thickness stands next to another; and how many
+# between the middles of the neighbours are looked at.
+_CLOSE, _BETWEEN = 0.25, 21
 _BLOCKS = 16  # enough to tell a contact to a grid step
 # ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
 _RIVAL, _APART = np.log(2.7), np.log(1.6)
@@ -51,16 +55,21 @@ _RIVAL, _APART = np.log(2.7), np.log(1.6)
 
 @dataclass(frozen=True)
 class _Grid:
-    """What one curve says to the grid: misfit (N^2) and values (SI) by path, each (thicknesses, moduli)."""
+    """What one curve says to the grid: misfit (N^2) and values (SI) by path, each (thicknesses, moduli).
+
+    `residuals` (N) are those of its blocks, (thicknesses, moduli, m).
+    """
 
     misfit: FloatArray
     values: dict[str, FloatArray]
+    residuals: FloatArray
 
     def best_along(self, axis: int) -> _Grid:
         """The best of one axis, which then has one entry."""
         which = np.expand_dims(np.argmin(self.misfit, axis=axis), axis)
         values = {path: np.take_along_axis(value, which, axis) for path, value in self.values.items()}
-        return _Grid(np.take_along_axis(self.misfit, which, axis), values)
+        residuals = np.take_along_axis(self.residuals, which[:, :, None], axis)
+        return _Grid(np.take_along_axis(self.misfit, which, axis), values, residuals)
 
 
 def scan(problem: Problem, count: int = 3) -> list[FloatArray]:
@@ -124,8 +133,42 @@ class Landscape:
         return self._ranked(np.isfinite(self.misfit))
 
     def vector(self, place: tuple[int, int]) -> FloatArray:
-        """Scaled vector (k,) of a place."""
-        return _vector(self.problem, self.curves, self.grids, place)
+        """Scaled vector (k,) of a place: where it is lowest along the thickness, of the lowest point about it."""
+        i, j = place
+        rows, parts = self._about(i, j)
+        values = [
+            {
+                # A contact may be negative; moduli and thickness go along with powers of each other.
+                path: float(parts @ own[rows, j] if path == CONTACT else np.exp(parts @ np.log(own[rows, j])))
+                for path, own in grid.values.items()
+            }
+            for grid in self.grids
+        ]
+        return _vector(self.problem, self.curves, values)
+
+    def _about(self, i: int, j: int) -> tuple[list[int], FloatArray]:
+        """Rows about a place, and weights of what is said there where it has the least misfit; it alone if it must.
+
+        Along the logarithm of the thickness residuals are nearly parabolas.
+        """
+        alone = [i], np.ones(1)
+        if THICKNESS not in self.grids[0].values or not 0 < i < len(self.misfit) - 1:
+            return alone
+        x = np.log(self.grids[0].values[THICKNESS][:, j])
+        below, above = x[i] - x[i - 1], x[i + 1] - x[i]
+        # The scene's own thickness may be next to one of the grid.
+        rows = [i - 1 - (below < _CLOSE * above and i > 1), i, i + 1 + (above < _CLOSE * below and i + 2 < len(x))]
+        near = self.misfit[rows, j]
+        if not (near[1] <= near).all() or not np.isfinite(near).all():
+            return alone
+        x = x[rows]
+        at = np.linspace(0.5 * (x[0] + x[1]), 0.5 * (x[1] + x[2]), _BETWEEN)[:, None]
+        off = at - x
+        parts = np.stack(
+            [off[:, k - 1] * off[:, k - 2] / ((x[k] - x[k - 1]) * (x[k] - x[k - 2])) for k in range(3)], axis=1
+        )
+        misfit = np.sum([np.square(parts @ grid.residuals[rows, j]).sum(axis=1) for grid in self.grids], axis=0)
+        return rows, parts[int(misfit.argmin())]
 
     def _ranked(self, which: NDArray[np.bool_]) -> list[tuple[int, int]]:
         ranked = np.argwhere(which)[np.argsort(self.misfit[which], kind="stable")]
@@ -150,20 +193,19 @@ def _beside(
 
 
 def _vector(
-    problem: Problem, curves: Sequence[ScanCurve], grids: Sequence[_Grid], place: tuple[int, int]
+    problem: Problem, curves: Sequence[ScanCurve], values: Sequence[Mapping[str, float]]
 ) -> FloatArray:
     """Scaled vector of what each curve found; a shared parameter takes the mean."""
     found: list[list[float]] = [[] for _ in problem.coordinates]
-    for member, curve, grid in zip(problem.members, curves, grids, strict=True):
-        values = {path: float(value[place]) for path, value in grid.values.items()}
-        values |= curve.linear({**member.base, **values})
+    for member, curve, own in zip(problem.members, curves, values, strict=True):
+        known = {**own, **curve.linear({**member.base, **own})}
         for path, entry in member.entries.items():
-            if path in values:
+            if path in known:
                 coordinate = problem.coordinates[entry]
-                value = min(max(values[path], coordinate.low), coordinate.high)
+                value = min(max(known[path], coordinate.low), coordinate.high)
                 if value > 0.0 or coordinate.scale is not None:
                     found[entry].append(coordinate.scaled(value))
-    return np.array([sum(values) / len(values) if values else 0.0 for values in found])
+    return np.array([sum(all_) / len(all_) if all_ else 0.0 for all_ in found])
 
 
 def _scanned(member: Member, problem: Problem) -> ScanCurve:
@@ -198,9 +240,10 @@ def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[fl
         values[BASE_MODULUS] = amplitude * bases
     if thicknesses.size:
         values[THICKNESS] = np.repeat(thicknesses[:, None], shape[0], axis=1)
-    grid = _Grid(misfit, values)
+    grid = _Grid(misfit, values, fits.residuals.reshape(*shape, -1).swapaxes(0, 1))
     if base_is_known:
-        grid = _consistent(grid, np.log(bases / member.base[BASE_MODULUS]) + np.log(amplitude))
+        log_ratios = np.log(bases / member.base[MODULUS])
+        grid = _consistent(grid, log_ratios, np.log(bases / member.base[BASE_MODULUS]) + np.log(amplitude))
     if not (alone or THICKNESS in problem.shared):
         grid = grid.best_along(0)
     return grid if moduli_are_shared else grid.best_along(1)
@@ -209,33 +252,40 @@ def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[fl
 def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: FloatArray) -> GridFit:
     """What the curve says to every thickness on the first base, then on the second, and so on."""
     rows: dict[str, float | FloatArray] = dict(member.base)
-    count, contacts = max(thicknesses.size, 1), curve.contacts
+    count = max(thicknesses.size, 1)
     if thicknesses.size:
         rows[THICKNESS] = np.tile(thicknesses, max(bases.size, 1))
     if bases.size:
         rows[BASE_MODULUS] = np.repeat(bases, count)
     laws = curve.laws(rows)
-    found = curve.best_contact(rows, laws, contacts)
-    return curve.refined(rows, laws, found) if len(contacts) > 1 else found
+    found = curve.best_contact(rows, laws)
+    return curve.refined(rows, laws, found) if len(curve.contacts) > 1 else found
 
 
-def _consistent(grid: _Grid, beyond: FloatArray) -> _Grid:
+def _consistent(grid: _Grid, log_ratios: FloatArray, beyond: FloatArray) -> _Grid:
     """What each thickness says where the base has the modulus that is known, between the ratios tried.
 
     `beyond` (thicknesses, moduli) is the logarithm of the base's modulus that goes with the layer's, over the
-    known one.
+    known one, where the ratio's is `log_ratios` (moduli,).
     """
     usable = np.isfinite(grid.misfit)
     below, above = beyond[:, :-1], beyond[:, 1:]
     crosses = usable[:, :-1] & usable[:, 1:] & (below <= 0.0) & (above > 0.0)
-    share = np.where(crosses, -below / np.where(crosses, above - below, 1.0), 0.0)
+    straight = np.where(crosses, -below / np.where(crosses, above - below, 1.0), 0.0)
+    # Between the ratios everything goes nearly straight with what the force is nearly straight in.
+    crossing = log_ratios[:-1] + straight * np.diff(log_ratios)
+    start, at, end = (bent(crossing + past) for past in (below, 0.0, above))
+    share = np.where(crosses, (at - start) / np.where(crosses, end - start, 1.0), 0.0)
 
     def between(values: FloatArray) -> FloatArray:
         """At the crossings, then at the ratios tried."""
         inside = (1.0 - share) * values[:, :-1] + share * values[:, 1:]
         return np.concatenate((inside, values), axis=1)
 
-    misfit = between(np.where(usable, grid.misfit, 0.0))
+    # Residuals go straight from ratio to ratio; their squares, large on both sides, may nearly vanish between.
+    part, own = share[:, :, None], grid.residuals
+    residuals = np.concatenate(((1.0 - part) * own[:, :-1] + part * own[:, 1:], own), axis=1)
+    misfit = np.einsum("tkm,tkm->tk", residuals, residuals)
     # A base beyond all that were tried is as good as rigid, or as none: the end tells the layer's modulus.
     nearest = np.where(usable, np.abs(beyond), np.inf).argmin(axis=1)
     alone = ~np.any(crosses, axis=1, keepdims=True)
@@ -243,7 +293,7 @@ def _consistent(grid: _Grid, beyond: FloatArray) -> _Grid:
     misfit = np.where(np.concatenate((crosses, ends), axis=1), misfit, np.inf)
     values = {path: between(value) for path, value in grid.values.items()}
     values[MODULUS] = np.exp(between(np.log(grid.values[MODULUS])))
-    return _Grid(misfit, values).best_along(1)
+    return _Grid(misfit, values, residuals).best_along(1)
 
 
 def _radius_scale(scene: Scene, blocks: Blocks) -> float:

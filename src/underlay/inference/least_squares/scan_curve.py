@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from types import EllipsisType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,8 @@ __all__ = ["BASE_MODULUS", "CONTACT", "MODULUS", "THICKNESS", "GridFit", "ScanCu
 
 MODULUS, BASE_MODULUS, THICKNESS = "layer.E", "substrate.E", "layer.thickness"
 CONTACT = "instrument.contact_depth"
+# Of the steps between contacts: about the lowest point of a parabola through these, how far off it may be.
+_NEAR, _BESIDE = 0.3, np.array([-1.0, 0.0, 1.0])
 _LINEAR = ("instrument.baseline", "instrument.baseline_slope")
 
 
@@ -36,12 +40,15 @@ class GridFit:
         Factor on the moduli that goes with it.
     lowest : FloatArray
         Contact depth (m) where the parabola through the misfits of the best and its neighbours is lowest.
+    residuals : FloatArray
+        Of the blocks (N), (r, m).
     """
 
     misfit: FloatArray
     contact: FloatArray
     amplitude: FloatArray
     lowest: FloatArray
+    residuals: FloatArray
 
     def better(self, other: GridFit) -> GridFit:
         """Row by row the one that fits better."""
@@ -52,7 +59,21 @@ class GridFit:
             (self.amplitude, other.amplitude),
             (self.lowest, other.lowest),
         )
-        return GridFit(*(np.where(lower, theirs, ours) for ours, theirs in pairs))
+        residuals = np.where(lower[:, None], other.residuals, self.residuals)
+        return GridFit(*(np.where(lower, theirs, ours) for ours, theirs in pairs), residuals)
+
+
+class _Tried(NamedTuple):
+    """Contacts c tried of every row: shapes (r, c, m) whose multiples, (r, c), should be the target (m,) (N)."""
+
+    target: FloatArray
+    shapes: FloatArray
+    amplitude: FloatArray
+    misfit: FloatArray
+
+    def residuals(self, which: tuple[NDArray[np.intp], NDArray[np.intp]] | EllipsisType = ...) -> FloatArray:
+        """Of all (r, c, m), or of some."""
+        return np.asarray(self.target - self.amplitude[which][..., None] * self.shapes[which])
 
 
 @dataclass(frozen=True)
@@ -83,9 +104,40 @@ class ScanCurve:
         """Laws of the rows for every contact that is tried."""
         return LawRows.of(self.forward, rows, float(self._travel(rows).max() - self.contacts[0]))
 
-    def best_contact(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> GridFit:
-        """Best of the contacts (m), in even steps (c,) or (r, 1), of every row."""
-        forces = laws.force(self._travel(rows) - np.atleast_2d(contacts)[:, :, None])
+    def best_contact(self, rows: Rows, laws: LawRows) -> GridFit:
+        """Best of the contacts that are tried of every row."""
+        tried = self._tried(rows, laws, self.contacts[None])
+        best = np.argmin(tried.misfit, axis=1)
+        chosen = np.arange(len(best)), best
+        contact = self.contacts[best]
+        lowest = contact
+        if len(self.contacts) > 1:
+            lowest = contact + self._step * _steps_to_lowest(tried.misfit, best)
+        amplitude, misfit = tried.amplitude[chosen], tried.misfit[chosen]
+        return GridFit(misfit, contact, amplitude, lowest, tried.residuals(chosen))
+
+    def refined(self, rows: Rows, laws: LawRows, found: GridFit) -> GridFit:
+        """The same where the misfit is lowest about the lowest point of each parabola, where that is better.
+
+        Between contacts so close together residuals are parabolas too.
+        """
+        step = _NEAR * self._step
+        tried = self._tried(rows, laws, found.lowest[:, None] + step * _BESIDE)
+        share = np.clip(_steps_to_lowest(tried.misfit, np.ones(len(found.misfit), dtype=np.intp)), -1.0, 1.0)
+        parts = np.stack((0.5 * share * (share - 1.0), 1.0 - share * share, 0.5 * share * (share + 1.0)), axis=1)
+        residuals = np.einsum("rc,rcm->rm", parts, tried.residuals())
+        misfit = np.where(np.isfinite(tried.misfit[:, 1]), np.einsum("rm,rm->r", residuals, residuals), np.inf)
+        contact, amplitude = found.lowest + step * share, np.einsum("rc,rc->r", parts, tried.amplitude)
+        return found.better(GridFit(misfit, contact, amplitude, contact, residuals))
+
+    @property
+    def _step(self) -> float:
+        """From contact to contact (m)."""
+        return float(self.contacts[1] - self.contacts[0])
+
+    def _tried(self, rows: Rows, laws: LawRows, contacts: FloatArray) -> _Tried:
+        """All contacts (m), (r, c) or (1, c), of every row."""
+        forces = laws.force(self._travel(rows) - contacts[:, :, None])
         basis = self._linear_basis
         target = _project_out(self.blocks.force - self._fixed_offset(rows), basis)
         shapes = _project_out(forces, basis)
@@ -95,17 +147,7 @@ class ScanCurve:
         misfit = float(target @ target) - amplitude * (2.0 * along - amplitude * power)
         if not laws.possible.all():
             misfit[~laws.possible] = np.inf
-        best = np.argmin(misfit, axis=1)
-        chosen = np.arange(len(misfit)), best
-        contact = np.broadcast_to(contacts, misfit.shape)[chosen]
-        lowest = contact
-        if misfit.shape[1] > 1:
-            lowest = contact + float(contacts[1] - contacts[0]) * _steps_to_lowest(misfit, best)
-        return GridFit(misfit[chosen], contact, amplitude[chosen], lowest)
-
-    def refined(self, rows: Rows, laws: LawRows, found: GridFit) -> GridFit:
-        """The same at the lowest point of each parabola, where that is better."""
-        return found.better(self.best_contact(rows, laws, found.lowest[:, None]))
+        return _Tried(target, shapes, amplitude, misfit)
 
     def linear(self, values: Mapping[str, float]) -> dict[str, float]:
         """Baseline and slope, those that are free, that go best with the other numbers."""

@@ -1,0 +1,102 @@
+"""Steps of a base's modulus in a number that the force is nearly straight in.
+
+Of the ratio k of base to layer, the force goes nearly with a power of k where the base is soft, and with its
+compliance 1/k where it is stiff: with u = -ln(1 + 1/k) at both ends. A step that is straight in ln k leads far too
+far down from a stiff base, and up towards a rigid one it never arrives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay._arrays import FloatArray
+from underlay.inference.model.coordinates import Coordinate
+from underlay.inference.model.members import Member
+
+__all__ = ["BaseSteps", "bent"]
+
+_BASE, _LAYER = "substrate.E", "layer.E"
+
+
+@dataclass(frozen=True)
+class BaseSteps:
+    """The free moduli of bases, m of them, and those of the layers on them.
+
+    A step is measured so that it begins as one of the scaled entry, ln E2, does.
+
+    Parameters
+    ----------
+    bases : ndarray of int (m,)
+        Their entries in a scaled vector.
+    layers : ndarray of int (m,)
+        Those of the layers' moduli; any where they are known.
+    free : FloatArray
+        One where that modulus is free, zero where it is known, (m,).
+    at_start : FloatArray
+        ln k of the scene's own numbers, (m,).
+    """
+
+    bases: NDArray[np.intp]
+    layers: NDArray[np.intp]
+    free: FloatArray
+    at_start: FloatArray
+
+    @classmethod
+    def of(cls, members: Sequence[Member], coordinates: Sequence[Coordinate]) -> Self | None:
+        """Of the curves of a problem; None where no base's modulus is free."""
+        found: dict[int, tuple[int, float, float]] = {}
+        for member in members:
+            base, layer = (member.entries.get(path) for path in (_BASE, _LAYER))
+            if base is None or _LAYER not in member.base:
+                continue
+            known = member.base[_LAYER] if layer is None else coordinates[layer].reference
+            at_start = float(np.log(coordinates[base].reference / known))
+            found.setdefault(base, (layer or 0, float(layer is not None), at_start))
+        if not found:
+            return None
+        layers, free, at_start = zip(*found.values(), strict=True)
+        return cls(np.array(list(found)), np.array(layers), np.array(free), np.array(at_start))
+
+    def straight(self, vectors: FloatArray, ends: FloatArray) -> FloatArray:
+        """Steps (s, k) from scaled vectors (s, k) that lead to `ends` (s, k), which may be infinite."""
+        steps = ends - vectors
+        here = self._log_ratio(vectors)
+        there = here + steps[:, self.bases]
+        steps[:, self.bases] = (bent(there) - bent(here)) / _slope(here)
+        return np.asarray(steps)
+
+    def taken(self, vectors: FloatArray, steps: FloatArray, longest: float) -> FloatArray:
+        """Changes (s, k) of scaled vectors (s, k) that such steps (s, k) lead to, of a base's at most `longest`."""
+        here = self._log_ratio(vectors)
+        at = bent(here) + _slope(here) * steps[:, self.bases]
+        # Beyond a rigid base there is nothing.
+        change = np.full(at.shape, longest)
+        inside = at < bent(here + longest)
+        change[inside] = np.maximum(_straightened(at[inside]) - here[inside], -longest)
+        result = steps.copy()
+        result[:, self.bases] = np.where(steps[:, self.bases] == 0.0, 0.0, change)
+        return result
+
+    def _log_ratio(self, vectors: FloatArray) -> FloatArray:
+        """ln k (s, m) at scaled vectors (s, k)."""
+        return np.asarray(vectors[:, self.bases] - self.free * vectors[:, self.layers] + self.at_start)
+
+
+def bent(log_ratio: FloatArray) -> FloatArray:
+    """Number u = -ln(1 + 1/k) of ln k that the force is nearly straight in."""
+    return np.asarray(-np.logaddexp(0.0, -log_ratio))
+
+
+def _slope(log_ratio: FloatArray) -> FloatArray:
+    """du / d ln k = 1 / (1 + k)."""
+    return np.asarray(np.exp(-np.logaddexp(0.0, log_ratio)))
+
+
+def _straightened(bent: FloatArray) -> FloatArray:
+    """Ln k of u < 0."""
+    return np.asarray(-np.log(np.expm1(-bent)))
