@@ -21,7 +21,7 @@ __all__ = ["Candidate", "candidates"]
 _SEARCH = Search(steps=24, settled=3e-3, damping=1e-6)
 # Nothing explains the data better than down to their scatter. Once one start does, another that is not among
 # those that may be the optimum after so many steps is given up.
-_PATIENCE = 2
+_PATIENCE = 1
 # Chi-square per block below which a model explains the data.
 _EXPLAINED = 1.4
 # A search stays between the neighbours of its grid point: 0.55 apart in ln h, 2.3 in the logarithm of a ratio; the
@@ -78,10 +78,10 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
     enough = np.inf
     found: list[Candidate] = []
 
-    def give_up(count: int, square: float, proposed: FloatArray) -> bool:
+    def give_up(count: int, square: float, promised: float, proposed: FloatArray) -> bool:
         """Whether a search is on its way to what is known, or left behind by it; not where it stands lower."""
         known = [entry for entry in found if entry.square <= square]
-        return (count >= _PATIENCE and square > enough) or _near(proposed, known)
+        return (count >= _PATIENCE and min(square, promised) > enough) or _near(proposed, known)
 
     # One after another, so that a search is left as soon as an earlier one says so; where places are less work
     # all at once, together.

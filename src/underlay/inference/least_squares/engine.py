@@ -22,8 +22,9 @@ from underlay.inference.least_squares.projection import Point, acting
 
 __all__ = ["FINE", "GiveUp", "Minimum", "Search", "descend", "minimise"]
 
-#: Asked before each step with the steps made, the least sum of squares and the vector proposed: whether to leave.
-GiveUp: TypeAlias = Callable[[int, float, FloatArray], bool]
+#: Asked before each step with the steps made, the least sum of squares so far, the one that the step promises, and
+#: the vector proposed: whether to leave.
+GiveUp: TypeAlias = Callable[[int, float, float, FloatArray], bool]
 
 _MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
 # Below this the damping of two columns that are one to rounding would be rounding itself.
@@ -126,8 +127,8 @@ def descend(
     outcome = _Outcome([None] * len(begin.square), give_up, ended)
     here = _Running.of(begin, low, high, search.damping)
     for count in range(search.steps):
-        proposed, last = here.proposed(active, search, objective.bases)
-        going = outcome.before_step(count, here, proposed, last)
+        proposed, promised, last = here.proposed(active, search, objective.bases)
+        going = outcome.before_step(count, here, proposed, promised, last)
         if not going.all():
             here, proposed = here.part(going), proposed[going]
         if not len(here.rows):
@@ -150,12 +151,12 @@ class _Outcome:
     ended: Callable[[int, Minimum], None] | None
 
     def before_step(
-        self, count: int, here: _Running, proposed: FloatArray, last: NDArray[np.bool_]
+        self, count: int, here: _Running, proposed: FloatArray, promised: FloatArray, last: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Which searches go on (s,) to the vectors `proposed` (s, k), of which some are the `last`."""
+        """Which searches go on (s,) to vectors (s, k) with squares `promised` (s,), of which some are the `last`."""
         going = ~last
-        for i, square in enumerate(here.best.square.tolist()):
-            if self.give_up is not None and self.give_up(count, square, proposed[i]):
+        for i, (square, ahead) in enumerate(zip(here.best.square.tolist(), promised.tolist(), strict=True)):
+            if self.give_up is not None and self.give_up(count, square, ahead, proposed[i]):
                 going[i] = False
             elif last[i]:
                 self._end(here, i, "the next step gains nothing", vector=proposed[i])
@@ -221,8 +222,8 @@ class _Running(NamedTuple):
 
     def proposed(
         self, active: NDArray[np.bool_], search: Search, bases: BaseSteps | None
-    ) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Vectors (s, k) to go to, and which of those are last steps that need no model."""
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+        """Vectors (s, k) to go to, the squares that these promise, and which are last steps that need no model."""
         here = self.now.vector
         if bases is None:
             low, high = self.low - here, self.high - here
@@ -236,7 +237,7 @@ class _Running(NamedTuple):
             step = np.where(made[:, None], step, 0.0)
         change = step if bases is None else bases.taken(here, step, _LONGEST)
         there = np.minimum(np.maximum(here + change, self.low), self.high)
-        return there, little & ~self.ventured
+        return there, self.now.square - gain, little & ~self.ventured
 
     def moved(self, there: Places, search: Search) -> tuple[Self, list[str]]:
         """The searches after they were `there`, and in words why one ended; no words where it goes on."""

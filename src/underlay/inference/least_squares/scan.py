@@ -10,7 +10,7 @@ start, and so are places thinner and thicker than the best: thin and stiffly bac
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -45,9 +45,7 @@ __all__ = ["Landscape", "scan"]
 _SCAN_RTOL = 1e-2
 # What a grid tries, and what scales out of its laws with that.
 _TRIED = (MODULUS, BASE_MODULUS, THICKNESS)
-# Of the distance to the neighbour on the other side, below which a thickness stands next to another; and how many
-# between the middles of the neighbours are looked at.
-_CLOSE, _BETWEEN = 0.25, 21
+_BETWEEN = 8  # steps from a thickness tried to the next
 _BLOCKS = 16  # enough to tell a contact to a grid step
 # ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
 _RIVAL, _APART = np.log(2.7), np.log(1.6)
@@ -70,6 +68,16 @@ class _Grid:
         values = {path: np.take_along_axis(value, which, axis) for path, value in self.values.items()}
         residuals = np.take_along_axis(self.residuals, which[:, :, None], axis)
         return _Grid(np.take_along_axis(self.misfit, which, axis), values, residuals)
+
+    def between(self, weights: FloatArray) -> _Grid:
+        """At other thicknesses, by weights (others, thicknesses)."""
+        residuals = np.tensordot(weights, self.residuals, axes=1)
+        values = {
+            # A contact may be negative; moduli and thickness go along with powers of each other.
+            path: weights @ value if path == CONTACT else np.exp(weights @ np.log(value))
+            for path, value in self.values.items()
+        }
+        return _Grid(np.einsum("tkm,tkm->tk", residuals, residuals), values, residuals)
 
 
 def scan(problem: Problem, count: int = 3) -> list[FloatArray]:
@@ -133,42 +141,8 @@ class Landscape:
         return self._ranked(np.isfinite(self.misfit))
 
     def vector(self, place: tuple[int, int]) -> FloatArray:
-        """Scaled vector (k,) of a place: where it is lowest along the thickness, of the lowest point about it."""
-        i, j = place
-        rows, parts = self._about(i, j)
-        values = [
-            {
-                # A contact may be negative; moduli and thickness go along with powers of each other.
-                path: float(parts @ own[rows, j] if path == CONTACT else np.exp(parts @ np.log(own[rows, j])))
-                for path, own in grid.values.items()
-            }
-            for grid in self.grids
-        ]
-        return _vector(self.problem, self.curves, values)
-
-    def _about(self, i: int, j: int) -> tuple[list[int], FloatArray]:
-        """Rows about a place, and weights of what is said there where it has the least misfit; it alone if it must.
-
-        Along the logarithm of the thickness residuals are nearly parabolas.
-        """
-        alone = [i], np.ones(1)
-        if THICKNESS not in self.grids[0].values or not 0 < i < len(self.misfit) - 1:
-            return alone
-        x = np.log(self.grids[0].values[THICKNESS][:, j])
-        below, above = x[i] - x[i - 1], x[i + 1] - x[i]
-        # The scene's own thickness may be next to one of the grid.
-        rows = [i - 1 - (below < _CLOSE * above and i > 1), i, i + 1 + (above < _CLOSE * below and i + 2 < len(x))]
-        near = self.misfit[rows, j]
-        if not (near[1] <= near).all() or not np.isfinite(near).all():
-            return alone
-        x = x[rows]
-        at = np.linspace(0.5 * (x[0] + x[1]), 0.5 * (x[1] + x[2]), _BETWEEN)[:, None]
-        off = at - x
-        parts = np.stack(
-            [off[:, k - 1] * off[:, k - 2] / ((x[k] - x[k - 1]) * (x[k] - x[k - 2])) for k in range(3)], axis=1
-        )
-        misfit = np.sum([np.square(parts @ grid.residuals[rows, j]).sum(axis=1) for grid in self.grids], axis=0)
-        return rows, parts[int(misfit.argmin())]
+        """Scaled vector (k,) of a place."""
+        return _vector(self.problem, self.curves, self.grids, place)
 
     def _ranked(self, which: NDArray[np.bool_]) -> list[tuple[int, int]]:
         ranked = np.argwhere(which)[np.argsort(self.misfit[which], kind="stable")]
@@ -193,19 +167,20 @@ def _beside(
 
 
 def _vector(
-    problem: Problem, curves: Sequence[ScanCurve], values: Sequence[Mapping[str, float]]
+    problem: Problem, curves: Sequence[ScanCurve], grids: Sequence[_Grid], place: tuple[int, int]
 ) -> FloatArray:
     """Scaled vector of what each curve found; a shared parameter takes the mean."""
     found: list[list[float]] = [[] for _ in problem.coordinates]
-    for member, curve, own in zip(problem.members, curves, values, strict=True):
-        known = {**own, **curve.linear({**member.base, **own})}
+    for member, curve, grid in zip(problem.members, curves, grids, strict=True):
+        values = {path: float(value[place]) for path, value in grid.values.items()}
+        values |= curve.linear({**member.base, **values})
         for path, entry in member.entries.items():
-            if path in known:
+            if path in values:
                 coordinate = problem.coordinates[entry]
-                value = min(max(known[path], coordinate.low), coordinate.high)
+                value = min(max(values[path], coordinate.low), coordinate.high)
                 if value > 0.0 or coordinate.scale is not None:
                     found[entry].append(coordinate.scaled(value))
-    return np.array([sum(all_) / len(all_) if all_ else 0.0 for all_ in found])
+    return np.array([sum(values) / len(values) if values else 0.0 for values in found])
 
 
 def _scanned(member: Member, problem: Problem) -> ScanCurve:
@@ -244,9 +219,26 @@ def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[fl
     if base_is_known:
         log_ratios = np.log(bases / member.base[MODULUS])
         grid = _consistent(grid, log_ratios, np.log(bases / member.base[BASE_MODULUS]) + np.log(amplitude))
+    if thicknesses.size > 2 and np.isfinite(grid.misfit).all():
+        grid = grid.between(_parabolas(np.log(thicknesses)))
     if not (alone or THICKNESS in problem.shared):
         grid = grid.best_along(0)
     return grid if moduli_are_shared else grid.best_along(1)
+
+
+def _parabolas(x: FloatArray) -> FloatArray:
+    """Weights (p, t) of values at x (t,) that are theirs at some places more, by parabolas through the nearest three."""
+    steps = np.arange(_BETWEEN * (len(x) - 1) + 1) / _BETWEEN
+    at = np.interp(steps, np.arange(len(x)), x)
+    first = np.clip(np.round(steps).astype(np.intp) - 1, 0, len(x) - 3)
+    which = first[:, None] + np.arange(3)
+    nodes = x[which]
+    off = at[:, None] - nodes
+    weights = np.zeros((len(at), len(x)))
+    for k in range(3):
+        own, one, other = nodes[:, k], nodes[:, k - 1], nodes[:, k - 2]
+        weights[np.arange(len(at)), which[:, k]] = off[:, k - 1] * off[:, k - 2] / ((own - one) * (own - other))
+    return weights
 
 
 def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: FloatArray) -> GridFit:

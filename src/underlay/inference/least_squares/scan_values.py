@@ -16,6 +16,7 @@ __all__ = ["tried_base_moduli", "tried_contacts", "tried_thicknesses"]
 # Contact radius over thickness: below the first the layer is a half-space, above the last a fit is hopeless.
 _RADIUS_RATIOS = (0.06, 4.6)
 _SHARES = np.linspace(0.0, 1.0, 9)
+_NEAR = 0.25 * _SHARES[1]
 # Base over layer.
 _MODULUS_RATIOS = np.array([0.02, 0.2, 1.5, 10.0, 100.0])
 _CONTACT_STEPS = np.linspace(-0.2, 0.9, 12)
@@ -46,9 +47,11 @@ def tried_thicknesses(free: Mapping[str, Coordinate], radii: tuple[float, float]
     first, last = (low, high) if narrow else (lowest, highest)
     grid = first * (last / first) ** _SHARES
     inside = grid[(grid >= low) & (grid <= high)]
-    # The scene's own is one more, but not where a fit is hopeless: the law of so thin a layer is dear.
+    # The scene's own is one more, but not next to one of these, nor where a fit is hopeless: the law of so thin a
+    # layer is dear.
     own = coordinate.reference
-    return _with(inside, own) if own >= lowest or not inside.size else inside
+    near = np.abs(np.log(inside / own)).min(initial=np.inf) < _NEAR * np.log(last / first)
+    return _with(inside, own) if not inside.size or (own >= lowest and not near) else inside
 
 
 def tried_base_moduli(free: Mapping[str, Coordinate], base: Mapping[str, float]) -> FloatArray:

@@ -244,7 +244,7 @@ class Walk:
         """
         refused = self.objective.failures + _MOST_REFUSED
 
-        def leaves(_: int, square: float, ahead: FloatArray) -> bool:
+        def leaves(_: int, square: float, __: float, ahead: FloatArray) -> bool:
             if self.objective.failures > refused:
                 return True
             if known is None or square < known.square:
