@@ -20,6 +20,7 @@ from underlay.inference.model.members import Member
 
 __all__ = ["BaseSteps", "bent"]
 
+_SHORT = 0.1
 _BASE, _LAYER = "substrate.E", "layer.E"
 
 
@@ -61,6 +62,10 @@ class BaseSteps:
             return None
         layers, free, at_start = zip(*found.values(), strict=True)
         return cls(np.array(list(found)), np.array(layers), np.array(free), np.array(at_start))
+
+    def go_far(self, steps: FloatArray) -> bool:
+        """Whether any of steps (s, k) in ln k is so long that it matters what it is straight in."""
+        return bool((np.abs(steps[:, self.bases]) > _SHORT).any())
 
     def straight(self, vectors: FloatArray, ends: FloatArray) -> FloatArray:
         """Steps (s, k) from scaled vectors (s, k) that lead to `ends` (s, k), which may be infinite."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.least_squares.engine import Minimum, Search, descend
+from underlay.inference.least_squares.engine import Ahead, Minimum, Search, descend
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.scan_curve import BASE_MODULUS, MODULUS
 
@@ -78,24 +78,33 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
     enough = np.inf
     found: list[Candidate] = []
 
-    def give_up(count: int, square: float, promised: float, proposed: FloatArray) -> bool:
-        """Whether a search is on its way to what is known, or left behind by it; not where it stands lower."""
-        known = [entry for entry in found if entry.square <= square]
-        return (count >= _PATIENCE and min(square, promised) > enough) or _near(proposed, known)
-
     # One after another, so that a search is left as soon as an earlier one says so; where places are less work
     # all at once, together.
     rows = np.arange(len(order))
     together = blocked.asked.in_batches or blocked.asked.laws_in_batches
     for group in [rows] if together else rows[:, None]:
 
-        def ended(row: int, minimum: Minimum, group: NDArray[np.intp] = group) -> None:
+        ends = low[group], high[group]
+
+        def give_up(ahead: Ahead, ends: tuple[FloatArray, FloatArray] = ends) -> bool:
+            """Whether a search is on its way to what is known, or left behind by it; not where it stands lower."""
+            known = [entry for entry in found if entry.square <= ahead.square]
+            if not known:
+                return False
+            if ahead.count >= _PATIENCE and enough < np.inf:
+                if min(ahead.square, ahead.promised) > enough:
+                    return True
+                if all(_at_edge(blocked, at, *(end[ahead.row] for end in ends)) for at in ahead[-2:]):
+                    return True
+            return _near(ahead.there, known)
+
+        def ended(row: int, minimum: Minimum, ends: tuple[FloatArray, FloatArray] = ends) -> None:
             nonlocal enough
-            found.append(_candidate(blocked, minimum, low[group[row]], high[group[row]], degrees))
+            found.append(_candidate(blocked, minimum, *(end[row] for end in ends), degrees))
             if found[-1].normal is not None:
                 enough = min(enough, found[-1].square * (1.0 + _MAY_BE / degrees))
 
-        descend(blocked, begun.part(group), low[group], high[group], _SEARCH, give_up, ended)
+        descend(blocked, begun.part(group), *ends, _SEARCH, give_up, ended)
     found.sort(key=lambda entry: entry.square)
     return _distinct(found, degrees)
 
@@ -117,12 +126,17 @@ def _boxes(blocked: Objective, starts: FloatArray, reach: FloatArray) -> tuple[F
 def _candidate(
     blocked: Objective, minimum: Minimum, low: FloatArray, high: FloatArray, degrees: int
 ) -> Candidate:
-    bounds, at, point = blocked.problem.bounds.T, minimum.vector, minimum.point
-    at_edge = ((at <= low) & (low > bounds[0])) | ((at >= high) & (high < bounds[1]))
-    normal = None
+    point, normal = minimum.point, None
     if point.square <= _EXPLAINED * blocked.points:
         normal = point.normal * (degrees / point.square)
-    return Candidate(point.square, at, normal, bool(at_edge[blocked.active].any()))
+    return Candidate(point.square, minimum.vector, normal, _at_edge(blocked, minimum.vector, low, high))
+
+
+def _at_edge(blocked: Objective, at: FloatArray, low: FloatArray, high: FloatArray) -> bool:
+    """Whether a vector (k,) is at an end of its search, (k,), that is no bound of the problem."""
+    bounds = blocked.problem.bounds.T
+    edge = ((at <= low) & (low > bounds[0])) | ((at >= high) & (high < bounds[1]))
+    return bool(edge[blocked.active].any())
 
 
 def _distinct(found: list[Candidate], degrees: int) -> list[Candidate]:

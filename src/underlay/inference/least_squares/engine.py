@@ -20,11 +20,36 @@ from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.places import Places
 from underlay.inference.least_squares.projection import Point, acting
 
-__all__ = ["FINE", "GiveUp", "Minimum", "Search", "descend", "minimise"]
+__all__ = ["FINE", "Ahead", "GiveUp", "Minimum", "Search", "descend", "minimise"]
 
-#: Asked before each step with the steps made, the least sum of squares so far, the one that the step promises, and
-#: the vector proposed: whether to leave.
-GiveUp: TypeAlias = Callable[[int, float, float, FloatArray], bool]
+
+class Ahead(NamedTuple):
+    """A step that a search is about to make.
+
+    Parameters
+    ----------
+    row : int
+        Whose, of several searches.
+    count : int
+        Steps made.
+    square : float
+        Least sum of squares so far.
+    promised : float
+        What the linear model says of the next.
+    here, there : FloatArray
+        Scaled vectors (k,) of the lowest place so far, and where the step leads.
+    """
+
+    row: int
+    count: int
+    square: float
+    promised: float
+    here: FloatArray
+    there: FloatArray
+
+
+#: Asked before each step: whether to leave.
+GiveUp: TypeAlias = Callable[[Ahead], bool]
 
 _MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
 # Below this the damping of two columns that are one to rounding would be rounding itself.
@@ -155,8 +180,10 @@ class _Outcome:
     ) -> NDArray[np.bool_]:
         """Which searches go on (s,) to vectors (s, k) with squares `promised` (s,), of which some are the `last`."""
         going = ~last
-        for i, (square, ahead) in enumerate(zip(here.best.square.tolist(), promised.tolist(), strict=True)):
-            if self.give_up is not None and self.give_up(count, square, ahead, proposed[i]):
+        squares, rows = here.best.square.tolist(), here.rows.tolist()
+        for i, (row, square, promise) in enumerate(zip(rows, squares, promised.tolist(), strict=True)):
+            ahead = Ahead(row, count, square, promise, here.best.vector[i], proposed[i])
+            if self.give_up is not None and self.give_up(ahead):
                 going[i] = False
             elif last[i]:
                 self._end(here, i, "the next step gains nothing", vector=proposed[i])
@@ -225,17 +252,17 @@ class _Running(NamedTuple):
     ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
         """Vectors (s, k) to go to, the squares that these promise, and which are last steps that need no model."""
         here = self.now.vector
-        if bases is None:
-            low, high = self.low - here, self.high - here
-        else:
-            low, high = bases.straight(here, self.low), bases.straight(here, self.high)
-        step, gain = _steps(self.now, self.damping, active, low, high)
+        step, gain = _steps(self.now, self.damping, active, self.low - here, self.high - here)
+        bent = bases is not None and bases.go_far(step)
+        if bases is not None and bent:
+            ends = bases.straight(here, self.low), bases.straight(here, self.high)
+            step, gain = _steps(self.now, self.damping, active, *ends)
         little = search.is_little(gain, self.best.square)
         little |= np.abs(step).max(axis=1) <= _SHORTEST
         made = gain > _STILL * self.best.square
         if not made.all():
             step = np.where(made[:, None], step, 0.0)
-        change = step if bases is None else bases.taken(here, step, _LONGEST)
+        change = bases.taken(here, step, _LONGEST) if bases is not None and bent else step
         there = np.minimum(np.maximum(here + change, self.low), self.high)
         return there, self.now.square - gain, little & ~self.ventured
 

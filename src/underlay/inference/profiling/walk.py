@@ -11,7 +11,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.engine import Search, minimise
+from underlay.inference.least_squares.engine import Ahead, Search, minimise
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
@@ -244,14 +244,14 @@ class Walk:
         """
         refused = self.objective.failures + _MOST_REFUSED
 
-        def leaves(_: int, square: float, __: float, ahead: FloatArray) -> bool:
+        def leaves(ahead: Ahead) -> bool:
             if self.objective.failures > refused:
                 return True
-            if known is None or square < known.square:
+            if known is None or ahead.square < known.square:
                 return False
-            there = np.abs(ahead - known.vector) < _SAME_PLACE
+            there = np.abs(ahead.there - known.vector) < _SAME_PLACE
             if plateau is not None:
-                there[plateau] |= ahead[plateau] * np.sign(known.vector[plateau]) >= _BACK_TO_PLATEAU
+                there[plateau] |= ahead.there[plateau] * np.sign(known.vector[plateau]) >= _BACK_TO_PLATEAU
             return bool(there.all())
 
         found = minimise(self.objective, start, search, leaves)
