@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,8 @@ from underlay._arrays import FloatArray
 from underlay.inference.model.coordinates import Coordinate
 from underlay.inference.model.members import Member
 
-__all__ = ["BaseSteps", "bent"]
+__all__ = ["BaseSteps", "Bent", "bent"]
 
-_SHORT = 0.1
 _BASE, _LAYER = "substrate.E", "layer.E"
 
 
@@ -63,45 +62,38 @@ class BaseSteps:
         layers, free, at_start = zip(*found.values(), strict=True)
         return cls(np.array(list(found)), np.array(layers), np.array(free), np.array(at_start))
 
-    def go_far(self, steps: FloatArray) -> bool:
-        """Whether any of steps (s, k) in ln k is so long that it matters what it is straight in."""
-        return bool((np.abs(steps[:, self.bases]) > _SHORT).any())
+    def at(self, vectors: FloatArray) -> Bent:
+        """How steps from scaled vectors (s, k) go."""
+        log_ratio = vectors[:, self.bases] - self.free * vectors[:, self.layers] + self.at_start
+        inverse = np.exp(-log_ratio)
+        return Bent(self.bases, log_ratio, -np.log1p(inverse), inverse / (1.0 + inverse))
 
-    def straight(self, vectors: FloatArray, ends: FloatArray) -> FloatArray:
-        """Steps (s, k) from scaled vectors (s, k) that lead to `ends` (s, k), which may be infinite."""
-        steps = ends - vectors
-        here = self._log_ratio(vectors)
-        there = here + steps[:, self.bases]
-        steps[:, self.bases] = (bent(there) - bent(here)) / _slope(here)
-        return np.asarray(steps)
 
-    def taken(self, vectors: FloatArray, steps: FloatArray, longest: float) -> FloatArray:
-        """Changes (s, k) of scaled vectors (s, k) that such steps (s, k) lead to, of a base's at most `longest`."""
-        here = self._log_ratio(vectors)
-        at = bent(here) + _slope(here) * steps[:, self.bases]
+class Bent(NamedTuple):
+    """Steps of the entries `bases` (m,) from ln k: u there, and du/d(ln k) = 1 / (1 + k), each (s, m)."""
+
+    bases: NDArray[np.intp]
+    log_ratio: FloatArray
+    u: FloatArray
+    slope: FloatArray
+
+    def straight(self, changes: FloatArray) -> FloatArray:
+        """Steps (s, k) that lead to `changes` (s, k) of scaled vectors, which may be infinite and are overwritten."""
+        there = self.log_ratio + changes[:, self.bases]
+        changes[:, self.bases] = (bent(there) - self.u) / self.slope
+        return changes
+
+    def taken(self, steps: FloatArray, longest: float) -> FloatArray:
+        """Changes (s, k) of scaled vectors that steps (s, k) lead to, of a base's at most `longest`."""
+        step = steps[:, self.bases]
         # Beyond a rigid base there is nothing.
-        change = np.full(at.shape, longest)
-        inside = at < bent(here + longest)
-        change[inside] = np.maximum(_straightened(at[inside]) - here[inside], -longest)
+        there = np.minimum(self.u + self.slope * step, bent(self.log_ratio + longest))
+        change = np.maximum(-np.log(np.expm1(-there)) - self.log_ratio, -longest)
         result = steps.copy()
-        result[:, self.bases] = np.where(steps[:, self.bases] == 0.0, 0.0, change)
+        result[:, self.bases] = np.where(step == 0.0, 0.0, change)
         return result
-
-    def _log_ratio(self, vectors: FloatArray) -> FloatArray:
-        """ln k (s, m) at scaled vectors (s, k)."""
-        return np.asarray(vectors[:, self.bases] - self.free * vectors[:, self.layers] + self.at_start)
 
 
 def bent(log_ratio: FloatArray) -> FloatArray:
     """Number u = -ln(1 + 1/k) of ln k that the force is nearly straight in."""
     return np.asarray(-np.logaddexp(0.0, -log_ratio))
-
-
-def _slope(log_ratio: FloatArray) -> FloatArray:
-    """du / d ln k = 1 / (1 + k)."""
-    return np.asarray(np.exp(-np.logaddexp(0.0, log_ratio)))
-
-
-def _straightened(bent: FloatArray) -> FloatArray:
-    """Ln k of u < 0."""
-    return np.asarray(-np.log(np.expm1(-bent)))

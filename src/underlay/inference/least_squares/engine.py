@@ -252,17 +252,17 @@ class _Running(NamedTuple):
     ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
         """Vectors (s, k) to go to, the squares that these promise, and which are last steps that need no model."""
         here = self.now.vector
-        step, gain = _steps(self.now, self.damping, active, self.low - here, self.high - here)
-        bent = bases is not None and bases.go_far(step)
-        if bases is not None and bent:
-            ends = bases.straight(here, self.low), bases.straight(here, self.high)
-            step, gain = _steps(self.now, self.damping, active, *ends)
+        low, high = self.low - here, self.high - here
+        course = None if bases is None else bases.at(here)
+        if course is not None:
+            low, high = course.straight(low), course.straight(high)
+        step, gain = _steps(self.now, self.damping, active, low, high)
         little = search.is_little(gain, self.best.square)
         little |= np.abs(step).max(axis=1) <= _SHORTEST
         made = gain > _STILL * self.best.square
         if not made.all():
             step = np.where(made[:, None], step, 0.0)
-        change = bases.taken(here, step, _LONGEST) if bases is not None and bent else step
+        change = step if course is None else course.taken(step, _LONGEST)
         there = np.minimum(np.maximum(here + change, self.low), self.high)
         return there, self.now.square - gain, little & ~self.ventured
 

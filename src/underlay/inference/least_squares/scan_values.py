@@ -19,7 +19,7 @@ _SHARES = np.linspace(0.0, 1.0, 9)
 _NEAR = 0.25 * _SHARES[1]
 # Base over layer.
 _MODULUS_RATIOS = np.array([0.02, 0.2, 1.5, 10.0, 100.0])
-_CONTACT_STEPS = np.linspace(-0.2, 0.9, 12)
+_CONTACT_STEPS = np.linspace(-0.2, 0.9, 8)
 
 
 def tried_contacts(free: Mapping[str, Coordinate], blocks: Blocks, known: float) -> FloatArray:
