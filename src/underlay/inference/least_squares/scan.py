@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
@@ -55,12 +56,14 @@ _RIVAL, _APART = np.log(2.7), np.log(1.6)
 class _Grid:
     """What one curve says to the grid: misfit (N^2) and values (SI) by path, each (thicknesses, moduli).
 
-    `residuals` (N) are those of its blocks, (thicknesses, moduli, m).
+    `residuals` (N) are those of its blocks, (thicknesses, moduli, m); it is `finer` with thicknesses between those
+    that were tried.
     """
 
     misfit: FloatArray
     values: dict[str, FloatArray]
     residuals: FloatArray
+    finer: bool = False
 
     def best_along(self, axis: int) -> _Grid:
         """The best of one axis, which then has one entry."""
@@ -77,7 +80,7 @@ class _Grid:
             path: weights @ value if path == CONTACT else np.exp(weights @ np.log(value))
             for path, value in self.values.items()
         }
-        return _Grid(np.einsum("tkm,tkm->tk", residuals, residuals), values, residuals)
+        return _Grid(np.einsum("tkm,tkm->tk", residuals, residuals), values, residuals, finer=True)
 
 
 def scan(problem: Problem, count: int = 3) -> list[FloatArray]:
@@ -121,11 +124,18 @@ class Landscape:
     def minima(self, count: int) -> list[tuple[int, int]]:
         """At most `count` local minima, best first, and places thinner and thicker than the best."""
         total = self.misfit
-        around = np.full((total.shape[0] + 2, total.shape[1] + 2), np.inf)
-        around[1:-1, 1:-1] = total
         minima = np.isfinite(total)
-        for neighbour in (around[:-2, 1:-1], around[2:, 1:-1], around[1:-1, :-2], around[1:-1, 2:]):
-            minima &= total <= neighbour
+        minima[1:] &= total[1:] <= total[:-1]
+        minima[:-1] &= total[:-1] <= total[1:]
+        if total.shape[1] > 1:
+            # A valley that crosses the ratios aslant is at its lowest once in each: between the thicknesses of the
+            # grid as many rows away as its neighbour there may be.
+            away = self._aslant
+            around = np.full((len(total) + 2 * away, total.shape[1]), np.inf)
+            around[away : away + len(total)] = total
+            near = sliding_window_view(around, 2 * away + 1, axis=0).min(axis=2)
+            minima[:, 1:] &= total[:, 1:] <= near[:, :-1]
+            minima[:, :-1] &= total[:, :-1] <= near[:, 1:]
         # The thin end of the grid is a minimum only if it is the lowest: else the curve is only falling there.
         if len(total) > 1:
             minima[0] &= total[0] == total.min()
@@ -136,9 +146,16 @@ class Landscape:
             chosen += _beside(total, np.log(self.grids[0].values[THICKNESS].max(axis=1)), chosen)
         return chosen
 
+    @property
+    def _aslant(self) -> int:
+        """Rows from a thickness that was tried to the next, zero where there are no others."""
+        return _BETWEEN if all(grid.finer for grid in self.grids) else 0
+
     def places(self) -> list[tuple[int, int]]:
-        """All places that have a law, best first."""
-        return self._ranked(np.isfinite(self.misfit))
+        """Places tried that have a law, best first."""
+        tried = np.zeros(self.misfit.shape, dtype=bool)
+        tried[:: max(self._aslant, 1)] = True
+        return self._ranked(tried & np.isfinite(self.misfit))
 
     def vector(self, place: tuple[int, int]) -> FloatArray:
         """Scaled vector (k,) of a place."""
