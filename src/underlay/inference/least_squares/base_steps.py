@@ -59,8 +59,8 @@ class BaseSteps:
             found.setdefault(base, (layer or 0, float(layer is not None), at_start))
         if not found:
             return None
-        layers, free, at_start = zip(*found.values(), strict=True)
-        return cls(np.array(list(found)), np.array(layers), np.array(free), np.array(at_start))
+        layers, free, start = zip(*found.values(), strict=True)
+        return cls(np.array(list(found)), np.array(layers), np.array(free), np.array(start))
 
     def at(self, vectors: FloatArray) -> Bent:
         """How steps from scaled vectors (s, k) go."""
@@ -78,7 +78,7 @@ class Bent(NamedTuple):
     slope: FloatArray
 
     def straight(self, changes: FloatArray) -> FloatArray:
-        """Steps (s, k) that lead to `changes` (s, k) of scaled vectors, which may be infinite and are overwritten."""
+        """Steps (s, k) that lead to `changes` (s, k), which may be infinite, of scaled vectors; overwrites them."""
         there = self.log_ratio + changes[:, self.bases]
         changes[:, self.bases] = (bent(there) - self.u) / self.slope
         return changes

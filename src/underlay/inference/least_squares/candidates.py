@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.least_squares.engine import Ahead, Minimum, Search, descend
@@ -83,7 +82,6 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
     rows = np.arange(len(order))
     together = blocked.asked.in_batches or blocked.asked.laws_in_batches
     for group in [rows] if together else rows[:, None]:
-
         ends = low[group], high[group]
 
         def give_up(ahead: Ahead, ends: tuple[FloatArray, FloatArray] = ends) -> bool:
@@ -91,7 +89,7 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
             known = [entry for entry in found if entry.square <= ahead.square]
             if not known:
                 return False
-            if ahead.count >= _PATIENCE and enough < np.inf:
+            if ahead.steps >= _PATIENCE and enough < np.inf:
                 if min(ahead.square, ahead.promised) > enough:
                     return True
                 if all(_at_edge(blocked, at, *(end[ahead.row] for end in ends)) for at in ahead[-2:]):
@@ -100,7 +98,8 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
 
         def ended(row: int, minimum: Minimum, ends: tuple[FloatArray, FloatArray] = ends) -> None:
             nonlocal enough
-            found.append(_candidate(blocked, minimum, *(end[row] for end in ends), degrees))
+            at_edge = _at_edge(blocked, minimum.vector, *(end[row] for end in ends))
+            found.append(_candidate(blocked, minimum, degrees, at_edge=at_edge))
             if found[-1].normal is not None:
                 enough = min(enough, found[-1].square * (1.0 + _MAY_BE / degrees))
 
@@ -123,13 +122,11 @@ def _boxes(blocked: Objective, starts: FloatArray, reach: FloatArray) -> tuple[F
     return np.maximum(low, starts - reach), np.minimum(high, starts + reach)
 
 
-def _candidate(
-    blocked: Objective, minimum: Minimum, low: FloatArray, high: FloatArray, degrees: int
-) -> Candidate:
+def _candidate(blocked: Objective, minimum: Minimum, degrees: int, *, at_edge: bool) -> Candidate:
     point, normal = minimum.point, None
     if point.square <= _EXPLAINED * blocked.points:
         normal = point.normal * (degrees / point.square)
-    return Candidate(point.square, minimum.vector, normal, _at_edge(blocked, minimum.vector, low, high))
+    return Candidate(point.square, minimum.vector, normal, at_edge)
 
 
 def _at_edge(blocked: Objective, at: FloatArray, low: FloatArray, high: FloatArray) -> bool:

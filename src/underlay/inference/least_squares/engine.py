@@ -30,8 +30,8 @@ class Ahead(NamedTuple):
     ----------
     row : int
         Whose, of several searches.
-    count : int
-        Steps made.
+    steps : int
+        Made so far.
     square : float
         Least sum of squares so far.
     promised : float
@@ -41,7 +41,7 @@ class Ahead(NamedTuple):
     """
 
     row: int
-    count: int
+    steps: int
     square: float
     promised: float
     here: FloatArray
@@ -178,7 +178,7 @@ class _Outcome:
     def before_step(
         self, count: int, here: _Running, proposed: FloatArray, promised: FloatArray, last: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Which searches go on (s,) to vectors (s, k) with squares `promised` (s,), of which some are the `last`."""
+        """Which searches go on (s,) to vectors (s, k) that promise squares (s,), of which some are the `last`."""
         going = ~last
         squares, rows = here.best.square.tolist(), here.rows.tolist()
         for i, (row, square, promise) in enumerate(zip(rows, squares, promised.tolist(), strict=True)):

@@ -67,10 +67,11 @@ class _Grid:
 
     def best_along(self, axis: int) -> _Grid:
         """The best of one axis, which then has one entry."""
-        which = np.expand_dims(np.argmin(self.misfit, axis=axis), axis)
-        values = {path: np.take_along_axis(value, which, axis) for path, value in self.values.items()}
-        residuals = np.take_along_axis(self.residuals, which[:, :, None], axis)
-        return _Grid(np.take_along_axis(self.misfit, which, axis), values, residuals)
+        which = np.argmin(self.misfit, axis=axis)
+        others = np.arange(len(which))
+        best = (which[None], others[None]) if axis == 0 else (others[:, None], which[:, None])
+        values = {path: value[best] for path, value in self.values.items()}
+        return replace(self, misfit=self.misfit[best], values=values, residuals=self.residuals[best])
 
     def between(self, weights: FloatArray) -> _Grid:
         """At other thicknesses, by weights (others, thicknesses)."""
@@ -244,7 +245,7 @@ def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[fl
 
 
 def _parabolas(x: FloatArray) -> FloatArray:
-    """Weights (p, t) of values at x (t,) that are theirs at some places more, by parabolas through the nearest three."""
+    """Weights (p, t) of values at x (t,) for those at more places, by parabolas through the nearest three."""
     steps = np.arange(_BETWEEN * (len(x) - 1) + 1) / _BETWEEN
     at = np.interp(steps, np.arange(len(x)), x)
     first = np.clip(np.round(steps).astype(np.intp) - 1, 0, len(x) - 3)
@@ -254,7 +255,9 @@ def _parabolas(x: FloatArray) -> FloatArray:
     weights = np.zeros((len(at), len(x)))
     for k in range(3):
         own, one, other = nodes[:, k], nodes[:, k - 1], nodes[:, k - 2]
-        weights[np.arange(len(at)), which[:, k]] = off[:, k - 1] * off[:, k - 2] / ((own - one) * (own - other))
+        weights[np.arange(len(at)), which[:, k]] = (
+            off[:, k - 1] * off[:, k - 2] / ((own - one) * (own - other))
+        )
     return weights
 
 

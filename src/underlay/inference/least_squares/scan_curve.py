@@ -59,8 +59,9 @@ class GridFit:
             (self.amplitude, other.amplitude),
             (self.lowest, other.lowest),
         )
+        misfit, contact, amplitude, lowest = (np.where(lower, theirs, ours) for ours, theirs in pairs)
         residuals = np.where(lower[:, None], other.residuals, self.residuals)
-        return GridFit(*(np.where(lower, theirs, ours) for ours, theirs in pairs), residuals)
+        return GridFit(misfit, contact, amplitude, lowest, residuals)
 
 
 class _Tried(NamedTuple):
@@ -112,7 +113,10 @@ class ScanCurve:
         contact = self.contacts[best]
         lowest = contact
         if len(self.contacts) > 1:
-            lowest = contact + self._step * _steps_to_lowest(tried.misfit, best)
+            inside = (best > 0) & (best < len(self.contacts) - 1)
+            middle = np.where(inside, best, 1)
+            beside = (tried.misfit[chosen[0], (middle + i) % len(self.contacts)] for i in (-1, 0, 1))
+            lowest = contact + np.where(inside, self._step * _steps_to_lowest(*beside), 0.0)
         amplitude, misfit = tried.amplitude[chosen], tried.misfit[chosen]
         return GridFit(misfit, contact, amplitude, lowest, tried.residuals(chosen))
 
@@ -123,10 +127,14 @@ class ScanCurve:
         """
         step = _NEAR * self._step
         tried = self._tried(rows, laws, found.lowest[:, None] + step * _BESIDE)
-        share = np.clip(_steps_to_lowest(tried.misfit, np.ones(len(found.misfit), dtype=np.intp)), -1.0, 1.0)
-        parts = np.stack((0.5 * share * (share - 1.0), 1.0 - share * share, 0.5 * share * (share + 1.0)), axis=1)
+        share = np.clip(_steps_to_lowest(*tried.misfit.T), -1.0, 1.0)
+        parts = np.stack(
+            (0.5 * share * (share - 1.0), 1.0 - share * share, 0.5 * share * (share + 1.0)), axis=1
+        )
         residuals = np.einsum("rc,rcm->rm", parts, tried.residuals())
-        misfit = np.where(np.isfinite(tried.misfit[:, 1]), np.einsum("rm,rm->r", residuals, residuals), np.inf)
+        misfit = np.where(
+            np.isfinite(tried.misfit[:, 1]), np.einsum("rm,rm->r", residuals, residuals), np.inf
+        )
         contact, amplitude = found.lowest + step * share, np.einsum("rc,rc->r", parts, tried.amplitude)
         return found.better(GridFit(misfit, contact, amplitude, contact, residuals))
 
@@ -203,16 +211,12 @@ class ScanCurve:
         return np.asarray(baseline + slope * self.blocks.depth)
 
 
-def _steps_to_lowest(misfit: FloatArray, best: NDArray[np.intp]) -> FloatArray:
-    """Steps (r,) from the best of every row (r, c) to where the parabola through its neighbours is lowest."""
-    rows, inside = np.arange(len(best)), (best > 0) & (best < misfit.shape[1] - 1)
-    inside &= np.isfinite(misfit[:, 0])
-    middle = np.clip(best, 1, misfit.shape[1] - 2)
-    before, here, after = (
-        np.where(inside, misfit[rows, middle + beside], float(beside * beside)) for beside in (-1, 0, 1)
-    )
+def _steps_to_lowest(before: FloatArray, here: FloatArray, after: FloatArray) -> FloatArray:
+    """Steps (r,) from the middle of three to where the parabola through them is lowest; none where it is not."""
+    # Where no law reaches all three are infinite.
+    before, here, after = (np.where(here < np.inf, each, 0.0) for each in (before, here, after))
     bend = before - 2.0 * here + after
-    return np.where(bend > 0.0, 0.5 * (before - after) / np.where(bend > 0.0, bend, 1.0), 0.0)
+    return np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend > 0.0)
 
 
 def _project_out(rows: FloatArray, basis: FloatArray | None) -> FloatArray:
