@@ -54,7 +54,9 @@ GiveUp: TypeAlias = Callable[[Ahead], bool]
 _MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
 # Below this the damping of two columns that are one to rounding would be rounding itself.
 _LEAST_DAMPING = 1e-13
-# How much harder a step back from up the side of a valley is damped than the one that led there.
+# How much harder a step back from up the side of a valley is damped than the one that led there: it then leads back to
+# the bottom there, and not as far along again. Else each small step along a bent valley would cost three models: the
+# next one is too long, and so is one from there.
 _BACK = 100.0
 _VENTURE = 100.0  # how much higher than its beginning a step up the side may end
 # A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.
@@ -81,17 +83,12 @@ class Search:
         So is one that should lower it by less than this.
     damping : float
         Of the first step, on columns of unit length.
-    along : bool
-        Whether it is to follow a bent valley: a step up its side then leads back to the bottom there, and not as
-        far along again. Otherwise each small step along costs three models: the next one is too long, and so is
-        one from there.
     """
 
     steps: int = 60
     settled: float = 2e-7
     least: float = 0.0
     damping: float = 1e-5
-    along: bool = False
 
     def is_little(self, gain: FloatArray, square: FloatArray) -> NDArray[np.bool_]:
         """Whether a gain (s,) on sums of squares (s,) is too small to go on."""
@@ -273,10 +270,9 @@ class _Running(NamedTuple):
         ventured = ~lower & ~self.ventured & (there.square < _VENTURE * self.best.square)
         best = self.best.replaced(lower, there)
         now = best if not ventured.any() else best.replaced(ventured, there)
-        back = _BACK if search.along else 1.0
-        own = np.where(self.ventured, self.damping / back, self.damping)
+        own = np.where(self.ventured, self.damping / _BACK, self.damping)
         eased = np.maximum(_EASIER * own, _LEAST_DAMPING)
-        damping = np.where(lower, eased, np.where(ventured, back * own, _HARDER * own))
+        damping = np.where(lower, eased, np.where(ventured, _BACK * own, _HARDER * own))
         why = [
             "the last step gained nothing" if little else "no step leads further down" if stuck else ""
             for little, stuck in zip(

@@ -44,7 +44,7 @@ _DOUBTED = 1.0
 _BETTER = 0.01  # of t: less than that changes no interval by a hundredth of its width
 # The noise is frozen, so a sum of squares is a rise of t. A step that should gain less than 1e-4 is the last:
 # along a plateau many such steps may follow one another.
-_FINE = Search(steps=60, least=1e-4, along=True)
+_FINE = Search(steps=60, least=1e-4)
 # Of a start elsewhere: after so many steps it must be within this rise of what it competes with.
 _ROUGH, _MAY_BE = Search(steps=8, settled=1e-4, damping=1e-2), 30.0
 # A start of the scan this close to where the others are (scaled coordinates) ends where they are.
