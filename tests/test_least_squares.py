@@ -98,7 +98,7 @@ def test_nothing_depends_on_units(length, force):
 
 def test_wrong_starts_land_on_the_same_optimum():
     # The study asks 500 scenes (tests/studies/starts.json). At 99 %, two misses of 12 have probability 0.006.
-    assert len(starts.missed(12, seed=5)) <= 1
+    assert len(starts.missed(12, seed=5)[0]) <= 1
 
 
 @pytest.mark.parametrize("stiff", [1e15, 1e18, 1e21, 1e24])

@@ -70,7 +70,10 @@ class BaseSteps:
 
 
 class Bent(NamedTuple):
-    """Steps of the entries `bases` (m,) from ln k: u there, and du/d(ln k) = 1 / (1 + k), each (s, m)."""
+    """Steps of the entries `bases` (m,) from ln k: u there, and du/d(ln k) = 1 / (1 + k), each (s, m).
+
+    Up from a soft base they are straight in the logarithm: u would lead beyond what is as good as rigid.
+    """
 
     bases: NDArray[np.intp]
     log_ratio: FloatArray
@@ -79,8 +82,9 @@ class Bent(NamedTuple):
 
     def straight(self, changes: FloatArray) -> FloatArray:
         """Steps (s, k) that lead to `changes` (s, k), which may be infinite, of scaled vectors; overwrites them."""
-        there = self.log_ratio + changes[:, self.bases]
-        changes[:, self.bases] = (bent(there) - self.u) / self.slope
+        change = changes[:, self.bases]
+        steps = (bent(self.log_ratio + change) - self.u) / self.slope
+        changes[:, self.bases] = np.where(self._up_from_soft(change), change, steps)
         return changes
 
     def taken(self, steps: FloatArray, longest: float) -> FloatArray:
@@ -88,10 +92,13 @@ class Bent(NamedTuple):
         step = steps[:, self.bases]
         # Beyond a rigid base there is nothing.
         there = np.minimum(self.u + self.slope * step, bent(self.log_ratio + longest))
-        change = np.maximum(-np.log(np.expm1(-there)) - self.log_ratio, -longest)
+        change = np.where(self._up_from_soft(step), step, -np.log(np.expm1(-there)) - self.log_ratio)
         result = steps.copy()
-        result[:, self.bases] = np.where(step == 0.0, 0.0, change)
+        result[:, self.bases] = np.where(step == 0.0, 0.0, np.clip(change, -longest, longest))
         return result
+
+    def _up_from_soft(self, change: FloatArray) -> NDArray[np.bool_]:
+        return (self.log_ratio < 0.0) & (change > 0.0)
 
 
 def bent(log_ratio: FloatArray) -> FloatArray:
