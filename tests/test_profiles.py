@@ -274,7 +274,7 @@ def test_beside_a_plateau_the_others_are_at_their_best(number):
     for away in np.linspace(-6.0, 6.0, 9):
         start = np.array(found.vector)
         start[[at, base]] = end, away
-        other = minimise(walk.objective, start, Search(steps=200, settled=1e-9, along=True))
+        other = minimise(walk.objective, start, Search(steps=200, settled=1e-9))
         rises += [] if other is None else [walk.delta_chi_square(other.point)]
     # A crossing is placed to 1e-3 standard deviations of a profile that is nearly straight, dt = 2 z dz; ten times
     # that for one that is bent.

@@ -3,9 +3,9 @@
     python tests/studies/starts.py [--scenes 500] [--base-free] [--seed 0] [--output tests/studies/starts.json]
 
 Random scenes whose curves fix modulus, thickness and contact; the modulus starts wrong by up to 1e3 and the
-thickness by up to 10, either way. With the base free it is 0.06 to 60 times the layer, and starts wrong by up to 100;
-it need not be fixed. The optimum is that of a fit started at the truth, which may itself miss: "truth missed" tells
-where it was left by more than the tolerance.
+thickness by up to 10, either way. With the base free it is 0.06 to 60 times the layer, and starts wrong by up to
+100; it need not be fixed. The optimum is that of a fit started at the truth, which may itself miss: "truth missed"
+tells where it was left by more than the tolerance.
 """
 
 from __future__ import annotations

@@ -54,9 +54,9 @@ GiveUp: TypeAlias = Callable[[Ahead], bool]
 _MOST_DAMPING, _EASIER, _HARDER = 1e8, 0.1, 10.0
 # Below this the damping of two columns that are one to rounding would be rounding itself.
 _LEAST_DAMPING = 1e-13
-# How much harder a step back from up the side of a valley is damped than the one that led there: it then leads back to
-# the bottom there, and not as far along again. Else each small step along a bent valley would cost three models: the
-# next one is too long, and so is one from there.
+# How much harder a step back from up the side of a valley is damped than the one that led there: it then leads back
+# to the bottom there, and not as far along again. Else each small step along a bent valley would cost three models:
+# the next one is too long, and so is one from there.
 _BACK = 100.0
 _VENTURE = 100.0  # how much higher than its beginning a step up the side may end
 # A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.

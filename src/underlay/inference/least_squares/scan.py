@@ -56,14 +56,12 @@ _RIVAL, _APART = np.log(2.7), np.log(1.6)
 class _Grid:
     """What one curve says to the grid: misfit (N^2) and values (SI) by path, each (thicknesses, moduli).
 
-    `residuals` (N) are those of its blocks, (thicknesses, moduli, m); it is `finer` with thicknesses between those
-    that were tried.
+    `residuals` (N) are those of its blocks, (thicknesses, moduli, m).
     """
 
     misfit: FloatArray
     values: dict[str, FloatArray]
     residuals: FloatArray
-    finer: bool = False
 
     def best_along(self, axis: int) -> _Grid:
         """The best of one axis, which then has one entry."""
@@ -81,7 +79,7 @@ class _Grid:
             path: weights @ value if path == CONTACT else np.exp(weights @ np.log(value))
             for path, value in self.values.items()
         }
-        return _Grid(np.einsum("tkm,tkm->tk", residuals, residuals), values, residuals, finer=True)
+        return _Grid(np.einsum("tkm,tkm->tk", residuals, residuals), values, residuals)
 
 
 def scan(problem: Problem, count: int = 3) -> list[FloatArray]:
@@ -98,11 +96,12 @@ def scan(problem: Problem, count: int = 3) -> list[FloatArray]:
 
 @dataclass(frozen=True)
 class Landscape:
-    """The grid of a problem, and what each of its curves says to it."""
+    """The grid of a problem, what each of its curves says to it, and rows from a thickness tried to the next."""
 
     problem: Problem
     curves: tuple[ScanCurve, ...]
     grids: tuple[_Grid, ...]
+    steps: int = 1
 
     @classmethod
     def of(cls, problem: Problem) -> Self:
@@ -115,6 +114,9 @@ class Landscape:
             _grid_of(member, curve, problem, (min(radii), max(radii)))
             for member, curve in zip(problem.members, curves, strict=True)
         )
+        if len(grids[0].misfit) > 2 and all(np.isfinite(grid.misfit).all() for grid in grids):
+            weights = _parabolas(np.log(grids[0].values[THICKNESS][:, 0]))
+            return cls(problem, curves, tuple(grid.between(weights) for grid in grids), _BETWEEN)
         return cls(problem, curves, grids)
 
     @cached_property
@@ -131,7 +133,7 @@ class Landscape:
         if total.shape[1] > 1:
             # A valley that crosses the ratios aslant is at its lowest once in each: between the thicknesses of the
             # grid as many rows away as its neighbour there may be.
-            away = self._aslant
+            away = self.steps - 1
             around = np.full((len(total) + 2 * away, total.shape[1]), np.inf)
             around[away : away + len(total)] = total
             near = sliding_window_view(around, 2 * away + 1, axis=0).min(axis=2)
@@ -147,15 +149,10 @@ class Landscape:
             chosen += _beside(total, np.log(self.grids[0].values[THICKNESS].max(axis=1)), chosen)
         return chosen
 
-    @property
-    def _aslant(self) -> int:
-        """Rows from a thickness that was tried to the next, zero where there are no others."""
-        return _BETWEEN if all(grid.finer for grid in self.grids) else 0
-
     def places(self) -> list[tuple[int, int]]:
         """Places tried that have a law, best first."""
         tried = np.zeros(self.misfit.shape, dtype=bool)
-        tried[:: max(self._aslant, 1)] = True
+        tried[:: self.steps] = True
         return self._ranked(tried & np.isfinite(self.misfit))
 
     def vector(self, place: tuple[int, int]) -> FloatArray:
@@ -237,8 +234,6 @@ def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[fl
     if base_is_known:
         log_ratios = np.log(bases / member.base[MODULUS])
         grid = _consistent(grid, log_ratios, np.log(bases / member.base[BASE_MODULUS]) + np.log(amplitude))
-    if thicknesses.size > 2 and np.isfinite(grid.misfit).all():
-        grid = grid.between(_parabolas(np.log(thicknesses)))
     if not (alone or THICKNESS in problem.shared):
         grid = grid.best_along(0)
     return grid if moduli_are_shared else grid.best_along(1)

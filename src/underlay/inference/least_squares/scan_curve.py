@@ -126,7 +126,9 @@ class ScanCurve:
         Between contacts so close together residuals are parabolas too.
         """
         step = _NEAR * self._step
-        tried = self._tried(rows, laws, found.lowest[:, None] + step * _BESIDE)
+        # No earlier than the first: the laws reach no deeper.
+        lowest = np.maximum(found.lowest, self.contacts[0] + step)
+        tried = self._tried(rows, laws, lowest[:, None] + step * _BESIDE)
         share = np.clip(_steps_to_lowest(*tried.misfit.T), -1.0, 1.0)
         parts = np.stack(
             (0.5 * share * (share - 1.0), 1.0 - share * share, 0.5 * share * (share + 1.0)), axis=1
@@ -135,7 +137,7 @@ class ScanCurve:
         misfit = np.where(
             np.isfinite(tried.misfit[:, 1]), np.einsum("rm,rm->r", residuals, residuals), np.inf
         )
-        contact, amplitude = found.lowest + step * share, np.einsum("rc,rc->r", parts, tried.amplitude)
+        contact, amplitude = lowest + step * share, np.einsum("rc,rc->r", parts, tried.amplitude)
         return found.better(GridFit(misfit, contact, amplitude, contact, residuals))
 
     @property

@@ -30,6 +30,7 @@ _GROWTH = 2.0  # a flattening profile is walked in steps at most this much longe
 # In scaled coordinates, from the optimum and from the scene's own value: a factor 1.6e5, or twelve times the
 # range of the curve.
 _FARTHEST = 12.0
+_ROUNDED = 1e-9  # so close to it a walk is there: sums of steps are rounded
 _MOST_STEPS = 60
 # Where the laws end is found to this share of the first step (a tenth of a standard deviation) and of the way.
 _WALL, _WALL_SHARE = 0.2, 0.05
@@ -131,7 +132,7 @@ class Walk:
         wall = np.inf
         for _ in range(_MOST_STEPS):
             travelled = abs(float(self.vectors[-1][self.index]) - here)
-            is_far = direction * float(self.vectors[-1][self.index]) >= _FARTHEST
+            is_far = direction * float(self.vectors[-1][self.index]) >= _FARTHEST - _ROUNDED
             at_wall = wall - travelled <= _WALL * first + _WALL_SHARE * travelled
             # Far out on a plateau it is the numbers that end, and not the laws.
             if at_wall and not is_far:
@@ -141,7 +142,7 @@ class Walk:
             if step <= 1e-12 * (1.0 + travelled):
                 return replace(self, reason="bound")
             # An optimum far out on a plateau (a base that might be rigid) is walked back from all the way.
-            if is_far and (at_wall or travelled >= _FARTHEST):
+            if is_far and (at_wall or travelled >= _FARTHEST - _ROUNDED):
                 return replace(self, reason="none")
             q = here + direction * (travelled + step)
             found = self.follow(q)
@@ -171,7 +172,7 @@ class Walk:
     def _left(self, direction: float, travelled: float) -> float:
         """How far it still is to where a walk ends on a plateau: nothing is asked further out."""
         left = _FARTHEST - min(travelled, direction * float(self.vectors[-1][self.index]))
-        return left if left > 0.0 else np.inf
+        return left if left > _ROUNDED else np.inf
 
     def delta_chi_square(self, found: Point) -> float:
         """T at a place."""
