@@ -226,7 +226,10 @@ class Walk:
         for candidate in (np.clip(start, low, high), last):
             begin = _with(candidate, self.index, q)
             if self.objective.exists(begin):
-                return self._minimised(begin, replace(_FINE, steps=most_steps))
+                found = self._minimised(begin, replace(_FINE, steps=most_steps))
+                # Where the last two steps point may be too far ahead, among places that have no law.
+                if found is not None:
+                    return found
         return None
 
     def _minimised(
