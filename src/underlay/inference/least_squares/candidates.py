@@ -18,8 +18,8 @@ __all__ = ["Candidate", "candidates"]
 # A step that lowers the sum of squares by less than this share came from within a third of a standard error of
 # the blocks; what is left is far less.
 _SEARCH = Search(steps=24, settled=3e-3, damping=1e-6)
-# Nothing explains the data better than down to their scatter. Once one start does, another that is not among
-# those that may be the optimum after so many steps is given up.
+# Nothing explains the data better than down to their scatter. Once one start does, another that after so many steps
+# neither is nor promises to be among those that may be the optimum is given up.
 _PATIENCE = 1
 # Chi-square per block below which a model explains the data.
 _EXPLAINED = 1.4
@@ -92,7 +92,11 @@ def candidates(blocked: Objective, starts: Sequence[FloatArray]) -> list[Candida
             if ahead.steps >= _PATIENCE and enough < np.inf:
                 if min(ahead.square, ahead.promised) > enough:
                     return True
-                if all(_at_edge(blocked, at, *(end[ahead.row] for end in ends)) for at in ahead[-2:]):
+                # What stays at its edge is on its way to the place of another start.
+                if all(
+                    _at_edge(blocked, at, *(end[ahead.row] for end in ends))
+                    for at in (ahead.here, ahead.there)
+                ):
                     return True
             return _near(ahead.there, known)
 

@@ -4,8 +4,9 @@ Thickness, modulus ratio and contact depth are laid on a coarse grid of scale-fr
 layer's modulus (which scales the force when the ratio is held), the baseline and its slope follow by linear
 least squares. Where the base's modulus is known, each thickness takes the ratio at which the layer's modulus
 and that ratio give it. The scene's own values are only one more grid point, so a start wrong by orders of
-magnitude, or the last curve's result, does not decide where a fit ends. Every local minimum of the grid is a
-start, and so are places thinner and thicker than the best: thin and stiffly backed can look like thick and stiff.
+magnitude, or the last curve's result, does not decide where a fit ends. Between the points of the grid residuals
+change so evenly that they are read off parabolas. Every local minimum is a start, and so are places thinner and
+thicker than the best: thin and stiffly backed can look like thick and stiff.
 """
 
 from __future__ import annotations
