@@ -7,9 +7,10 @@ import pytest
 from scipy import special
 
 import underlay as ul
-from support.worlds import Clean, disturbed
+from support.worlds import Clean, assumed, disturbed
 from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.ridge import importance
+from underlay.inference.sampling.convergence import highest_density_interval
 
 SCENE = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3), ul.RIGID)
 FREE = {"layer.E": ul.LogUniform(1e5, 1e7)}
@@ -29,22 +30,25 @@ def dense_densities(problem, vectors):
     terms = []
     models = [curve.forward.force(curve.member.values_at(problem.physical(vector))) for vector in vectors]
     residuals = (np.array(models) - curve.force) / curve.member.scatter
+    # With E alone free the law's force goes as it does, and a drift is a share of that force.
+    moduli = problem.physical(vectors)[:, 0] / problem.physical(averaged.vector)[0]
     n = len(curve.force)
     for (g, c), variance, fading in zip(found.places, found.variance, found.fading, strict=True):
-        V = np.eye(n)
+        still = np.eye(n)
         if found.noises[g] is not None:
             tau, share = found.noises[g]
-            V += share * np.exp(-np.abs(part.time[:, None] - part.time) / tau)
+            still += share * np.exp(-np.abs(part.time[:, None] - part.time) / tau)
         drift, (jump, ramp) = np.split(found.sizes.amounts[c], [-2])
         drift, ramp = drift / variance**0.5, ramp / variance**0.5
-        for size, columns in ((drift, part.drift), (jump, part.jump), (ramp, part.ramp)):
-            V += (size**2 * columns) @ columns.T
-        square = np.einsum("sn,ns->s", residuals, np.linalg.solve(V, residuals.T))
+        for size, columns in ((jump, part.jump), (ramp, part.ramp)):
+            still += (size**2 * columns) @ columns.T
+        V = still + np.square(moduli)[:, None, None] * ((drift**2 * part.drift) @ part.drift.T)
+        square = np.einsum("sn,sn->s", residuals, np.linalg.solve(V, residuals[..., None])[..., 0])
         terms.append(prior[g, c] + fading - 0.5 * np.linalg.slogdet(V)[1] - 0.5 * n * np.log(square))
     return special.logsumexp(terms, axis=0)
 
 
-@pytest.mark.parametrize("world", ["clean", "AR(1) and white", "adhesion"])
+@pytest.mark.parametrize("world", ["clean", "AR(1) and white", "adhesion", "stiffening"])
 def test_the_density_is_that_of_dense_covariances(world):
     problem = posed(world)
     fit = ul.fit(problem)
@@ -55,11 +59,24 @@ def test_the_density_is_that_of_dense_covariances(world):
     assert own - own[0] == pytest.approx(expected - expected[0], abs=0.02)
 
 
-def by_quadrature(problem, q):
-    """The 95 % interval of the only parameter from its density at scaled values q."""
+def test_a_drift_is_no_stand_in_for_the_law():
+    problem = posed("stiffening")
+    fit = ul.fit(problem)
+    vectors = fit.vector + np.log([[1.0], [0.85], [1.25], [0.05], [1e-3]])
+    own = ul.marginalised(problem).log_likelihood(vectors)
+    expected = dense_densities(problem, vectors)
+    # The combinations left out weigh a thousandth at the top, and more where the others weigh next to nothing.
+    assert own[:3] - own[0] == pytest.approx(expected[:3] - expected[0], abs=0.05)
+    # Drifts of a fixed force, as large as the fit's, would explain what a layer without stiffness leaves.
+    assert (own[3:] < own[0] - 50.0).all()
+
+
+def by_quadrature(problem, q, inside=0.95):
+    """The interval of the only parameter that holds a probability, from its density at scaled values q."""
     density = problem.log_posterior(q[:, None])
     below = np.cumsum(np.exp(density - density.max()))
-    return problem.physical(np.interp([0.025, 0.975], below / below[-1], q)[:, None])[:, 0]
+    ends = [0.5 - 0.5 * inside, 0.5 + 0.5 * inside]
+    return problem.physical(np.interp(ends, below / below[-1], q)[:, None])[:, 0]
 
 
 @pytest.mark.parametrize("world", ["clean", "AR(1) and white", "stiffening", "drag step"])
@@ -73,6 +90,32 @@ def test_the_interval_of_the_posterior_is_the_fits(world):
     # that relaxes is not excluded, it ends at q = -0.2 in ln E for exp(q) - 1 = -0.2.
     width = stated.high - stated.low
     assert found == pytest.approx([stated.low, stated.high], abs=0.2 * width)
+
+
+def test_a_posterior_leaves_out_what_its_fit_does():
+    layer = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.RIGID)
+    bare = assumed(layer, "Hertz on a layer")
+    free = {"layer.E": ul.LogUniform(1e4, 1e8)}
+    for made in (bare, layer):
+        data = disturbed(Clean.of(made, 1.2e-4, 120), "clean", np.random.default_rng(3), 0.003)
+        problem = ul.Problem(bare, data, free)
+        fit, found = ul.fit(problem), ul.sample(problem, rng=1)
+        inside = found.inside(0.95)
+        assert inside == averaged_fit(fit).inside(0.95)
+        draws, row = found.samples["layer.E"].to_numpy(), found.summary().loc["layer.E"]
+        assert (row["hdi95_low"], row["hdi95_high"]) == highest_density_interval(draws, inside)
+        after = found.prior_comparison().loc["layer.E"]
+        assert (after["posterior_low"], after["posterior_high"]) == (row["hdi95_low"], row["hdi95_high"])
+        stated = np.log([fit.interval("layer.E").low, fit.interval("layer.E").high])
+        own = np.log(np.quantile(draws, [0.5 - 0.5 * inside, 0.5 + 0.5 * inside]))
+        # As wide as the fit's, whose linear models have other tails than the density.
+        assert own == pytest.approx(stated, abs=0.35 * np.ptp(stated))
+        plain = np.ptp(np.log(np.quantile(draws, [0.025, 0.975])))
+        if made is bare:
+            assert inside == 0.95
+        else:
+            assert inside > 0.99
+            assert plain < 0.6 * np.ptp(stated)
 
 
 def test_stated_noise_is_left_alone_and_a_clean_curve_too():

@@ -40,6 +40,10 @@ class Likelihood(Protocol):
         """The numbers whose density it is: evidences of the same ones compare."""
 
     @property
+    def left_out(self) -> float:
+        """What printed intervals leave out, over what they are asked to."""
+
+    @property
     def parts(self) -> Sequence[LikelihoodPart]:
         """What it is a sum of, the heaviest first, but for what is like a heavier one; none where it is one.
 

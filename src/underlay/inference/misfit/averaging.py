@@ -117,15 +117,19 @@ class Averaged:
         """Standard deviations of the scaled vector under the heaviest combination, (k,)."""
         return _deviations(self.competition, self.competition.heaviest)[: len(self.vector)]
 
-    def inside(self, level: float) -> float:
-        """Probability that an interval of this level is given: more where an exact half-space is given up.
+    @property
+    def left_out(self) -> float:
+        """What intervals leave out, over what they are asked to: less where an exact half-space is given up.
 
         An interval pays for what it holds where undisturbed curves look like this one, and hardly any do when the
         exact law has lost its weight: sets of least width on those for their coverage in both (Neyman and Pearson)
         leave out less there, in proportion.
         """
-        share = min(max(self.exact_law / _GIVEN_UP, self.competition.sizes.least_out), 1.0)
-        return 1.0 - share * (1.0 - level)
+        return min(max(self.exact_law / _GIVEN_UP, self.competition.sizes.least_out), 1.0)
+
+    def inside(self, level: float) -> float:
+        """Probability that an interval of this level is given."""
+        return 1.0 - self.left_out * (1.0 - level)
 
     def least_z(self, level: float) -> float:
         """Standard deviations from the optimum to an end, were the heaviest combination the only one."""

@@ -7,8 +7,13 @@ columns of drift, jump, baseline and known errors where the fit has them, D thei
     V = V0 + X D^2 X',   r'V^-1 r = r'V0^-1 r - b'D (1 + D G D)^-1 D b,   b = X'V0^-1 r,   G = X'V0^-1 X,
     p(data | theta) = sum_c prior_c |V_c|^(-1/2) (r'V_c^-1 r)^(-n/2),
 
-s integrated out under 1/s. The columns, their sizes over s and the blocks stay those of the fit: they change by per
-cents of themselves over a posterior, and are themselves uncertain by factors.
+s integrated out under 1/s. The sizes over s and the blocks stay those of the fit, and the shapes of the columns:
+they change by per cents of themselves over a posterior, and are themselves uncertain by factors. A drift is a share
+of the law's force, though, and is as large as that is, l times that of the fit: drifts of a fixed force would stand
+for the whole curve where the modulus is nothing. With V1 what is left of V without them, and D_v of them alone,
+
+    D_v X'V1^-1 X D_v = U diag(e) U',   a = U'D_v X'V1^-1 r,
+    r'V^-1 r = r'V1^-1 r - sum_i l^2 a_i^2 / (1 + l^2 e_i),   log |V| = log |V1| + sum_i log(1 + l^2 e_i).
 """
 
 from __future__ import annotations
@@ -25,7 +30,8 @@ from underlay._arrays import FloatArray
 from underlay.inference.misfit.averaging import Averaged
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
-from underlay.inference.misfit.linearised import Linearised, acting_columns
+from underlay.inference.misfit.drift import DRIFTS
+from underlay.inference.misfit.linearised import JUMPS, RAMPS, Linearised, acting_columns
 from underlay.inference.misfit.sizes import over_noise
 from underlay.inference.misfit.whitened_squares import WhitenedSquares
 from underlay.inference.misfit.whitener import Whitener
@@ -34,7 +40,8 @@ from underlay.inference.problem import LikelihoodPart
 
 __all__ = ["MarginalLikelihood"]
 
-# Combinations that together weigh less are left out: an end of a 95 % interval moves by 1 % of a deviation.
+# Combinations that together weigh less are left out, of what an interval leaves out: an end of a 95 % interval
+# moves by 1 % of a deviation.
 _LEFT_OUT = 1e-3
 # Distance in standard deviations, and in the logarithm of these, within which one combination does for another.
 _ALIKE = 0.5
@@ -53,9 +60,13 @@ class _Combinations:
     noise : NDArray
         Number of the noise of every combination, (c,).
     constants : FloatArray
-        log prior - log det V / 2, (c,).
+        log prior - log det V1 / 2, (c,).
     reductions : FloatArray
-        D (1 + D G D)^-1 D, (c, m, m).
+        D (1 + D G D)^-1 D of the columns that are no drift, (c, m, m).
+    turned : FloatArray
+        From X'V0^-1 r to a, (c, v, m).
+    spread : FloatArray
+        The e, (c, v).
     """
 
     squares: Sequence[WhitenedSquares]
@@ -63,6 +74,8 @@ class _Combinations:
     noise: NDArray[np.intp]
     constants: FloatArray
     reductions: FloatArray
+    turned: FloatArray
+    spread: FloatArray
 
     @classmethod
     def of(
@@ -73,8 +86,12 @@ class _Combinations:
         noise: NDArray[np.intp],
         sizes: FloatArray,
         log_prior: FloatArray,
+        follows: NDArray[np.bool_],
     ) -> _Combinations:
-        """Prepare combinations of noises (tau, g) and columns (n, m) of each curve, of sizes over s (c, m)."""
+        """Prepare combinations of noises (tau, g) and columns (n, m) of each curve, of sizes over s (c, m).
+
+        Those columns that are drifts, (m,), follow the force.
+        """
         width = columns[0].shape[1]
         products, log_determinants = np.zeros((len(noises), width, width)), np.zeros(len(noises))
         squares, solved = [], []
@@ -92,10 +109,17 @@ class _Combinations:
                 found.append(inverse.T)
             squares.append(WhitenedSquares.of(whiteners, len(own)))
             solved.append(np.concatenate(found))
-        inner = np.eye(width) + sizes[:, :, None] * products[noise] * sizes[:, None, :]
-        reductions = sizes[:, :, None] * np.linalg.inv(inner) * sizes[:, None, :]
+        still, moving = np.where(follows, 0.0, sizes), np.where(follows, sizes, 0.0)[:, :, None]
+        gram = products[noise]
+        inner = np.eye(width) + still[:, :, None] * gram * still[:, None, :]
+        reductions = still[:, :, None] * np.linalg.inv(inner) * still[:, None, :]
         constants = log_prior - 0.5 * (log_determinants[noise] + np.linalg.slogdet(inner)[1])
-        return cls(squares, solved, noise, constants, reductions)
+        seen = moving * (np.eye(width) - gram @ reductions)
+        spread, turns = np.linalg.eigh(seen @ gram * np.swapaxes(moving, 1, 2))
+        # Eigenvalues come in rising order: the other columns' are the zeros before.
+        acting = slice(width - int(follows.sum()), None)
+        turned = np.swapaxes(turns, 1, 2)[:, acting] @ seen
+        return cls(squares, solved, noise, constants, reductions, turned, spread[:, acting])
 
     def part(self, rows: NDArray[np.intp]) -> _Combinations:
         """Some of the combinations."""
@@ -108,17 +132,27 @@ class _Combinations:
             noise,
             self.constants[rows],
             self.reductions[rows],
+            self.turned[rows],
+            self.spread[rows],
         )
 
-    def log_densities(self, residuals: Sequence[FloatArray]) -> FloatArray:
-        """Log of prior times density, (c, sets), of the residuals of each curve, (n, sets)."""
+    def log_densities(self, residuals: Sequence[FloatArray], force: FloatArray) -> FloatArray:
+        """Log of prior times density, (c, sets), of the residuals of each curve, (n, sets).
+
+        `force` (sets,) is that of the law over the fit's.
+        """
         square = sum(own(part) for own, part in zip(self.squares, residuals, strict=True))
         along = sum(own @ part for own, part in zip(self.solved, residuals, strict=True))
         readings = sum(len(part) for part in residuals)
         along = np.reshape(along, (-1, self.reductions.shape[-1], residuals[0].shape[1]))[self.noise]
         taken = np.einsum("cis,cis->cs", along, self.reductions @ along)
+        gain = self.spread[:, :, None] * np.square(force)
+        drifts = np.square(self.turned @ along * force)
+        taken += (drifts / (1.0 + gain)).sum(axis=1)
         return np.asarray(
-            self.constants[:, None] - 0.5 * readings * np.log(np.asarray(square)[self.noise] - taken)
+            self.constants[:, None]
+            - 0.5 * np.log1p(gain).sum(axis=1)
+            - 0.5 * readings * np.log(np.asarray(square)[self.noise] - taken)
         )
 
 
@@ -142,14 +176,20 @@ class MarginalLikelihood:
         Those that weigh something, the heaviest first.
     means : sequence of FloatArray
         Of each curve: what its known errors are expected to add, over the scatter, (n,).
+    forces : sequence of FloatArray
+        Of each curve: the contact force at the fit less its mean, over the scatter, (n,).
     unlike : sequence of _Alike
         The combinations, those together that look alike.
+    left_out : float
+        What printed intervals leave out, over what they are asked to: as those of the fit.
     """
 
     blocked: Blocked
     combinations: _Combinations
     means: Sequence[FloatArray]
+    forces: Sequence[FloatArray]
     unlike: Sequence[_Alike]
+    left_out: float
 
     @classmethod
     def of(cls, averaged: Averaged) -> MarginalLikelihood:
@@ -163,7 +203,7 @@ class MarginalLikelihood:
         blocked, competition = averaged.blocked, averaged.competition
         model, known = averaged.model, len(averaged.vector)
         columns = _columns(model, known)
-        kept = _heaviest(competition.weights)
+        kept = _heaviest(competition.weights, _LEFT_OUT * averaged.left_out)
         prior = competition.sizes.log_prior(len(competition.noises))
         numbers, noise = np.unique(competition.places[kept, 0], return_inverse=True)
         combinations = _Combinations.of(
@@ -173,10 +213,12 @@ class MarginalLikelihood:
             noise,
             _sizes(blocked, competition, kept),
             prior[competition.places[kept, 0], competition.places[kept, 1]] + competition.fading[kept],
+            _drifts(blocked),
         )
         expected = np.array([error.mean for error in blocked.errors])
         means = [part.jacobian[:, known:] @ expected for part in model.parts]
-        return cls(blocked, combinations, means, _unlike(averaged, kept))
+        forces = [part.force - part.force.mean() for part in model.parts]
+        return cls(blocked, combinations, means, forces, _unlike(averaged, kept), averaged.left_out)
 
     def __call__(self, physical: FloatArray) -> FloatArray:
         """Log-density (sets,)."""
@@ -184,7 +226,8 @@ class MarginalLikelihood:
         result = np.full(len(physical), -np.inf)
         if possible.any():
             residuals = [own[:, possible] for own in found]
-            result[possible] = special.logsumexp(self.combinations.log_densities(residuals), axis=0)
+            densities = self.combinations.log_densities(residuals, self._force(residuals))
+            result[possible] = special.logsumexp(densities, axis=0)
         return result
 
     @property
@@ -204,6 +247,16 @@ class MarginalLikelihood:
             for alike in self.unlike
         ]
 
+    def _force(self, residuals: Sequence[FloatArray]) -> FloatArray:
+        """Force of the law over that of the fit, (sets,): what the models have of it, baselines left out."""
+        along, whole = 0.0, 0.0
+        for own, force, curve, mean in zip(
+            residuals, self.forces, self.blocked.curves, self.means, strict=True
+        ):
+            model = own + (curve.force / curve.member.scatter - mean)[:, None]
+            along, whole = along + force @ model, whole + force @ force
+        return np.asarray(along / whole)
+
     def _residuals(self, physical: FloatArray) -> tuple[list[FloatArray], NDArray[np.bool_]]:
         """Model less data over the scatter, (n, sets) of each curve, and which sets exist."""
         possible = np.ones(len(physical), dtype=bool)
@@ -217,10 +270,10 @@ class MarginalLikelihood:
         return residuals, possible
 
 
-def _heaviest(weights: FloatArray) -> NDArray[np.intp]:
-    """Numbers of the fewest combinations that weigh all but a thousandth."""
+def _heaviest(weights: FloatArray, left_out: float) -> NDArray[np.intp]:
+    """Numbers of the fewest combinations that weigh all but a share."""
     order = np.argsort(-weights)
-    count = int(np.searchsorted(np.cumsum(weights[order]), 1.0 - _LEFT_OUT)) + 1
+    count = int(np.searchsorted(np.cumsum(weights[order]), 1.0 - left_out)) + 1
     return order[:count]
 
 
@@ -255,6 +308,12 @@ def _columns(model: Linearised, known: int) -> list[FloatArray]:
         every[:, start : start + width] = own
         columns.append(every)
     return columns
+
+
+def _drifts(blocked: Blocked) -> NDArray[np.bool_]:
+    """Which of those columns is a drift, (m,)."""
+    own = np.arange(DRIFTS + JUMPS + RAMPS) < DRIFTS
+    return np.concatenate((np.zeros(len(blocked.errors), dtype=bool), np.tile(own, len(blocked.curves))))
 
 
 def _sizes(blocked: Blocked, competition: Competition, kept: NDArray[np.intp]) -> FloatArray:

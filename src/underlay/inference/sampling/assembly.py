@@ -144,6 +144,7 @@ def assemble_posterior(
             moves=dict(made.moves),
             importance=made.importance,
             weighted=made.resampled is not None,
+            left_out=1.0 if problem.likelihood is None else problem.likelihood.left_out,
         ),
         truth=_truth(problem),
         problem=problem,

@@ -55,6 +55,8 @@ class SamplingDiagnostics:
     weighted : bool
         Whether the draws are the weighted ones, resampled, several of each: a chain, if one was made, agreed with
         them and knew the quantiles less well.
+    left_out : float
+        What printed intervals leave out, over what they are asked to: below 1 where a fit's would (`Fit.interval`).
     """
 
     converged: bool
@@ -79,3 +81,4 @@ class SamplingDiagnostics:
     moves: Mapping[str, float] = field(default_factory=dict)
     importance: Importance | None = None
     weighted: bool = False
+    left_out: float = 1.0

@@ -56,7 +56,7 @@ def prior_levels(count: int) -> FloatArray:
     return (np.arange(count) + 0.5) / count
 
 
-def compare_with_prior(draws: FloatArray, prior_quantiles: FloatArray) -> Information:
+def compare_with_prior(draws: FloatArray, prior_quantiles: FloatArray, inside: float = 0.95) -> Information:
     """Compare the draws of one parameter with its prior.
 
     Parameters
@@ -65,6 +65,8 @@ def compare_with_prior(draws: FloatArray, prior_quantiles: FloatArray) -> Inform
         (draws, walkers).
     prior_quantiles : FloatArray
         (levels,): quantiles of the prior at `prior_levels`.
+    inside : float
+        Share of the draws that their 95 % interval holds.
 
     Returns
     -------
@@ -86,7 +88,7 @@ def compare_with_prior(draws: FloatArray, prior_quantiles: FloatArray) -> Inform
         verdict = WEAKLY_INFORMED if distance < _LITTLE else INFORMED
     prior68, posterior68 = _widths(prior_quantiles, ordered)
     prior95 = highest_density_interval(prior_quantiles, 0.95)
-    posterior95 = highest_density_interval(ordered, 0.95)
+    posterior95 = highest_density_interval(ordered, inside)
     return Information(
         float(np.median(prior_quantiles)),
         *prior95,

@@ -119,6 +119,13 @@ class Posterior:
         """Draws of the derived quantities (SI), one column each."""
         return pd.DataFrame({name: values.ravel() for name, values in self.derived.items()})
 
+    def inside(self, level: float) -> float:
+        """Share of the draws that a printed interval of this level holds: the probability that the fit's is given.
+
+        It is the level, but where intervals of a half-space whose law is given up leave out less (`Fit.interval`).
+        """
+        return 1.0 - self.diagnostics.left_out * (1.0 - level)
+
     def of(self, name: str) -> FloatArray:
         """Draws of one parameter or derived quantity, (draws, walkers), SI.
 
@@ -144,15 +151,17 @@ class Posterior:
         Returns
         -------
         DataFrame
-            ``median``; ``hdi68_low`` ... ``hdi95_high``, the shortest intervals with 68 % and 95 %; ``ess``,
+            ``median``; ``hdi68_low`` ... ``hdi95_high``, the shortest intervals with 68 % and 95 % (`inside` of
+            these, of the draws); ``ess``,
             effective sample size; ``rhat``; ``mcse``, Monte Carlo error of the median; ``informed``, whether
             the data changed what was known before.
         """
         information = self.prior_comparison()["informed"]
         worth = min(self.diagnostics.effective) if self.diagnostics.weighted else np.inf
-        rows = {name: _row(self.of(name), str(information[name]), worth) for name in self.names}
+        levels = self.inside(0.68), self.inside(0.95)
+        rows = {name: _row(self.of(name), levels, str(information[name]), worth) for name in self.names}
         if derived:
-            rows |= {name: _row(values, "derived", worth) for name, values in self.derived.items()}
+            rows |= {name: _row(values, levels, "derived", worth) for name, values in self.derived.items()}
         return pd.DataFrame.from_dict(rows, orient="index")
 
     def prior_comparison(self) -> pd.DataFrame:
@@ -163,7 +172,7 @@ class Posterior:
         `compare_with_prior`.
         """
         rows: dict[str, Information] = {
-            name: compare_with_prior(self.of(name), self.prior_quantiles[:, index])
+            name: compare_with_prior(self.of(name), self.prior_quantiles[:, index], self.inside(0.95))
             for index, name in enumerate(self.names)
         }
         table = pd.DataFrame.from_dict(
@@ -271,12 +280,12 @@ def _problem_of(about: Mapping[str, Any], arrays: Mapping[str, Any], path: str) 
         return None, f"it cannot be stated here: {error}"
 
 
-def _row(values: FloatArray, informed: str, worth: float) -> dict[str, Any]:
+def _row(values: FloatArray, levels: tuple[float, float], informed: str, worth: float) -> dict[str, Any]:
     size = effective_size(values)
     # Draws that are there several times tell no more than the weighted ones they come from.
     repeats = max(1.0, size / worth)
-    low68, high68 = highest_density_interval(values, 0.68)
-    low95, high95 = highest_density_interval(values, 0.95)
+    low68, high68 = highest_density_interval(values, levels[0])
+    low95, high95 = highest_density_interval(values, levels[1])
     return {
         "median": float(np.median(values)),
         "hdi68_low": low68,
