@@ -249,13 +249,14 @@ class MarginalLikelihood:
 
     def _force(self, residuals: Sequence[FloatArray]) -> FloatArray:
         """Force of the law over that of the fit, (sets,): what the models have of it, baselines left out."""
-        along, whole = 0.0, 0.0
+        along, whole = np.zeros(residuals[0].shape[1]), 0.0
         for own, force, curve, mean in zip(
             residuals, self.forces, self.blocked.curves, self.means, strict=True
         ):
             model = own + (curve.force / curve.member.scatter - mean)[:, None]
-            along, whole = along + force @ model, whole + force @ force
-        return np.asarray(along / whole)
+            along += force @ model
+            whole += float(force @ force)
+        return along / whole
 
     def _residuals(self, physical: FloatArray) -> tuple[list[FloatArray], NDArray[np.bool_]]:
         """Model less data over the scatter, (n, sets) of each curve, and which sets exist."""

@@ -43,8 +43,8 @@ _FLAT = 1e-3
 # Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
 _BETTER = 0.01  # of t: less than that changes no interval by a hundredth of its width
-# The noise is frozen, so a sum of squares is a rise of t. A step that should gain less than 2e-3 is the last: where t
-# is 3.84 that moves an end by 3e-4 of its distance, and along a plateau many such steps may follow one another.
+# The noise is frozen, so a sum of squares is a rise of t. A step that should gain less than 2e-3 is the last: where
+# t is 3.84 that moves an end by 3e-4 of its distance, and along a plateau many such steps may follow one another.
 _FINE = Search(steps=60, least=2e-3)
 # Of a start elsewhere: after so many steps it must be within this rise of what it competes with.
 _ROUGH, _MAY_BE = Search(steps=8, settled=1e-4, damping=1e-2), 30.0
