@@ -1,6 +1,7 @@
 """The engine: where its search ends, what it solves for, and lmfit's word on it."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import lmfit
 import numpy as np
@@ -241,3 +242,20 @@ def test_a_last_step_to_where_there_is_no_law_is_not_made(monkeypatch):
     monkeypatch.setattr(settling, "minimise", beyond)
     found = quick_fit(p)
     assert found.values[H] == pytest.approx(scene.layer.thickness, rel=1e-3)
+
+
+def test_a_search_is_told_what_its_next_step_promises():
+    p = posed("rigid")
+    asked = []
+    objective = Objective(p, freeze(p, p.start, p.noises(p.start)))
+    found = minimise(objective, np.array([0.4, 0.2, 0.02]), Search(settled=1e-12), asked.append)
+    assert found.success
+    assert [ahead.steps for ahead in asked] == list(range(len(asked)))
+    squares = [ahead.square for ahead in asked]
+    assert (np.diff(squares) <= 0.0).all()
+    # Newton's steps square the distance that is left, and so the part of a gain that the linear model misses falls
+    # in proportion to the root of the gain: at a standard error it is some hundredths.
+    near = [(a, b) for a, b in pairwise(asked) if 1e-3 < a.square - b.square < 1.0]
+    assert near
+    for ahead, after in near:
+        assert ahead.promised == pytest.approx(after.square, abs=0.1 * (ahead.square - after.square))

@@ -263,6 +263,24 @@ def all_free(seed):
     return fit(ul.Problem(scene, curve, free, ul.Noise(force=noise * clean.top)))
 
 
+def test_a_prediction_among_places_without_a_law_does_not_end_a_walk(monkeypatch):
+    """From a thick layer to a thin one on a base as soft the last two steps point far beyond what has a law."""
+    found = all_free([3004, 6])
+    begun, follow = [], Walk.follow
+
+    def counted(walk, q, *options):
+        failures = walk.objective.failures
+        step = follow(walk, q, *options)
+        begun.append((step is not None, walk.objective.failures - failures))
+        return step
+
+    monkeypatch.setattr(Walk, "follow", counted)
+    end = profile(found, E)
+    assert end.interval().high_reason == "data"
+    # Searches from the prediction were refused more often than one puts up with, and yet it was made.
+    assert max(refused for made, refused in begun if made) > 8
+
+
 @pytest.mark.parametrize("number", [4, 16])
 def test_beside_a_plateau_the_others_are_at_their_best(number):
     """Where a base does not act, steps along it must not leave the others short of their best."""

@@ -111,12 +111,11 @@ class ScanCurve:
         best = np.argmin(tried.misfit, axis=1)
         chosen = np.arange(len(best)), best
         contact = self.contacts[best]
-        lowest = contact
-        if len(self.contacts) > 1:
-            inside = (best > 0) & (best < len(self.contacts) - 1)
-            middle = np.where(inside, best, 1)
-            beside = (tried.misfit[chosen[0], (middle + i) % len(self.contacts)] for i in (-1, 0, 1))
-            lowest = contact + np.where(inside, self._step * _steps_to_lowest(*beside), 0.0)
+        lowest = contact.copy()
+        inside = np.flatnonzero((best > 0) & (best < len(self.contacts) - 1))
+        if inside.size:
+            beside = (tried.misfit[inside, best[inside] + i] for i in (-1, 0, 1))
+            lowest[inside] += self._step * _steps_to_lowest(*beside)
         amplitude, misfit = tried.amplitude[chosen], tried.misfit[chosen]
         return GridFit(misfit, contact, amplitude, lowest, tried.residuals(chosen))
 
