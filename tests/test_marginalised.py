@@ -11,6 +11,7 @@ from support.worlds import Clean, assumed, disturbed
 from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.ridge import importance
 from underlay.inference.sampling.convergence import highest_density_interval
+from underlay.report.words import longer_intervals, posterior_summary
 
 SCENE = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1.5e-3), ul.RIGID)
 FREE = {"layer.E": ul.LogUniform(1e5, 1e7)}
@@ -113,8 +114,11 @@ def test_a_posterior_leaves_out_what_its_fit_does():
         plain = np.ptp(np.log(np.quantile(draws, [0.025, 0.975])))
         if made is bare:
             assert inside == 0.95
+            assert longer_intervals(found) == ""
         else:
             assert inside > 0.99
+            assert longer_intervals(found) in posterior_summary(found)
+            assert f"holds {100.0 * inside:.4g} % of the draws" in longer_intervals(found)
             assert plain < 0.6 * np.ptp(stated)
 
 

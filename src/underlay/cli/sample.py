@@ -62,6 +62,7 @@ def sample(
     from underlay.inference.misfit.as_parameters import free_model_error
     from underlay.inference.sampling.run import sample as sample_posterior
     from underlay.report.posterior_tables import posterior_table, prior_table
+    from underlay.report.words import longer_intervals
     from underlay.scene.scene_file import read_scene_file
 
     file = read_scene_file(scene)
@@ -88,6 +89,8 @@ def sample(
     say_table(posterior_table(posterior), f"Posterior of {curve.name}")
     say_table(prior_table(posterior), "What the data told")
     say(posterior.diagnostics.reason)
+    if longer := longer_intervals(posterior):
+        notes.append(longer)
     if weak:
         notes.append(f"{', '.join(weak)}: sampled within ten spans of the curve, for want of bounds in [fit]")
     say_warnings(notes)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = [
     "headline",
     "known_together",
+    "longer_intervals",
     "noted",
     "posterior_summary",
     "quantity_with_interval",
@@ -137,6 +138,17 @@ _LAW_ALONE = (
 )
 
 
+def longer_intervals(posterior: Posterior) -> str:
+    """Say that intervals hold more of the draws than their level, and why; empty where they do not."""
+    if posterior.inside(0.95) == 0.95:
+        return ""
+    return (
+        "The curve rules an undisturbed half-space out: say what lies below the layer. Until then what is printed "
+        f"as a 95 % interval holds {100.0 * posterior.inside(0.95):.4g} % of the draws, as the fit's does, so that "
+        "it holds the truth as often as it says; bands and regions in pictures are of the draws."
+    )
+
+
 def posterior_summary(posterior: Posterior) -> str:
     """Return a posterior as Markdown: medians, 95 % intervals, and what the data did not inform."""
     table = posterior.summary()
@@ -157,6 +169,8 @@ def posterior_summary(posterior: Posterior) -> str:
     told = [" ".join(parts), f"{state}: {reason}."]
     if posterior.problem is not None and posterior.problem.noise_is_open:
         told.append(_LAW_ALONE)
+    if longer := longer_intervals(posterior):
+        told.append(longer)
     return "\n\n".join(told)
 
 
