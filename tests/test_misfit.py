@@ -22,9 +22,10 @@ from underlay.inference.misfit.drift import DRIFTS, FADING, SMOOTH, drift_column
 from underlay.inference.misfit.evidence import Evidence
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
-from underlay.inference.misfit.linearised import Linearised, Part, acting_columns
+from underlay.inference.misfit.linearised import Linearised, Part
 from underlay.inference.misfit.mixture import Mixture
 from underlay.inference.misfit.paraboloid_for_sphere import paraboloid_for_sphere
+from underlay.inference.misfit.shapes import acting_columns
 from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley
 from underlay.inference.misfit.whitened_squares import WhitenedSquares
@@ -76,7 +77,7 @@ def made(n=80, k=2, truth=None):
     residuals = RNG.standard_normal(n) if truth is None else truth
     none = np.zeros(k)
     # Force in units of a noise of 0.003 of its largest.
-    part = Part(residuals, jacobian, force / 3e-3, depth, time)
+    part = Part(residuals, jacobian, force / 3e-3, depth, time, jacobian)
     return Linearised([part], none, none)
 
 
@@ -394,7 +395,7 @@ def test_the_column_of_a_sphere_is_what_its_shape_does_to_the_force():
 
 def test_a_known_error_is_a_parameter_with_a_prior():
     """Its column beside the derivatives; a precise amplitude is a correction, a vague one a free parameter."""
-    blocked, white = blocked_paraboloid(), Combination(None, np.zeros(DRIFTS + 2), 1.0)
+    blocked, white = blocked_paraboloid(), Combination(None, np.zeros(DRIFTS + 2), 1.0, np.empty(0))
     (known,) = blocked.errors
     start = np.zeros(2)
     plain = Place.of(replace(blocked, errors=()), start, white)
@@ -489,8 +490,8 @@ def test_a_path_does_not_creep_to_the_end_of_the_laws_where_it_cannot_rise_to_it
     asked = []
     held = Valley.held
 
-    def counted(self, entry, q, start):
-        place = held(self, entry, q, start)
+    def counted(self, entry, q, near):
+        place = held(self, entry, q, near)
         asked.append(place)
         return place
 

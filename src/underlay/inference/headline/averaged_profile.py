@@ -17,7 +17,7 @@ from underlay._arrays import FloatArray, read_only
 from underlay.inference.headline.averaged import is_straight
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.misfit.averaging import Averaged
-from underlay.inference.misfit.valley import FARTHEST, crossing
+from underlay.inference.misfit.valley import FARTHEST
 from underlay.inference.profiling.profile_result import LikelihoodProfile
 
 __all__ = ["averaged_profile"]
@@ -71,7 +71,7 @@ def _side(averaged: Averaged, index: int, direction: float, *, bent: bool) -> li
     for level, z in zip(levels, least, strict=True):
         end = averaged.mixture.quantile(index, 0.5 + 0.5 * direction * level)
         if path is not None:
-            walked = crossing(*path, z, direction)
+            walked = path.crossing(z)
             alone = index in averaged.blocked.held
             end = walked if alone else direction * max(direction * walked, direction * end)
         ends.append(end if not ends or direction * (end - ends[-1]) >= 0.0 else ends[-1])

@@ -19,6 +19,7 @@ from underlay.inference.misfit.drift import deepest_of
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.linearised import Linearised, Part
+from underlay.inference.misfit.shapes import Shapes
 from underlay.inference.model.batched_slopes import batched_jacobian
 from underlay.inference.model.forward import Forward, Reading
 from underlay.inference.model.laws import LawStore
@@ -26,7 +27,7 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.solver import Solver
-from underlay.scene.chain import ContactDepth
+from underlay.scene.chain import Chain, ContactDepth
 
 __all__ = ["Blocked", "BlockedCurve"]
 
@@ -77,6 +78,17 @@ class Blocked:
         """Return the same with nothing held, and with coarse laws where laws differ: their errors cancel."""
         return replace(self, curves=tuple(curve.coarse() for curve in self.curves), held=frozenset())
 
+    def standing(self, model: Linearised, amounts: FloatArray) -> Blocked:
+        """Return the same, the shapes of drift, jump and ramp that have `amounts` (10 + 2,) as a model has them.
+
+        A reading that crosses a step of a jump as the contact point moves would change a sum of squares at once.
+        """
+        stand = [
+            replace(curve, shapes=part.shapes(amounts))
+            for curve, part in zip(self.curves, model.parts, strict=True)
+        ]
+        return replace(self, curves=tuple(stand))
+
     def linearised(self, vector: FloatArray) -> Linearised:
         """Model about a scaled vector (k,) and amplitudes zero of the known errors.
 
@@ -107,13 +119,17 @@ class Blocked:
 
 @dataclass(frozen=True)
 class BlockedCurve:
-    """One curve in blocks: its model at their depths, their forces (N) and times (s), each (n,)."""
+    """One curve in blocks: its model at their depths, their forces (N) and times (s), each (n,).
+
+    Its drift, jump and ramp have the `shapes` that are given, and follow the fit otherwise.
+    """
 
     member: Member
     forward: Forward
     force: FloatArray
     time: FloatArray
     is_coarse: bool = False
+    shapes: Shapes | None = None
 
     @classmethod
     def of(cls, member: Member, physical: FloatArray) -> BlockedCurve:
@@ -180,10 +196,17 @@ class BlockedCurve:
             pressed = Pressed(self.member.scene_at(physical), law, depth, reading.contact, by)
             columns[:, len(physical) :] = np.column_stack([error.column(pressed) for error in errors])
         scatter = self.member.scatter
+        jacobian = columns / scatter
+        offsets = Chain.of(values).offset_slopes(depth)
+        still = [entry for path, entry in self.member.entries.items() if path in offsets]
+        in_force = jacobian.copy()
+        in_force[:, [*still, *range(len(physical), columns.shape[1])]] = 0.0
         return Part(
             (reading.force - self.force) / scatter,
-            columns / scatter,
+            jacobian,
             reading.contact / scatter,
             depth,
             self.time,
+            in_force,
+            self.shapes,
         )

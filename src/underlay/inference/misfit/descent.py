@@ -11,7 +11,9 @@ from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
-from underlay.inference.misfit.linearised import Linearised, acting_columns
+from underlay.inference.misfit.drift import DRIFTS
+from underlay.inference.misfit.linearised import Linearised
+from underlay.inference.misfit.shapes import JUMPS, RAMPS, acting_columns
 from underlay.inference.misfit.sizes import over_noise
 
 __all__ = ["Combination", "Place", "descend"]
@@ -23,8 +25,7 @@ _SETTLED = 0.1
 _SHORT = 0.3
 # No step goes further than this in a scaled coordinate: a factor of 7.
 _FARTHEST = 2.0
-# Damping after a step that went wrong: the drift follows the coordinates and the derivatives leave that out, so
-# that steps are too long by a share of themselves. Less damping would take nearly the same step again.
+# Damping after a step that went wrong: less would take nearly the same step again.
 _DAMPED = 0.1
 # Curvature of a coordinate that does not act, as a share of the largest: keeps it where it is.
 _LEAST = 1e-12
@@ -32,42 +33,65 @@ _LEAST = 1e-12
 
 @dataclass(frozen=True)
 class Combination:
-    """One of what is weighed: correlated noise (tau, g) or None, drift, jump and ramp (10 + 2,), and s^2."""
+    """One of what is weighed: correlated noise (tau, g) or None, drift, jump and ramp (10 + 2,), and s^2.
+
+    And about how large those of drift, jump and ramp are that act, (m,).
+    """
 
     noise: tuple[float, float] | None
     amounts: FloatArray
     variance: float
+    misfits: FloatArray
 
     @classmethod
     def of(cls, competition: Competition, at: int) -> Combination:
         """One of those that were weighed, by its number."""
-        noise = competition.noises[competition.places[at, 0]]
-        return cls(noise, competition.amounts[at], float(competition.variance[at]))
+        noise, amounts = competition.noises[competition.places[at, 0]], competition.amounts[at]
+        every = competition.misfits
+        curves = len(every) // (DRIFTS + JUMPS + RAMPS)
+        acting = amounts[acting_columns(np.ones_like(amounts), curves)] > 0.0
+        return cls(noise, amounts, float(competition.variance[at]), every[acting])
 
 
 @dataclass(frozen=True)
 class Place:
-    """One combination at one vector: N and c of the coordinates, and S, all else solved for; and s^2."""
+    """One combination at one vector: N and c of the coordinates, and S, all else solved for; s^2, and misfits.
+
+    2 c is the slope of S: its derivatives are those with the misfits held, which have their best values, and what
+    these add moves with the vector too (Golub and Pereyra 1973, doi:10.1137/0710036).
+    """
 
     vector: FloatArray
     normal: FloatArray
     gradient: FloatArray
     square: float
     variance: float
+    misfits: FloatArray
 
     @classmethod
-    def of(cls, blocked: Blocked, vector: FloatArray, combination: Combination) -> Place:
-        """Solve for the misfits and known errors at a scaled vector (k,); raises InputError without a law."""
-        return cls.about(blocked, vector, combination, blocked.linearised(vector))
+    def of(
+        cls, blocked: Blocked, vector: FloatArray, combination: Combination, misfits: FloatArray | None = None
+    ) -> Place:
+        """Solve for the misfits and known errors at a scaled vector (k,); raises InputError without a law.
+
+        The derivatives are those with `misfits`, which a place near by had: those of the combination by default.
+        """
+        return cls.about(blocked, vector, combination, blocked.linearised(vector), misfits)
 
     @classmethod
     def about(
-        cls, blocked: Blocked, vector: FloatArray, combination: Combination, model: Linearised
+        cls,
+        blocked: Blocked,
+        vector: FloatArray,
+        combination: Combination,
+        model: Linearised,
+        misfits: FloatArray | None = None,
     ) -> Place:
         """Return the same where the model about the vector is known."""
         known, variance = len(vector), np.array([combination.variance])
-        products, _ = model.products([combination.noise], combination.amounts)
+        misfits = combination.misfits if misfits is None else misfits
         acting = acting_columns(combination.amounts, len(blocked.curves))
+        products, _ = model.products([combination.noise], combination.amounts, misfits)
         scale = over_noise(combination.amounts[None], variance)[:, acting]
         (bordered,) = model.bordered(products, scale, variance)
         first = len(acting)
@@ -78,8 +102,10 @@ class Place:
             bordered = bordered[order[:, None], order]
             first = len(bordered) - known - 1
         cross = bordered[:first, first:]
-        left = bordered[first:, first:] - cross.T @ np.linalg.solve(bordered[:first, :first], cross)
-        return cls(vector, left[:-1, :-1], left[:-1, -1], float(left[-1, -1]), combination.variance)
+        solved = np.linalg.solve(bordered[:first, :first], cross)
+        left = bordered[first:, first:] - cross.T @ solved
+        best = -solved[: len(acting), -1] * scale[0]
+        return cls(vector, left[:-1, :-1], left[:-1, -1], float(left[-1, -1]), combination.variance, best)
 
     def step(self, damping: float, free: NDArray[np.bool_]) -> FloatArray:
         """Damped Gauss-Newton step (k,) of the coordinates that are `free`."""
@@ -91,6 +117,21 @@ class Place:
         damped = normal + np.diag(damping * diagonal + _LEAST * diagonal.max())
         step[free] = -np.linalg.solve(damped, self.gradient[free])
         return np.asarray(np.clip(step, -_FARTHEST, _FARTHEST))
+
+    def tangent(self, index: int) -> FloatArray:
+        """d vector / d entry along the profile of an entry, (k,): the others as the linear model has them."""
+        others = np.arange(len(self.vector)) != index
+        normal, tangent = self.normal[np.ix_(others, others)], np.ones(len(self.vector))
+        if others.any() and (largest := float(np.diag(normal).max())) > 0.0:
+            least = np.diag(np.full(len(normal), _LEAST * largest))
+            tangent[others] = -np.linalg.solve(normal + least, self.normal[others, index])
+        else:
+            tangent[others] = 0.0
+        return tangent
+
+    def curvature(self, index: int) -> float:
+        """d gradient / d entry along the profile of an entry: half of how S bends."""
+        return float(self.normal[index] @ self.tangent(index))
 
     def gain(self, step: FloatArray) -> float:
         """By how much a step should lower S, in s^2."""
@@ -110,10 +151,11 @@ def descend(
     held: int | None = None,
     most_steps: int = _MOST_STEPS,
     model: Linearised | None = None,
+    misfits: FloatArray | None = None,
 ) -> Place:
     """Optimum of one combination from a scaled vector (k,), with one entry held where it is if wanted.
 
-    `model` is that about the vector, where it is known.
+    `model` is that about the vector, and `misfits` those of a place near by, where they are known.
 
     Raises
     ------
@@ -121,7 +163,7 @@ def descend(
         If there is no law at the vector.
     """
     low, high = blocked.problem.bounds.T
-    here = Place.about(blocked, vector, combination, model or blocked.linearised(vector))
+    here = Place.about(blocked, vector, combination, model or blocked.linearised(vector), misfits)
     damping = 1e-6
     for _ in range(most_steps):
         downhill = -here.gradient
@@ -131,7 +173,7 @@ def descend(
         target = np.clip(here.vector + here.step(damping, free), low, high)
         if 0.0 <= here.gain(target - here.vector) < _SHORT**2:
             return here.moved(target)
-        there = _exists(blocked, target, combination)
+        there = _exists(blocked, target, combination, here.misfits)
         if there is None or not there.square < here.square:
             damping = max(10.0 * damping, _DAMPED)
             continue
@@ -142,8 +184,10 @@ def descend(
     return here
 
 
-def _exists(blocked: Blocked, vector: FloatArray, combination: Combination) -> Place | None:
+def _exists(
+    blocked: Blocked, vector: FloatArray, combination: Combination, misfits: FloatArray
+) -> Place | None:
     try:
-        return Place.of(blocked, vector, combination)
+        return Place.of(blocked, vector, combination, misfits)
     except InputError:
         return None

@@ -36,6 +36,7 @@ __all__ = [
     "SMOOTH",
     "deepest_of",
     "drift_columns",
+    "drift_shares",
 ]
 
 _POWERS = np.arange(1.0, 5.0)
@@ -60,15 +61,18 @@ FAR_BASE = (0.3, *(0.0,) * 9)
 NEAR_BASE = (0.3, 0.3, *(0.0,) * 6, 0.5, 1.0)
 
 
-def drift_columns(
-    force: FloatArray, depth: FloatArray, time: FloatArray, wanted: NDArray[np.bool_] | None = None
-) -> FloatArray:
-    """Phi: relative errors of the law that vanish at contact, in the unit of the force, (n, 10).
+def drift_columns(force: FloatArray, depth: FloatArray, time: FloatArray) -> FloatArray:
+    """Phi: `drift_shares` times the contact force P (n,), in its unit, (n, 10); raises as they do."""
+    return np.asarray(force[:, None] * drift_shares(depth, time))
+
+
+def drift_shares(depth: FloatArray, time: FloatArray, wanted: NDArray[np.bool_] | None = None) -> FloatArray:
+    """Relative errors of the law that vanish at contact, (n, 10).
 
     Parameters
     ----------
-    force, depth : FloatArray
-        Contact force P and indentation depth w (m), (n,); zero and negative before contact.
+    depth : FloatArray
+        Indentation depth w (m), (n,), negative before contact.
     time : FloatArray
         Of the readings (s), increasing, (n,).
     wanted : NDArray, optional
@@ -81,16 +85,16 @@ def drift_columns(
     """
     wanted = np.ones(DRIFTS, dtype=bool) if wanted is None else wanted
     share = np.sqrt(np.maximum(depth, 0.0) / deepest_of(depth))[:, None]
-    found = []
+    found = [np.empty((len(depth), 0))]
     if wanted[: FADING.start].any():
-        found.append(force[:, None] * (share**_POWERS / _POWERS)[:, wanted[: FADING.start]])
+        found.append((share**_POWERS / _POWERS)[:, wanted[: FADING.start]])
     if wanted[FADING].any():
-        found.append(_lost(force, depth, time)[:, wanted[FADING]])
+        found.append(_lost(depth, time)[:, wanted[FADING]])
     if wanted[FADING.stop :].any():
         wide = _WIDE * share
         bases = np.hstack((wide * polynomial.polyval(wide, _RIGID), 1.0 / (1.0 + _SOFT * share) - 1.0))
-        found.append(force[:, None] * bases[:, wanted[FADING.stop :]])
-    return np.hstack(found) if found else np.empty((len(force), 0))
+        found.append(bases[:, wanted[FADING.stop :]])
+    return np.hstack(found)
 
 
 def deepest_of(depth: FloatArray) -> float:
@@ -101,8 +105,8 @@ def deepest_of(depth: FloatArray) -> float:
     return deepest
 
 
-def _lost(force: FloatArray, depth: FloatArray, time: FloatArray) -> FloatArray:
-    """Force added (it is negative) where all of it relaxes, with each of the times, (n, 4).
+def _lost(depth: FloatArray, time: FloatArray) -> FloatArray:
+    """Share of the force added (it is negative) where all of it relaxes, with each of the times, (n, 4).
 
     Which share of the force is left is found of depths that follow a cubic in time, pressed with w^(3/2). Were it
     found of the readings, a large loss would put a moving average of the law in the place of the law, and so
@@ -111,7 +115,7 @@ def _lost(force: FloatArray, depth: FloatArray, time: FloatArray) -> FloatArray:
     touch = int(np.argmax(depth > 0.0))
     since = np.maximum(time - time[touch], 0.0)[:, None]
     if not since[-1] > 0.0:
-        return np.zeros((len(force), len(_TIMES)))
+        return np.zeros((len(depth), len(_TIMES)))
     terms = min(_COURSE, len(time) - touch - 1)
     basis, _ = np.linalg.qr(polynomial.polyvander(2.0 * since[touch:, 0] / since[-1] - 1.0, terms))
     course = basis @ (basis.T @ depth[touch:])
@@ -119,6 +123,6 @@ def _lost(force: FloatArray, depth: FloatArray, time: FloatArray) -> FloatArray:
     passed = since[touch:] / (since[-1] * _TIMES)
     middle = passed - 0.5 * np.diff(passed, axis=0, prepend=0.0)
     left, all_of_it = np.cumsum(np.exp(middle) * rises, axis=0) * np.exp(-passed), np.cumsum(rises, axis=0)
-    lost = np.zeros((len(force), len(_TIMES)))
+    lost = np.zeros((len(depth), len(_TIMES)))
     np.divide(left - all_of_it, all_of_it, out=lost[touch:], where=all_of_it > 0.0)
-    return np.asarray(force[:, None] * lost)
+    return lost

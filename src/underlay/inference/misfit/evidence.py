@@ -18,7 +18,8 @@ from scipy import special
 
 from underlay._arrays import FloatArray
 from underlay.inference.misfit.drift import DRIFTS, FADING
-from underlay.inference.misfit.linearised import Linearised, acting_columns
+from underlay.inference.misfit.linearised import Linearised
+from underlay.inference.misfit.shapes import acting_columns
 from underlay.inference.misfit.sizes import Sizes, over_noise
 
 __all__ = ["Evidence", "Weighed"]

@@ -7,39 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.misfit.drift import DRIFTS, drift_columns
+from underlay.inference.misfit.drift import drift_columns
+from underlay.inference.misfit.shapes import Shapes, acting_columns, jump_columns, ramp_column
 from underlay.inference.misfit.whitener import Whitener
 
-__all__ = ["JUMPS", "RAMPS", "Linearised", "Part", "acting_columns", "jump_columns", "ramp_column"]
-
-# Where the steps of a jump stand, as shares of the largest depth, before contact and a little into it; and the gaps
-# over which a force that grows toward contact does so (drag, attraction: no step is felt that far out).
-_STEPS, _GAPS = np.array([-0.06, -0.03, -0.01, 0.01, 0.04]), np.array([0.03, 0.1, 0.3])
-#: Columns of a force that sets in near contact.
-JUMPS = len(_STEPS) + len(_GAPS)
-#: Columns of a baseline that creeps.
-RAMPS = 1
-_WIDTHS = np.array([1] * DRIFTS + [JUMPS, RAMPS])
-
-
-def jump_columns(depth: FloatArray) -> FloatArray:
-    """Z: forces that set in near contact, (n, 8), for depths w (m), (n,), negative before contact.
-
-    Steps about contact, and exponentials of the gap that stay at their largest from contact on.
-    """
-    share = depth[:, None] / depth.max()
-    steps = share > _STEPS
-    grown = np.exp(np.minimum(share, 0.0) / _GAPS)
-    return np.asarray(np.hstack((steps, grown)) / np.sqrt(JUMPS))
-
-
-def ramp_column(force: FloatArray, time: FloatArray) -> FloatArray:
-    """Return a baseline that creeps by the largest of the forces P (n,) over the times (s), (n,): (n, 1)."""
-    passed = (time - time[0]) / (time[-1] - time[0])
-    return np.asarray(float(np.abs(force).max()) * passed[:, None])
+__all__ = ["Linearised", "Part"]
 
 
 @dataclass(frozen=True)
@@ -58,6 +32,11 @@ class Part:
         Indentation depths (m), (n,), negative before contact.
     time : FloatArray
         Times of the readings (s), (n,), increasing; their numbers where there are none.
+    in_force : FloatArray
+        Derivatives of the contact force in the same, over the scatter, (n, k): those of the readings, and zero
+        where a coordinate does not move it.
+    standing : Shapes or None
+        What acts of drift, jump and ramp, jump and ramp over the scatter, where these do not move with the fit.
     """
 
     residuals: FloatArray
@@ -65,6 +44,8 @@ class Part:
     force: FloatArray
     depth: FloatArray
     time: FloatArray
+    in_force: FloatArray
+    standing: Shapes | None = None
 
     @cached_property
     def drift(self) -> FloatArray:
@@ -81,21 +62,22 @@ class Part:
         """`ramp_column` over the scatter, (n, 1)."""
         return ramp_column(self.force, self.time)
 
-    def columns(self, amounts: FloatArray) -> FloatArray:
-        """What is whitened, (n, m): drift, jump, ramp that have `amounts` (10 + 2,), derivatives, residuals."""
-        drift, (jump, ramp) = np.split(amounts > 0.0, [DRIFTS])
-        found = [drift_columns(self.force, self.depth, self.time, drift)]
-        if jump:
-            found.append(self.jump)
-        if ramp:
-            found.append(self.ramp)
-        return np.asfortranarray(np.hstack((*found, self.jacobian, self.residuals[:, None])))
+    def shapes(self, amounts: FloatArray) -> Shapes:
+        """What acts of drift, jump and ramp: what has `amounts` (10 + 2,)."""
+        return self.standing or Shapes.of(amounts, self.force, self.depth, self.time)
 
+    def columns(self, amounts: FloatArray, misfits: FloatArray | None = None) -> FloatArray:
+        """What is whitened, (n, m): drift, jump, ramp that have `amounts` (10 + 2,), derivatives, residuals.
 
-def acting_columns(amounts: FloatArray, curves: int) -> NDArray[np.intp]:
-    """Which of the `amounts` (10 + 2,) is that of each column of drift, jump, ramp of all curves that has one."""
-    acting = np.flatnonzero(amounts > 0.0)
-    return np.tile(np.repeat(acting, _WIDTHS[acting]), curves)
+        With `misfits`, those of each of the former, the derivatives are of what these add as well: drifts follow
+        the force.
+        """
+        drift, fixed = self.shapes(amounts)
+        slopes = self.jacobian
+        if misfits is not None:
+            slopes = slopes + (drift @ misfits[: drift.shape[1]])[:, None] * self.in_force
+        columns = (self.force[:, None] * drift, fixed, slopes, self.residuals[:, None])
+        return np.asfortranarray(np.hstack(columns))
 
 
 @dataclass(frozen=True)
@@ -136,25 +118,30 @@ class Linearised:
         return int(np.count_nonzero(self.precision))
 
     def products(
-        self, noises: Sequence[tuple[float, float] | None], amounts: FloatArray
+        self,
+        noises: Sequence[tuple[float, float] | None],
+        amounts: FloatArray,
+        misfits: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Products of columns under V^-1, (g, m, m), and log det V, (g,).
 
         The columns are drift, jump and ramp of each curve, those alone that have a size in `amounts` (10 + 2,),
-        then the derivatives and the residuals. Noises of one correlation time share its work when they stand side
-        by side.
+        then the derivatives and the residuals. With `misfits`, those of the columns before the derivatives, these
+        are of what the misfits add as well. Noises of one correlation time share its work when they stand side by
+        side.
         """
         k, curves = len(self.precision), len(self.parts)
         acting = len(acting_columns(amounts, curves))
         own = acting // curves
+        given = [None] * curves if misfits is None else np.split(misfits, curves)
         if curves == 1:
-            products, log_determinants = _products(self.parts[0], noises, amounts)
+            products, log_determinants = _products(self.parts[0], noises, amounts, given[0])
         else:
             products = np.zeros((len(noises), *(acting + k + 1,) * 2))
             log_determinants = np.zeros(len(noises))
             for number, part in enumerate(self.parts):
                 places = np.concatenate((own * number + np.arange(own), acting + np.arange(k + 1)))
-                found, each = _products(part, noises, amounts)
+                found, each = _products(part, noises, amounts, given[number])
                 products[:, places[:, None], places] += found
                 log_determinants += each
         # One on the diagonal, and nothing beside: the algebra keeps its shape, and the shift of these is zero.
@@ -182,10 +169,13 @@ class Linearised:
 
 
 def _products(
-    part: Part, noises: Sequence[tuple[float, float] | None], amounts: FloatArray
+    part: Part,
+    noises: Sequence[tuple[float, float] | None],
+    amounts: FloatArray,
+    misfits: FloatArray | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Products of one curve's columns (g, m, m) and log det V (g,), for every noise."""
-    columns = part.columns(amounts)
+    columns = part.columns(amounts, misfits)
     products, log_determinants = np.empty((len(noises), *(columns.shape[1],) * 2)), np.zeros(len(noises))
     tau, whitener, ahead = None, None, columns
     for at, noise in enumerate(noises):

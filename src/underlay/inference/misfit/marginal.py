@@ -31,7 +31,8 @@ from underlay.inference.misfit.averaging import Averaged
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.drift import DRIFTS
-from underlay.inference.misfit.linearised import JUMPS, RAMPS, Linearised, acting_columns
+from underlay.inference.misfit.linearised import Linearised
+from underlay.inference.misfit.shapes import JUMPS, RAMPS, acting_columns
 from underlay.inference.misfit.sizes import over_noise
 from underlay.inference.misfit.whitened_squares import WhitenedSquares
 from underlay.inference.misfit.whitener import Whitener
