@@ -10,7 +10,7 @@ import pytest
 import underlay as ul
 from support.inverse import ambiguous, exact_curve, layer_on, measured, problem
 from underlay.inference.least_squares import settle as settling
-from underlay.inference.least_squares.engine import Search, minimise
+from underlay.inference.least_squares.engine import Search, _Running, minimise
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
@@ -234,8 +234,8 @@ def test_a_last_step_to_where_there_is_no_law_is_not_made(monkeypatch):
     p = problem(scene, [E, H, C], curve, noise=Noise(force=1e-3 * float(np.ptp(curve.force))))
     real = settling.minimise
 
-    def beyond(objective, start):
-        found = real(objective, start)
+    def beyond(objective, start, search):
+        found = real(objective, start, search)
         # A layer so thin that the contact is wider than what is solved for.
         return replace(found, vector=found.vector - 12.0 * np.eye(3)[1])
 
@@ -259,3 +259,53 @@ def test_a_search_is_told_what_its_next_step_promises():
     assert near
     for ahead, after in near:
         assert ahead.promised == pytest.approx(after.square, abs=0.1 * (ahead.square - after.square))
+
+
+@pytest.mark.parametrize(
+    ("step", "gain", "words"),
+    [
+        (3.0, 3e-4, "the valley goes on and gains nothing"),
+        (3.0, 1e-3, ""),
+        (2.9, 3e-4, ""),
+        (0.1, 1e-9, "the last step gained nothing"),
+    ],
+)
+def test_a_valley_is_left_where_a_step_as_long_as_any_gains_nothing(step, gain, words):
+    p = posed("rigid")
+    objective = Objective(p, freeze(p, p.start, p.noises(p.start)))
+    low, high = (end[None] for end in p.bounds.T)
+    begin = objective.places(p.start[None], low, high)
+    there = replace(
+        begin, vector=begin.vector + np.array([step, 0.0, 0.0]), square=begin.square * (1.0 - gain)
+    )
+    _, why = _Running.of(begin, low, high, 1e-5).moved(there, Search(endless=5e-4))
+    assert why == [words]
+
+
+def asked_of(scene, depth):
+    """What asks for the models of a curve up to a depth (m), and the scene's own place."""
+    curve = exact_curve(scene, points=40, depth=depth, first=0.0)
+    p = problem(scene, [E, H, C], curve, noise=Noise(force=1e-3 * float(curve.force.max())))
+    return Objective(p, freeze(p, p.start, p.noises(p.start))).asked, p.physical(p.start)
+
+
+def test_rough_derivatives_serve_those_alone_who_ask_for_no_others():
+    scene = layer_on(ul.Isotropic(4e6, 0.3))
+    tip = replace(scene, indenter=ul.Sphere(1e-3))
+    asked, place = asked_of(tip, 1e-4)
+    # Off a table both are the same columns, asked for once.
+    rough = asked.columns(place, rough=True)
+    assert asked.columns(place, rough=False) is rough
+    # Beyond the tables they are differences of laws: rough ones have an error of the step, and are not handed out.
+    wide = ul.Scene(ul.Sphere(2.4e-4), ul.Layer(ul.Isotropic(1e5, 0.41), 5.5e-6), ul.Isotropic(100.0, 0.45))
+    asked, place = asked_of(wide, 2e-5)
+    member = asked.members[0]
+    assert not member.forward.is_tabulated(member.values_at(place))
+    rough = asked.columns(place, rough=True)
+    fine = asked.columns(place, rough=False)
+    assert fine is not rough
+    assert asked.columns(place, rough=True) is fine
+    # A forward difference over 1e-3 of a ratio k is off by half of that of k^2 P'', as large as P or less.
+    per_unit = asked.models(place)[0].max() / np.abs(place[:2])
+    assert (np.abs(rough[0] - fine[0])[:, :2].max(axis=0) < 1e-3 * per_unit).all()
+    assert np.abs(rough[0] - fine[0]).max() > 0.0

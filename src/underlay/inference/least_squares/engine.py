@@ -83,12 +83,16 @@ class Search:
         So is one that should lower it by less than this.
     damping : float
         Of the first step, on columns of unit length.
+    endless : float
+        A valley in which a step of the longest kind gains less than this share of the sum of squares has no end to
+        look for.
     """
 
     steps: int = 60
     settled: float = 2e-7
     least: float = 0.0
     damping: float = 1e-5
+    endless: float = 0.0
 
     def is_little(self, gain: FloatArray, square: FloatArray) -> NDArray[np.bool_]:
         """Whether a gain (s,) on sums of squares (s,) is too small to go on."""
@@ -273,15 +277,21 @@ class _Running(NamedTuple):
         own = np.where(self.ventured, self.damping / _BACK, self.damping)
         eased = np.maximum(_EASIER * own, _LEAST_DAMPING)
         damping = np.where(lower, eased, np.where(ventured, _BACK * own, _HARDER * own))
-        why = [
-            "the last step gained nothing" if little else "no step leads further down" if stuck else ""
-            for little, stuck in zip(
-                search.is_little(np.abs(change), best.square).tolist(),
-                (damping > _MOST_DAMPING).tolist(),
-                strict=True,
-            )
-        ]
+        # A step up the side and the one back to the bottom are one of the valley.
+        far = np.abs(there.vector - self.best.vector).max(axis=1) >= _LONGEST
+        endless = lower & far & (-change <= search.endless * best.square)
+        little, stuck = search.is_little(np.abs(change), best.square), damping > _MOST_DAMPING
+        why = [_why(*one) for one in zip(little.tolist(), endless.tolist(), stuck.tolist(), strict=True)]
         return self._replace(now=now, best=best, ventured=ventured, damping=damping), why
+
+
+def _why(little: bool, endless: bool, stuck: bool) -> str:
+    """In words why a search ended; none where it goes on."""
+    if little:
+        return "the last step gained nothing"
+    if endless:
+        return "the valley goes on and gains nothing"
+    return "no step leads further down" if stuck else ""
 
 
 def _steps(

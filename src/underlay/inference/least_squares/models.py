@@ -61,7 +61,7 @@ class Models:
         key = physical.tobytes()
         if self._last_models[0] != key:
             if self._one_law:
-                self.columns(physical, rough=False)
+                self.columns(physical, rough=True)
             else:
                 self.count += 1
                 self._last_models = key, [member.model(physical) for member in self.members]
@@ -69,18 +69,21 @@ class Models:
 
     def columns(self, physical: FloatArray, *, rough: bool) -> list[FloatArray]:
         """d force / d own entry (SI), (n, own), of every curve; `rough` as in `Forward.jacobian`."""
-        key, wanted = physical.tobytes(), rough and not self._one_law
-        last, columns = self._last_columns.get(wanted, (b"", []))
-        if last != key:
-            both = [
-                member.forward.jacobian(member.values_at(physical), tuple(member.entries), rough=wanted)
-                for member in self.members
-            ]
-            columns = [own for _, own in both]
-            self._last_columns[wanted] = key, columns
-            if self._last_models[0] != key:
-                self.count += 1
-                self._last_models = key, [reading.force for reading, _ in both]
+        key = physical.tobytes()
+        for is_rough in (False, True) if rough else (False,):
+            last, columns = self._last_columns.get(is_rough, (b"", []))
+            if last == key:
+                return columns
+        both = [
+            member.forward.jacobian(member.values_at(physical), tuple(member.entries), rough=rough)
+            for member in self.members
+        ]
+        columns = [own for _, own in both]
+        # Off tables a derivative is a difference of laws: rough ones serve those alone who ask for no others.
+        self._last_columns[any(reading.is_rough for reading, _ in both)] = key, columns
+        if self._last_models[0] != key:
+            self.count += 1
+            self._last_models = key, [reading.force for reading, _ in both]
         return columns
 
     def follow(self, physical: FloatArray, near: Callable[[FloatArray, list[FloatArray]], bool]) -> bool:

@@ -33,11 +33,15 @@ __all__ = ["Forward", "Reading"]
 
 @dataclass(frozen=True)
 class Reading:
-    """Contact force P (N), its stiffness dP/dw (N/m) and the instrument's force (N), each (n,)."""
+    """Contact force P (N), its stiffness dP/dw (N/m) and the instrument's force (N), each (n,).
+
+    And whether derivatives that came along are rough ones (`Forward.jacobian`).
+    """
 
     contact: FloatArray
     stiffness: FloatArray
     force: FloatArray
+    is_rough: bool = False
 
 
 @dataclass(frozen=True)
@@ -212,7 +216,7 @@ class Forward:
             columns[SENSITIVITY_RATIO] = columns[SENSITIVITY_RATIO] - chain.at_fixed_travel(
                 S * self.bending, S
             )
-        reading = Reading(P, S, chain.reading(P, self.depth))
+        reading = Reading(P, S, chain.reading(P, self.depth), slopes.are_rough)
         rows = np.empty((len(paths), len(w)))
         for row, path in enumerate(paths):
             rows[row] = columns[path]

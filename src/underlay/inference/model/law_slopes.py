@@ -89,6 +89,12 @@ class LawSlopes:
     S: FloatArray
     rough: bool
     _columns: dict[str, FloatArray] = field(default_factory=dict, init=False)
+    _differenced: set[str] = field(default_factory=set, init=False)
+
+    @property
+    def are_rough(self) -> bool:
+        """Whether one of those asked for so far is off by what one further law alone makes of it."""
+        return self.rough and bool(self._differenced)
 
     def of(self, path: str) -> FloatArray:
         """dP/dp (n,): by the two factors, then by the ratios that the parameter moves."""
@@ -123,6 +129,7 @@ class LawSlopes:
 
     def _difference(self, ratio: str) -> FloatArray:
         """dP/d ln k (dP/dk of a direct one) at fixed depth and factors, by a difference of two laws."""
+        self._differenced.add(ratio)
         b, c = self.similarity.factors(self.values)
         reduced = dict(zip(self.similarity.ratio_paths, self.similarity.reduced(self.values), strict=True))
         k = reduced[ratio]
