@@ -147,6 +147,23 @@ def test_an_interval_leaves_out_less_where_the_exact_law_is_given_up():
         assert walked.high == pytest.approx(known.high, rel=0.05)
 
 
+@pytest.mark.parametrize(("world", "gives_up"), [("clean", False), ("drag step", True), ("AR(1)", True)])
+def test_an_interval_leaves_out_less_where_a_fitted_shape_may_take_up_what_disturbs_a_curve(world, gives_up):
+    made = scene(thickness=6e-4)
+    data = disturbed(Clean.of(made, 1.5e-4, 300), world, np.random.default_rng(4), 0.003)
+    free = [E, "layer.thickness", C, "instrument.baseline"]
+    own = averaged_fit(ul.fit(ul.Problem(made, data, free)))
+    # White noise and nothing else is likely, or next to impossible; the law drifts in neither.
+    assert (own.undisturbed < 0.01) == gives_up
+    assert own.exact_law > 0.1
+    assert (own.inside(0.95) == 0.95) != gives_up
+    if gives_up:
+        assert own.inside(0.95) > 1.0 - 0.1 * 0.05
+    # With the thickness known the noise is averaged over, and what is left is sure.
+    known = averaged_fit(ul.fit(ul.Problem(made, data, [name for name in free if "thickness" not in name])))
+    assert known.inside(0.95) == 0.95
+
+
 def test_a_wide_interval_is_carried_along_the_profile_and_may_stay_open():
     # A thick layer barely touched shows no base.
     made = scene(thickness=2e-2)

@@ -11,6 +11,7 @@ from underlay._arrays import ArrayLike
 from underlay._text import one_line
 from underlay.inference.headline.known_inputs import FORCE
 from underlay.inference.misfit.known_errors import known_errors
+from underlay.inference.misfit.sizes import shape_parameters
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.intervals import Estimate, estimates, is_averaged, standing
 from underlay.report.labels import is_of_the_sample, label, labelled, start
@@ -142,10 +143,17 @@ def longer_intervals(posterior: Posterior) -> str:
     """Say that intervals hold more of the draws than their level, and why; empty where they do not."""
     if posterior.inside(0.95) == 0.95:
         return ""
+    is_open = posterior.problem is not None and bool(shape_parameters(posterior.problem))
+    why = (
+        "The curve shows more than white noise, and a parameter that is read off its shape takes that up: state "
+        "what you know of it."
+        if is_open
+        else "The curve rules an undisturbed half-space out: say what lies below the layer."
+    )
     return (
-        "The curve rules an undisturbed half-space out: say what lies below the layer. Until then what is printed "
-        f"as a 95 % interval holds {100.0 * posterior.inside(0.95):.4g} % of the draws, as the fit's does, so that "
-        "it holds the truth as often as it says; bands and regions in pictures are of the draws."
+        f"{why} Until then what is printed as a 95 % interval holds {100.0 * posterior.inside(0.95):.4g} % of "
+        "the draws, as the fit's does, so that it holds the truth as often as it says; bands and regions in "
+        "pictures are of the draws."
     )
 
 

@@ -25,8 +25,9 @@ from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, descend
 from underlay.inference.misfit.drift import DRIFTS
 from underlay.inference.misfit.known_error import KnownError
-from underlay.inference.misfit.linearised import JUMPS, Linearised
+from underlay.inference.misfit.linearised import Linearised
 from underlay.inference.misfit.mixture import Mixture
+from underlay.inference.misfit.shapes import JUMPS
 from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley
 from underlay.inference.problem import Problem
@@ -37,7 +38,7 @@ _MOST_PASSES = 3
 # Share of the largest force times contact radius from which on a reading is deep, and the chance of as loud a noise
 # there below which it is none. Second differences (1, -2, 1) have correlations 1, -2/3, 1/6: 1 + 2 (4/9 + 1/36).
 _DEEP, _CHANCE, _KNOWN = 0.5, 1e-3, 1.944
-# Probability of the exact law below which it is given up.
+# Probability below which what is taken for granted is given up.
 _GIVEN_UP = 0.1
 # A shift whose square, what a linear model leaves out, is below this share of a standard deviation is not followed.
 _STRAIGHT = 0.2
@@ -108,6 +109,7 @@ class Averaged:
         """Profiles under the heaviest combination, every parameter free; raises InputError without a law."""
         free = self.blocked.released()
         combination = Combination.of(self.competition, self.competition.heaviest)
+        free = free.standing(self.model, combination.amounts)
         is_known = not self.blocked.held and not any(curve.is_coarse for curve in free.curves)
         model = self.model if is_known else None
         return Valley(free, combination, descend(free, self.vector, combination, model=model))
@@ -119,13 +121,16 @@ class Averaged:
 
     @property
     def left_out(self) -> float:
-        """What intervals leave out, over what they are asked to: less where an exact half-space is given up.
+        """What intervals leave out, over what they are asked to: less where what is taken for granted is given up.
 
-        An interval pays for what it holds where undisturbed curves look like this one, and hardly any do when the
-        exact law has lost its weight: sets of least width on those for their coverage in both (Neyman and Pearson)
-        leave out less there, in proportion.
+        An interval pays for what it holds where undisturbed curves look like this one, and hardly any do when that
+        has lost its weight: sets of least width on those for their coverage in both (Neyman and Pearson) leave out
+        less there, in proportion. What is given up is the exact law of a half-space, and where a shape is fitted,
+        that anything disturbs the curve.
         """
-        return min(max(self.exact_law / _GIVEN_UP, self.competition.sizes.least_out), 1.0)
+        sizes = self.competition.sizes
+        granted = self.undisturbed if sizes.has_free_shape else self.exact_law
+        return min(max(granted / _GIVEN_UP, sizes.least_out), 1.0)
 
     def inside(self, level: float) -> float:
         """Probability that an interval of this level is given."""
@@ -220,6 +225,11 @@ class Averaged:
         return float(self.shares @ [own.competition.exact_law for own in self.optima])
 
     @property
+    def undisturbed(self) -> float:
+        """Probability that there is white noise, and nothing else."""
+        return float(self.shares @ [own.competition.undisturbed for own in self.optima])
+
+    @property
     def no_jump(self) -> float:
         """Probability that no force sets in at contact beside the law's."""
         return float(self.shares @ [own.competition.no_jump for own in self.optima])
@@ -279,7 +289,8 @@ def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> Optimum:
         shift, deviation = competition.shift[at][:k], _deviations(competition, at)[:k]
         if (shift * shift <= _STRAIGHT * deviation).all():
             break
-        ahead = descend(blocked, vector, Combination.of(competition, at), model=model).vector
+        chosen = Combination.of(competition, at)
+        ahead = descend(blocked.standing(model, chosen.amounts), vector, chosen, model=model).vector
         try:
             model = blocked.linearised(ahead)
         except InputError:

@@ -130,6 +130,11 @@ class Competition:
         return float(self.weights[(self.amounts[:, :DRIFTS] == 0.0).all(axis=1)].sum())
 
     @property
+    def undisturbed(self) -> float:
+        """Probability that there is white noise, and nothing else."""
+        return float(self.weights[(self.places[:, 0] == 0) & (self.amounts == 0.0).all(axis=1)].sum())
+
+    @property
     def no_jump(self) -> float:
         """Probability that the force does not jump at contact."""
         return float(self.weights[self.amounts[:, DRIFTS] == 0.0].sum())
