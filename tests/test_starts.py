@@ -157,3 +157,18 @@ def test_a_second_basin_between_the_points_of_the_grid_is_found(replica):
     )
     # The same optimum to the tolerance of the minimiser, or a better one.
     assert blind.statistics.chi_square <= told.statistics.chi_square + 1e-3
+
+
+@pytest.mark.parametrize(("level", "leaves"), [(1e-4, 1), (0.05, 0)])
+def test_starts_far_above_the_best_are_none(level, leaves, monkeypatch):
+    scene = layer_on(ul.Isotropic(1e7, 0.3))
+    p = problem(scene, [E, H, C], measured(scene, level=level, points=400))
+    landscape = Landscape.of(p)
+    chosen = landscape.minima(3)
+    monkeypatch.setattr("underlay.inference.least_squares.scan._HOPELESS", np.inf)
+    # Where noise decides all are alike; where it does not, a layer so thick explains nothing.
+    left = [place for place in landscape.minima(3) if place not in chosen]
+    assert len(left) == leaves
+    limit = 25.0 * landscape.misfit[chosen[0]]
+    assert max(landscape.misfit[place] for place in chosen) <= limit
+    assert all(landscape.misfit[place] > limit for place in left)

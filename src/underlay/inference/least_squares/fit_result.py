@@ -120,9 +120,9 @@ class Fit:
 
         Where the noise was stated it is the quadratic one if the profile agrees with it at both ends, else the
         profile's. Without a stated noise correlated noise, a drifting law and a jump at contact are weighed and
-        averaged over (see `inference/misfit`); where the curve rules a half-space out, a base below it is unknown
-        and the interval leaves out less than its level says, as a posterior's does. It is computed when first asked
-        for, and kept.
+        averaged over (see `inference/misfit`). Where the curve rules a half-space out, the base below it is
+        unknown, and where a curve is disturbed, a thickness that is fitted takes that up: there the interval leaves
+        out less than its level says, as a posterior's does. It is computed when first asked for, and kept.
 
         Parameters
         ----------

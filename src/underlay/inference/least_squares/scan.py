@@ -49,6 +49,9 @@ _SCAN_RTOL = 1e-2
 _TRIED = (MODULUS, BASE_MODULUS, THICKNESS)
 _BETWEEN = 8  # steps from a thickness tried to the next
 _BLOCKS = 16  # enough to tell a contact to a grid step
+# A place whose misfit is so many times the best's is no start. A start's misfit is 1.2 to 5 times that of the
+# optimum below it (medians), so that next to none would end lower; where noise decides all are alike, and stay.
+_HOPELESS = 25.0
 # ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
 _RIVAL, _APART = np.log(2.7), np.log(1.6)
 
@@ -126,7 +129,7 @@ class Landscape:
         return np.asarray(np.sum([grid.misfit for grid in self.grids], axis=0))
 
     def minima(self, count: int) -> list[tuple[int, int]]:
-        """At most `count` local minima, best first, and places thinner and thicker than the best."""
+        """At most `count` local minima, best first, and places thinner and thicker than the best; none hopeless."""
         total = self.misfit
         minima = np.isfinite(total)
         minima[1:] &= total[1:] <= total[:-1]
@@ -148,7 +151,7 @@ class Landscape:
         one_base = not any(BASE_MODULUS in member.entries for member in self.problem.members)
         if one_base and THICKNESS in self.grids[0].values:
             chosen += _beside(total, np.log(self.grids[0].values[THICKNESS].max(axis=1)), chosen)
-        return chosen
+        return [place for place in chosen if total[place] <= _HOPELESS * total[chosen[0]]]
 
     def places(self) -> list[tuple[int, int]]:
         """Places tried that have a law, best first."""
