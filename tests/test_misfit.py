@@ -498,3 +498,26 @@ def test_a_path_does_not_creep_to_the_end_of_the_laws_where_it_cannot_rise_to_it
     monkeypatch.setattr(Valley, "held", counted)
     assert valley.end(index, -1.0, 30.0) == -np.inf
     assert sum(place is None for place in asked) <= 2
+
+
+@pytest.mark.parametrize(
+    ("free", "exact", "open_shape"),
+    [
+        ("layer.thickness", 0.3, True),
+        ("layer.relaxation.fractions[0]", 0.5, False),
+        ("adhesion.work", 0.5, False),
+        ("instrument.contact_depth", 0.75, False),
+    ],
+)
+def test_odds_are_those_of_what_is_read_off_the_shape_alone(free, exact, open_shape):
+    relaxing = ul.Prony([0.2], [1.0])
+    layer = ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3)
+    if "relaxation" in free:
+        layer = replace(layer, relaxation=relaxing)
+    scene = ul.Scene(ul.Paraboloid(1e-3), layer, ul.RIGID)
+    if "adhesion" in free:
+        scene = replace(scene, adhesion=ul.JKR(1e-3))
+    depth = np.linspace(0.0, 1e-4, 40)
+    curve = ul.Curve(depth, np.linspace(0.0, 1e-2, 40), time=np.linspace(0.0, 1.0, 40))
+    sizes = Sizes.of(ul.Problem(scene, curve, ["layer.E", free]))
+    assert (sizes.exact, sizes.has_free_shape) == (exact, open_shape)
