@@ -61,14 +61,14 @@ class Path:
 
     def crossing(self, height: float) -> float:
         """Where z first reaches a height, scaled; infinite where it does not."""
-        last = self._beyond(height)
+        last = self.first_at(height)
         if last is None:
             return self.direction * math.inf
         return self.start + self.direction * self._between(last, height)
 
     def is_settled(self, height: float) -> bool:
         """Whether the cubic about a height is sure: two parabolas say nearly the same."""
-        last = self._beyond(height)
+        last = self.first_at(height)
         if last is None:
             return True
         low, high = self.stops[last - 1], self.stops[last]
@@ -77,7 +77,7 @@ class Path:
         bend = (low.slope + high.slope) * wide - 2.0 * (high.z - low.z)
         return abs(bend) * share * (1.0 - share) * max(share, 1.0 - share) <= _ALIKE
 
-    def _beyond(self, height: float) -> int | None:
+    def first_at(self, height: float) -> int | None:
         """Number of the first stop at a height or above it."""
         return next((number for number, stop in enumerate(self.stops) if number and stop.z >= height), None)
 
@@ -191,10 +191,11 @@ class Valley:
         """Return the path with a further stop where a height is reached, if the cubic there is not sure."""
         if path.is_settled(height):
             return path
-        q = path.crossing(height)
-        after = next(number for number, stop in enumerate(path.stops) if number and stop.z >= height)
-        place = self.held(index, q, path.stops[after - 1].place)
-        if place is None:
+        after = path.first_at(height)
+        place = (
+            None if after is None else self.held(index, path.crossing(height), path.stops[after - 1].place)
+        )
+        if after is None or place is None:
             return path
         stop = self._stop(index, place, path.stops[after - 1])
         return Path(path.start, path.direction, [*path.stops[:after], stop, *path.stops[after:]])
