@@ -77,7 +77,7 @@ def test_the_derivative_in_the_ratio_is_that_of_the_force(ratio, nu):
     central = (up - down) / (2.0 * step)
     # A central difference is off by step^2/6 of a third derivative of order one, and the reference's own error
     # of 1e-10 enters with 1e-7; the slope of a series may be off by terms^2 (at most 64) times its own error.
-    error = np.abs(law.ratio_slope(depth, law.force(depth)) - central) / law.force(depth)
+    error = np.abs(law.with_slopes(depth)[2][0] - central) / law.force(depth)
     assert error.max() < 1e-6 / 6.0 + 1e-7 + 64e-6
 
 
@@ -86,7 +86,7 @@ def test_a_wide_cell_comes_in_pieces_and_keeps_its_promise():
     assert len(law.family.edges) > 2
     assert np.abs(law.force(depth) / solved.force(depth) - 1.0).max() <= law.error_estimate + 1e-10
     up, down = (pair(TIPS["paraboloid"], 0.05 * np.exp(s), 5.0, 1e-6)[1].force(depth) for s in (1e-3, -1e-3))
-    error = np.abs(law.ratio_slope(depth, law.force(depth)) - (up - down) / 2e-3) / law.force(depth)
+    error = np.abs(law.with_slopes(depth)[2][0] - (up - down) / 2e-3) / law.force(depth)
     assert error.max() < 1e-6 / 6.0 + 1e-7 + 64e-6  # as above
 
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 import re
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import Field, dataclass, fields, is_dataclass, replace
+from functools import cache, lru_cache
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -316,7 +317,7 @@ def replace_values(
         if path not in paths:
             there = ", ".join(sorted(numbers_of(whole, prefix)))
             raise ParameterError(f"there is no number {path!r} here, but {there}")
-    touched = {path[:end] for path in values for end, sign in enumerate(path) if sign in ".["} | values.keys()
+    touched = {part for path in values for part in _above(path)} | values.keys()
     numbers = {path: float(value) for path, value in values.items()}
     changed: Whole = _replaced(whole, prefix, numbers, touched)
     return changed
@@ -325,12 +326,14 @@ def replace_values(
 def _replaced(part: Any, prefix: str, values: Mapping[str, float], touched: Container[str]) -> Any:
     """Return the part with new numbers; itself where none of `values`, in the parts `touched`, is its own."""
     changed = {}
-    for entry in fields(part):
-        old, path = getattr(part, entry.name), _path(prefix, entry)
+    for name, inlined in _entries(part.__class__):
+        path = prefix if inlined else f"{prefix}.{name}" if prefix else name
         if path and path not in touched:
             continue
-        new = old
-        if is_dataclass(old):
+        new = old = getattr(part, name)
+        if path in values:
+            new = values[path]
+        elif is_dataclass(old):
             new = _replaced(old, path, values, touched)
         elif isinstance(old, tuple):
             items = (
@@ -340,8 +343,18 @@ def _replaced(part: Any, prefix: str, values: Mapping[str, float], touched: Cont
                 for index, item in enumerate(old)
             )
             new = tuple(items)
-        elif path in values:
-            new = values[path]
         if new is not old and new != old:
-            changed[entry.name] = new
+            changed[name] = new
     return replace(part, **changed) if changed else part
+
+
+@cache
+def _entries(kind: Any) -> tuple[tuple[str, bool], ...]:
+    """Names of the fields of a part, and whether each lends its own fields: a fit asks for every law."""
+    return tuple((entry.name, bool(entry.metadata.get("inlined"))) for entry in fields(kind))
+
+
+@lru_cache(maxsize=1024)
+def _above(path: str) -> tuple[str, ...]:
+    """Paths of the parts that a number is in."""
+    return tuple(path[:end] for end, sign in enumerate(path) if sign in ".[")

@@ -181,30 +181,23 @@ class ContactLaw(Response, ABC):
         object.__setattr__(law, "warnings", (*self.warnings, doubt))
         return law
 
-    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray | None:
-        """dP/d ln k (N) at depths (m) where the force (N) is `force`, k the ratio of the base's modulus.
+    @property
+    def known_slopes(self) -> int:
+        """In how many numbers, of those it was asked for, the law knows its derivatives: see `with_slopes`."""
+        return 0
 
-        None where the law does not know it; a caller then takes differences.
+    def with_slopes(self, depth: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Force P (N) and dP/dw (N/m), each (n,), and dP/ds (N), (known_slopes, n), at depths (m), (n,).
+
+        s is the logarithm of a ratio of moduli where the law is one of a table, then that of the thickness where
+        it is one of a table of tips; else the numbers of `Contact.beside`. Raises as `force` does.
         """
-        del depth, force
-        return None
-
-    def beside_slope(self, which: int, depth: FloatArray, force: FloatArray) -> FloatArray | None:
-        """dP/ds (N) at depths (m) where the force (N) is `force`, s the number of one of `Contact.beside`.
-
-        None where the law does not know it.
-        """
-        del which, depth, force
-        return None
+        rows = self._in_contact(depth, self._with_slopes, 2 + self.known_slopes)
+        return rows[0], rows[1], rows[2:]
 
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
         """dP/d ln(work of adhesion) (N) at fixed depths (m), (n,); None where the law does not know it."""
         del depth
-        return None
-
-    def size_slope(self, depth: FloatArray, force: FloatArray, stiffness: FloatArray) -> FloatArray | None:
-        """dP/d ln(size of the tip) (N) at fixed depths (m) and thickness; None where the law does not know it."""
-        del depth, force, stiffness
         return None
 
     @abstractmethod
@@ -222,6 +215,10 @@ class ContactLaw(Response, ABC):
     def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
         """Force (N) and dP/dw (N/m) at depths (m) inside the domain, (n,), as rows (2, n)."""
         return np.stack((self._force(depth), self._stiffness(depth)))
+
+    def _with_slopes(self, depth: FloatArray) -> FloatArray:
+        """The same with dP/ds (N) of `known_slopes` numbers, as rows (2 + numbers, n)."""
+        return self._force_and_stiffness(depth)
 
     @property
     def nodes(self) -> int | None:

@@ -56,18 +56,10 @@ class ScaledLaw(ContactLaw):
         """Those of the reference."""
         return self.law.nodes
 
-    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray | None:
-        """As the reference: the slope goes with the force."""
-        return self.law.ratio_slope(self.b * depth, force)
-
-    def beside_slope(self, which: int, depth: FloatArray, force: FloatArray) -> FloatArray | None:
-        """As the reference: the slope goes with the force."""
-        return self.law.beside_slope(which, self.b * depth, force)
-
-    def size_slope(self, depth: FloatArray, force: FloatArray, stiffness: FloatArray) -> FloatArray | None:
-        """As the reference: the slope goes with the force."""
-        slope = self.law.size_slope(self.b * depth, force / self.c, stiffness / (self.b * self.c))
-        return None if slope is None else self.c * slope
+    @property
+    def known_slopes(self) -> int:
+        """As the reference."""
+        return self.law.known_slopes
 
     def work_slope(self, depth: FloatArray) -> FloatArray | None:
         """As the reference: the slope goes with the force."""
@@ -138,3 +130,9 @@ class ScaledLaw(ContactLaw):
         both[0] *= self.c
         both[1] *= self.b * self.c
         return both
+
+    def _with_slopes(self, depth: FloatArray) -> FloatArray:
+        rows = self.law._with_slopes(self.b * depth)  # noqa: SLF001  as above
+        rows *= self.c
+        rows[1] *= self.b
+        return rows

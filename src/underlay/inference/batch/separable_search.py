@@ -149,7 +149,7 @@ class SeparableSearch:
         w = self._depth[before:] - contact
         columns = np.zeros((1 + len(self._linear), len(self._depth)))
         stiffness = np.zeros(len(self._depth))
-        force, stiffness[before:] = law.force_and_stiffness(w)
+        force, stiffness[before:], told = law.with_slopes(w)
         columns[0, before:] = force
         data, power = self._force, 1.0
         if self._follows:
@@ -162,6 +162,7 @@ class SeparableSearch:
                 w,
                 force,
                 stiffness[before:],
+                told,
                 rough=False,
             )
             column = columns[0, before:] = modulus * slopes.of(MODULUS)

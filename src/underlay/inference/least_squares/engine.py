@@ -257,9 +257,9 @@ class _Running(NamedTuple):
         course = None if bases is None else bases.at(here)
         if course is not None:
             low, high = course.straight(low), course.straight(high)
-        step, gain = _steps(self.now, self.damping, active, low, high)
+        step, gain, length = _steps(self.now, self.damping, active, low, high)
         little = search.is_little(gain, self.best.square)
-        little |= np.abs(step).max(axis=1) <= _SHORTEST
+        little |= length <= _SHORTEST
         made = gain > _STILL * self.best.square
         if not made.all():
             step = np.where(made[:, None], step, 0.0)
@@ -275,11 +275,12 @@ class _Running(NamedTuple):
         best = self.best.replaced(lower, there)
         now = best if not ventured.any() else best.replaced(ventured, there)
         own = np.where(self.ventured, self.damping / _BACK, self.damping)
-        eased = np.maximum(_EASIER * own, _LEAST_DAMPING)
-        damping = np.where(lower, eased, np.where(ventured, _BACK * own, _HARDER * own))
-        # A step up the side and the one back to the bottom are one of the valley.
-        far = np.abs(there.vector - self.best.vector).max(axis=1) >= _LONGEST
-        endless = lower & far & (-change <= search.endless * best.square)
+        factor = np.where(lower, _EASIER, np.where(ventured, _BACK, _HARDER))
+        damping = np.maximum(factor * own, _LEAST_DAMPING)
+        endless = lower & (-change <= search.endless * best.square)
+        if endless.any():
+            # A step up the side and the one back to the bottom are one of the valley.
+            endless &= np.abs(there.vector - self.best.vector).max(axis=1) >= _LONGEST
         little, stuck = search.is_little(np.abs(change), best.square), damping > _MOST_DAMPING
         why = [_why(*one) for one in zip(little.tolist(), endless.tolist(), stuck.tolist(), strict=True)]
         return self._replace(now=now, best=best, ventured=ventured, damping=damping), why
@@ -296,24 +297,31 @@ def _why(little: bool, endless: bool, stuck: bool) -> str:
 
 def _steps(
     places: Places, damping: FloatArray, active: NDArray[np.bool_], low: FloatArray, high: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Steps (s, k) no further than `low` and `high` (s, k), and what each should gain (s,)."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Steps (s, k) no further than `low` and `high` (s, k), what each should gain (s,), and its length (s,).
+
+    That is the largest change of an entry.
+    """
     gradient, normal = places.gradient, places.normal
     norms = np.sqrt(normal.diagonal(axis1=1, axis2=2))
     which = active & acting(norms)
-    which &= (low < 0.0) | (gradient < 0.0)
-    which &= (high > 0.0) | (gradient > 0.0)
+    at_ends = (low >= 0.0) | (high <= 0.0)
+    if at_ends.any():
+        which &= (low < 0.0) | (gradient < 0.0)
+        which &= (high > 0.0) | (gradient > 0.0)
     step = _solved(gradient, normal, which, norms, damping)
     beyond = which & ((step < low) | (step > high))
     held = np.zeros(0)
     if beyond.any():
         step, held = _kept_inside(places, step, beyond, which, norms, damping, low, high)
-    longest = np.abs(step).max(axis=1, initial=0.0)
-    if (longest > _LONGEST).any():
-        step *= (_LONGEST / np.maximum(longest, _LONGEST))[:, None]
+    length = np.abs(step).max(axis=1, initial=0.0)
+    if (length > _LONGEST).any():
+        step *= (_LONGEST / np.maximum(length, _LONGEST))[:, None]
+        length = np.minimum(length, _LONGEST)
     if not held.any():
-        return step, -np.einsum("sk,sk->s", step, gradient)
-    return step, -np.einsum("sk,sk->s", step, 2.0 * gradient + (normal @ step[:, :, None])[:, :, 0])
+        return step, -np.einsum("sk,sk->s", step, gradient), length
+    gain = -np.einsum("sk,sk->s", step, 2.0 * gradient + (normal @ step[:, :, None])[:, :, 0])
+    return step, gain, length
 
 
 def _kept_inside(

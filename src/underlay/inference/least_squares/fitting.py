@@ -193,8 +193,8 @@ def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatAr
 
 def _on_a_plateau(best: Optimum) -> bool:
     """Whether some parameter could change by its whole scale and the residuals would not tell."""
-    columns = best.jacobian[:, best.objective.active]
-    return bool((np.einsum("nk,nk->k", columns, columns) < 1.0).any())
+    columns = best.triangle[:, best.objective.active]
+    return bool(((columns * columns).sum(axis=0) < 1.0).any())
 
 
 def _stated(found: Fit) -> Statements:

@@ -51,9 +51,9 @@ def judge(
     objective, vector = optimum.objective, optimum.vector
     problem = objective.problem
     physical = problem.physical(vector)
-    residuals, jacobian = objective.residuals(vector), optimum.jacobian
+    residuals = objective.residuals(vector)
     bounds_hit = _bounds_hit(problem, vector, objective.active)
-    covariance, reasons = scaled_covariance(objective, jacobian, bounds_hit)
+    covariance, reasons = scaled_covariance(objective, optimum.triangle, bounds_hit)
     covariance *= robust_inflation(residuals, optimum.loss_function)
     if problem.noise_entries:
         entries = sorted(problem.noise_entries)
@@ -107,16 +107,15 @@ def judge(
 
 
 def scaled_covariance(
-    objective: Objective, jacobian: FloatArray, bounds_hit: dict[str, str]
+    objective: Objective, triangle: FloatArray, bounds_hit: dict[str, str]
 ) -> tuple[FloatArray, dict[str, str]]:
     """Covariance (k, k) in scaled coordinates, and the parameters without error bars with the reason.
 
+    Of derivatives whose QR has the `triangle` R (k, k).
     A parameter on a bound is taken as known there; a direction the data do not fix takes the error bars of
     the parameters it is made of, and of no others.
     """
     names = objective.problem.names
-    # R of a QR has the singular values and directions of the whole, and a row for each column.
-    triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
     reasons = {name: f"on its {bound}: no error bar there" for name, bound in bounds_hit.items()}
     covariance = np.zeros((len(names), len(names)))
     kept = [i for i in objective.active if names[i] not in reasons]

@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from underlay._arrays import FloatArray
+from underlay._arrays import FloatArray, read_only
 from underlay.inference.least_squares.adhesive_start import adhesive_starts
 from underlay.inference.least_squares.base_steps import bent
 from underlay.inference.least_squares.blocks import Blocks, blocked_forward
@@ -119,7 +119,8 @@ class Landscape:
             for member, curve in zip(problem.members, curves, strict=True)
         )
         if len(grids[0].misfit) > 2 and all(np.isfinite(grid.misfit).all() for grid in grids):
-            weights = _parabolas(np.log(grids[0].values[THICKNESS][:, 0]))
+            tried = np.log(grids[0].values[THICKNESS][:, 0])
+            weights = _parabolas(tuple(((tried - tried[0]) / (tried[-1] - tried[0])).round(9).tolist()))
             return cls(problem, curves, tuple(grid.between(weights) for grid in grids), _BETWEEN)
         return cls(problem, curves, grids)
 
@@ -243,8 +244,13 @@ def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[fl
     return grid if moduli_are_shared else grid.best_along(1)
 
 
-def _parabolas(x: FloatArray) -> FloatArray:
-    """Weights (p, t) of values at x (t,) for those at more places, by parabolas through the nearest three."""
+@lru_cache(maxsize=64)
+def _parabolas(shares: tuple[float, ...]) -> FloatArray:
+    """Weights (p, t) of values at shares of a range for those at more places: parabolas through the nearest three.
+
+    Most grids are even: their shares are the same.
+    """
+    x = np.array(shares)
     steps = np.arange(_BETWEEN * (len(x) - 1) + 1) / _BETWEEN
     at = np.interp(steps, np.arange(len(x)), x)
     first = np.clip(np.round(steps).astype(np.intp) - 1, 0, len(x) - 3)
@@ -257,7 +263,7 @@ def _parabolas(x: FloatArray) -> FloatArray:
         weights[np.arange(len(at)), which[:, k]] = (
             off[:, k - 1] * off[:, k - 2] / ((own - one) * (own - other))
         )
-    return weights
+    return read_only(weights)
 
 
 def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: FloatArray) -> GridFit:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
 from underlay.inference.least_squares.engine import FINE, Minimum, Search, minimise
@@ -59,6 +61,11 @@ class Optimum:
     def jacobian(self) -> FloatArray:
         """Derivatives of the residuals there, (n + priors, k)."""
         return self.objective.jacobian(self.vector)
+
+    @cached_property
+    def triangle(self) -> FloatArray:
+        """R of the QR of these, (k, k): of the same singular values and directions, with a row for each column."""
+        return np.asarray(np.linalg.qr(self.jacobian, mode="r"))
 
     @cached_property
     def loss(self) -> float:

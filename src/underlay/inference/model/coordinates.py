@@ -155,11 +155,9 @@ class ScaledSpace:
 
     def physical(self, q: FloatArray) -> FloatArray:
         """Values (SI), (..., k), at scaled vectors (..., k)."""
-        return np.where(
-            self.logarithmic,
-            self.reference * np.exp(np.where(self.logarithmic, q, 0.0)),
-            self.reference + self.scale * q,
-        )
+        values = self.reference + self.scale * q
+        np.exp(q, out=values, where=self.logarithmic)
+        return np.multiply(values, self.reference, out=values, where=self.logarithmic)
 
     def scaled(self, physical: FloatArray) -> FloatArray:
         """Scaled vectors (..., k) at values (SI), (..., k)."""

@@ -100,8 +100,9 @@ class Forward:
         laws = LawSource.of(similarity, reference, free, solver, store)
         told = None if scene.discrepancy is None else LeftOutLaws.of(scene, depth)
         timed = time if scene.memory is not None else None
-        forward = cls(similarity, depth, laws, scene.memory, timed, left_out=told)
-        return forward if force is None else forward.moved(depth, force)
+        lever = similarity.scene.lever
+        bending = None if lever is None or force is None else lever.bending(force)
+        return cls(similarity, depth, laws, scene.memory, timed, bending, told)
 
     def solved_by(self, solver: Solver) -> Forward:
         """Return the same with laws of another solver that scale alike, kept beside its own."""
@@ -198,9 +199,9 @@ class Forward:
         deepest = self._deepest(chain, values)
         law = self.law(values, deepest)
         w = chain.tip_depth(law, self.depth_at(values))
-        P, S = self._force_and_stiffness(law, w)
+        P, S, told = self._with_slopes(law, w)
         columns = chain.offset_slopes(self.depth)
-        slopes = LawSlopes(self.similarity, self.laws, values, law, deepest, w, P, S, rough)
+        slopes = LawSlopes(self.similarity, self.laws, values, law, deepest, w, P, S, told, rough)
         if self.history is not None:
             P = self._through_history(self.history, slopes, paths, columns)
         for path in paths:
@@ -222,12 +223,12 @@ class Forward:
             rows[row] = columns[path]
         return reading, rows.T
 
-    def _force_and_stiffness(self, law: ContactLaw, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _with_slopes(self, law: ContactLaw, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         if self.over is None:
-            return law.force_and_stiffness(w)
+            return law.with_slopes(w)
         asked, ratio = self.over.seen(w)
-        P, S = law.force_and_stiffness(asked)
-        return ratio * P, self.over.stiffness(asked, ratio, P, S)
+        P, S, told = law.with_slopes(asked)
+        return ratio * P, self.over.stiffness(asked, ratio, P, S), told
 
     def _remembered(self, law: Response, history: History, values: Mapping[str, float]) -> Remembered:
         """The law seen through the history with the numbers of `values`."""
@@ -258,8 +259,8 @@ class Forward:
 
         def slope(path: str) -> Elastic:
             def of(x: FloatArray) -> FloatArray:
-                P, S = kept.force_and_stiffness(x)
-                return self._slope(path, replace(slopes, w=x, P=P, S=S))
+                P, S, told = kept.with_slopes(x)
+                return self._slope(path, replace(slopes, w=x, P=P, S=S, told=told))
 
             return of
 
@@ -286,21 +287,21 @@ class _Kept(Response):
 
     def __init__(self, law: ContactLaw) -> None:
         self.law, self.max_depth = law, law.max_depth
-        self._answers: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+        self._answers: dict[bytes, tuple[FloatArray, FloatArray, FloatArray]] = {}
 
-    def force_and_stiffness(self, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Force (N) and stiffness (N/m), each (n,)."""
+    def with_slopes(self, depth: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As `ContactLaw.with_slopes`."""
         key = depth.tobytes()
         if key not in self._answers:
-            self._answers[key] = self.law.force_and_stiffness(depth)
+            self._answers[key] = self.law.with_slopes(depth)
         return self._answers[key]
 
     def force(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Force (N), (n,)."""
         del time
-        return self.force_and_stiffness(np.asarray(depth))[0]
+        return self.with_slopes(np.asarray(depth))[0]
 
     def stiffness(self, depth: ArrayLike, time: ArrayLike | None = None) -> FloatArray:
         """Stiffness (N/m), (n,)."""
         del time
-        return self.force_and_stiffness(np.asarray(depth))[1]
+        return self.with_slopes(np.asarray(depth))[1]

@@ -17,6 +17,7 @@ from underlay.inference.model.laws import LawSource
 from underlay.inference.model.similarity import Similarity
 from underlay.inference.model.stencils import ROUGH_STENCILS, STENCILS, first_possible
 from underlay.mechanics.contact_law import ContactLaw
+from underlay.mechanics.exact.tip_law import in_size
 from underlay.scene.parameters import kind_of
 
 __all__ = ["LawSlopes", "force_scale", "slope_by_factors"]
@@ -24,8 +25,6 @@ __all__ = ["LawSlopes", "force_scale", "slope_by_factors"]
 # Differences of laws in ln k and in Poisson's ratio: central, so the truncation is 1e-7 to 1e-6 of the
 # derivative, and a law's own error of 1e-6 enters with 1e-3.
 _RATIO_STEP = 1e-3
-# Name of the one ratio of a table, whatever its parameters are.
-_TABLED = "ratio"
 
 
 def force_scale(similarity: Similarity, path: str, values: Mapping[str, float]) -> float | None:
@@ -75,6 +74,8 @@ class LawSlopes:
         Depth (m) up to which laws are asked for.
     w, P, S : FloatArray
         Depths (m), and force (N) and stiffness (N/m) there, each (n,).
+    told : FloatArray
+        Slopes that the law says itself, (numbers, n): see `ContactLaw.with_slopes`.
     rough : bool
         Whether a ratio's derivative is taken from one further law instead of two.
     """
@@ -87,6 +88,7 @@ class LawSlopes:
     w: FloatArray
     P: FloatArray
     S: FloatArray
+    told: FloatArray
     rough: bool
     _columns: dict[str, FloatArray] = field(default_factory=dict, init=False)
     _differenced: set[str] = field(default_factory=set, init=False)
@@ -100,11 +102,8 @@ class LawSlopes:
         """dP/dp (n,): by the two factors, then by the ratios that the parameter moves."""
         value = self.values[path]
         derivative = slope_by_factors(self.similarity, path, self.values, self.w, self.P, self.S) / value
-        if self.laws.table is not None and (slope := self.laws.table.slope(path)):
-            if _TABLED not in self._columns and (known := self.law.ratio_slope(self.w, self.P)) is not None:
-                self._columns[_TABLED] = known
-            if _TABLED in self._columns:
-                return np.asarray(derivative + self._columns[_TABLED] * (slope / value))
+        if self.laws.table is not None and len(self.told) and (slope := self.laws.table.slope(path)):
+            return np.asarray(derivative + self.told[0] * (slope / value))
         for ratio, slope in self.similarity.ratio_slopes(path, self.values).items():
             if ratio not in self._columns:
                 known = self._known(ratio)
@@ -117,15 +116,18 @@ class LawSlopes:
         """dP/d ln k of a ratio where the law says it itself."""
         if ratio == "adhesion.work":
             return self.law.work_slope(self.w)
+        if not len(self.told):
+            return None
         if ratio in self.laws.beside:
-            return self.law.beside_slope(self.laws.beside.index(ratio), self.w, self.P)
+            return np.asarray(self.told[self.laws.beside.index(ratio)])
         tips = self.laws.tips
         if tips is None:
             return None
         if ratio == tips.path:
-            return self.law.ratio_slope(self.w, self.P)
+            return np.asarray(self.told[0])
         # One length makes the tip: its ratio is the tip's size.
-        return self.law.size_slope(self.w, self.P, self.S) if self.similarity.lengths == (ratio,) else None
+        alone = self.similarity.lengths == (ratio,)
+        return in_size(self.w, self.P, self.S, self.told[1]) if alone else None
 
     def _difference(self, ratio: str) -> FloatArray:
         """dP/d ln k (dP/dk of a direct one) at fixed depth and factors, by a difference of two laws."""

@@ -63,6 +63,6 @@ class TipOverPowerLaw:
     def slope(self, path: str, slopes: LawSlopes) -> FloatArray:
         """dP/dp (n,) at fixed depths of the tip, those of `slopes`, whose law is the power law's."""
         asked, ratio = self.seen(slopes.w)
-        P, S = slopes.law.force_and_stiffness(asked)
-        inner = replace(slopes, w=asked, P=P, S=S)
+        P, S, told = slopes.law.with_slopes(asked)
+        inner = replace(slopes, w=asked, P=P, S=S, told=told)
         return np.asarray(ratio * inner.of(path))

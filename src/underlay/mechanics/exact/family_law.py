@@ -24,7 +24,7 @@ from underlay.mechanics.exact.curve_family import (
     ratio_number,
 )
 from underlay.mechanics.exact.law import ExactLaw
-from underlay.mechanics.exact.master_curve import Factor, piecewise
+from underlay.mechanics.exact.master_curve import Factor
 from underlay.mechanics.exact.tables import TABLES
 from underlay.mechanics.indenters import PowerLaw, PowerLawShape
 from underlay.mechanics.kernel import Family
@@ -47,11 +47,14 @@ class FamilyLaw(ExactLaw):
     family: CurveFamily
     log_ratio: float
 
-    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray:
-        """dP/d ln k (N) at fixed depth (m), (n,), where the force (N) is `force`; zero out of contact."""
-        varpi = self.measure.halfspace_radius(np.maximum(depth, 0.0)) / self.thickness
-        table = self.family.slopes(Factor.FORCE, self.log_ratio)
-        return force * piecewise(self.family.edges, table, self.family.stretch.z(varpi))
+    @property
+    def known_slopes(self) -> int:
+        """That in ln k."""
+        return 1
+
+    @property
+    def _slope_tables(self) -> FloatArray:
+        return self.family.slopes(Factor.FORCE, self.log_ratio)[:, None]
 
 
 def table_number(contact: Contact, depth: float) -> int:

@@ -18,7 +18,7 @@ from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.contact_curve import solve_curve
 from underlay.mechanics.exact.contact_problem import LARGEST_EPS, ContactProblem
-from underlay.mechanics.exact.master_curve import Factor, MasterCurve, piecewise
+from underlay.mechanics.exact.master_curve import Factor, MasterCurve
 from underlay.mechanics.exact.nodes import Resolution
 from underlay.mechanics.exact.punch_solution import PunchSolution, proved_resolution
 from underlay.mechanics.indenters import FlatPunch, PowerLawShape
@@ -59,14 +59,10 @@ class ExactLaw(ContactLaw):
         """Radial nodes of the solution."""
         return self.resolution.radial
 
-    def beside_slope(self, which: int, depth: FloatArray, force: FloatArray) -> FloatArray | None:
-        """dP/ds (N) at fixed depth (m), (n,), towards one of `Contact.beside`; None where the curve folds."""
-        column = len(Factor) + which
-        if column >= self.curve.coefficients.shape[1]:
-            return None
-        varpi = self.measure.halfspace_radius(np.maximum(depth, 0.0)) / self.thickness
-        z = self.curve.stretch.z(varpi)
-        return np.asarray(force * piecewise(self.curve.edges, self.curve.coefficients[:, column], z))
+    @property
+    def known_slopes(self) -> int:
+        """Those towards each of `Contact.beside`; none where the curve folds."""
+        return int(self.curve.coefficients.shape[1]) - len(Factor)
 
     @property
     def _beyond(self) -> str:
@@ -81,13 +77,27 @@ class ExactLaw(ContactLaw):
         return force
 
     def _force_and_stiffness(self, depth: FloatArray) -> FloatArray:
+        return self._rows(depth, self.curve.coefficients[:, :0])
+
+    def _with_slopes(self, depth: FloatArray) -> FloatArray:
+        return self._rows(depth, self._slope_tables)
+
+    @property
+    def _slope_tables(self) -> FloatArray:
+        """Of d ln P/ds, (pieces, known_slopes, rows, 4)."""
+        return self.curve.coefficients[:, len(Factor) :]
+
+    def _rows(self, depth: FloatArray, slopes: FloatArray) -> FloatArray:
+        """Force (N), dP/dw (N/m), and dP/ds (N) by tables of d ln P/ds: rows (2 + numbers, n)."""
         radius = self.measure.halfspace_radius(depth)
-        both = self.curve.force_and_stiffness(radius / self.thickness)
+        rows = self.curve.with_slopes(radius / self.thickness, slopes)
+        both = rows[:2]
         both *= radius
         both *= 4.0 * self.theta
         both[0] *= depth
         both[0] *= self.measure.exponent / (self.measure.exponent + 1.0)
-        return both
+        rows[2:] *= rows[0]
+        return rows
 
     def _contact_radius(self, depth: FloatArray) -> FloatArray:
         radius = self.measure.halfspace_radius(depth)

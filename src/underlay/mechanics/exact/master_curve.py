@@ -242,15 +242,22 @@ class MasterCurve:
             result[start : start + _CHUNK] = self._factor(which, varpi[start : start + _CHUNK])
         return result
 
-    def force_and_stiffness(self, varpi: FloatArray) -> FloatArray:
-        """P/P_half and (dP/dw)/(4 theta a_half) at `varpi` (n,), as rows (2, n): one polynomial for both."""
-        if len(self.edges) > 2 or varpi.size > _CHUNK:
-            radius = self.factor(Factor.RADIUS, varpi)
-            return np.stack((self.factor(Factor.FORCE, varpi), radius * self.factor(Factor.STIFFNESS, varpi)))
-        table = self.coefficients[0, [Factor.FORCE, Factor.STIFFNESS]]
-        table[1] += self.coefficients[0, Factor.RADIUS]
-        logarithms = polynomial(table, self.stretch.z(varpi))
-        return np.exp(logarithms, out=logarithms)
+    def with_slopes(self, varpi: FloatArray, slopes: FloatArray) -> FloatArray:
+        """P/P_half, (dP/dw)/(4 theta a_half), and what tables (pieces, numbers, rows, 4) of `slopes` say there.
+
+        At `varpi` (n,), as rows (2 + numbers, n): one polynomial for all.
+        """
+        own, count = self.coefficients, slopes.shape[1]
+        tables = np.empty((len(own), 2 + count, *own.shape[2:]))
+        tables[:, 0] = own[:, Factor.FORCE]
+        np.add(own[:, Factor.RADIUS], own[:, Factor.STIFFNESS], out=tables[:, 1])
+        tables[:, 2:] = slopes
+        rows = np.empty((2 + count, varpi.size))
+        for start in range(0, varpi.size, _CHUNK):
+            part = slice(start, start + _CHUNK)
+            rows[:, part] = piecewise(self.edges, tables, self.stretch.z(varpi[part]))
+        np.exp(rows[:2], out=rows[:2])
+        return rows
 
     def _factor(self, which: Factor, varpi: FloatArray) -> FloatArray:
         logarithm = self.logarithm(which, varpi)
@@ -262,14 +269,14 @@ class MasterCurve:
 
 
 def piecewise(edges: Sequence[float], tables: FloatArray, z: FloatArray) -> FloatArray:
-    """Evaluate the polynomials `tables` (pieces, rows, 4) of the pieces between `edges` at z (n,)."""
+    """Evaluate polynomials `tables` (pieces, ..., rows, 4) of the pieces between `edges` at z (n,), (..., n)."""
     if len(edges) == 2:
         return polynomial(tables[0], z)
-    value = np.empty_like(z)
+    value = np.empty((*tables.shape[1:-2], z.size))
     piece = np.searchsorted(edges[1:-1], z)
     for index, (low, high) in enumerate(pairwise(edges)):
         here = piece == index
-        value[here] = polynomial(tables[index], (z[here] - 0.5 * (low + high)) * (2.0 / (high - low)))
+        value[..., here] = polynomial(tables[index], (z[here] - 0.5 * (low + high)) * (2.0 / (high - low)))
     return value
 
 

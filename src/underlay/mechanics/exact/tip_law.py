@@ -22,7 +22,7 @@ from underlay.mechanics.exact.tip_curves import TipContacts, TipCurves, tip_curv
 from underlay.mechanics.indenters import Indenter, Sphere
 from underlay.mechanics.kernel import Family
 
-__all__ = ["TipLaw", "TipSlopes", "tip_laws", "tip_range", "tips_side_by_side"]
+__all__ = ["TipLaw", "TipSlopes", "in_size", "tip_laws", "tip_range", "tips_side_by_side"]
 
 # Ranges of varpi are finer than those of the tables: a sphere ends soon after it is asked.
 _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
@@ -33,16 +33,7 @@ _WIDE, _DEEPER = 0.9999 * LARGEST_EPS, 1.0005
 
 @dataclass(frozen=True, kw_only=True)
 class TipLaw(ExactLaw):
-    """An exact law off the tables of the flat punch, with its derivatives in the ratio and in the tip's size."""
-
-    def ratio_slope(self, depth: FloatArray, force: FloatArray) -> FloatArray | None:
-        """dP/d ln k (N) at fixed depth (m), (n,), where the force (N) is `force`; zero out of contact."""
-        return self.beside_slope(0, depth, force)
-
-    def size_slope(self, depth: FloatArray, force: FloatArray, stiffness: FloatArray) -> FloatArray | None:
-        """dP/d ln(size of the tip) (N) at fixed depth (m) and thickness, (n,)."""
-        in_thickness = self.beside_slope(1, depth, force)
-        return None if in_thickness is None else _in_size(depth, force, stiffness, in_thickness)
+    """An exact law off the tables of the flat punch: its slopes are those in ln k and in ln(thickness)."""
 
 
 class TipSlopes(NamedTuple):
@@ -75,13 +66,16 @@ def tips_side_by_side(laws: Sequence[TipLaw], depth: FloatArray) -> TipSlopes:
     abel = np.array([law.measure.abel_coefficient for law in laws])
     w = np.maximum(depth, 0.0)
     force, stiffness, slopes = batch.with_slopes(w, theta, thickness, abel)
-    return TipSlopes(force, stiffness, slopes[:, 0], _in_size(w, force, stiffness, slopes[:, 1]))
+    return TipSlopes(force, stiffness, slopes[:, 0], in_size(w, force, stiffness, slopes[:, 1]))
 
 
-def _in_size(
+def in_size(
     depth: FloatArray, force: FloatArray, stiffness: FloatArray, in_thickness: FloatArray
 ) -> FloatArray:
-    """dP/d ln(size of the tip) (N): all lengths together scale the force with their square."""
+    """dP/d ln(size of the tip) (N) from P (N), dP/dw (N/m) and dP/d ln(thickness) (N) at depths (m).
+
+    All lengths together scale the force with their square.
+    """
     return np.asarray(2.0 * force - depth * stiffness - in_thickness)
 
 
