@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.least_squares.base_steps import BaseSteps
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.places import Places
 from underlay.inference.least_squares.projection import Point, acting
@@ -61,6 +60,9 @@ _BACK = 100.0
 _VENTURE = 100.0  # how much higher than its beginning a step up the side may end
 # A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.
 _LONGEST = 3.0
+# Models are smooth in scaled coordinates: over a step no longer than this their derivatives change by as much of
+# themselves.
+_HAIR = 1e-3
 # Steps shorter than this in every coordinate move nothing that a curve could tell.
 _SHORTEST = 1e-10
 # A last step that should gain less than this share of the sum of squares, a thousandth of a standard error with
@@ -86,6 +88,9 @@ class Search:
     endless : float
         A valley in which a step of the longest kind gains less than this share of the sum of squares has no end to
         look for.
+    straight : float
+        A step is the last if what it leaves is below this share of a standard error: no entry changes by more
+        than a thousandth, and a thousandth is what the derivatives then change by.
     """
 
     steps: int = 60
@@ -93,6 +98,7 @@ class Search:
     least: float = 0.0
     damping: float = 1e-5
     endless: float = 0.0
+    straight: float = 0.0
 
     def is_little(self, gain: FloatArray, square: FloatArray) -> NDArray[np.bool_]:
         """Whether a gain (s,) on sums of squares (s,) is too small to go on."""
@@ -101,7 +107,7 @@ class Search:
 
 #: Of all points: the last step is within some hundredths of a standard error, what it leaves within a thousandth.
 #: Damped less, fits take some 5 % less time, and those of a law that sticks end in one of its lesser minima.
-FINE = Search()
+FINE = Search(straight=5e-4)
 
 
 @dataclass(frozen=True)
@@ -153,7 +159,7 @@ def descend(
     outcome = _Outcome([None] * len(begin.square), give_up, ended)
     here = _Running.of(begin, low, high, search.damping)
     for count in range(search.steps):
-        proposed, promised, last = here.proposed(active, search, objective.bases)
+        proposed, promised, last = here.proposed(active, search, objective)
         going = outcome.before_step(count, here, proposed, promised, last)
         if not going.all():
             here, proposed = here.part(going), proposed[going]
@@ -249,23 +255,42 @@ class _Running(NamedTuple):
         )
 
     def proposed(
-        self, active: NDArray[np.bool_], search: Search, bases: BaseSteps | None
+        self, active: NDArray[np.bool_], search: Search, objective: Objective
     ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
         """Vectors (s, k) to go to, the squares that these promise, and which are last steps that need no model."""
         here = self.now.vector
         low, high = self.low - here, self.high - here
+        bases = objective.bases
         course = None if bases is None else bases.at(here)
         if course is not None:
             low, high = course.straight(low), course.straight(high)
         step, gain, length = _steps(self.now, self.damping, active, low, high)
         little = search.is_little(gain, self.best.square)
         little |= length <= _SHORTEST
+        if search.straight and not little.all() and (length <= _HAIR).any():
+            plain, its_gain, straight = self._straight(active, low, high, search.straight, objective.points)
+            step, gain = np.where(straight[:, None], plain, step), np.where(straight, its_gain, gain)
+            little |= straight
         made = gain > _STILL * self.best.square
         if not made.all():
             step = np.where(made[:, None], step, 0.0)
         change = step if course is None else course.taken(step, _LONGEST)
         there = np.minimum(np.maximum(here + change, self.low), self.high)
         return there, self.now.square - gain, little & ~self.ventured
+
+    def _straight(
+        self, active: NDArray[np.bool_], low: FloatArray, high: FloatArray, share: float, points: int
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+        """Undamped steps (s, k), what they should gain (s,), and which leave less than a share of a standard error.
+
+        What is not straight in the models is the sum over the entries of what each changes them by, without the
+        cancelling, times the length of the step.
+        """
+        least = np.full(len(self.rows), _LEAST_DAMPING)
+        step, gain, length = _steps(self.now, least, active, low, high)
+        norms = np.sqrt(self.now.normal.diagonal(axis1=1, axis2=2))
+        bent = length * (norms * np.abs(step)).sum(axis=1)
+        return step, gain, (length <= _HAIR) & (bent <= share * np.sqrt(self.best.square / points))
 
     def moved(self, there: Places, search: Search) -> tuple[Self, list[str]]:
         """The searches after they were `there`, and in words why one ended; no words where it goes on."""

@@ -89,18 +89,18 @@ class Models:
     def follow(self, physical: FloatArray, near: Callable[[FloatArray, list[FloatArray]], bool]) -> bool:
         """Whether the models at a vector (k,) follow by their slopes from those asked last, and are kept so.
 
-        `near` is told the step (k,) and what it changes the models by (N), (n,) each: whether that is little.
+        `near` is told the step (k,) and the derivatives, (n, own) each, in SI: whether it is little.
         """
         key, columns = self._last_columns.get(False, (b"", []))
         if not key or key in (self._followed[0], physical.tobytes()) or key != self._last_models[0]:
             return False
         step = physical - np.frombuffer(key)
+        if not near(step, columns):
+            return False
         changes = [
             own @ step[list(member.entries.values())]
             for own, member in zip(columns, self.members, strict=True)
         ]
-        if not near(step, changes):
-            return False
         there = physical.tobytes()
         models = [model + change for model, change in zip(self._last_models[1], changes, strict=True)]
         self._last_models, self._last_columns[False] = (there, models), (there, columns)

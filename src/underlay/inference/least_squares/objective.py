@@ -30,9 +30,10 @@ __all__ = ["Objective"]
 
 # Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
 _FAR = 40.0
-# A step that changes the residuals by less than this share of their sum of squares, a thirtieth of a standard error
-# with 1000 points, and every scaled coordinate by less than a thousandth, is straight to 1e-3 of itself.
-_UNTOLD, _A_HAIR = 1e-6, 1e-3
+# Over a step that changes no scaled coordinate by more than a thousandth derivatives change by a thousandth of
+# themselves; and the models follow by slopes where this leaves them wrong by less than so many standard errors of
+# the fit.
+_A_HAIR, _UNTOLD = 1e-3, 1e-3
 
 
 @dataclass
@@ -158,11 +159,16 @@ class Objective:
         Not where a law was refused on the way.
         """
         physical = self.problem.physical(vector)
-        hair = _A_HAIR * np.abs(self.problem.space.slopes(physical))
+        slopes = np.abs(self.problem.space.slopes(physical))
 
-        def near(step: FloatArray, changes: list[FloatArray]) -> bool:
-            told = sum(float(own @ own) for own in self._whitened(changes))
-            return told <= _UNTOLD * square and bool((np.abs(step) <= hair).all())
+        def near(step: FloatArray, columns: list[FloatArray]) -> bool:
+            length = float((np.abs(step) / slopes).max(initial=0.0))
+            if length > _A_HAIR:
+                return False
+            told = 0.0
+            for rows, entries in zip(self._whitened_rows(columns), self._entries, strict=True):
+                told += float((np.linalg.norm(rows, axis=1) * np.abs(step[entries])).sum()) ** 2
+            return bool(length * told**0.5 <= _UNTOLD * (square / self.points) ** 0.5)
 
         return not self.failures and self.asked.follow(physical, near)
 

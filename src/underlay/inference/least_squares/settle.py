@@ -10,7 +10,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.engine import FINE, Minimum, Search, minimise
+from underlay.inference.least_squares.engine import FINE, Minimum, minimise
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.last_word import LastWord, Minimiser
 from underlay.inference.least_squares.noise_estimate import first_noises, renew
@@ -22,7 +22,7 @@ __all__ = ["Optimum", "confirmed", "settle"]
 _MAX_ROUNDS = 12
 # Of a thin and stiff layer on a known soft base E h^3 alone acts, and far along that valley a law costs up to a
 # second. With 1000 points z changes by less than one on a factor of twenty where a fit leaves it.
-_KNOWN_BASE = Search(endless=5e-4)
+_KNOWN_BASE = replace(FINE, endless=5e-4)
 
 
 @dataclass(frozen=True)
