@@ -163,8 +163,8 @@ def test_what_would_leave_its_bound_goes_there_and_the_others_to_their_best_besi
     assert found.values[NU] == 0.5
     # A step that was clipped alone left modulus and contact where they belong to a ratio beyond: after 14 models
     # that search ended higher by 0.1, and an eighth of a standard error away.
-    # Where models follow by slopes they are off by a thousandth of a standard error: chi-square by twice as much, times
-    # what residuals of unit variance say to that.
+    # Where models follow by slopes they are off by a thousandth of a standard error: chi-square by twice as much,
+    # times what residuals of unit variance say to that.
     assert found.statistics.chi_square == pytest.approx(held.statistics.chi_square, abs=5e-3)
     assert found.statistics.evaluations <= 6
 

@@ -99,7 +99,7 @@ def test_the_scan_finds_the_thickness_between_those_that_it_tries(base):
     scene = layer_on(base)
     start = scene.with_values({E: 1e2 * scene.parameters[E], H: 3.0 * scene.parameters[H]})
     p = Problem(start, exact_curve(scene), [E, H, C])
-    best = p.values(scan(p)[0])
+    best = p.values(scan(p)[0].vector)
     # Those that it tries are 0.54 apart in the logarithm, so without looking between them it is up to 0.27 off; a
     # parabola leaves the third power of that.
     assert abs(np.log(best[H] / scene.parameters[H])) < 0.1
@@ -120,7 +120,7 @@ def test_the_scan_agrees_with_a_base_that_is_known(modulus):
     scene = layer_on(ul.Isotropic(modulus, 0.3))
     start = scene.with_values({E: 1e3 * scene.parameters[E]})
     p = Problem(start, exact_curve(scene), [E, C])
-    best = p.values(scan(p)[0])
+    best = p.values(scan(p)[0].vector)
     # Between ratios up to seven apart the straight line in ln k is off by a few tens of per cent, that in
     # -ln(1 + 1/k) by a few.
     assert abs(np.log(best[E] / 1e6)) < 0.1

@@ -13,7 +13,7 @@ from underlay.inference.least_squares.engine import Ahead, Minimum, Search, desc
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.scan_curve import BASE_MODULUS, MODULUS
 
-__all__ = ["Candidate", "candidates"]
+__all__ = ["EXPLAINED", "Candidate", "candidates"]
 
 # A step that lowers the sum of squares by less than this share came from within a third of a standard error of
 # the blocks; what is left is far less.
@@ -21,8 +21,8 @@ _SEARCH = Search(steps=24, settled=3e-3, damping=1e-6)
 # Nothing explains the data better than down to their scatter. Once one start does, another that after so many steps
 # neither is nor promises to be among those that may be the optimum is given up.
 _PATIENCE = 1
-# Chi-square per block below which a model explains the data.
-_EXPLAINED = 1.4
+#: Chi-square per block below which a model explains the data.
+EXPLAINED = 1.4
 # A search stays between the neighbours of its grid point: 0.55 apart in ln h, 2.3 in the logarithm of a ratio; the
 # modulus goes with h^3 along the valley of a thin layer. Beyond is another start's.
 _REACH, _MODULUS_REACH = 0.6, 2.5
@@ -128,7 +128,7 @@ def _boxes(blocked: Objective, starts: FloatArray, reach: FloatArray) -> tuple[F
 
 def _candidate(blocked: Objective, minimum: Minimum, degrees: int, *, at_edge: bool) -> Candidate:
     point, normal = minimum.point, None
-    if point.square <= _EXPLAINED * blocked.points:
+    if point.square <= EXPLAINED * blocked.points:
         normal = point.normal * (degrees / point.square)
     return Candidate(point.square, minimum.vector, normal, at_edge)
 

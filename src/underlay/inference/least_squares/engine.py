@@ -63,6 +63,9 @@ _LONGEST = 3.0
 # Models are smooth in scaled coordinates: over a step no longer than this their derivatives change by as much of
 # themselves.
 _HAIR = 1e-3
+# A last step is not asked for its model. What it should gain is little anyway: one so long that the model may rise
+# again on the way is not made.
+_SURE = 0.05
 # Steps shorter than this in every coordinate move nothing that a curve could tell.
 _SHORTEST = 1e-10
 # A last step that should gain less than this share of the sum of squares, a thousandth of a standard error with
@@ -271,7 +274,7 @@ class _Running(NamedTuple):
             plain, its_gain, straight = self._straight(active, low, high, search.straight, objective.points)
             step, gain = np.where(straight[:, None], plain, step), np.where(straight, its_gain, gain)
             little |= straight
-        made = gain > _STILL * self.best.square
+        made = (gain > _STILL * self.best.square) & ~(little & (length > _SURE))
         if not made.all():
             step = np.where(made[:, None], step, 0.0)
         change = step if course is None else course.taken(step, _LONGEST)

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.errors import FitError, InputError
 from underlay.inference.least_squares.blocks import blocked_objective, power_law_objective
-from underlay.inference.least_squares.candidates import candidates
+from underlay.inference.least_squares.candidates import EXPLAINED, candidates
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.judge import judge
 from underlay.inference.least_squares.last_word import LOSSES, METHODS, Minimiser
 from underlay.inference.least_squares.law_bias import law_bias
-from underlay.inference.least_squares.scan import scan
+from underlay.inference.least_squares.scan import Start, scan
 from underlay.inference.least_squares.settle import Optimum, confirmed, settle
 from underlay.inference.least_squares.stated import Statements
 from underlay.inference.problem import Problem
@@ -40,6 +40,11 @@ _TIGHTEST, _LOOSEST = 1e-12, 1e-2
 # With one start there is nothing to choose from, and a step costs 1.2 times one on blocks with 1000 points, twice
 # with 3000.
 _FEW_POINTS = 2000
+# Nothing explains the data better than down to their scatter: beside a start that leads there one whose misfit is
+# twice as high, below whose optimum it then lies, is not searched from.
+_LIKELY = 2.0
+# Along a valley without an end blocks are less work.
+_QUICKLY = 6
 # Of the choice of readings beside a jump; the second mostly confirms the first.
 _MAX_PASSES = 4
 
@@ -124,11 +129,14 @@ def _sticks(problem: Problem) -> bool:
 def _fit_once(problem: Problem, lmfit: Minimiser | None, start: str) -> Fit:
     """Scan, descend, settle, judge; `Problem` has compiled."""
     began = time.perf_counter()
-    robust = lmfit if lmfit is not None and lmfit.loss else None
     places: Sequence[FloatArray] = [problem.start]
     if start == "scan":
-        starts = [_inside(problem, place) for place in scan(problem)]
-        places = _descend(problem, starts, robust=robust is not None) or places
+        starts = [Start(_inside(problem, place), misfit) for place, misfit in scan(problem)]
+        robust = lmfit is not None and lmfit.loss is not None
+        alone = None if robust else _explaining(problem, starts)
+        if alone is not None:
+            return _judged(lmfit, [alone], began)
+        places = _descend(problem, [place for place, _ in starts], robust=robust) or places
     found = _settled(problem, lmfit, places, began)
     if _sticks(problem):
         return _without_undetermined(found, lmfit, began)
@@ -180,9 +188,31 @@ def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatAr
     settled = [optimum for place in places if (optimum := settle(problem, place, robust)) is not None]
     if not settled:
         raise _no_law(problem)
+    return _judged(lmfit, settled, began)
+
+
+def _explaining(problem: Problem, starts: Sequence[Start]) -> Optimum | None:
+    """Optimum below the first start, where it explains the data and every other start is far worse; else None."""
+    others = [misfit for _, misfit in starts[1:]]
+    if not others or min(others) <= _LIKELY or problem.n_points > _FEW_POINTS or not _has_blocks(problem):
+        return None
+    found = settle(problem, starts[0].vector, steps=_QUICKLY)
+    if found is None or not found.success:
+        return None
+    models = found.objective.models(found.vector)
+    square = sum(
+        float(np.square(model - member.force).sum()) / member.scatter**2
+        for model, member in zip(models, problem.members, strict=True)
+    )
+    return found if square <= EXPLAINED * problem.n_points else None
+
+
+def _judged(lmfit: Minimiser | None, settled: Sequence[Optimum], began: float) -> Fit:
+    """Judge the best of some optima."""
+    robust = lmfit is not None and lmfit.loss is not None
     best = min(settled, key=lambda optimum: optimum.loss) if len(settled) > 1 else settled[0]
     others = [other.vector for other in settled if other is not best]
-    if lmfit is not None and robust is None:
+    if lmfit is not None and not robust:
         # Where the engine settled, lmfit moves nothing by 2e-3 of a standard error (tests/test_engine.py):
         # `Fit.lmfit` asks it when that is read, and nobody waits for what he does not read.
         # On a plateau there is more than one place to stop at: there it has the last word at once.
@@ -208,8 +238,7 @@ def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) ->
     """Places below the starts that may be the optimum, best first."""
     if len(starts) <= 1 and problem.n_points <= _FEW_POINTS and not robust:
         return starts
-    if any(member.forward.history is not None or member.scene.adhesion for member in problem.members):
-        # Blocks of neighbouring depths have no time, and no jump: every start is fitted to all points.
+    if not _has_blocks(problem):
         return starts
     by_power_laws = power_law_objective(problem, robust=robust)
     if by_power_laws is not None:
@@ -219,6 +248,11 @@ def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) ->
     found = candidates(blocked_objective(problem, robust=robust), starts)
     # Robust fits of different scale do not compare by their losses: only the best is taken further.
     return [entry.vector for entry in (found[:1] if robust else found)] or starts
+
+
+def _has_blocks(problem: Problem) -> bool:
+    """Whether neighbouring readings may be taken together: blocks of depths have no time, and no jump."""
+    return not any(member.forward.history is not None or member.scene.adhesion for member in problem.members)
 
 
 def _no_law(problem: Problem) -> FitError:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -42,7 +42,7 @@ from underlay.inference.problem import Problem
 from underlay.mechanics.indenters import FlatPunch
 from underlay.scene.scene import Scene
 
-__all__ = ["Landscape", "scan"]
+__all__ = ["Landscape", "Start", "scan"]
 
 _SCAN_RTOL = 1e-2
 # What a grid tries, and what scales out of its laws with that.
@@ -86,16 +86,28 @@ class _Grid:
         return _Grid(np.einsum("tkm,tkm->tk", residuals, residuals), values, residuals)
 
 
-def scan(problem: Problem, count: int = 3) -> list[FloatArray]:
-    """Local minima of the grid as starts (scaled vectors (k,)), best first, at most `count`.
+class Start(NamedTuple):
+    """A place to search from: scaled vector (k,), and how many times the best's misfit its own is."""
+
+    vector: FloatArray
+    misfit: float
+
+
+def scan(problem: Problem, count: int = 3) -> list[Start]:
+    """Local minima of the grid, best first, at most `count`.
 
     Thickness and moduli that curves share are scanned together; what is a curve's own is chosen by it alone.
     Empty if no grid point has a law. Where something sticks, the pull-off tells more: see `adhesive_start.py`.
     """
     if any(member.scene.adhesion for member in problem.members):
-        return adhesive_starts(problem, count)
+        return [Start(vector, 1.0) for vector in adhesive_starts(problem, count)]
     landscape = Landscape.of(problem)
-    return [landscape.vector(place) for place in landscape.minima(count)]
+    places = landscape.minima(count)
+    misfits = [float(landscape.misfit[place]) for place in places]
+    return [
+        Start(landscape.vector(place), misfit / misfits[0] if misfits[0] > 0.0 else 1.0)
+        for place, misfit in zip(places, misfits, strict=True)
+    ]
 
 
 @dataclass(frozen=True)

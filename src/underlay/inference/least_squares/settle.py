@@ -73,10 +73,12 @@ class Optimum:
         return self.objective.loss(self.vector)
 
 
-def settle(problem: Problem, vector: FloatArray, robust: Minimiser | None = None) -> Optimum | None:
+def settle(
+    problem: Problem, vector: FloatArray, robust: Minimiser | None = None, *, steps: int | None = None
+) -> Optimum | None:
     """Fit all points from a scaled start (k,), by the engine or by lmfit with a robust loss.
 
-    None if there is no contact law at the start.
+    None if there is no contact law at the start. The engine makes at most so many `steps`, if that is said.
     """
     try:
         objective = Objective(problem, freeze(problem, vector, first_noises(problem, vector)))
@@ -84,23 +86,27 @@ def settle(problem: Problem, vector: FloatArray, robust: Minimiser | None = None
         return None
     if not objective.exists(vector):
         return None
-    found = _searched(objective, vector, robust)
+    found = _searched(objective, vector, robust, steps)
     for _ in range(_MAX_ROUNDS):
         renewal = renew(objective, found.vector, robust=robust is not None)
         objective.noise = renewal.noise
         found = replace(found, vector=renewal.vector)
         if renewal.settled:
             break
-        found = _searched(objective, found.vector, robust)
+        found = _searched(objective, found.vector, robust, steps)
     return found
 
 
-def _searched(objective: Objective, start: FloatArray, robust: Minimiser | None) -> Optimum:
+def _searched(
+    objective: Objective, start: FloatArray, robust: Minimiser | None, steps: int | None
+) -> Optimum:
     if not objective.active:
         return Optimum(objective, start, success=True, message="nothing to vary.")
     if robust is not None:
         return _by_lmfit(objective, robust, robust(objective, start))
     search = FINE if objective.bases is not None else _KNOWN_BASE
+    if steps is not None:
+        search = replace(search, steps=steps)
     found: Minimum | None = minimise(objective, start, search)
     if found is None:
         return Optimum(objective, start, success=False, message="no contact law beside the start")

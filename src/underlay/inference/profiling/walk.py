@@ -324,4 +324,4 @@ def _starts_with_held(problem: Problem, index: int, vector: FloatArray) -> list[
         # The value cannot be a scene's: a contact beyond the last point, an impossible material.
         return []
     known = problem.values(vector)
-    return [problem.vector(known | held.values(start)) for start in scan(held)]
+    return [problem.vector(known | held.values(start.vector)) for start in scan(held)]
