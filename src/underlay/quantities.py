@@ -20,7 +20,6 @@ from __future__ import annotations
 import re
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import Field, dataclass, fields, is_dataclass, replace
-from functools import cache, lru_cache
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -317,7 +316,7 @@ def replace_values(
         if path not in paths:
             there = ", ".join(sorted(numbers_of(whole, prefix)))
             raise ParameterError(f"there is no number {path!r} here, but {there}")
-    touched = {part for path in values for part in _above(path)} | values.keys()
+    touched = {path[:end] for path in values for end, sign in enumerate(path) if sign in ".["} | values.keys()
     numbers = {path: float(value) for path, value in values.items()}
     changed: Whole = _replaced(whole, prefix, numbers, touched)
     return changed
@@ -326,8 +325,9 @@ def replace_values(
 def _replaced(part: Any, prefix: str, values: Mapping[str, float], touched: Container[str]) -> Any:
     """Return the part with new numbers; itself where none of `values`, in the parts `touched`, is its own."""
     changed = {}
-    for name, inlined in _entries(part.__class__):
-        path = prefix if inlined else f"{prefix}.{name}" if prefix else name
+    # Not `fields`, which takes longer: what is no field has no path that is touched.
+    for name, entry in part.__dataclass_fields__.items():
+        path = _path(prefix, entry)
         if path and path not in touched:
             continue
         new = old = getattr(part, name)
@@ -346,15 +346,3 @@ def _replaced(part: Any, prefix: str, values: Mapping[str, float], touched: Cont
         if new is not old and new != old:
             changed[name] = new
     return replace(part, **changed) if changed else part
-
-
-@cache
-def _entries(kind: Any) -> tuple[tuple[str, bool], ...]:
-    """Names of the fields of a part, and whether each lends its own fields: a fit asks for every law."""
-    return tuple((entry.name, bool(entry.metadata.get("inlined"))) for entry in fields(kind))
-
-
-@lru_cache(maxsize=1024)
-def _above(path: str) -> tuple[str, ...]:
-    """Paths of the parts that a number is in."""
-    return tuple(path[:end] for end, sign in enumerate(path) if sign in ".[")

@@ -63,8 +63,7 @@ _LONGEST = 3.0
 # Models are smooth in scaled coordinates: over a step no longer than this their derivatives change by as much of
 # themselves.
 _HAIR = 1e-3
-# A last step is not asked for its model. What it should gain is little anyway: one so long that the model may rise
-# again on the way is not made.
+# A last step is not asked for its model. One so long that the model may rise again on the way is no last step.
 _SURE = 0.05
 # Steps shorter than this in every coordinate move nothing that a curve could tell.
 _SHORTEST = 1e-10
@@ -274,12 +273,12 @@ class _Running(NamedTuple):
             plain, its_gain, straight = self._straight(active, low, high, search.straight, objective.points)
             step, gain = np.where(straight[:, None], plain, step), np.where(straight, its_gain, gain)
             little |= straight
-        made = (gain > _STILL * self.best.square) & ~(little & (length > _SURE))
+        made = gain > _STILL * self.best.square
         if not made.all():
             step = np.where(made[:, None], step, 0.0)
         change = step if course is None else course.taken(step, _LONGEST)
         there = np.minimum(np.maximum(here + change, self.low), self.high)
-        return there, self.now.square - gain, little & ~self.ventured
+        return there, self.now.square - gain, little & ~self.ventured & ((length <= _SURE) | ~made)
 
     def _straight(
         self, active: NDArray[np.bool_], low: FloatArray, high: FloatArray, share: float, points: int

@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from underlay._arrays import FloatArray, read_only
+from underlay._arrays import FloatArray
 from underlay.inference.least_squares.adhesive_start import adhesive_starts
 from underlay.inference.least_squares.base_steps import bent
 from underlay.inference.least_squares.blocks import Blocks, blocked_forward
@@ -48,6 +48,8 @@ _SCAN_RTOL = 1e-2
 # What a grid tries, and what scales out of its laws with that.
 _TRIED = (MODULUS, BASE_MODULUS, THICKNESS)
 _BETWEEN = 8  # steps from a thickness tried to the next
+# Of the three points that a parabola goes through: each, and the two others.
+_OWN, _NEXT, _LAST = np.arange(3), np.array([1, 2, 0]), np.array([2, 0, 1])
 _BLOCKS = 16  # enough to tell a contact to a grid step
 # A place whose misfit is so many times the best's is no start. A start's misfit is 1.2 to 5 times that of the
 # optimum below it (medians), so that next to none would end lower; where noise decides all are alike, and stay.
@@ -131,8 +133,7 @@ class Landscape:
             for member, curve in zip(problem.members, curves, strict=True)
         )
         if len(grids[0].misfit) > 2 and all(np.isfinite(grid.misfit).all() for grid in grids):
-            tried = np.log(grids[0].values[THICKNESS][:, 0])
-            weights = _parabolas(tuple(((tried - tried[0]) / (tried[-1] - tried[0])).round(9).tolist()))
+            weights = _parabolas(np.log(grids[0].values[THICKNESS][:, 0]))
             return cls(problem, curves, tuple(grid.between(weights) for grid in grids), _BETWEEN)
         return cls(problem, curves, grids)
 
@@ -256,26 +257,19 @@ def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[fl
     return grid if moduli_are_shared else grid.best_along(1)
 
 
-@lru_cache(maxsize=64)
-def _parabolas(shares: tuple[float, ...]) -> FloatArray:
-    """Weights (p, t) of values at shares of a range for those at more places: parabolas through the nearest three.
-
-    Most grids are even: their shares are the same.
-    """
-    x = np.array(shares)
+def _parabolas(x: FloatArray) -> FloatArray:
+    """Weights (p, t) of values at x (t,) for those at more places, by parabolas through the nearest three."""
     steps = np.arange(_BETWEEN * (len(x) - 1) + 1) / _BETWEEN
     at = np.interp(steps, np.arange(len(x)), x)
-    first = np.clip(np.round(steps).astype(np.intp) - 1, 0, len(x) - 3)
-    which = first[:, None] + np.arange(3)
+    first = np.minimum(np.maximum(np.round(steps).astype(np.intp) - 1, 0), len(x) - 3)
+    which = first[:, None] + _OWN
     nodes = x[which]
-    off = at[:, None] - nodes
+    off, one, other = at[:, None] - nodes, nodes[:, _NEXT], nodes[:, _LAST]
     weights = np.zeros((len(at), len(x)))
-    for k in range(3):
-        own, one, other = nodes[:, k], nodes[:, k - 1], nodes[:, k - 2]
-        weights[np.arange(len(at)), which[:, k]] = (
-            off[:, k - 1] * off[:, k - 2] / ((own - one) * (own - other))
-        )
-    return read_only(weights)
+    weights[np.arange(len(at))[:, None], which] = (
+        off[:, _NEXT] * off[:, _LAST] / ((nodes - one) * (nodes - other))
+    )
+    return weights
 
 
 def _fits(curve: ScanCurve, member: Member, thicknesses: FloatArray, bases: FloatArray) -> GridFit:

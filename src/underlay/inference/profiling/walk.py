@@ -39,7 +39,7 @@ _MOST_REFUSED = 8
 # Two values of the parameter this close (scaled coordinates) are one.
 _SAME = 1e-9
 # An entry that moves all readings together by less than this many standard deviations per unit lies on a plateau.
-_FLAT = 1e-3
+_FLAT = 3e-2
 # Below this rise a value is inside every interval of 68 % or more, wherever the others would be better.
 _DOUBTED = 1.0
 _BETTER = 0.01  # of t: less than that changes no interval by a hundredth of its width
