@@ -125,35 +125,6 @@ def test_lmfits_own_result_is_handed_over():
     assert quick_fit(p).lmfit.chisqr == pytest.approx(result.chisqr, rel=1e-7)
 
 
-@pytest.mark.parametrize("case", ["rigid", "base", "prior", "correlated"])
-def test_a_last_step_that_tells_nothing_asks_for_no_law_and_says_what_a_law_says(case):
-    p = posed(case)
-    found = quick_fit(p)
-    objective = Objective(p, freeze(p, found.vector, p.noises(found.vector)))
-    asked = objective.residuals(found.vector)[: p.n_points]
-    # A step of a thousandth that changes the residuals by a thousandth of their length: what is not straight in it
-    # is a millionth.
-    assert np.linalg.norm(found.whitened[0] - asked) < 1e-6 * np.linalg.norm(asked)
-    normal = objective.normals(found.vector)[1]
-    deviations = np.sqrt(np.diag(np.linalg.inv(normal)))
-    assert np.sqrt(np.diag(found.scaled_covariance)) == pytest.approx(deviations, rel=2e-3)
-
-
-def test_models_follow_only_where_a_step_tells_nothing():
-    p = posed("rigid")
-    objective = Objective(p, freeze(p, p.start, p.noises(p.start)))
-    assert objective.exists(p.start)
-    square, count = objective.square(p.start), objective.evaluations
-    assert not objective.follows(p.start + 2e-3, square)
-    assert objective.follows(p.start + 1e-7, square)
-    assert objective.asked.asked_for(p.physical(p.start + 1e-7)) == pytest.approx(
-        p.physical(p.start), rel=1e-12
-    )
-    # Not from what itself followed: small steps would add up.
-    assert not objective.follows(p.start + 2e-7, square)
-    assert objective.evaluations == count
-
-
 def test_what_would_leave_its_bound_goes_there_and_the_others_to_their_best_beside_it():
     # Of an incompressible layer: the estimate of Poisson's ratio lies beyond one half about every second time.
     scene = layer_on(ul.Isotropic(4e6, 0.3), nu=0.5)

@@ -57,7 +57,8 @@ def test_the_optimum_is_that_of_the_general_fit(scene, free):
     """To 1e-6 of each parameter's natural size.
 
     The general fit follows its last step by slopes: derivatives are then off by 1e-3 of themselves at most, and
-    residuals by 1e-3 of one standard deviation together, which times what they say to that is 1e-5 of their squares.
+    residuals by 1e-3 of one standard deviation together, which times what they say to that is 1e-5 of their
+    squares.
     """
     for seed in range(3):
         true, curve = made(SCENES[scene], seed)

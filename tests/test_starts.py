@@ -6,10 +6,11 @@ import pytest
 import underlay as ul
 from support.inverse import exact_curve, layer_on, measured, problem
 from underlay.data.curve import Curve
-from underlay.inference.least_squares import fit
+from underlay.inference.least_squares import fit, fitting
 from underlay.inference.least_squares.blocks import Blocks, blocked_objective
 from underlay.inference.least_squares.candidates import candidates
 from underlay.inference.least_squares.scan import Landscape, scan
+from underlay.inference.least_squares.settle import settle
 from underlay.inference.plain_hertz import plain_hertz_fit
 from underlay.inference.problem import Problem
 
@@ -172,3 +173,22 @@ def test_starts_far_above_the_best_are_none(level, leaves, monkeypatch):
     limit = 25.0 * landscape.misfit[chosen[0]]
     assert max(landscape.misfit[place] for place in chosen) <= limit
     assert all(landscape.misfit[place] > limit for place in left)
+
+
+def test_beside_a_start_that_explains_the_data_far_worse_ones_are_not_searched_from(monkeypatch):
+    """One whose model is wrong explains nothing: then all are."""
+    asked = []
+    monkeypatch.setattr(fitting, "candidates", lambda *given: asked.append(given) or candidates(*given))
+    scene = layer_on(ul.Isotropic(1e7, 0.3))
+    curve = measured(scene, level=0.001, points=400, depth=1e-4)
+    p = problem(scene, [E, H, C, BASE], curve)
+    starts = scan(p)
+    assert min(start.misfit for start in starts[1:]) > 2.0
+    quick = fitting.quick_fit(p)
+    assert not asked
+    below = [settle(p, start.vector) for start in starts]
+    best = min(optimum.objective.square(optimum.vector) for optimum in below)
+    assert quick.statistics.chi_square <= best * (1.0 + 1e-6)
+    wavy = curve.force + 0.03 * np.ptp(curve.force) * np.sin(4e5 * curve.depth)
+    fitting.quick_fit(problem(scene, [E, H, C, BASE], Curve(curve.depth, wavy)))
+    assert asked

@@ -1,0 +1,114 @@
+"""The last step of a search: when it may be made without asking for its model, and what that leaves."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import underlay as ul
+from support.inverse import layer_on, measured, problem
+from underlay.inference.least_squares import engine, settle
+from underlay.inference.least_squares.engine import FINE, Search, minimise
+from underlay.inference.least_squares.fitting import quick_fit
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.places import Places
+from underlay.inference.priors.densities import Normal
+from underlay.scene.noise import Noise
+
+E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
+CASES = {
+    "rigid": (ul.RIGID, [E, H, C], {}),
+    "known base": (ul.Isotropic(4e6, 0.3), [E, H, C], {}),
+    "base": (ul.Isotropic(4e6, 0.3), [E, BASE, C, "instrument.baseline"], {}),
+    "prior": (ul.RIGID, {E: None, H: Normal(5e-4, 2e-5), C: None}, {}),
+    "correlated": (ul.RIGID, [E, H, C], {"correlation_time": 0.01}),
+}
+
+
+def posed(case):
+    """A problem with a known noise."""
+    base, free, more = CASES[case]
+    scene = layer_on(base, baseline=2e-3)
+    curve = measured(scene, level=0.003, **more)
+    return problem(
+        scene, free, curve, noise=Noise(force=0.003 * float(np.ptp(scene.force(curve.depth))), **more)
+    )
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_last_step_that_tells_nothing_asks_for_no_law_and_says_what_a_law_says(case):
+    p = posed(case)
+    found = quick_fit(p)
+    objective = Objective(p, freeze(p, found.vector, p.noises(found.vector)))
+    asked = objective.residuals(found.vector)[: p.n_points]
+    # What is not straight in the last step leaves residuals, each in units of its noise, wrong by a thousandth
+    # together, and derivatives by a thousandth of themselves.
+    assert np.linalg.norm(found.whitened[0] - asked) < 1e-3
+    normal = objective.normals(found.vector)[1]
+    deviations = np.sqrt(np.diag(np.linalg.inv(normal)))
+    assert np.sqrt(np.diag(found.scaled_covariance)) == pytest.approx(deviations, rel=2e-3)
+
+
+def test_a_straight_last_step_spares_models_and_moves_nothing(monkeypatch):
+    spared = 0
+    for case in CASES:
+        found = quick_fit(posed(case))
+        with monkeypatch.context() as patch:
+            for name in ("FINE", "_KNOWN_BASE"):
+                patch.setattr(settle, name, Search())
+            asked = quick_fit(posed(case))
+        deviations = np.sqrt(np.diag(found.scaled_covariance))
+        # Half a thousandth times what a derivative changes by over its own scale, a power of some units.
+        assert (np.abs(found.vector - asked.vector) < 2e-3 * deviations).all(), case
+        spared += asked.statistics.evaluations - found.statistics.evaluations
+    assert spared > 0
+
+
+def test_models_follow_only_where_a_step_tells_nothing():
+    p = posed("rigid")
+    objective = Objective(p, freeze(p, p.start, p.noises(p.start)))
+    assert objective.exists(p.start)
+    square, count = objective.square(p.start), objective.evaluations
+    assert not objective.follows(p.start + 2e-3, square)
+    assert objective.follows(p.start + 1e-7, square)
+    assert objective.asked.asked_for(p.physical(p.start + 1e-7)) == pytest.approx(
+        p.physical(p.start), rel=1e-12
+    )
+    # Not from what itself followed: small steps would add up.
+    assert not objective.follows(p.start + 2e-7, square)
+    assert objective.evaluations == count
+
+
+class _Bent:
+    """Residuals in a valley that bends: y = x^2, nearly flat along x up to one."""
+
+    points, active, bases = 1000, [0, 1], None
+    problem = SimpleNamespace(coordinates=(None, None), bounds=np.array([[-9.0, 9.0]] * 2))
+
+    @staticmethod
+    def residuals(vector):
+        x, y = vector
+        return np.array([300.0 * (y - x * x), 0.01 * (x - 1.0), 1000.0**0.5])
+
+    def places(self, vectors, low, high):
+        del low, high
+        r = np.array([self.residuals(vector) for vector in vectors])
+        J = np.array([[[-600.0 * x, 300.0], [0.01, 0.0], [0.0, 0.0]] for x, _ in vectors])
+        normal = J.swapaxes(1, 2) @ J
+        return Places(vectors, (r * r).sum(axis=1), (J.swapaxes(1, 2) @ r[:, :, None])[:, :, 0], normal)
+
+
+def test_a_long_last_step_is_not_believed(monkeypatch):
+    """What it should gain is far below what a fit tells, and where it leads the sum is ninety times as high."""
+    objective = _Bent()
+    start = np.zeros(2)
+    begin = objective.residuals(start)
+    assert FINE.settled * (begin @ begin) > 1e-4
+    ends = {}
+    for name, longest in {"now": engine._SURE, "believed": np.inf}.items():
+        monkeypatch.setattr(engine, "_SURE", longest)
+        there = objective.residuals(minimise(objective, start, FINE).vector)
+        ends[name] = there @ there
+    assert ends["now"] <= begin @ begin
+    assert ends["believed"] > 50.0 * (begin @ begin)
