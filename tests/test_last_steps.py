@@ -83,7 +83,7 @@ def test_models_follow_only_where_a_step_tells_nothing():
 class _Bent:
     """Residuals in a valley that bends: y = x^2, nearly flat along x up to one."""
 
-    points, active, bases = 1000, [0, 1], None
+    points, active, bases, poissons = 1000, [0, 1], None, None
     problem = SimpleNamespace(coordinates=(None, None), bounds=np.array([[-9.0, 9.0]] * 2))
 
     @staticmethod

@@ -262,10 +262,13 @@ class _Running(NamedTuple):
         """Vectors (s, k) to go to, the squares that these promise, and which are last steps that need no model."""
         here = self.now.vector
         low, high = self.low - here, self.high - here
-        bases = objective.bases
+        bases, poissons = objective.bases, objective.poissons
         course = None if bases is None else bases.at(here)
+        risen = None if poissons is None else poissons.at(here)
         if course is not None:
             low, high = course.straight(low), course.straight(high)
+        if risen is not None:
+            low, high = risen.straight(low), risen.straight(high)
         step, gain, length = _steps(self.now, self.damping, active, low, high)
         little = search.is_little(gain, self.best.square)
         little |= length <= _SHORTEST
@@ -277,6 +280,7 @@ class _Running(NamedTuple):
         if not made.all():
             step = np.where(made[:, None], step, 0.0)
         change = step if course is None else course.taken(step, _LONGEST)
+        change = change if risen is None else risen.taken(change)
         there = np.minimum(np.maximum(here + change, self.low), self.high)
         return there, self.now.square - gain, little & ~self.ventured & ((length <= _SURE) | ~made)
 

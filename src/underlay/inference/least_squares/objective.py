@@ -21,6 +21,7 @@ from underlay.inference.least_squares.fractions import Fractions
 from underlay.inference.least_squares.frozen_noise import FrozenNoise
 from underlay.inference.least_squares.models import Models
 from underlay.inference.least_squares.places import Places, Rows, projected
+from underlay.inference.least_squares.poisson_steps import PoissonSteps
 from underlay.inference.least_squares.projection import LinearDirections, Point
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
@@ -242,6 +243,11 @@ class Objective:
     def bases(self) -> BaseSteps | None:
         """How searches step in the moduli of bases."""
         return BaseSteps.of(self.members, self.problem.coordinates)
+
+    @cached_property
+    def poissons(self) -> PoissonSteps | None:
+        """How searches step in the Poisson's ratios of layers."""
+        return PoissonSteps.of(self.problem.coordinates)
 
     @cached_property
     def _linear(self) -> LinearDirections:

@@ -23,6 +23,7 @@ from underlay.mechanics.contact import AdhesionTable, Beside, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.solver import Solver
+from underlay.quantities import replace_values
 from underlay.scene.scene import Scene
 
 __all__ = ["LawSource", "LawStore", "quiet_law"]
@@ -356,7 +357,7 @@ class LawSource:
                 entry, in_log = self.similarity.ratio_paths.index(path), path not in self.similarity.direct
                 # Downwards: there is nothing beyond a Poisson's ratio of one half.
                 value = reduced[entry] * np.exp(-_KERNEL_STEP) if in_log else reduced[entry] - _KERNEL_STEP
-                there = self._scene((*reduced[:entry], value, *reduced[entry + 1 :])).contact
+                there = replace_values(scene, {path: value}, known=self.similarity.values).contact
                 if there.thickness != here.thickness or there.indenter != here.indenter:
                     return ()
                 found.append(Beside(there.kernel, float(np.log(there.theta / here.theta)), -_KERNEL_STEP))

@@ -1,0 +1,78 @@
+"""Steps of a layer's Poisson's ratio: what they are straight in, and what that spares a search."""
+
+import numpy as np
+import pytest
+
+import underlay as ul
+from support.inverse import layer_on, measured, problem
+from underlay.inference.least_squares.engine import minimise
+from underlay.inference.least_squares.frozen_noise import freeze
+from underlay.inference.least_squares.noise_estimate import first_noises
+from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.poisson_steps import PoissonSteps
+
+E, H, C, NU = "layer.E", "layer.thickness", "instrument.contact_depth", "layer.nu"
+
+
+def steps_from(nu):
+    """Of a problem whose layer has this ratio, and one scaled unit of it."""
+    p = problem(layer_on(ul.Isotropic(4e6, 0.3), nu=nu), [E, C, NU])
+    return PoissonSteps.of(p.coordinates), p.coordinates[2].scale
+
+
+@pytest.mark.parametrize("nu", [0.1, 0.3, 0.45, 0.499])
+def test_a_step_leads_where_it_was_measured_to(nu):
+    steps, unit = steps_from(nu)
+    there = np.zeros((5, 3))
+    there[:, 2] = np.linspace(0.0, 0.5 - nu, 5) / unit
+    there[0] = [0.3, -0.1, -0.7]
+    course = steps.at(np.zeros((5, 3)))
+    # One half is reached, and not as a limit; downwards a step is what it says.
+    assert course.taken(course.straight(there.copy())) == pytest.approx(there, rel=1e-12, abs=1e-14)
+    assert (course.straight(there.copy())[0] == there[0]).all()
+
+
+def test_a_short_step_is_one_of_the_ratio_and_a_long_one_shorter():
+    steps, unit = steps_from(0.4)
+    course = steps.at(np.zeros((2, 3)))
+    step = np.array([[0.2, 0.1, 1e-5], [0.2, 0.1, 0.2 / unit]])
+    taken = course.taken(step)
+    assert (taken[:, :2] == step[:, :2]).all()
+    # Half the square over the room, (1 - 2 nu + 0.05)/2 in nu, is left of it.
+    assert taken[0, 2] == pytest.approx(1e-5, rel=1e-5 * unit / 0.125)
+    # 0.125 (1 - exp(-0.2 / 0.125)) in nu.
+    assert taken[1, 2] * unit == pytest.approx(0.125 * -np.expm1(-1.6), rel=1e-12)
+
+
+def test_only_a_ratio_that_is_free_is_stepped_so():
+    p = problem(layer_on(ul.RIGID), [E, H, C])
+    assert PoissonSteps.of(p.coordinates) is None
+
+
+def test_a_search_from_too_compressible_a_layer_comes_straight_up(monkeypatch):
+    scene = layer_on(ul.Isotropic(1e7, 0.3), nu=0.45)
+    p = problem(scene.with_values({NU: 0.3}), [E, C, NU], measured(scene, level=1e-3))
+
+    def search():
+        objective = Objective(p, freeze(p, p.start, first_noises(p, p.start)))
+        found = minimise(objective, p.start)
+        return objective.evaluations, found.point.square
+
+    asked, square = search()
+    monkeypatch.setattr(Objective, "poissons", None)
+    in_nu, same = search()
+    assert square <= same * (1.0 + 1e-6)
+    assert asked < in_nu
+
+
+def test_an_incompressible_layer_is_met():
+    scene = layer_on(ul.Isotropic(1e7, 0.3), nu=0.5)
+    curve = measured(scene, level=1e-3, rng=3)
+    found = [
+        ul.fit(problem(scene.with_values({NU: nu}), [E, C, NU], curve, noise=ul.Noise(force=1e-4)))
+        for nu in (0.1, 0.3, 0.49)
+    ]
+    chi_squares = [each.statistics.chi_square for each in found]
+    # What a step leaves that gains 2e-7 of them.
+    assert chi_squares == pytest.approx([min(chi_squares)] * 3, rel=1e-6)
+    assert all(each.values[NU] > 0.499 for each in found)
