@@ -1,5 +1,7 @@
 """Tables of master curves over the modulus ratio: as accurate as they claim, and functions of the ratio alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,8 @@ from underlay.mechanics.exact.curve_family import (
 from underlay.mechanics.exact.curves_of_bodies import solve_curves
 from underlay.mechanics.exact.family_law import side_by_side, tabulated_law
 from underlay.mechanics.exact.master_curve import Factor
-from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw
+from underlay.mechanics.exact_solvers import Auto, Exact
+from underlay.mechanics.indenters import Cone, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import Isotropic
 
 TIPS = {"paraboloid": Paraboloid(2e-4), "cone": Cone(np.deg2rad(70.0)), "quartic": PowerLaw(4.0, 1e9)}
@@ -181,3 +184,22 @@ def test_a_law_solved_alone_is_that_of_the_table(ratio):
         together = side_by_side(contact, IsotropicPair(0.45, 0.3), [ratio, other], float(depth[-1]), 1e-5)
         for asked in (depth[None], np.stack((depth, 0.5 * depth))):
             np.testing.assert_allclose(together(asked)[0], alone.force(depth), rtol=1e-12)
+
+
+@pytest.mark.parametrize("base", [RIGID, Isotropic(3e6, 0.3)], ids=["rigid", "elastic"])
+def test_a_kept_law_is_the_law_of_its_contact_and_is_solved_once(base):
+    contact = Contact.of(TIPS["paraboloid"], Layer(Isotropic(1e6, 0.45), THICKNESS), base)
+    depth = np.linspace(0.0, 1.0, 50) * 2e-4
+    kept, own = Auto(1e-3).kept_law(contact, depth[-1]), Exact(1e-9).law(contact, depth[-1])
+    error = np.abs(kept.force(depth[1:]) / own.force(depth[1:]) - 1.0).max()
+    assert error <= kept.error_estimate + own.error_estimate
+    stiffer = Contact.of(TIPS["paraboloid"], Layer(Isotropic(2e6, 0.45), THICKNESS), base)
+    if base is RIGID:
+        assert Auto(1e-3).kept_law(stiffer, depth[-1]).curve is kept.curve
+
+
+def test_no_law_is_kept_of_a_tip_that_is_no_power_law_nor_of_one_that_sticks():
+    layer = Layer(Isotropic(1e6, 0.45), THICKNESS)
+    for tip, changes in ((Sphere(2e-4), {}), (TIPS["cone"], {"friction": "stuck"})):
+        contact = replace(Contact.of(tip, layer, RIGID), **changes)
+        assert Auto().kept_law(contact, 1e-5) is None

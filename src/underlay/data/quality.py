@@ -154,7 +154,9 @@ def _law(scene: Scene | None, foot: Foot, loading: Curve) -> ContactLaw | None:
     shallow = reach_of(foot)
     for reach in (shallow + float(loading.depth.max() - foot.depth[0]), shallow):
         try:
-            return scene.contact_law(reach, solver=_COARSE)
+            # Curves of one map ask for the same law.
+            kept = _COARSE.kept_law(scene.contact, reach) if scene.discrepancy is None else None
+            return kept or scene.contact_law(reach, solver=_COARSE)
         except RangeError:
             continue
     return None

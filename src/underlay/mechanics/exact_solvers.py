@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +13,7 @@ from underlay._arrays import FloatArray, finite
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
-from underlay.mechanics.exact.curve_family import range_numbers
+from underlay.mechanics.exact.curve_family import IsotropicPair, range_numbers
 from underlay.mechanics.exact.family_law import side_by_side, table_number, tabulated_law
 from underlay.mechanics.exact.law import exact_law
 from underlay.mechanics.exact.tip_law import tip_laws, tip_range
@@ -75,6 +76,16 @@ class _ToTolerance(Solver):
     ) -> ContactLaw | None:
         """See `tabulated_law`."""
         return tabulated_law(contact, family, ratio, depth, self.rtol, alone=alone)
+
+    def kept_law(self, contact: Contact, depth: float) -> ContactLaw | None:
+        """Law for depths up to `depth` (m) at least, kept for contacts like this one; None where none is kept."""
+        body = contact.isotropic
+        if body is None or not self.has_table(contact):
+            return None
+        if body.base is None:
+            return self.tabulated(contact, None, inf, depth, alone=True)
+        family, ratio = IsotropicPair(body.layer.nu, body.base.nu), body.base.E / body.layer.E
+        return self.tabulated(contact, family, ratio, depth, alone=True)
 
     def side_by_side(
         self, contact: Contact, family: Family, ratios: Sequence[float], depth: float
