@@ -25,7 +25,7 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.judge import judge
 from underlay.inference.least_squares.last_word import LOSSES, METHODS, Minimiser
 from underlay.inference.least_squares.law_bias import law_bias
-from underlay.inference.least_squares.scan import Start, scan
+from underlay.inference.least_squares.scan import LIKELY, Start, scan
 from underlay.inference.least_squares.settle import Optimum, confirmed, settle
 from underlay.inference.least_squares.stated import Statements
 from underlay.inference.problem import Problem
@@ -40,9 +40,6 @@ _TIGHTEST, _LOOSEST = 1e-12, 1e-2
 # With one start there is nothing to choose from, and a step costs 1.2 times one on blocks with 1000 points, twice
 # with 3000.
 _FEW_POINTS = 2000
-# Nothing explains the data better than down to their scatter: beside a start that leads there one whose misfit is
-# twice as high, below whose optimum it then lies, is not searched from.
-_LIKELY = 2.0
 # Along a valley without an end blocks are less work.
 _QUICKLY = 6
 # Of the choice of readings beside a jump; the second mostly confirms the first.
@@ -194,7 +191,7 @@ def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatAr
 def _explaining(problem: Problem, starts: Sequence[Start]) -> Optimum | None:
     """Optimum below the first start, where it explains the data and every other start is far worse; else None."""
     others = [misfit for _, misfit in starts[1:]]
-    if not others or min(others) <= _LIKELY or problem.n_points > _FEW_POINTS or not _has_blocks(problem):
+    if not others or min(others) <= LIKELY or problem.n_points > _FEW_POINTS or not _has_blocks(problem):
         return None
     found = settle(problem, starts[0].vector, steps=_QUICKLY)
     if found is None or not found.success:

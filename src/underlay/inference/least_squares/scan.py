@@ -42,7 +42,7 @@ from underlay.inference.problem import Problem
 from underlay.mechanics.indenters import FlatPunch
 from underlay.scene.scene import Scene
 
-__all__ = ["Landscape", "Start", "scan"]
+__all__ = ["LIKELY", "Landscape", "Start", "scan"]
 
 _SCAN_RTOL = 1e-2
 # What a grid tries, and what scales out of its laws with that.
@@ -54,6 +54,9 @@ _BLOCKS = 16  # enough to tell a contact to a grid step
 # A place whose misfit is so many times the best's is no start. A start's misfit is 1.2 to 5 times that of the
 # optimum below it (medians), so that next to none would end lower; where noise decides all are alike, and stay.
 _HOPELESS = 25.0
+#: Nothing explains the data better than down to their scatter: beside a start that leads there one whose misfit is
+#: so many times as high is not searched from.
+LIKELY = 2.0
 # ln of the ratio of thicknesses at which a rival is looked for, and below which two starts are one.
 _RIVAL, _APART = np.log(2.7), np.log(1.6)
 

@@ -16,7 +16,7 @@ from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import Point
-from underlay.inference.least_squares.scan import scan
+from underlay.inference.least_squares.scan import LIKELY, scan
 from underlay.inference.problem import Problem
 from underlay.scene.noise import Noise
 
@@ -324,4 +324,6 @@ def _starts_with_held(problem: Problem, index: int, vector: FloatArray) -> list[
         # The value cannot be a scene's: a contact beyond the last point, an impossible material.
         return []
     known = problem.values(vector)
-    return [problem.vector(known | held.values(start.vector)) for start in scan(held)]
+    # What the walk holds explains the data as the fit does: no start far worse leads lower.
+    likely = [start.vector for start in scan(held) if start.misfit <= LIKELY]
+    return [problem.vector(known | held.values(start)) for start in likely]
