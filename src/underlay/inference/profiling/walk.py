@@ -11,7 +11,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.engine import Ahead, Search, minimise
+from underlay.inference.least_squares.engine import Ahead, Minimum, Search, minimise
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
@@ -26,6 +26,9 @@ HIGHEST = 3.4  # z of a 99.9 % interval, and a little more
 _STEP = 0.5  # in z: monotone cubics through these steps place a crossing to 1e-3 standard deviations
 # A rise of z in one step beyond which the step is taken again, shorter.
 _STEEPEST = 2.0 * _STEP
+# Where after so many models a step rises by so much more than it may it is taken again: how much too far it went
+# need not be known, and far out on a wall models are dear.
+_QUICK, _FAR_TOO_STEEP = 6, 2.0 * _STEEPEST
 _GROWTH = 2.0  # a flattening profile is walked in steps at most this much longer each time
 # In scaled coordinates, from the optimum and from the scene's own value: a factor 1.6e5, or twelve times the
 # range of the curve.
@@ -226,11 +229,21 @@ class Walk:
         for candidate in (np.clip(start, low, high), last):
             begin = _with(candidate, self.index, q)
             if self.objective.exists(begin):
-                found = self._minimised(begin, replace(_FINE, steps=most_steps))
+                found = self._followed(begin, most_steps)
                 # Where the last two steps point may be too far ahead, among places that have no law.
                 if found is not None:
                     return found
         return None
+
+    def _followed(self, begin: FloatArray, most_steps: int) -> Point | None:
+        """Others fitted from a start; roughly where the walk went too far, and will go again."""
+        quick = self._search(begin, replace(_FINE, steps=min(most_steps, _QUICK)))
+        if quick is None or quick.success:
+            return None if quick is None else self._off_plateau(quick.point)
+        climb = self._z(self.delta_chi_square(quick.point)) - self._z(self.delta_chi_squares[-1])
+        if climb > _FAR_TOO_STEEP:
+            return quick.point
+        return self._minimised(quick.point.vector, replace(_FINE, steps=most_steps))
 
     def _minimised(
         self, start: FloatArray, search: Search = _FINE, known: Point | None = None
@@ -246,6 +259,13 @@ class Walk:
 
         None where that leads to what is `known`; of an entry that is on a `plateau` there, anywhere far out on it.
         """
+        found = self._search(start, search, known, plateau)
+        return None if found is None else found.point
+
+    def _search(
+        self, start: FloatArray, search: Search, known: Point | None = None, plateau: int | None = None
+    ) -> Minimum | None:
+        """The same, with whether it settled."""
         refused = self.objective.failures + _MOST_REFUSED
 
         def leaves(ahead: Ahead) -> bool:
@@ -258,8 +278,7 @@ class Walk:
                 there[plateau] |= ahead.there[plateau] * np.sign(known.vector[plateau]) >= _BACK_TO_PLATEAU
             return bool(there.all())
 
-        found = minimise(self.objective, start, search, leaves)
-        return None if found is None else found.point
+        return minimise(self.objective, start, search, leaves)
 
     def _off_plateau(self, found: Point) -> Point:
         """Try again with an entry that does not act at the scene's own value, and keep the better.
