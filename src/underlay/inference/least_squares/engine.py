@@ -90,6 +90,9 @@ class Search:
     endless : float
         A valley in which a step of the longest kind gains less than this share of the sum of squares has no end to
         look for.
+    walled : float
+        Where the last step was refused because there is no law, the next is the last if it gains less than this
+        share of the sum of squares: a search creeps along the end of the laws, where each costs most.
     straight : float
         A step is the last if what it leaves is below this share of a standard error: no entry changes by more
         than a thousandth, and a thousandth is what the derivatives then change by.
@@ -100,6 +103,7 @@ class Search:
     least: float = 0.0
     damping: float = 1e-5
     endless: float = 0.0
+    walled: float = 0.0
     straight: float = 0.0
 
     def is_little(self, gain: FloatArray, square: FloatArray) -> NDArray[np.bool_]:
@@ -109,7 +113,7 @@ class Search:
 
 #: Of all points: the last step is within some hundredths of a standard error, what it leaves within a thousandth.
 #: Damped less, fits take some 5 % less time, and those of a law that sticks end in one of its lesser minima.
-FINE = Search(straight=5e-4)
+FINE = Search(walled=1e-5, straight=5e-4)
 
 
 @dataclass(frozen=True)
@@ -224,13 +228,15 @@ class _Outcome:
 class _Running(NamedTuple):
     """Searches that go on: whose they are (s,), the place of each and its best, and how it is damped (s,).
 
-    `ventured` (s,) are those that stand up the side of a valley, above their best.
+    `ventured` (s,) are those that stand up the side of a valley, above their best; `refused` (s,) those whose last
+    step led to where there is no law.
     """
 
     rows: NDArray[np.intp]
     now: Places
     best: Places
     ventured: NDArray[np.bool_]
+    refused: NDArray[np.bool_]
     damping: FloatArray
     low: FloatArray
     high: FloatArray
@@ -240,7 +246,7 @@ class _Running(NamedTuple):
         """All at their beginning."""
         count = len(begin.square)
         still = np.zeros(count, dtype=bool)
-        return cls(np.arange(count), begin, begin, still, np.full(count, damping), low, high)
+        return cls(np.arange(count), begin, begin, still, still, np.full(count, damping), low, high)
 
     def part(self, which: NDArray[np.bool_]) -> Self:
         """Some of them."""
@@ -251,6 +257,7 @@ class _Running(NamedTuple):
             now,
             best,
             self.ventured[which],
+            self.refused[which],
             self.damping[which],
             self.low[which],
             self.high[which],
@@ -312,9 +319,11 @@ class _Running(NamedTuple):
         if endless.any():
             # A step up the side and the one back to the bottom are one of the valley.
             endless &= np.abs(there.vector - self.best.vector).max(axis=1) >= _LONGEST
+        endless |= lower & self.refused & (-change <= search.walled * best.square)
         little, stuck = search.is_little(np.abs(change), best.square), damping > _MOST_DAMPING
         why = [_why(*one) for one in zip(little.tolist(), endless.tolist(), stuck.tolist(), strict=True)]
-        return self._replace(now=now, best=best, ventured=ventured, damping=damping), why
+        refused = there.square == np.inf
+        return self._replace(now=now, best=best, ventured=ventured, refused=refused, damping=damping), why
 
 
 def _why(little: bool, endless: bool, stuck: bool) -> str:

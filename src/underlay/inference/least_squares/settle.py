@@ -22,7 +22,7 @@ __all__ = ["Optimum", "confirmed", "settle"]
 _MAX_ROUNDS = 12
 # Of a thin and stiff layer on a known soft base E h^3 alone acts, and far along that valley a law costs up to a
 # second. With 1000 points z changes by less than one on a factor of twenty where a fit leaves it.
-_KNOWN_BASE = replace(FINE, endless=5e-4)
+_KNOWN_BASE = replace(FINE, endless=5e-4, walled=5e-4)
 
 
 @dataclass(frozen=True)
