@@ -1,5 +1,6 @@
 """The last step of a search: when it may be made without asking for its model, and what that leaves."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -112,3 +113,33 @@ def test_a_long_last_step_is_not_believed(monkeypatch):
         ends[name] = there @ there
     assert ends["now"] <= begin @ begin
     assert ends["believed"] > 50.0 * (begin @ begin)
+
+
+class _Walled(_Bent):
+    """One entry whose sum falls towards a wall at one, beyond which there is no law."""
+
+    problem = SimpleNamespace(coordinates=(None,), bounds=np.array([[-9.0, 9.0]]))
+    active, asked = [0], 0
+
+    @staticmethod
+    def residuals(vector):
+        return np.array([0.1 * (vector[0] - 5.0), 1000.0**0.5])
+
+    def places(self, vectors, low, high):
+        del low, high
+        self.asked += 1
+        x = vectors[:, 0]
+        square = np.where(x < 1.0, 1000.0 + 0.01 * (x - 5.0) ** 2, np.inf)
+        return Places(vectors, square, 0.01 * (vectors - 5.0), np.full((1, 1, 1), 0.01))
+
+
+def test_a_search_does_not_creep_along_the_end_of_the_laws():
+    """What is left there to gain is a thousandth of a unit of chi-square."""
+    asked, ends = {}, {}
+    for name, search in {"now": FINE, "creeping": replace(FINE, walled=0.0)}.items():
+        objective = _Walled()
+        ends[name] = minimise(objective, np.zeros(1), search).point
+        asked[name] = objective.asked
+    assert asked["now"] < asked["creeping"]
+    assert ends["now"].square - ends["creeping"].square < 0.05
+    assert ends["now"].vector[0] > 0.5

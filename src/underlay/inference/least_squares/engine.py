@@ -91,8 +91,8 @@ class Search:
         A valley in which a step of the longest kind gains less than this share of the sum of squares has no end to
         look for.
     walled : float
-        Where the last step was refused because there is no law, the next is the last if it gains less than this
-        share of the sum of squares: a search creeps along the end of the laws, where each costs most.
+        Where a step was refused because there is no law, the next that leads down is the last if it gains less than
+        this share of the sum of squares: a search creeps along the end of the laws, where each costs most.
     straight : float
         A step is the last if what it leaves is below this share of a standard error: no entry changes by more
         than a thousandth, and a thousandth is what the derivatives then change by.
@@ -228,8 +228,8 @@ class _Outcome:
 class _Running(NamedTuple):
     """Searches that go on: whose they are (s,), the place of each and its best, and how it is damped (s,).
 
-    `ventured` (s,) are those that stand up the side of a valley, above their best; `refused` (s,) those whose last
-    step led to where there is no law.
+    `ventured` (s,) are those that stand up the side of a valley, above their best; `refused` (s,) those of which a
+    step from their best led to where there is no law.
     """
 
     rows: NDArray[np.intp]
@@ -322,7 +322,7 @@ class _Running(NamedTuple):
         endless |= lower & self.refused & (-change <= search.walled * best.square)
         little, stuck = search.is_little(np.abs(change), best.square), damping > _MOST_DAMPING
         why = [_why(*one) for one in zip(little.tolist(), endless.tolist(), stuck.tolist(), strict=True)]
-        refused = there.square == np.inf
+        refused = (there.square == np.inf) | (self.refused & ~lower)
         return self._replace(now=now, best=best, ventured=ventured, refused=refused, damping=damping), why
 
 

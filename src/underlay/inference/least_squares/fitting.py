@@ -41,7 +41,7 @@ _TIGHTEST, _LOOSEST = 1e-12, 1e-2
 # with 3000.
 _FEW_POINTS = 2000
 # Along a valley without an end blocks are less work.
-_QUICKLY = 6
+_QUICKLY = 5
 # Of the choice of readings beside a jump; the second mostly confirms the first.
 _MAX_PASSES = 4
 

@@ -148,7 +148,7 @@ class Walk:
             if is_far and (at_wall or travelled >= _FARTHEST - _ROUNDED):
                 return replace(self, reason="none")
             q = here + direction * (travelled + step)
-            found = self.follow(q)
+            found = self.follow(q, rough=True)
             if found is None:
                 wall = travelled + step
                 continue
@@ -214,8 +214,11 @@ class Walk:
                 found = other
         return found
 
-    def follow(self, q: float, most_steps: int = _FINE.steps) -> Point | None:
-        """Others fitted with the parameter at q, starting where the last two steps point."""
+    def follow(self, q: float, most_steps: int = _FINE.steps, *, rough: bool = False) -> Point | None:
+        """Others fitted with the parameter at q, starting where the last two steps point.
+
+        A `rough` answer is enough where the step went so far that it will be taken again.
+        """
         start = np.array(self.vectors[-1])
         if len(self.vectors) > 1:
             moved = self.vectors[-1] - self.vectors[-2]
@@ -229,21 +232,22 @@ class Walk:
         for candidate in (np.clip(start, low, high), last):
             begin = _with(candidate, self.index, q)
             if self.objective.exists(begin):
-                found = self._followed(begin, most_steps)
+                search = replace(_FINE, steps=most_steps)
+                found = self._roughly(begin) if rough else self._minimised(begin, search)
                 # Where the last two steps point may be too far ahead, among places that have no law.
                 if found is not None:
                     return found
         return None
 
-    def _followed(self, begin: FloatArray, most_steps: int) -> Point | None:
-        """Others fitted from a start; roughly where the walk went too far, and will go again."""
-        quick = self._search(begin, replace(_FINE, steps=min(most_steps, _QUICK)))
+    def _roughly(self, begin: FloatArray) -> Point | None:
+        """Others fitted from a start; not to the end where the walk went too far, and will go again."""
+        quick = self._search(begin, replace(_FINE, steps=_QUICK))
         if quick is None or quick.success:
             return None if quick is None else self._off_plateau(quick.point)
         climb = self._z(self.delta_chi_square(quick.point)) - self._z(self.delta_chi_squares[-1])
         if climb > _FAR_TOO_STEEP:
             return quick.point
-        return self._minimised(quick.point.vector, replace(_FINE, steps=most_steps))
+        return self._minimised(quick.point.vector)
 
     def _minimised(
         self, start: FloatArray, search: Search = _FINE, known: Point | None = None
