@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay.inference.least_squares.damped_steps import LONGEST, steps
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.places import Places
-from underlay.inference.least_squares.projection import Point, acting
+from underlay.inference.least_squares.projection import Point
 
 __all__ = ["FINE", "Ahead", "GiveUp", "Minimum", "Search", "descend", "minimise"]
 
@@ -58,8 +59,6 @@ _LEAST_DAMPING = 1e-13
 # the next one is too long, and so is one from there.
 _BACK = 100.0
 _VENTURE = 100.0  # how much higher than its beginning a step up the side may end
-# A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.
-_LONGEST = 3.0
 # Models are smooth in scaled coordinates: over a step no longer than this their derivatives change by as much of
 # themselves.
 _HAIR = 1e-3
@@ -276,7 +275,7 @@ class _Running(NamedTuple):
             low, high = course.straight(low), course.straight(high)
         if risen is not None:
             low, high = risen.straight(low), risen.straight(high)
-        step, gain, length = _steps(self.now, self.damping, active, low, high)
+        step, gain, length = steps(self.now, self.damping, active, low, high)
         little = search.is_little(gain, self.best.square)
         little |= length <= _SHORTEST
         if search.straight and not little.all() and (length <= _HAIR).any():
@@ -286,7 +285,7 @@ class _Running(NamedTuple):
         made = gain > _STILL * self.best.square
         if not made.all():
             step = np.where(made[:, None], step, 0.0)
-        change = step if course is None else course.taken(step, _LONGEST)
+        change = step if course is None else course.taken(step, LONGEST)
         change = change if risen is None else risen.taken(change)
         there = np.minimum(np.maximum(here + change, self.low), self.high)
         return there, self.now.square - gain, little & ~self.ventured & ((length <= _SURE) | ~made)
@@ -300,7 +299,7 @@ class _Running(NamedTuple):
         cancelling, times the length of the step.
         """
         least = np.full(len(self.rows), _LEAST_DAMPING)
-        step, gain, length = _steps(self.now, least, active, low, high)
+        step, gain, length = steps(self.now, least, active, low, high)
         norms = np.sqrt(self.now.normal.diagonal(axis1=1, axis2=2))
         bent = length * (norms * np.abs(step)).sum(axis=1)
         return step, gain, (length <= _HAIR) & (bent <= share * np.sqrt(self.best.square / points))
@@ -318,7 +317,7 @@ class _Running(NamedTuple):
         endless = lower & (-change <= search.endless * best.square)
         if endless.any():
             # A step up the side and the one back to the bottom are one of the valley.
-            endless &= np.abs(there.vector - self.best.vector).max(axis=1) >= _LONGEST
+            endless &= np.abs(there.vector - self.best.vector).max(axis=1) >= LONGEST
         endless |= lower & self.refused & (-change <= search.walled * best.square)
         little, stuck = search.is_little(np.abs(change), best.square), damping > _MOST_DAMPING
         why = [_why(*one) for one in zip(little.tolist(), endless.tolist(), stuck.tolist(), strict=True)]
@@ -333,78 +332,3 @@ def _why(little: bool, endless: bool, stuck: bool) -> str:
     if endless:
         return "the valley goes on and gains nothing"
     return "no step leads further down" if stuck else ""
-
-
-def _steps(
-    places: Places, damping: FloatArray, active: NDArray[np.bool_], low: FloatArray, high: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Steps (s, k) no further than `low` and `high` (s, k), what each should gain (s,), and its length (s,).
-
-    That is the largest change of an entry.
-    """
-    gradient, normal = places.gradient, places.normal
-    norms = np.sqrt(normal.diagonal(axis1=1, axis2=2))
-    which = active & acting(norms)
-    at_ends = (low >= 0.0) | (high <= 0.0)
-    if at_ends.any():
-        which &= (low < 0.0) | (gradient < 0.0)
-        which &= (high > 0.0) | (gradient > 0.0)
-    step = _solved(gradient, normal, which, norms, damping)
-    beyond = which & ((step < low) | (step > high))
-    held = np.zeros(0)
-    if beyond.any():
-        step, held = _kept_inside(places, step, beyond, which, norms, damping, low, high)
-    length = np.abs(step).max(axis=1, initial=0.0)
-    if (length > _LONGEST).any():
-        step *= (_LONGEST / np.maximum(length, _LONGEST))[:, None]
-        length = np.minimum(length, _LONGEST)
-    if not held.any():
-        return step, -np.einsum("sk,sk->s", step, gradient), length
-    gain = -np.einsum("sk,sk->s", step, 2.0 * gradient + (normal @ step[:, :, None])[:, :, 0])
-    return step, gain, length
-
-
-def _kept_inside(
-    places: Places,
-    step: FloatArray,
-    beyond: NDArray[np.bool_],
-    which: NDArray[np.bool_],
-    norms: FloatArray,
-    damping: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Steps (s, k) between `low` and `high`, and those of the entries that are held there, zero for the others."""
-    at, held, free = np.zeros_like(step), np.zeros_like(step), which
-    while beyond.any():
-        # What would leave its ends first stays there, and the others go to where they are best beside it. From
-        # there the sum falls on: held all at once they may pull each other uphill.
-        end = np.where(step > 0.0, high, low)
-        share = np.divide(end - at, step - at, out=np.full_like(step, np.inf), where=beyond)
-        first, over = share.argmin(axis=1), np.asarray(beyond.any(axis=1))
-        at += np.where(over, share.min(axis=1), 0.0)[:, None] * (step - at)
-        meets = over[:, None] & (np.arange(step.shape[1]) == first[:, None])
-        held, free = np.where(meets, end, held), free & ~meets
-        moved = places.gradient + (places.normal @ held[:, :, None])[:, :, 0]
-        again = held + _solved(moved, places.normal, free, norms, damping)
-        step = np.where(over[:, None], again, step)
-        beyond = free & ((step < low) | (step > high))
-    return step, held
-
-
-def _solved(
-    gradient: FloatArray, normal: FloatArray, which: NDArray[np.bool_], norms: FloatArray, damping: FloatArray
-) -> FloatArray:
-    """Damped steps (s, k) of the entries `which` (s, k), from J'r (s, k) and J'J (s, k, k); the others rest."""
-    scale, diagonal, downhill = norms, 1.0 + damping[:, None], gradient
-    rest = not which.all()
-    if rest:
-        # An entry that rests has a row of its own, and no gradient.
-        scale, diagonal = np.where(which, norms, 1.0), np.where(which, diagonal, 1.0)
-        downhill = np.where(which, gradient, 0.0)
-    scaled = normal / (scale[:, :, None] * scale[:, None, :])
-    if rest:
-        scaled = np.where(which[:, :, None] & which[:, None, :], scaled, 0.0)
-    count = scaled.shape[1]
-    scaled.reshape(-1, count * count)[:, :: count + 1] = diagonal
-    return -np.linalg.solve(scaled, (downhill / scale)[:, :, None])[:, :, 0] / scale
