@@ -84,7 +84,7 @@ def test_models_follow_only_where_a_step_tells_nothing():
 class _Bent:
     """Residuals in a valley that bends: y = x^2, nearly flat along x up to one."""
 
-    points, active, bases, poissons = 1000, [0, 1], None, None
+    points, active, courses = 1000, [0, 1], ()
     problem = SimpleNamespace(coordinates=(None, None), bounds=np.array([[-9.0, 9.0]] * 2))
 
     @staticmethod

@@ -9,13 +9,13 @@ from underlay._arrays import FloatArray
 from underlay.inference.least_squares.places import Places
 from underlay.inference.least_squares.projection import acting
 
-__all__ = ["LONGEST", "steps"]
+__all__ = ["LONGEST", "damped_steps"]
 
 #: A step is cut to this in every scaled coordinate: a factor e^3 of a modulus, three ranges of the curve.
 LONGEST = 3.0
 
 
-def steps(
+def damped_steps(
     places: Places, damping: FloatArray, active: NDArray[np.bool_], low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Steps (s, k) no further than `low` and `high` (s, k), what each should gain (s,), and its length (s,).

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.least_squares.damped_steps import LONGEST, steps
+from underlay.inference.least_squares.damped_steps import LONGEST, damped_steps
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.places import Places
 from underlay.inference.least_squares.projection import Point
@@ -268,14 +268,10 @@ class _Running(NamedTuple):
         """Vectors (s, k) to go to, the squares that these promise, and which are last steps that need no model."""
         here = self.now.vector
         low, high = self.low - here, self.high - here
-        bases, poissons = objective.bases, objective.poissons
-        course = None if bases is None else bases.at(here)
-        risen = None if poissons is None else poissons.at(here)
-        if course is not None:
+        courses = [steps.at(here) for steps in objective.courses]
+        for course in courses:
             low, high = course.straight(low), course.straight(high)
-        if risen is not None:
-            low, high = risen.straight(low), risen.straight(high)
-        step, gain, length = steps(self.now, self.damping, active, low, high)
+        step, gain, length = damped_steps(self.now, self.damping, active, low, high)
         little = search.is_little(gain, self.best.square)
         little |= length <= _SHORTEST
         if search.straight and not little.all() and (length <= _HAIR).any():
@@ -285,8 +281,9 @@ class _Running(NamedTuple):
         made = gain > _STILL * self.best.square
         if not made.all():
             step = np.where(made[:, None], step, 0.0)
-        change = step if course is None else course.taken(step, LONGEST)
-        change = change if risen is None else risen.taken(change)
+        change = step
+        for course in courses:
+            change = course.taken(change, LONGEST)
         there = np.minimum(np.maximum(here + change, self.low), self.high)
         return there, self.now.square - gain, little & ~self.ventured & ((length <= _SURE) | ~made)
 
@@ -299,7 +296,7 @@ class _Running(NamedTuple):
         cancelling, times the length of the step.
         """
         least = np.full(len(self.rows), _LEAST_DAMPING)
-        step, gain, length = steps(self.now, least, active, low, high)
+        step, gain, length = damped_steps(self.now, least, active, low, high)
         norms = np.sqrt(self.now.normal.diagonal(axis1=1, axis2=2))
         bent = length * (norms * np.abs(step)).sum(axis=1)
         return step, gain, (length <= _HAIR) & (bent <= share * np.sqrt(self.best.square / points))

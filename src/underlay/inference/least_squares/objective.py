@@ -250,6 +250,11 @@ class Objective:
         return PoissonSteps.of(self.problem.coordinates)
 
     @cached_property
+    def courses(self) -> tuple[BaseSteps | PoissonSteps, ...]:
+        """How searches step in entries in which the force is far from straight."""
+        return tuple(steps for steps in (self.bases, self.poissons) if steps is not None)
+
+    @cached_property
     def _linear(self) -> LinearDirections:
         return LinearDirections.of(self.problem, set(self.active) - set(self._informative))
 

@@ -72,8 +72,9 @@ class Risen(NamedTuple):
         changes[:, self.entries] = np.where(change > 0.0, -self.room * np.log1p(-change / self.room), change)
         return changes
 
-    def taken(self, steps: FloatArray) -> FloatArray:
-        """Changes (s, k) of scaled vectors that steps (s, k) lead to."""
+    def taken(self, steps: FloatArray, longest: float) -> FloatArray:
+        """Changes (s, k) of scaled vectors that steps (s, k) lead to; none is longer than its step."""
+        del longest
         step = steps[:, self.entries]
         result = steps.copy()
         result[:, self.entries] = np.where(step > 0.0, -self.room * np.expm1(-step / self.room), step)
