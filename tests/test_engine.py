@@ -9,33 +9,16 @@ import pytest
 
 import underlay as ul
 from support.inverse import ambiguous, exact_curve, layer_on, measured, problem
+from support.posed import CASES, posed
 from underlay.inference.least_squares import settle as settling
 from underlay.inference.least_squares.engine import Search, _Running, minimise
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
-from underlay.inference.priors.densities import Normal
 from underlay.scene.noise import Noise
 
 E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
 BASELINE, NU = "instrument.baseline", "layer.nu"
-CASES = {
-    "rigid": (ul.RIGID, [E, H, C], {}),
-    "base": (ul.Isotropic(4e6, 0.3), [E, BASE, C, BASELINE], {}),
-    "prior": (ul.RIGID, {E: None, H: Normal(5e-4, 2e-5), C: None}, {}),
-    "relative": (ul.RIGID, [E, C], {"relative": 0.01}),
-    "correlated": (ul.RIGID, [E, H, C], {"correlation_time": 0.01}),
-}
-
-
-def posed(case):
-    """A problem with a known noise."""
-    base, free, more = CASES[case]
-    scene = layer_on(base, baseline=2e-3)
-    curve = measured(scene, level=0.003, **more)
-    return problem(
-        scene, free, curve, noise=Noise(force=0.003 * float(np.ptp(scene.force(curve.depth))), **more)
-    )
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -6,35 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import underlay as ul
-from support.inverse import layer_on, measured, problem
+from support.posed import CASES, posed
 from underlay.inference.least_squares import engine, settle
 from underlay.inference.least_squares.engine import FINE, Search, minimise
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.places import Places
-from underlay.inference.priors.densities import Normal
-from underlay.scene.noise import Noise
-
-E, H, C, BASE = "layer.E", "layer.thickness", "instrument.contact_depth", "substrate.E"
-CASES = {
-    "rigid": (ul.RIGID, [E, H, C], {}),
-    "known base": (ul.Isotropic(4e6, 0.3), [E, H, C], {}),
-    "base": (ul.Isotropic(4e6, 0.3), [E, BASE, C, "instrument.baseline"], {}),
-    "prior": (ul.RIGID, {E: None, H: Normal(5e-4, 2e-5), C: None}, {}),
-    "correlated": (ul.RIGID, [E, H, C], {"correlation_time": 0.01}),
-}
-
-
-def posed(case):
-    """A problem with a known noise."""
-    base, free, more = CASES[case]
-    scene = layer_on(base, baseline=2e-3)
-    curve = measured(scene, level=0.003, **more)
-    return problem(
-        scene, free, curve, noise=Noise(force=0.003 * float(np.ptp(scene.force(curve.depth))), **more)
-    )
 
 
 @pytest.mark.parametrize("case", CASES)
