@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.least_squares.damped_steps import LONGEST, damped_steps
-from underlay.inference.least_squares.objective import Objective
+from underlay.inference.least_squares.objective import HAIR, Objective
 from underlay.inference.least_squares.places import Places
 from underlay.inference.least_squares.projection import Point
 
@@ -59,9 +59,6 @@ _LEAST_DAMPING = 1e-13
 # the next one is too long, and so is one from there.
 _BACK = 100.0
 _VENTURE = 100.0  # how much higher than its beginning a step up the side may end
-# Models are smooth in scaled coordinates: over a step no longer than this their derivatives change by as much of
-# themselves.
-_HAIR = 1e-3
 # A last step is not asked for its model. One so long that the model may rise again on the way is no last step.
 _SURE = 0.05
 # Steps shorter than this in every coordinate move nothing that a curve could tell.
@@ -274,7 +271,7 @@ class _Running(NamedTuple):
         step, gain, length = damped_steps(self.now, self.damping, active, low, high)
         little = search.is_little(gain, self.best.square)
         little |= length <= _SHORTEST
-        if search.straight and not little.all() and (length <= _HAIR).any():
+        if search.straight and not little.all() and (length <= HAIR).any():
             plain, its_gain, straight = self._straight(active, low, high, search.straight, objective.points)
             step, gain = np.where(straight[:, None], plain, step), np.where(straight, its_gain, gain)
             little |= straight
@@ -299,7 +296,7 @@ class _Running(NamedTuple):
         step, gain, length = damped_steps(self.now, least, active, low, high)
         norms = np.sqrt(self.now.normal.diagonal(axis1=1, axis2=2))
         bent = length * (norms * np.abs(step)).sum(axis=1)
-        return step, gain, (length <= _HAIR) & (bent <= share * np.sqrt(self.best.square / points))
+        return step, gain, (length <= HAIR) & (bent <= share * np.sqrt(self.best.square / points))
 
     def moved(self, there: Places, search: Search) -> tuple[Self, list[str]]:
         """The searches after they were `there`, and in words why one ended; no words where it goes on."""

@@ -236,6 +236,7 @@ def _descend(problem: Problem, starts: Sequence[FloatArray], *, robust: bool) ->
     if len(starts) <= 1 and problem.n_points <= _FEW_POINTS and not robust:
         return starts
     if not _has_blocks(problem):
+        # Every start is fitted to all points.
         return starts
     by_power_laws = power_law_objective(problem, robust=robust)
     if by_power_laws is not None:

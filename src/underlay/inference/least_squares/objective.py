@@ -27,14 +27,15 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.scene.noise_model import NoiseModel
 
-__all__ = ["Objective"]
+__all__ = ["HAIR", "Objective"]
 
 # Scaled coordinates beyond this (a factor of 1e17 from the scene) are refused before a law is asked for.
 _FAR = 40.0
-# Over a step that changes no scaled coordinate by more than a thousandth derivatives change by a thousandth of
-# themselves; and the models follow by slopes where this leaves them wrong by less than so many standard errors of
-# the fit.
-_A_HAIR, _UNTOLD = 1e-3, 1e-3
+#: Models are smooth in scaled coordinates: over a step no longer than this derivatives change by as much of
+#: themselves.
+HAIR = 1e-3
+# The models follow by slopes where that leaves them wrong by less than so many standard errors of the fit.
+_UNTOLD = 1e-3
 
 
 @dataclass
@@ -164,7 +165,7 @@ class Objective:
 
         def near(step: FloatArray, columns: list[FloatArray]) -> bool:
             length = float((np.abs(step) / slopes).max(initial=0.0))
-            if length > _A_HAIR:
+            if length > HAIR:
                 return False
             told = 0.0
             for rows, entries in zip(self._whitened_rows(columns), self._entries, strict=True):
@@ -247,7 +248,7 @@ class Objective:
     @cached_property
     def poissons(self) -> PoissonSteps | None:
         """How searches step in the Poisson's ratios of layers."""
-        return PoissonSteps.of(self.problem.coordinates)
+        return PoissonSteps.of(self.members, self.problem.coordinates)
 
     @cached_property
     def courses(self) -> tuple[BaseSteps | PoissonSteps, ...]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
 from underlay.inference.model.coordinates import Coordinate
+from underlay.inference.model.members import Member
 
 __all__ = ["PoissonSteps", "Risen"]
 
@@ -26,7 +27,7 @@ _SIDEWAYS = 0.05
 
 @dataclass(frozen=True)
 class PoissonSteps:
-    """The free Poisson's ratios of layers, m of them.
+    """The free Poisson's ratios of isotropic layers, m of them.
 
     A step is measured so that it begins as one of the scaled entry does.
 
@@ -43,9 +44,15 @@ class PoissonSteps:
     scale: FloatArray
 
     @classmethod
-    def of(cls, coordinates: Sequence[Coordinate]) -> Self | None:
-        """Among the coordinates of a problem; None where there is none."""
-        found = {i: c for i, c in enumerate(coordinates) if c.path == _NU and c.scale is not None}
+    def of(cls, members: Sequence[Member], coordinates: Sequence[Coordinate]) -> Self | None:
+        """Of the curves of a problem; None where there is none.
+
+        The in-plane ratio of a transversely isotropic layer goes up to one, and tells something else.
+        """
+        others = {
+            m.entries[_NU] for m in members if _NU in m.entries and not m.scene.layer.material.isotropic
+        }
+        found = {i: c for i, c in enumerate(coordinates) if c.path == _NU and i not in others}
         if not found:
             return None
         reference, scale = np.array([[c.reference, c.scale or 1.0] for c in found.values()]).T
