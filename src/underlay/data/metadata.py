@@ -65,12 +65,10 @@ class Metadata(Mapping[str, Any]):
 
 
 def _plain(key: str, value: Any) -> Any:
-    if value is None or isinstance(value, str | bool | int | float):
+    if value is None or isinstance(value, _AS_THEY_ARE):
         return value
     if isinstance(value, np.generic):
         return _plain(key, value.item())
-    if isinstance(value, Metadata):
-        return value
     if isinstance(value, Mapping):
         return Metadata(value)
     if isinstance(value, np.ndarray):
@@ -80,6 +78,10 @@ def _plain(key: str, value: Any) -> Any:
     raise InputError(
         f"metadata {key!r} must be text, a number or a tuple or mapping of these; got {value!r:.80}"
     )
+
+
+# `isinstance` takes a tuple of types twice as fast as their union, and every value of every curve comes here.
+_AS_THEY_ARE = (str, bool, int, float, Metadata)
 
 
 def _thaw(value: Any) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from functools import lru_cache
 from typing import Any
 
 from underlay.errors import UnitError
@@ -80,8 +81,12 @@ def _parse_unit(unit: str) -> tuple[str, float] | None:
     """Kind and SI factor of `unit`, or None if it is not one of `KINDS`."""
     if not _UNIT.fullmatch(unit):
         return None
-    text = _clean(unit)
-    return _parse_simple(text) or _parse_any(text)
+    return _simple(unit) or _parse_any(_clean(unit))
+
+
+@lru_cache(maxsize=256)  # the files of a map have the same units
+def _simple(unit: str) -> tuple[str, float] | None:
+    return _parse_simple(_clean(unit))
 
 
 def _parse_simple(text: str) -> tuple[str, float] | None:

@@ -62,6 +62,16 @@ class Source:
 
     def head(self, size: int = 16_384) -> str:
         """Return the first bytes as text for recognition, line ends unified; binary content gives ''."""
+        # Most formats ask for the same.
+        if size not in self._heads:
+            self._heads[size] = self._head(size)
+        return self._heads[size]
+
+    @cached_property
+    def _heads(self) -> dict[int, str]:
+        return {}
+
+    def _head(self, size: int) -> str:
         if self.data[:2] in {b"\xff\xfe", b"\xfe\xff"}:
             start = self.data[:size]
             return start[: len(start) // 2 * 2].decode("utf-16", errors="ignore").replace("\r", "\n")

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import overload
 
 import numpy as np
@@ -127,6 +128,7 @@ def lines_of(source: Source) -> list[str]:
     return lines
 
 
+@lru_cache(maxsize=256)  # the files of a map have the same labels
 def split_label(label: str) -> tuple[str, str]:
     """Split a column label into name and unit.
 
@@ -208,8 +210,9 @@ def numbers(
     table = _all_good(rows, indices, comma=comma)
     if table is None:
         table = _cell_by_cell(rows, indices, where, comma=comma, first_line=first_line)
-    for column in table.T:
-        column[np.abs(column) > SENTINEL] = np.nan
+    no_value = np.abs(table) > SENTINEL
+    if no_value.any():
+        table[no_value] = np.nan
     return table
 
 

@@ -141,6 +141,8 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return repr(float(value)) if not math.isnan(value) else ""
     if isinstance(value, str):
+        if not value or value.isalnum():
+            return value
         # One row is one line, whatever a message or a file name holds, and no cell of it is a formula.
         text = guarded_cell(one_line(" ".join(value.split()) if not value.isprintable() else value))
         return '"' + text.replace('"', '""') + '"' if any(mark in text for mark in ',"') else text

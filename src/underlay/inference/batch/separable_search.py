@@ -25,6 +25,7 @@ SLOPE = "instrument.baseline_slope"
 
 # Contacts tried first, in ranges of depth from the first reading: half a step is within reach of the search.
 _CONTACT_STEPS = np.linspace(-0.25, 0.95, 25)
+_BETWEEN_BOUNDS = np.linspace(0.0, 1.0, 25)[1:-1]
 _BLOCKS = 32  # means of neighbouring points for that trial
 # The search ends before a step of the contact below this share of the depth range: it would move E by some
 # 2e-8 of itself.
@@ -100,7 +101,7 @@ class SeparableSearch:
         self._free = {coordinate.path: coordinate for coordinate in coordinates}
         depth, force = curve.depth, curve.force
         # In the order of depth, the points in contact are one piece.
-        self._order = np.argsort(depth, kind="stable") if (np.diff(depth) < 0.0).any() else None
+        self._order = np.argsort(depth, kind="stable") if (depth[1:] < depth[:-1]).any() else None
         if self._order is not None:
             depth, force = depth[self._order], force[self._order]
         self._depth = depth
@@ -240,10 +241,11 @@ class SeparableSearch:
         low, high = coordinate.low, coordinate.high
         grid = float(depth[0]) + _CONTACT_STEPS * self._span
         if np.isfinite(low) and np.isfinite(high) and high - low < grid[-1] - grid[0]:
-            grid = np.linspace(low, high, len(grid))
-        grid = grid[(grid > low) & (grid < high)]
-        if not grid.size:
-            return None
+            grid = low + (high - low) * _BETWEEN_BOUNDS
+        else:
+            grid = grid[(grid > low) & (grid < high)]
+            if not grid.size:
+                return None
         w = depth - grid[:, None]
         shapes = self._law_for(max(float(depth[-1] - grid[0]), 0.0), self._values[MODULUS]).force(w)
         linear = self._linear_columns(depth)
@@ -283,10 +285,13 @@ class SeparableSearch:
         jacobian = np.stack([rows[c.path] for c in self._coordinates])
         lengths = np.array([units[c.path] for c in self._coordinates])
         products = jacobian @ jacobian.T
-        if self._is_near_a_bound(values) or np.linalg.eigvalsh(products)[0] < _CONDITION:
+        # Its eigenvalues say whether it can be inverted, and with its vectors the inverse.
+        powers, ways = np.linalg.eigh(products)
+        if self._is_near_a_bound(values) or powers[0] < _CONDITION:
             return None
         noise = self._noise or float(np.sqrt(model.sum_of_squares / (n - k)))
-        covariance = np.linalg.inv(products) * (noise**2 / np.outer(lengths, lengths))
+        ways *= noise / lengths[:, None]
+        covariance = (ways / powers) @ ways.T
         errors = np.sqrt(np.diag(covariance)) / np.array(self._natural_sizes(values))
         modulus = [c.path for c in self._coordinates].index(MODULUS)
         if self._follows and not errors[modulus] < _LOOSE:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
+from functools import cache
 
 from underlay.errors import InputError
 from underlay.mechanics.indenters import Indenter
@@ -53,6 +54,7 @@ def published_corrections() -> tuple[PublishedCorrection, ...]:
     return _CORRECTIONS
 
 
+@cache
 def published_names() -> tuple[str, ...]:
     """List the names of the corrections, each once."""
     return tuple(dict.fromkeys(correction.name for correction in _CORRECTIONS))
