@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from functools import lru_cache
 from typing import Any
 
 from underlay.errors import UnitError
@@ -33,6 +32,12 @@ _QUOTIENTS = {
     ("force", "time"): "loading rate",
     ("length", "voltage"): "sensitivity",
     ("length", "current"): "current sensitivity",
+}
+# The units of most columns, as they are written: a map asks for them in every file.
+_COLUMNS = {
+    f"{prefix}{base}": (_BASES[base], float(f"1e{power}"))
+    for base in ("m", "N", "s")
+    for prefix, power in _PREFIXES.items()
 }
 _SIMPLE = re.compile(r"([pnumkMG]?)(m|Pa|N|s|Hz|V|A)")
 _NAMED = {
@@ -79,14 +84,12 @@ def _clean(unit: str) -> str:
 
 def _parse_unit(unit: str) -> tuple[str, float] | None:
     """Kind and SI factor of `unit`, or None if it is not one of `KINDS`."""
+    if unit in _COLUMNS:
+        return _COLUMNS[unit]
     if not _UNIT.fullmatch(unit):
         return None
-    return _simple(unit) or _parse_any(_clean(unit))
-
-
-@lru_cache(maxsize=256)  # the files of a map have the same units
-def _simple(unit: str) -> tuple[str, float] | None:
-    return _parse_simple(_clean(unit))
+    text = _clean(unit)
+    return _parse_simple(text) or _parse_any(text)
 
 
 def _parse_simple(text: str) -> tuple[str, float] | None:

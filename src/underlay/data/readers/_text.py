@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import overload
 
 import numpy as np
@@ -128,7 +127,6 @@ def lines_of(source: Source) -> list[str]:
     return lines
 
 
-@lru_cache(maxsize=256)  # the files of a map have the same labels
 def split_label(label: str) -> tuple[str, str]:
     """Split a column label into name and unit.
 

@@ -86,7 +86,7 @@ class Sizes:
                 return cls(exact=0.5, drifts=drifts[:2])
             return cls(exact=0.3, drifts=drifts, least_out=_LEAST_OUT, has_free_shape=True)
         if all(_is_half_space(scene) for scene in problem.base_scenes):
-            return cls(exact=0.65, drifts=(BENT, FAR_BASE, NEAR_BASE), least_out=_LEAST_OUT)
+            return cls(exact=0.57, drifts=(BENT, FAR_BASE, NEAR_BASE), least_out=_LEAST_OUT)
         return cls()
 
     def noises(self, times: Sequence[FloatArray]) -> list[tuple[float, float] | None]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
-from functools import cache
 
 from underlay.errors import InputError
 from underlay.mechanics.indenters import Indenter
@@ -41,6 +40,7 @@ _CORRECTIONS = (
     gao1992.PUNCH,
     hay2011.PUNCH,
 )
+_NAMES = tuple(dict.fromkeys(correction.name for correction in _CORRECTIONS))
 
 
 def published_corrections() -> tuple[PublishedCorrection, ...]:
@@ -54,10 +54,9 @@ def published_corrections() -> tuple[PublishedCorrection, ...]:
     return _CORRECTIONS
 
 
-@cache
 def published_names() -> tuple[str, ...]:
     """List the names of the corrections, each once."""
-    return tuple(dict.fromkeys(correction.name for correction in _CORRECTIONS))
+    return _NAMES
 
 
 def fitting_correction(name: str | PublishedCorrection, indenter: Indenter) -> PublishedCorrection:
