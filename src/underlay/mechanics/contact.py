@@ -157,11 +157,14 @@ class Beside(NamedTuple):
         ln of its theta over the contact's.
     step : float
         Of the number, small enough for a difference of kernels to be their derivative.
+    thickness : float, default 1
+        Its thickness over the contact's: the kernel is one of u, the wavenumber times its own.
     """
 
     kernel: Kernel
     log_theta: float
     step: float
+    thickness: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from underlay.inference.least_squares.law_bias import law_bias
 from underlay.inference.least_squares.scan import LIKELY, Start, scan
 from underlay.inference.least_squares.settle import Optimum, confirmed, settle
 from underlay.inference.least_squares.stated import Statements
+from underlay.inference.least_squares.ways import Ways
 from underlay.inference.problem import Problem
 from underlay.mechanics.solvers import Exact
 from underlay.scene.noise_model import NoiseModel
@@ -42,6 +43,8 @@ _TIGHTEST, _LOOSEST = 1e-12, 1e-2
 _FEW_POINTS = 2000
 # Along a valley without an end blocks are less work.
 _QUICKLY = 5
+# A start from which a search goes further than this in a scaled coordinate was no good one.
+_FAR = 2.5
 # Of the choice of readings beside a jump; the second mostly confirms the first.
 _MAX_PASSES = 4
 
@@ -182,7 +185,13 @@ def _of_readings(problem: Problem, kept: Sequence[NDArray[np.bool_]]) -> list[No
 def _settled(problem: Problem, lmfit: Minimiser | None, places: Sequence[FloatArray], began: float) -> Fit:
     """Settle at places (k,) and judge the best."""
     robust = lmfit if lmfit is not None and lmfit.loss else None
-    settled = [optimum for place in places if (optimum := settle(problem, place, robust)) is not None]
+    ways = Ways() if len(places) > 1 else None
+    settled = []
+    for place in places:
+        if ways is not None:
+            ways.begin()
+        if (optimum := settle(problem, place, robust, give_up=ways)) is not None:
+            settled.append(optimum)
     if not settled:
         raise _no_law(problem)
     return _judged(lmfit, settled, began)
@@ -193,7 +202,8 @@ def _explaining(problem: Problem, starts: Sequence[Start]) -> Optimum | None:
     others = [misfit for _, misfit in starts[1:]]
     if not others or min(others) <= LIKELY or problem.n_points > _FEW_POINTS or not _has_blocks(problem):
         return None
-    found = settle(problem, starts[0].vector, steps=_QUICKLY)
+    start = starts[0].vector
+    found = settle(problem, start, steps=_QUICKLY, give_up=lambda ahead: _is_far(ahead.there - start))
     if found is None or not found.success:
         return None
     models = found.objective.models(found.vector)
@@ -202,6 +212,10 @@ def _explaining(problem: Problem, starts: Sequence[Start]) -> Optimum | None:
         for model, member in zip(models, problem.members, strict=True)
     )
     return found if square <= EXPLAINED * problem.n_points else None
+
+
+def _is_far(change: FloatArray) -> bool:
+    return bool((np.abs(change) > _FAR).any())
 
 
 def _judged(lmfit: Minimiser | None, settled: Sequence[Optimum], began: float) -> Fit:

@@ -51,7 +51,7 @@ class Models:
     def in_batches(self) -> bool:
         """Whether derivatives at several vectors at once are less work than one by one."""
         return self._one_law and all(
-            not member.forward.laws.beside
+            not member.forward.laws.is_solved
             and goes_together(member.forward, member.base, tuple(member.entries))
             for member in self.members
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
-from underlay.inference.least_squares.engine import FINE, Minimum, minimise
+from underlay.inference.least_squares.engine import FINE, GiveUp, Minimum, minimise
 from underlay.inference.least_squares.frozen_noise import freeze
 from underlay.inference.least_squares.last_word import LastWord, Minimiser
 from underlay.inference.least_squares.noise_estimate import first_noises, renew
@@ -74,11 +74,17 @@ class Optimum:
 
 
 def settle(
-    problem: Problem, vector: FloatArray, robust: Minimiser | None = None, *, steps: int | None = None
+    problem: Problem,
+    vector: FloatArray,
+    robust: Minimiser | None = None,
+    *,
+    steps: int | None = None,
+    give_up: GiveUp | None = None,
 ) -> Optimum | None:
     """Fit all points from a scaled start (k,), by the engine or by lmfit with a robust loss.
 
-    None if there is no contact law at the start. The engine makes at most so many `steps`, if that is said.
+    None if there is no contact law at the start, or `give_up` said so. The engine makes at most so many `steps`, if
+    that is said.
     """
     try:
         objective = Objective(problem, freeze(problem, vector, first_noises(problem, vector)))
@@ -86,8 +92,10 @@ def settle(
         return None
     if not objective.exists(vector):
         return None
-    found = _searched(objective, vector, robust, steps)
+    found = _searched(objective, vector, robust, steps, give_up)
     for _ in range(_MAX_ROUNDS):
+        if found is None:
+            return None
         renewal = renew(objective, found.vector, robust=robust is not None)
         objective.noise = renewal.noise
         found = replace(found, vector=renewal.vector)
@@ -98,8 +106,12 @@ def settle(
 
 
 def _searched(
-    objective: Objective, start: FloatArray, robust: Minimiser | None, steps: int | None
-) -> Optimum:
+    objective: Objective,
+    start: FloatArray,
+    robust: Minimiser | None,
+    steps: int | None,
+    give_up: GiveUp | None = None,
+) -> Optimum | None:
     if not objective.active:
         return Optimum(objective, start, success=True, message="nothing to vary.")
     if robust is not None:
@@ -107,9 +119,14 @@ def _searched(
     search = FINE if objective.bases is not None else _KNOWN_BASE
     if steps is not None:
         search = replace(search, steps=steps)
-    found: Minimum | None = minimise(objective, start, search)
+    found: Minimum | None = minimise(objective, start, search, give_up)
     if found is None:
-        return Optimum(objective, start, success=False, message="no contact law beside the start")
+        # At the start itself there is a law.
+        return (
+            None
+            if give_up
+            else Optimum(objective, start, success=False, message="no contact law beside the start")
+        )
     # The last step was not asked for its law, and may lead to where there is none.
     known = objective.follows(found.vector, found.point.square) or objective.exists(found.vector)
     vector = found.vector if known else found.point.vector

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.model.laws import LawSource
+from underlay.inference.model.laws import THICKNESS, LawSource
 from underlay.inference.model.similarity import Similarity
 from underlay.inference.model.stencils import ROUGH_STENCILS, STENCILS, first_possible
 from underlay.mechanics.contact_law import ContactLaw
@@ -113,21 +113,21 @@ class LawSlopes:
         return derivative
 
     def _known(self, ratio: str) -> FloatArray | None:
-        """dP/d ln k of a ratio where the law says it itself."""
+        """dP/d ln k of a ratio (dP/dk of a direct one) where the law says it itself."""
         if ratio == "adhesion.work":
             return self.law.work_slope(self.w)
         if not len(self.told):
             return None
         if ratio in self.laws.beside:
             return np.asarray(self.told[self.laws.beside.index(ratio)])
-        tips = self.laws.tips
-        if tips is None:
+        if self.laws.tips is None:
             return None
-        if ratio == tips.path:
-            return np.asarray(self.told[0])
+        in_thickness = self.told[self.laws.beside.index(THICKNESS)]
+        if ratio == "layer.thickness":
+            return np.asarray(in_thickness / self.values[ratio])
         # One length makes the tip: its ratio is the tip's size.
         alone = self.similarity.lengths == (ratio,)
-        return in_size(self.w, self.P, self.S, self.told[1]) if alone else None
+        return in_size(self.w, self.P, self.S, in_thickness) if alone else None
 
     def _difference(self, ratio: str) -> FloatArray:
         """dP/d ln k (dP/dk of a direct one) at fixed depth and factors, by a difference of two laws."""

@@ -26,7 +26,7 @@ from underlay.mechanics.solver import Solver
 from underlay.quantities import replace_values
 from underlay.scene.scene import Scene
 
-__all__ = ["LawSource", "LawStore", "quiet_law"]
+__all__ = ["THICKNESS", "LawSource", "LawStore", "quiet_law"]
 
 _LAWS_KEPT = 128
 # Laws that are subtracted over a step of 1e-3 must not be rougher than this.
@@ -36,6 +36,9 @@ _KERNEL_STEP = 1e-6
 
 # The largest depth that a message quotes may be rounded up.
 _A_HAIR_LESS = 1.0 - 1e-6
+
+#: Stands for the logarithm of the layer's thickness, which is no ratio.
+THICKNESS = "ln layer.thickness"
 
 _NOT_TABULATED = RangeError("no table has this law")
 
@@ -108,7 +111,8 @@ class LawSource:
     tips : OneRatio or None
         The same for a tip that is no power law: its size over the thickness may vary too.
     beside : tuple of str
-        Paths of the ratios in which its laws say their own derivatives (`Contact.beside`).
+        Paths of the ratios in which laws that are solved for say their own derivatives (`Contact.beside`); beside
+        tables in the order of the tables' own, and `THICKNESS`.
     scattered : bool
         Whether it is asked for ratios far apart, as a grid holds them: each is solved for itself.
     rough : bool
@@ -147,10 +151,21 @@ class LawSource:
         table = one_ratio(similarity, free) if solver.has_table(self.contact) else None
         tips = tip_ratio(similarity, free) if solver.has_tip_tables(self.contact) else None
         beside: tuple[str, ...] = ()
-        if table is None and tips is None and solver.has_slopes(self.contact):
+        if not solver.has_slopes(self.contact):
+            pass
+        elif tips is not None:
+            beside = (tips.path, THICKNESS)
+        elif table is not None:
+            beside = tuple({table.path}.intersection(similarity.ratio_paths))
+        else:
             slopes = [similarity.ratio_slopes(path, similarity.values) for path in free]
             beside = tuple(dict.fromkeys(path for moved in slopes for path in moved))
         return replace(self, table=table, tips=tips, beside=beside)
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether each law is solved for by itself, its derivatives with it."""
+        return self.table is None and self.tips is None and bool(self.beside)
 
     @property
     def know_slopes(self) -> bool:
@@ -352,11 +367,16 @@ class LawSource:
     def _bodies_beside(self, scene: Scene, reduced: tuple[float, ...]) -> tuple[Beside, ...]:
         """Bodies a step away in each of the ratios `beside`; none where one of them does not exist."""
         found, here = [], scene.contact
+        shorter = float(np.exp(-_KERNEL_STEP))
         try:
             for path in self.beside:
+                if path in {"", THICKNESS}:  # on a rigid base there is no ratio
+                    thickness = shorter if path else 1.0
+                    found.append(Beside(here.kernel, 0.0, -_KERNEL_STEP, thickness))
+                    continue
                 entry, in_log = self.similarity.ratio_paths.index(path), path not in self.similarity.direct
                 # Downwards: there is nothing beyond a Poisson's ratio of one half.
-                value = reduced[entry] * np.exp(-_KERNEL_STEP) if in_log else reduced[entry] - _KERNEL_STEP
+                value = reduced[entry] * shorter if in_log else reduced[entry] - _KERNEL_STEP
                 there = replace_values(scene, {path: value}, known=self.similarity.values).contact
                 if there.thickness != here.thickness or there.indenter != here.indenter:
                     return ()

@@ -161,7 +161,7 @@ def _placement(
     """
     if problem.scales.softest > SOFT:
         return guess.radius, last, 1.0
-    branches = _series(problem, last, _COARSE)[0].branches()
+    branches = _series(replace(problem, beside=()), last, _COARSE)[0].branches()
     gain = min(max(_steepest(branch) for branch in branches), _LARGEST_GAIN)
     if len(branches) > 1 or branches[0].varpi[-1] < top:
         return None, last, gain
@@ -211,7 +211,6 @@ def _direct(
 
 def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSeries, Resolution]:
     """Solve at Chebyshev points up to `last` and expand in chi, with as many terms as it takes."""
-    problem = replace(problem, beside=())
     stretch = Stretch.to(last, problem.scales.softness)
     # What is asked for to place the radii of another solution needs no proof.
     resolution = problem.resolution(last, rtol) if rtol < _COARSE else problem.guess(last, rtol)
@@ -221,7 +220,8 @@ def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSe
         chi = stretch.v(np.cos(angles))
         varpi, logarithms = problem.solve(chi, resolution)
         values = np.column_stack((logarithms, np.log(varpi / chi)))
-        # What is left of the radius is ln(eps/chi): smooth, and zero for a power law.
+        # What is left of the radius is ln(eps/chi): smooth, and zero for a power law. Slopes towards other bodies
+        # are those at fixed depth, which a change of the radius leaves as they are.
         values[:, Factor.RADIUS] += values[:, -1]
         series = RadiusSeries(stretch, chebyshev_coefficients(values, angles))
         if (

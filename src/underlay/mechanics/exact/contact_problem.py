@@ -118,7 +118,7 @@ class ContactProblem:
         punch = PunchSolution.solve(self.kernel, eps, resolution, weights)
         varpi, logarithms = contact_factors(punch, self.indenter, self.measure, self.thickness)
         u = resolution.wavenumber_rule()[0]
-        here, there = self.kernel.values(u), [body.kernel.values(u) for body in self.beside]
+        here, there = self.kernel.values(u), [body.kernel.values(u * body.thickness) for body in self.beside]
         steps = np.array([body.step for body in self.beside])
         moved = punch.in_kernel @ ((np.array(there) - here).T / steps)
         moved /= punch.depth_and_force(weights)[1][:, None]

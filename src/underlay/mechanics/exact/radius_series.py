@@ -46,8 +46,9 @@ class RadiusSeries:
     stretch : Stretch
         Of chi: a/h, or for a shape that is not a power law the radius over h at which the shape that measures
         depth has the same H(a).
-    coefficients : ndarray (terms, 4)
-        Chebyshev coefficients in z(chi) of ln(eps/chi), ln(P/P_half), ln(kappa_inf) and ln(varpi/chi).
+    coefficients : ndarray (terms, 4 + slopes)
+        Chebyshev coefficients in z(chi) of ln(eps/chi), ln(P/P_half), ln(kappa_inf), of d ln P/ds at fixed depth
+        towards bodies beside this one, as many as were asked for, and last of ln(varpi/chi).
     """
 
     stretch: Stretch
@@ -55,11 +56,12 @@ class RadiusSeries:
 
     @property
     def error_estimate(self) -> float:
-        """Truncation error of the logarithms."""
-        return float(truncation_error(self.coefficients))
+        """Truncation error of the four logarithms."""
+        slopes = slice(len(Factor), -1)
+        return float(truncation_error(np.delete(self.coefficients, slopes, axis=1)))
 
     def values(self, chi: FloatArray) -> FloatArray:
-        """The four logarithms (n, 4) at `chi` (n,)."""
+        """The logarithms and the slopes between them (n, 4 + slopes) at `chi` (n,)."""
         angle = np.arccos(np.minimum(self.stretch.z(chi), 1.0))
         return np.cos(np.multiply.outer(angle, np.arange(self.coefficients.shape[0]))) @ self.coefficients
 
@@ -153,7 +155,7 @@ class RadiusSeries:
             logarithms = self.values(chi)[:, :-1]
             logarithms[:, Factor.RADIUS] += np.log(chi / varpi)
             piece = chebyshev_coefficients(logarithms, angles)
-            if truncation_error(piece) > rtol and high - low > _NARROWEST:
+            if truncation_error(piece[:, : len(Factor)]) > rtol and high - low > _NARROWEST:
                 middle = 0.5 * (low + high)
                 todo += [(low, middle), (middle, high)]
             else:
