@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from math import ceil, log
 from typing import Self
 
 import numpy as np
@@ -50,6 +51,8 @@ SOFT = 0.3
 # There a coarse solution comes first.
 _COARSE = 1e-2
 _MOST_SERIES_TERMS = 400
+# So many more terms of a series, as a share of those it has, at least.
+_FEW_MORE = 0.1
 # Beyond this growth of errors, at a fold, the radius is not asked for more digits; below this the solution is
 # rounding.
 _LARGEST_GAIN = 30.0
@@ -194,7 +197,7 @@ def _direct(
     resolution = problem.resolution(last, fine)
     while terms <= MOST_TERMS:
         targets = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
-        varpi, logarithms = problem.solve(place(targets) * widen, resolution)
+        varpi, logarithms = problem.solve(place(targets) * widen, resolution, fine)
         if varpi[-1] < _SHORT * targets[-1] and last < problem.end:
             wider = _widened(problem, top, 1.05 * last * float(targets[-1] / varpi[-1]), rtol)
             widen, last = widen * wider / last, wider
@@ -218,18 +221,18 @@ def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSe
     while True:
         angles = chebyshev_angles(terms)
         chi = stretch.v(np.cos(angles))
-        varpi, logarithms = problem.solve(chi, resolution)
+        varpi, logarithms = problem.solve(chi, resolution, rtol)
         values = np.column_stack((logarithms, np.log(varpi / chi)))
         # What is left of the radius is ln(eps/chi): smooth, and zero for a power law. Slopes towards other bodies
         # are those at fixed depth, which a change of the radius leaves as they are.
         values[:, Factor.RADIUS] += values[:, -1]
         series = RadiusSeries(stretch, chebyshev_coefficients(values, angles))
-        if (
-            problem.unevenness * series.error_estimate <= SHARE_OF_NODES * rtol
-            or 2 * terms > _MOST_SERIES_TERMS
-        ):
+        missed = problem.unevenness * series.error_estimate / (SHARE_OF_NODES * rtol)
+        if missed <= 1.0 or 2 * terms > _MOST_SERIES_TERMS:
             return series, resolution
-        terms += terms // 2
+        # The terms fall at a steady rate: as many more as the digits that are missing.
+        share = log(missed) / -log(min(series.error_estimate, 0.1))
+        terms += ceil(terms * min(max(share, _FEW_MORE), 0.5))
 
 
 def _widened(problem: ContactProblem, top: float, wider: float, rtol: float) -> float:

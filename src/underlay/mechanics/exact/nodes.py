@@ -74,6 +74,11 @@ class Resolution:
             reach=reach / scales.decay,
         )
 
+    @property
+    def size(self) -> int:
+        """Cosines that one contact radius takes."""
+        return self.radial * self.wavenumbers
+
     def finer(self) -> Resolution:
         """Twice the nodes, graded finer and reaching further: what a solution is proved with."""
         return Resolution(
