@@ -28,6 +28,9 @@ __all__ = ["TipLaw", "TipSlopes", "in_size", "tip_laws", "tip_range", "tips_side
 _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
 # Where a curve of the tables ends because the contact is too wide the law ends too, no deeper than by so much.
+# On a base this much softer than its layer a table takes up to 0.6 s, mostly to tell that it errs by too much; a law
+# that is solved for takes 0.05.
+_SOFTEST = 1e-5
 _WIDE, _DEEPER = 0.9999 * LARGEST_EPS, 1.0005
 
 
@@ -119,6 +122,8 @@ def tip_laws(
     ]
     groups: dict[_Group, list[int]] = {}
     for row, contact in enumerate(contacts):
+        if ratios is not None and ratios[row] < _SOFTEST:
+            continue
         span = None if ratios is None else end_number(ratios[row])
         groups.setdefault((_shape(contact.indenter), span, range_number(tops[row])), []).append(row)
     for (tip, span, octave), members in groups.items():
