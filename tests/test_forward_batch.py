@@ -6,7 +6,6 @@ import pytest
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.model import forward_batch
-from underlay.inference.model.batched_slopes import batched_jacobian
 from underlay.inference.priors.densities import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.mechanics.body import RIGID, Layer
@@ -174,20 +173,3 @@ def test_stiffness_only_where_asked():
     physical = draws(Problem(scene, CURVE, free, Noise(force=1e-3)), 4)
     assert not member.readings(physical, stiffness=False).stiffness.any()
     assert member.readings(physical).stiffness.any()
-
-
-@pytest.mark.parametrize("name", ["sphere", "elastic, radius", "half-space", "compliance", "rigid, nu"])
-def test_derivatives_of_a_batch_are_the_models(name):
-    scene, free, _ = CASES[name]
-    member = Problem(scene, CURVE, free, Noise(force=1e-3), solver=Auto(1e-4)).members[0]
-    values, paths = dict(member.base), tuple(free)
-    found = batched_jacobian(member.forward, values, paths)
-    # What a table has, a frame or Poisson's ratio is not moved together with others.
-    assert (found is None) == (name != "sphere")
-    if found is None:
-        return
-    reading, columns = member.forward.jacobian(values, paths)
-    assert found[0].force == pytest.approx(reading.force, rel=1e-4)
-    sizes = np.abs(columns).max(axis=0)
-    # Half a step of 1e-3 times the logarithm's second derivative, a few, and the laws' own errors over it.
-    assert (np.abs(found[1] - columns).max(axis=0) < 5e-3 * sizes).all()

@@ -24,20 +24,24 @@ class Ways:
     """Scaled vectors (k,) at which searches stood, one list for each; to be asked by the next before each step."""
 
     def __init__(self) -> None:
-        self._earlier: list[FloatArray] = []
+        self._earlier: list[tuple[FloatArray, float]] = []
         self._own: list[FloatArray] = []
+        self._lowest = np.inf
 
     def begin(self) -> None:
         """Another search begins."""
         if len(self._own) > 1:
-            self._earlier.append(np.array(self._own))
-        self._own = []
+            self._earlier.append((np.array(self._own), self._lowest))
+        self._own, self._lowest = [], np.inf
 
     def __call__(self, ahead: Ahead) -> bool:
-        """Whether a search stands on the way of an earlier one, about to go along it."""
+        """Whether a search stands on the way of an earlier one that went lower, about to go along it."""
         step = ahead.there - ahead.here
         self._own.append(ahead.here)
-        return any(_leads_along(way, ahead.here, step) for way in self._earlier)
+        self._lowest = ahead.square
+        return any(
+            lowest <= ahead.square and _leads_along(way, ahead.here, step) for way, lowest in self._earlier
+        )
 
 
 def _leads_along(way: FloatArray, here: FloatArray, step: FloatArray) -> bool:

@@ -20,8 +20,7 @@ from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.linearised import Linearised, Part
 from underlay.inference.misfit.shapes import Shapes
-from underlay.inference.model.batched_slopes import batched_jacobian
-from underlay.inference.model.forward import Forward, Reading
+from underlay.inference.model.forward import Forward
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
@@ -167,15 +166,6 @@ class BlockedCurve:
         laws = replace(laws, solver=laws.solver.with_tolerance(_COARSE), store=LawStore())
         return replace(self, forward=replace(self.forward, laws=laws), is_coarse=True)
 
-    def _jacobian(self, values: Mapping[str, float]) -> tuple[Reading, FloatArray]:
-        """Model and its derivatives in the curve's entries; of coarse laws together where that is less work."""
-        paths = tuple(self.member.entries)
-        if self.is_coarse and not self.forward.is_tabulated(values):
-            together = batched_jacobian(self.forward, values, paths)
-            if together is not None:
-                return together
-        return self.forward.jacobian(values, paths, rough=True)
-
     def _law_by(self, values: Mapping[str, float], deepest: float, solver: Solver) -> ContactLaw:
         """Law of another solver at `values` up to `deepest` (m), from the same store."""
         return self.forward.solved_by(solver).law(values, deepest)
@@ -184,7 +174,7 @@ class BlockedCurve:
         """Model about a physical vector (k,), whose slopes are dx/dq (k,); raises InputError without a law."""
         values = self.member.values_at(physical)
         entries = list(self.member.entries.values())
-        reading, own = self._jacobian(values)
+        reading, own = self.forward.jacobian(values, tuple(self.member.entries), rough=True)
         columns = np.zeros((len(self.force), len(physical) + len(errors)))
         columns[:, entries] = own * slopes[entries]
         bent = values["instrument.compliance"] * reading.contact

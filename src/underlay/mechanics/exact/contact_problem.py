@@ -121,7 +121,9 @@ class ContactProblem:
         varpi, columns = np.empty(eps.size), np.empty((eps.size, len(Factor) + len(self.beside)))
         for octave in np.unique(octaves):
             rows = octaves == octave
-            own = resolution if octave == 0.0 else Resolution.choose(self.scales, float(eps[rows].max()), rtol)
+            own = (
+                resolution if octave == 0.0 else Resolution.choose(self.scales, float(eps[rows].max()), rtol)
+            )
             varpi[rows], columns[rows] = self._solved(eps[rows], own)
         return varpi, columns
 
