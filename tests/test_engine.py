@@ -190,8 +190,8 @@ def test_a_last_step_to_where_there_is_no_law_is_not_made(monkeypatch):
     p = problem(scene, [E, H, C], curve, noise=Noise(force=1e-3 * float(np.ptp(curve.force))))
     real = settling.minimise
 
-    def beyond(objective, start, search):
-        found = real(objective, start, search)
+    def beyond(objective, start, search, give_up=None):
+        found = real(objective, start, search, give_up)
         # A layer so thin that the contact is wider than what is solved for.
         return replace(found, vector=found.vector - 12.0 * np.eye(3)[1])
 

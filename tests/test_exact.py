@@ -10,6 +10,9 @@ from hypothesis import strategies as st
 from support.laws import exact_law
 from underlay.errors import InputError, RangeError
 from underlay.mechanics.body import RIGID, Layer
+from underlay.mechanics.contact import Contact
+from underlay.mechanics.exact.contact_curve import SHARE_OF_NODES
+from underlay.mechanics.exact.contact_problem import ContactProblem
 from underlay.mechanics.halfspace import HalfspaceLaw
 from underlay.mechanics.indenters import Cone, FlatPunch, Paraboloid, PowerLaw, Sphere
 from underlay.mechanics.materials import Isotropic, TransverselyIsotropic
@@ -268,3 +271,22 @@ def test_a_folding_contact_keeps_the_larger_load():
     assert law.force(above) == pytest.approx(law.force(below), rel=1e-6)
     assert law.contact_radius(above) > 5.0 * law.contact_radius(below)
     assert law.stiffness(above) > law.stiffness(below)
+
+
+@pytest.mark.parametrize("ratio", [1e-5, 1e-3])
+@pytest.mark.parametrize("tip", [Paraboloid(20.0), Sphere(60.0)], ids=["paraboloid", "sphere"])
+def test_narrow_contacts_among_wide_ones_are_as_exact_on_the_nodes_that_do_for_them(tip, ratio):
+    contact = Contact.of(tip, Layer(Isotropic(1.0, 0.4), 1.0), Isotropic(ratio, 0.45))
+    problem = ContactProblem.of(tip, 1.0, contact.kernel)
+    chi, rtol = np.geomspace(0.02, 20.0, 120), 1e-7
+    resolution = problem.resolution(20.0, rtol)
+    # Enough of them for narrow ones to be solved for by themselves.
+    assert chi.size * resolution.size > 1_000_000
+    exact = np.column_stack(problem.solve(chi, problem.resolution(20.0, 1e-11)))
+    graded = np.column_stack(problem.solve(chi, resolution, rtol))
+    # The share of the error that is claimed for nodes.
+    assert (np.abs(graded - exact) < SHARE_OF_NODES * rtol * np.maximum(np.abs(exact), 1.0)).all()
+    assert np.abs(graded - np.column_stack(problem.solve(chi, resolution))).max() > 0.0
+    # The widest need all of theirs.
+    fewer = np.column_stack(problem.solve(chi[-5:], problem.resolution(10.0, rtol)))
+    assert np.abs(fewer - exact[-5:]).max() > SHARE_OF_NODES * rtol

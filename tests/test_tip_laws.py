@@ -106,6 +106,12 @@ def test_where_the_tables_do_not_reach_there_is_no_law_rather_than_a_wrong_one()
     assert tabulated(Sphere(1.0), 10.0, 20.0, 1e-3) is None
 
 
+def test_on_a_base_far_softer_still_no_table_is_made():
+    """Most of them only told, after up to 0.6 s, that they err by too much."""
+    assert tabulated(Sphere(1.0), 1.1e-5, 1e-3, 1e-4) is not None
+    assert tabulated(Sphere(1.0), 0.9e-5, 1e-3, 1e-4) is None
+
+
 def test_towards_the_equator_a_law_ends_where_its_points_do():
     tip = Sphere(1.0)
     for share in (0.75, 0.8, 0.85):

@@ -21,6 +21,8 @@ __all__ = ["over_correlated", "too_deep", "warnings_of"]
 
 # A standard error of a factor e either way, or of the whole range of the curve, says nothing.
 _UNINFORMATIVE = 1.0
+# Beyond a factor of a million its size tells no more.
+_BEYOND_SENSE = 14.0
 _STRONG_CORRELATION = 0.99
 # A standard error, in scaled coordinates, above which a parameter is badly known.
 _BADLY_KNOWN = 0.05
@@ -77,7 +79,7 @@ def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
     for coordinate, deviation in zip(problem.coordinates, np.sqrt(np.diag(covariance)), strict=True):
         if deviation > _UNINFORMATIVE:
             size = (
-                f"a factor of {np.exp(min(deviation, 700.0)):.3g}"
+                (f"a factor of {np.exp(deviation):.3g}" if deviation < _BEYOND_SENSE else "beyond any factor")
                 if coordinate.scale is None
                 else f"{deviation:.3g} times its natural range"
             )

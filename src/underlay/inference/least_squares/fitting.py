@@ -44,7 +44,7 @@ _FEW_POINTS = 2000
 # Along a valley without an end blocks are less work.
 _QUICKLY = 5
 # A start from which a search goes further than this in a scaled coordinate was no good one.
-_FAR = 2.5
+_FAR = 6.0
 # Of the choice of readings beside a jump; the second mostly confirms the first.
 _MAX_PASSES = 4
 

@@ -24,13 +24,13 @@ from underlay.mechanics.kernel import Family
 
 __all__ = ["TipLaw", "TipSlopes", "in_size", "tip_laws", "tip_range", "tips_side_by_side"]
 
+# On a base this much softer than its layer a table takes up to 0.6 s, mostly to tell that it errs by too much: a
+# law that is solved for takes 0.05.
+_SOFTEST = 1e-5
 # Ranges of varpi are finer than those of the tables: a sphere ends soon after it is asked.
 _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
 # Where a curve of the tables ends because the contact is too wide the law ends too, no deeper than by so much.
-# On a base this much softer than its layer a table takes up to 0.6 s, mostly to tell that it errs by too much; a law
-# that is solved for takes 0.05.
-_SOFTEST = 1e-5
 _WIDE, _DEEPER = 0.9999 * LARGEST_EPS, 1.0005
 
 
