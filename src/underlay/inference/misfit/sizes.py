@@ -6,7 +6,8 @@ see a drift and see none: there its probability falls by itself. It does so the 
 that are looked for and the more shapes they may have, and a large size serves a small drift nearly as well. The
 prior probability of the exact law then goes as low as a median width of 1.4 on clean curves allows
 (`tests/studies/misfit_priors.py`: other kinds and probabilities on the same curves; `tests/studies/intervals.py`:
-coverage of what was chosen). Who takes a specimen for a half-space is wrong more often: no layer is one.
+coverage of what was chosen). Who takes a specimen for a half-space is wrong more often: no layer is one. At 0.57
+Hertz fits of layers hold in 90.5 % of 600 for a clean width of 1.47; at 0.65 it was 1.39, and 89.8 % held.
 
 A thickness, a base or a Poisson's ratio that is fitted is read off the shape of the curve alone, and takes up a
 drift without a residual: no curve can then tell which of the two it shows, and what is widest must weigh enough to
