@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.model.laws import THICKNESS, LawSource
+from underlay.inference.model.laws import LawSource
 from underlay.inference.model.similarity import Similarity
 from underlay.inference.model.stencils import ROUGH_STENCILS, STENCILS, first_possible
 from underlay.mechanics.contact_law import ContactLaw
@@ -122,7 +122,9 @@ class LawSlopes:
             return np.asarray(self.told[self.laws.beside.index(ratio)])
         if self.laws.tips is None:
             return None
-        in_thickness = self.told[self.laws.beside.index(THICKNESS)]
+        in_thickness = self.told[
+            1
+        ]  # as tables tell it; a law that is solved for beside them in the same order
         if ratio == "layer.thickness":
             return np.asarray(in_thickness / self.values[ratio])
         # One length makes the tip: its ratio is the tip's size.

@@ -26,7 +26,7 @@ from underlay.mechanics.solver import Solver
 from underlay.quantities import replace_values
 from underlay.scene.scene import Scene
 
-__all__ = ["THICKNESS", "LawSource", "LawStore", "quiet_law"]
+__all__ = ["LawSource", "LawStore", "quiet_law"]
 
 _LAWS_KEPT = 128
 # Laws that are subtracted over a step of 1e-3 must not be rougher than this.
@@ -37,8 +37,8 @@ _KERNEL_STEP = 1e-6
 # The largest depth that a message quotes may be rounded up.
 _A_HAIR_LESS = 1.0 - 1e-6
 
-#: Stands for the logarithm of the layer's thickness, which is no ratio.
-THICKNESS = "ln layer.thickness"
+# Stands for the logarithm of the layer's thickness, which is no ratio.
+_THICKNESS = "ln layer.thickness"
 
 _NOT_TABULATED = RangeError("no table has this law")
 
@@ -112,7 +112,7 @@ class LawSource:
         The same for a tip that is no power law: its size over the thickness may vary too.
     beside : tuple of str
         Paths of the ratios in which laws that are solved for say their own derivatives (`Contact.beside`); beside
-        tables in the order of the tables' own, and `THICKNESS`.
+        tables in the order of the tables' own.
     scattered : bool
         Whether it is asked for ratios far apart, as a grid holds them: each is solved for itself.
     rough : bool
@@ -150,17 +150,21 @@ class LawSource:
         similarity, solver = self.similarity, self.solver
         table = one_ratio(similarity, free) if solver.has_table(self.contact) else None
         tips = tip_ratio(similarity, free) if solver.has_tip_tables(self.contact) else None
-        beside: tuple[str, ...] = ()
-        if not solver.has_slopes(self.contact):
-            pass
-        elif tips is not None:
-            beside = (tips.path, THICKNESS)
-        elif table is not None:
-            beside = tuple({table.path}.intersection(similarity.ratio_paths))
-        else:
-            slopes = [similarity.ratio_slopes(path, similarity.values) for path in free]
-            beside = tuple(dict.fromkeys(path for moved in slopes for path in moved))
-        return replace(self, table=table, tips=tips, beside=beside)
+        return replace(self, table=table, tips=tips, beside=self._slopes_wanted(table, tips, free))
+
+    def _slopes_wanted(
+        self, table: OneRatio | None, tips: OneRatio | None, free: Sequence[str]
+    ) -> tuple[str, ...]:
+        """What `beside` is where the paths `free` vary; nothing where the solver's laws say no slopes."""
+        similarity = self.similarity
+        if not self.solver.has_slopes(self.contact):
+            return ()
+        if tips is not None:
+            return tips.path, _THICKNESS
+        if table is not None:
+            return (table.path,) if table.path in similarity.ratio_paths else ()
+        slopes = [similarity.ratio_slopes(path, similarity.values) for path in free]
+        return tuple(dict.fromkeys(path for moved in slopes for path in moved))
 
     @property
     def is_solved(self) -> bool:
@@ -370,7 +374,7 @@ class LawSource:
         shorter = float(np.exp(-_KERNEL_STEP))
         try:
             for path in self.beside:
-                if path in {"", THICKNESS}:  # on a rigid base there is no ratio
+                if path in {"", _THICKNESS}:  # on a rigid base there is no ratio
                     thickness = shorter if path else 1.0
                     found.append(Beside(here.kernel, 0.0, -_KERNEL_STEP, thickness))
                     continue
