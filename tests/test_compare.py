@@ -7,6 +7,7 @@ import underlay as ul
 from support.inverse import layer_on, measured, problem
 from underlay.errors import FitError, InputError
 from underlay.inference.compare import Comparison, compare
+from underlay.inference.least_squares import fit_warnings
 
 E, H, C = "layer.E", "layer.thickness", "instrument.contact_depth"
 
@@ -60,6 +61,14 @@ def test_a_law_without_error_bars_says_why():
     assert np.isinf(frame.loc["asymptotic:1", f"{H} stderr"])
     assert "has no error bar" in frame.loc["asymptotic:1", "notes"]
     assert not frame.loc["exact", "notes"]
+
+
+def test_an_error_far_beyond_sense_is_said_in_words():
+    p = problem(layer_on(ul.RIGID), [E, H], measured(layer_on(ul.RIGID)))
+    # Scaled: a factor of e^3 either way, and of e^700, which is no number that a reader could use.
+    loose, lost = fit_warnings._unfixed(p, np.diag([3.0**2, 700.0**2]))
+    assert "its standard error is a factor of 20.1;" in str(loose)
+    assert "its standard error is beyond any factor;" in str(lost)
 
 
 def test_a_law_that_cannot_be_fitted_does_not_disturb_the_others():
