@@ -1,6 +1,8 @@
 """The frozen result: its table, its derived quantities, its bands, and its way to disk and to others."""
 
 import json
+import os
+import subprocess
 import sys
 import warnings
 from dataclasses import FrozenInstanceError, replace
@@ -338,3 +340,25 @@ def test_without_the_extra_the_error_names_it(posterior, monkeypatch):
     monkeypatch.setitem(sys.modules, "arviz", None)
     with pytest.raises(MissingExtraError, match=r"underlay\[uq\]"):
         posterior.to_inference_data()
+
+
+def test_a_process_that_imports_arviz_beside_another_gets_it(tmp_path):
+    # What arviz 0.23 does where another process moves the draft of its daily note away: it fails once.
+    package = tmp_path / "arviz"
+    package.mkdir()
+    (package / "__init__.py").write_text(
+        "import pathlib\n"
+        "draft, note = (pathlib.Path(__file__).with_name(name) for name in ('draft', 'note'))\n"
+        "if not note.exists():\n"
+        "    note.touch()\n"
+        "    draft.replace(note)\n"
+    )
+    program = (
+        "from underlay.inference.sampling.arviz_bridge import arviz_library; print(arviz_library().__file__)"
+    )
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    call = [sys.executable, "-c", program]
+    done = subprocess.run(
+        call, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == str(package / "__init__.py")

@@ -19,6 +19,15 @@ def arviz_library() -> ModuleType:
         If it is not installed.
     """
     try:
+        return _imported()
+    except FileNotFoundError:
+        # arviz notes in the user's cache on which day it last warned. Where two processes import it at the same
+        # moment, the one that comes second finds its draft of that note gone; by then the note is in its place.
+        return _imported()
+
+
+def _imported() -> ModuleType:
+    try:
         with warnings.catch_warnings():
             # arviz announces its next major version at import, which is not the caller's concern.
             warnings.simplefilter("ignore", FutureWarning)
