@@ -193,7 +193,7 @@ def _direct(
     softness = problem.scales.softness
     fine = max(rtol / gain, _FINEST)
     widen = last / float(place(np.array([top]))[0])
-    terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol)
+    terms = curve_terms(problem.scales, top, problem.measure.exponent, rtol / problem.unevenness)
     resolution = problem.resolution(last, fine)
     while terms <= MOST_TERMS:
         targets = Stretch.to(top, softness).v(np.cos(chebyshev_angles(terms)))
