@@ -10,6 +10,7 @@ import pytest
 import underlay as ul
 from support.inverse import ambiguous, exact_curve, layer_on, measured, problem
 from support.posed import CASES, posed
+from underlay.inference.least_squares import last_word
 from underlay.inference.least_squares import settle as settling
 from underlay.inference.least_squares.engine import Search, _Running, minimise
 from underlay.inference.least_squares.fitting import quick_fit
@@ -106,6 +107,32 @@ def test_lmfits_own_result_is_handed_over():
     assert "layer_thickness" in lmfit.fit_report(result)
     # A fit by the engine alone asks for it when it is asked.
     assert quick_fit(p).lmfit.chisqr == pytest.approx(result.chisqr, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("method", "loss"), [("leastsq", None), ("least_squares", None), ("least_squares", "cauchy")]
+)
+def test_lmfit_cut_short_hands_over_the_lowest_place_that_it_asked_for(monkeypatch, method, loss):
+    # Of lmfit's leastsq the last place is memory that MINPACK has given back; and the last one is seldom the best.
+    monkeypatch.setattr(last_word, "_MOST_EVALUATIONS", 8)
+    pose = posed("rigid")
+    objective = Objective(pose, freeze(pose, pose.start, pose.noises(pose.start)))
+    asked, residuals = [], objective.residuals
+
+    def told(vector):
+        found = residuals(vector)
+        asked.append((np.array(vector), found.copy()))
+        return found
+
+    monkeypatch.setattr(objective, "residuals", told)
+    said = last_word.Minimiser(method, loss)(objective, pose.start + 0.5)
+    assert said.result.aborted
+    rho = np.log1p if loss else np.asarray
+    sums = [rho(own * own).sum() for _, own in asked]
+    best, its = asked[int(np.argmin(sums))]
+    np.testing.assert_array_equal(said.vector, best)
+    assert said.result.chisqr == pytest.approx(float(its @ its), rel=1e-12)
+    assert not said.success
 
 
 def test_what_would_leave_its_bound_goes_there_and_the_others_to_their_best_beside_it():

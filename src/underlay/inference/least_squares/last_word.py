@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,15 @@ _TOLERANCE = 1e-8
 # From an optimum three evaluations are usual, from a robust start ten; a valley without an end takes hundreds.
 _MOST_EVALUATIONS = 300
 _UNNAMEABLE = re.compile(r"\W+")
+
+#: rho(z) of every loss, z = r^2: what a search lowers the sum of.
+_RHO: dict[str | None, Callable[[FloatArray], FloatArray]] = {
+    None: lambda z: z,
+    "soft_l1": lambda z: 2.0 * (np.sqrt(1.0 + z) - 1.0),
+    "huber": lambda z: np.where(z <= 1.0, z, 2.0 * np.sqrt(z) - 1.0),
+    "cauchy": np.log1p,
+    "arctan": np.arctan,
+}
 
 
 @dataclass(frozen=True)
@@ -87,8 +97,37 @@ class Minimiser:
         options: dict[str, Any] = {"ftol": _TOLERANCE, "xtol": _TOLERANCE, "gtol": 0.0}
         if self.method == "least_squares":
             options |= {"gtol": None, "loss": self.loss or "linear"}
-        minimiser = lmfit.Minimizer(
-            lambda current: objective.residuals(vector(current)), parameters, max_nfev=_MOST_EVALUATIONS
-        )
+        lowest = _Lowest(_RHO[self.loss], start)
+
+        def residuals(current: Any) -> FloatArray:
+            there = vector(current)
+            return lowest.told(there, objective.residuals(there))
+
+        minimiser = lmfit.Minimizer(residuals, parameters, max_nfev=_MOST_EVALUATIONS)
         result = minimiser.minimize(method=self.method, Dfun=jacobian, **options)
+        if result.aborted:
+            # What lmfit then says is the place asked last, not the best; and of leastsq it is memory that MINPACK
+            # has given back, which may hold any numbers by now.
+            for name, i in zip(names, active, strict=True):
+                result.params[name].value = float(lowest.vector[i])
+            result.residual = lowest.residuals
+            result._calculate_statistics()  # noqa: SLF001  there is no public way to tell it the residuals
         return LastWord(vector(result.params), result)
+
+
+@dataclass
+class _Lowest:
+    """The lowest place that a search has asked for: scaled vector (k,), residuals, and the sum of their `rho`."""
+
+    rho: Callable[[FloatArray], FloatArray]
+    vector: FloatArray
+    residuals: FloatArray = field(default_factory=lambda: np.zeros(0))
+    loss: float = np.inf
+
+    def told(self, vector: FloatArray, residuals: FloatArray) -> FloatArray:
+        """Return the residuals, and remember them if they are the lowest so far."""
+        loss = float(self.rho(residuals * residuals).sum())
+        if loss < self.loss:
+            # A copy: a minimiser may write into what it is given.
+            self.vector, self.residuals, self.loss = vector, residuals.copy(), loss
+        return residuals
