@@ -38,10 +38,10 @@ def test_a_short_step_is_one_of_the_ratio_and_a_long_one_shorter():
     step = np.array([[0.2, 0.1, 1e-5], [0.2, 0.1, 0.2 / unit]])
     taken = course.taken(step, 3.0)
     assert (taken[:, :2] == step[:, :2]).all()
-    # Half the square over the room, (1 - 2 nu + 0.05)/2 in nu, is left of it.
-    assert taken[0, 2] == pytest.approx(1e-5, rel=1e-5 * unit / 0.125)
-    # 0.125 (1 - exp(-0.2 / 0.125)) in nu.
-    assert taken[1, 2] * unit == pytest.approx(0.125 * -np.expm1(-1.6), rel=1e-12)
+    # Half the square over the room, (1 - 2 nu + 0.13)/2 in nu, is left of it.
+    assert taken[0, 2] == pytest.approx(1e-5, rel=1e-5 * unit / 0.165)
+    # 0.165 (1 - exp(-0.2 / 0.165)) in nu.
+    assert taken[1, 2] * unit == pytest.approx(0.165 * -np.expm1(-0.2 / 0.165), rel=1e-12)
 
 
 def test_only_a_ratio_that_is_free_is_stepped_so():
@@ -49,19 +49,48 @@ def test_only_a_ratio_that_is_free_is_stepped_so():
     assert PoissonSteps.of(p.members, p.coordinates) is None
 
 
-def test_a_search_from_too_compressible_a_layer_comes_straight_up(monkeypatch):
-    scene = layer_on(ul.Isotropic(1e7, 0.3), nu=0.45)
-    p = problem(scene.with_values({NU: 0.3}), [E, C, NU], measured(scene, level=1e-3))
+@pytest.mark.parametrize("base", [ul.Isotropic(3e7, 0.3), ul.RIGID])
+@pytest.mark.parametrize("wide", [0.8, 1.5])
+def test_the_force_is_nearly_straight_in_it(base, wide):
+    R, h = 1e-3, 1e-3
+    depth = (wide * h) ** 2 / R / 1.5
 
-    def search():
-        objective = Objective(p, freeze(p, p.start, first_noises(p, p.start)))
-        found = minimise(objective, p.start)
-        return objective.evaluations, found.point.square
+    def log_force(nu):
+        return float(
+            np.log(ul.Scene(ul.Paraboloid(R), ul.Layer(ul.Isotropic(3e6, nu), h), base).force(depth))
+        )
 
-    asked, square = search()
+    ratios = np.linspace(0.4, 0.5, 6)
+    forces = np.array([log_force(nu) + np.log1p(-nu * nu) for nu in ratios])
+    share = (forces - forces[0]) / (forces[-1] - forces[0])
+    steps, unit = steps_from(0.4)
+    there = np.zeros((6, 3))
+    there[:, 2] = (ratios - 0.4) / unit
+    along = steps.at(np.zeros((6, 3))).straight(there.copy())[:, 2]
+    assert np.abs(along / along[-1] - share).max() < 0.4 * np.abs(there[:, 2] / there[-1, 2] - share).max()
+
+
+def test_searches_from_too_compressible_a_layer_come_straighter_up(monkeypatch):
+    tried = []
+    for nu in (0.45, 0.48, 0.5):
+        scene = layer_on(ul.Isotropic(1e7, 0.3), nu=nu)
+        curve = measured(scene, level=1e-3)
+        tried += [problem(scene.with_values({NU: start}), [E, C, NU], curve) for start in (0.1, 0.3, 0.4)]
+
+    def searches():
+        asked, squares = 0, []
+        for p in tried:
+            objective = Objective(p, freeze(p, p.start, first_noises(p, p.start)))
+            vector = minimise(objective, p.start).vector
+            asked += objective.evaluations
+            squares.append(objective.square(vector))
+        return asked, np.array(squares)
+
+    asked, squares = searches()
     monkeypatch.setattr(Objective, "poissons", None)
-    in_nu, same = search()
-    assert square <= same * (1.0 + 1e-6)
+    in_nu, same = searches()
+    # What the last steps leave of 300 points is a thousandth of a standard error, its square of 300, and some.
+    assert squares == pytest.approx(same, rel=1e-6)
     assert asked < in_nu
 
 

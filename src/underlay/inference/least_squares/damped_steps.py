@@ -25,11 +25,18 @@ def damped_steps(
     gradient, normal = places.gradient, places.normal
     norms = np.sqrt(normal.diagonal(axis1=1, axis2=2))
     which = active & acting(norms)
-    at_ends = (low >= 0.0) | (high <= 0.0)
-    if at_ends.any():
-        which &= (low < 0.0) | (gradient < 0.0)
-        which &= (high > 0.0) | (gradient > 0.0)
-    step = _solved(gradient, normal, which, norms, damping)
+    outward = which & _outward(gradient, low, high)
+    if outward.any():
+        which &= ~outward
+        step = _solved(gradient, normal, which, norms, damping)
+        # What pulls out of its end here may pull back in from where the others go.
+        ahead = gradient + (normal @ step[:, :, None])[:, :, 0]
+        back = outward & ~_outward(ahead, low, high)
+        if back.any():
+            which |= back
+            step = _solved(gradient, normal, which, norms, damping)
+    else:
+        step = _solved(gradient, normal, which, norms, damping)
     beyond = which & ((step < low) | (step > high))
     held = np.zeros(0)
     if beyond.any():
@@ -42,6 +49,11 @@ def damped_steps(
         return step, -np.einsum("sk,sk->s", step, gradient), length
     gain = -np.einsum("sk,sk->s", step, 2.0 * gradient + (normal @ step[:, :, None])[:, :, 0])
     return step, gain, length
+
+
+def _outward(gradient: FloatArray, low: FloatArray, high: FloatArray) -> NDArray[np.bool_]:
+    """Which entries stand at an end and are pulled out of it, or not at all, by J'r (s, k)."""
+    return ((low >= 0.0) & (gradient >= 0.0)) | ((high <= 0.0) & (gradient <= 0.0))
 
 
 def _kept_inside(
