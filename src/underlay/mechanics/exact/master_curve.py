@@ -285,13 +285,19 @@ def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
     powers = np.empty((*z.shape[:-1], _BLOCK, z.shape[-1]))
     powers[..., 0, :] = 1.0
     powers[..., 1, :] = z
-    np.multiply(z, z, out=powers[..., 2, :])
-    np.multiply(powers[..., 2, :], z, out=powers[..., 3, :])
-    rows = table @ powers
-    total = rows[..., -1, :]
-    if table.shape[-2] > 1:
-        fourth = powers[..., 2, :] * powers[..., 2, :]
-        for row in range(table.shape[-2] - 2, -1, -1):
+    square = np.multiply(z, z, out=powers[..., 2, :])
+    np.multiply(square, z, out=powers[..., 3, :])
+    if table.ndim == 2:
+        rows = table @ powers
+    else:
+        # Row by row, so that what Horner adds up lies together in memory.
+        rows = np.empty((table.shape[-2], *table.shape[:-2], z.shape[-1]))
+        axes = range(1, table.ndim - 1)
+        np.matmul(table, powers, out=rows.transpose(*axes, 0, table.ndim - 1))
+    total = rows[-1]
+    if len(rows) > 1:
+        fourth = square * square
+        for row in rows[-2::-1]:
             total *= fourth
-            total += rows[..., row, :]
+            total += row
     return total
