@@ -104,11 +104,22 @@ def power_law_objective(problem: Problem, *, robust: bool) -> Objective | None:
     return blocked_objective(problem, robust=robust, forwards=forwards)
 
 
-def blocked_forward(forward: Forward, blocks: Blocks, rtol: float) -> Forward:
-    """A curve's model at the depths of its blocks, with coarse laws of its own."""
-    laws = forward.laws
-    laws = replace(laws, solver=laws.solver.with_tolerance(rtol), store=LawStore(), rough=True)
-    return replace(forward.moved(blocks.depth, blocks.force), laws=laws)
+def blocked_forward(
+    forward: Forward, blocks: Blocks, rtol: float, tried: Sequence[str] | None = None
+) -> Forward:
+    """A curve's model at the depths of its blocks, with coarse laws of its own.
+
+    For a grid of values of what is `tried` they are laws far apart, in which nothing else varies.
+    """
+    laws = forward.laws if tried is None else forward.laws.varying(tried)
+    laws = replace(
+        laws,
+        solver=laws.solver.with_tolerance(rtol),
+        store=LawStore(),
+        rough=True,
+        scattered=tried is not None,
+    )
+    return forward.moved(blocks.depth, blocks.force, laws)
 
 
 def _means(rows: FloatArray) -> FloatArray:

@@ -25,8 +25,9 @@ def damped_steps(
     gradient, normal = places.gradient, places.normal
     norms = np.sqrt(normal.diagonal(axis1=1, axis2=2))
     which = active & acting(norms)
-    outward = which & _outward(gradient, low, high)
-    if outward.any():
+    at_ends = which & ((low >= 0.0) | (high <= 0.0))
+    if at_ends.any():
+        outward = at_ends & _outward(gradient, low, high)
         which &= ~outward
         step = _solved(gradient, normal, which, norms, damping)
         # What pulls out of its end here may pull back in from where the others go.

@@ -222,10 +222,9 @@ def _vector(
 def _scanned(member: Member, problem: Problem) -> ScanCurve:
     blocks = Blocks.of(member.curve, _BLOCKS)
     free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
-    forward = blocked_forward(member.by_power_law or member.forward, blocks, _SCAN_RTOL)
     # What the grid does not try stays where it is: laws that would vary with it are those of a table here.
     tried = [path for path in free if path in _TRIED]
-    forward = replace(forward, laws=replace(forward.laws.varying(tried), scattered=True))
+    forward = blocked_forward(member.by_power_law or member.forward, blocks, _SCAN_RTOL, tried)
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
     return ScanCurve(forward, blocks, free, tried_contacts(free, blocks, member.base[CONTACT]), scales)
 
@@ -262,16 +261,16 @@ def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[fl
 
 def _parabolas(x: FloatArray) -> FloatArray:
     """Weights (p, t) of values at x (t,) for those at more places, by parabolas through the nearest three."""
-    steps = np.arange(_BETWEEN * (len(x) - 1) + 1) / _BETWEEN
-    at = np.interp(steps, np.arange(len(x)), x)
-    first = np.minimum(np.maximum(np.round(steps).astype(np.intp) - 1, 0), len(x) - 3)
+    count = _BETWEEN * (len(x) - 1) + 1
+    row = np.arange(count)
+    steps = row / _BETWEEN
+    at = np.interp(steps, row[: len(x)], x)
+    first = np.minimum(np.maximum(np.rint(steps).astype(np.intp) - 1, 0), len(x) - 3)
     which = first[:, None] + _OWN
     nodes = x[which]
     off, one, other = at[:, None] - nodes, nodes[:, _NEXT], nodes[:, _LAST]
-    weights = np.zeros((len(at), len(x)))
-    weights[np.arange(len(at))[:, None], which] = (
-        off[:, _NEXT] * off[:, _LAST] / ((nodes - one) * (nodes - other))
-    )
+    weights = np.zeros((count, len(x)))
+    weights[row[:, None], which] = off[:, _NEXT] * off[:, _LAST] / ((nodes - one) * (nodes - other))
     return weights
 
 

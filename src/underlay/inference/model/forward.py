@@ -108,10 +108,11 @@ class Forward:
         """Return the same with laws of another solver that scale alike, kept beside its own."""
         return replace(self, laws=replace(self.laws, solver=solver, table=None, tips=None, beside=()))
 
-    def moved(self, depth: FloatArray, force: FloatArray) -> Forward:
-        """Return the same for other depth readings (m) and their force readings (N), (n,)."""
+    def moved(self, depth: FloatArray, force: FloatArray, laws: LawSource | None = None) -> Forward:
+        """Return the same for other depth readings (m), force readings (N), (n,), and `laws`, if given."""
         lever = self.similarity.scene.lever
-        return replace(self, depth=depth, bending=None if lever is None else lever.bending(force))
+        bending = None if lever is None else lever.bending(force)
+        return replace(self, depth=depth, bending=bending, laws=laws or self.laws)
 
     def of_set(self, row: int) -> Forward:
         """Return the same for the depths of one set, where every set has its own, (sets, n)."""
