@@ -235,25 +235,28 @@ class ContactLaw(Response, ABC):
     ) -> FloatArray:
         """Ask `primitive` where there is contact; `rows` are the axes that it puts before that of the depths."""
         w = np.asarray(depth, dtype=np.float64)
-        flat = np.atleast_1d(w).ravel()
+        flat = w.reshape(-1)
         # NaN fails the comparison too, and so does inf where the law has no end: as_finite names them.
-        if not (flat <= min(self.max_depth, _LARGEST)).all():
+        if not flat.max(initial=-math.inf) <= min(self.max_depth, _LARGEST):
             as_finite(w, "depth")
             raise RangeError(
                 f"depth {flat.max():.6g} m is beyond the largest that works here, "
                 f"{self.max_depth:.6g} m: {self._beyond}",
                 max_depth=self.max_depth,
             )
-        touching = self._touching(np.atleast_1d(w)).ravel()
+        touching = self._touching(w if w.ndim > 1 else flat).reshape(-1)
         count = np.count_nonzero(touching)
         if count == flat.size:
             return self._answer(primitive, flat, rows).reshape((*rows, *w.shape))[()]
-        as_finite(w, "depth")
+        # Depths mostly come in order, those in contact last: a slice of them spares a gather and a scatter.
+        first = flat.size - count
+        ordered = not touching[:first].any()
+        before = flat[:first] if ordered else flat[~touching]
+        if not math.isfinite(before.min()):
+            as_finite(w, "depth")
         values = np.zeros((*rows, flat.size))
         if count:
-            # Depths mostly come in order, those in contact last: a slice of them spares a gather and a scatter.
-            last = slice(flat.size - count, None)
-            where = last if touching[last].all() else touching
+            where = slice(first, None) if ordered else touching
             values[..., where] = self._answer(primitive, flat[where], rows)
         return values.reshape((*rows, *w.shape))[()]
 

@@ -32,6 +32,7 @@ _RANGES_PER_OCTAVE, _RANGE_EDGE = 4, 1.31
 _SMALLEST = 0.02  # varpi: nothing is gained by less
 # Where a curve of the tables ends because the contact is too wide the law ends too, no deeper than by so much.
 _WIDE, _DEEPER = 0.9999 * LARGEST_EPS, 1.0005
+_UNIT_SPHERE = Sphere(1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +153,7 @@ _Group: TypeAlias = tuple[Indenter, int | None, int]
 
 def _shape(tip: Indenter) -> Indenter:
     """The tip in a unit of its own, in which tips of other sizes are the same."""
-    return Sphere(1.0) if isinstance(tip, Sphere) else tip
+    return _UNIT_SPHERE if isinstance(tip, Sphere) else tip
 
 
 def _unit(tip: Indenter) -> float:
@@ -163,7 +164,9 @@ def _law(
     contact: Contact, found: TipCurves, place: int, depth: float, rtol: float
 ) -> TipLaw | RangeError | None:
     """One of the curves as a law, or why there is none so deep; None where it errs by more, or ends before."""
-    batch, measure = found.batch.part([place]), depth_measure(contact.indenter)
+    batch, measure = found.batch, depth_measure(contact.indenter)
+    if len(batch.lengths) > 1:
+        batch = batch.part([place])
     error, slopes = float(batch.error_estimate[0]), batch.slopes
     max_depth = float(measure.abel(np.asarray(batch.top)[0] * contact.thickness))
     if depth > _DEEPER * max_depth and found.eps[place] >= _WIDE:
