@@ -282,6 +282,8 @@ class Problem:
 
     def noises(self, vector: FloatArray) -> tuple[NoiseModel, ...]:
         """One noise model per curve with the numbers of a vector (k,)."""
+        if not self.noise_entries:
+            return tuple(member.noise for member in self.members)
         physical = self.physical(self._one(vector))
         return tuple(member.noise_at(physical) for member in self.members)
 

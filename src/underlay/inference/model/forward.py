@@ -24,11 +24,13 @@ from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.mechanics.solver import Solver
 from underlay.quantities import replace_values
 from underlay.scene.chain import Chain, ContactDepth, Frame
-from underlay.scene.instrument import Instrument
 from underlay.scene.lever import SENSITIVITY_RATIO
 from underlay.scene.scene import Scene
 
 __all__ = ["Forward", "Reading"]
+
+# Parts of a scene that its laws know nothing of.
+_READING = frozenset({"instrument", "lever"})
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,9 @@ class Forward:
         elastic = scene.elastic
         if elastic.discrepancy is not None:
             elastic = replace(elastic, discrepancy=None)
-        reference = replace(elastic, instrument=Instrument(), lever=None)
+        reference = tuple(
+            getattr(elastic, name) for name in elastic.__dataclass_fields__ if name not in _READING
+        )
         similarity = compile_similarity(elastic, free, scaling=solver.scaling)
         laws = LawSource.of(similarity, reference, free, solver, store)
         told = None if scene.discrepancy is None else LeftOutLaws.of(scene, depth)

@@ -64,15 +64,15 @@ class LawStore:
     """
 
     laws: OrderedDict[tuple[object, ...], ContactLaw | RangeError] = field(default_factory=OrderedDict)
-    references: list[Scene] = field(default_factory=list)
+    references: list[tuple[object, ...]] = field(default_factory=list)
     refusals: dict[tuple[object, ...], RangeError] = field(default_factory=dict)
     batches: dict[tuple[object, ...], ExactBatch | None] = field(default_factory=dict)
     surfaces: dict[tuple[object, ...], object] = field(default_factory=dict)
     adhesion_tables: dict[tuple[object, ...], AdhesionTable | None] = field(default_factory=dict)
     built: int = 0
 
-    def number(self, reference: Scene) -> int:
-        """Short name of a reference scene: equal ones share their laws."""
+    def number(self, reference: tuple[object, ...]) -> int:
+        """Short name of a reference scene, given its parts: equal ones share their laws."""
         if reference not in self.references:
             self.references.append(reference)
         return self.references.index(reference)
@@ -135,12 +135,12 @@ class LawSource:
     def of(
         cls,
         similarity: Similarity,
-        reference: Scene,
+        reference: tuple[object, ...],
         free: Sequence[str],
         solver: Solver,
         store: LawStore,
     ) -> LawSource:
-        """Source for what may vary at the paths `free`; `reference` names its laws in the store."""
+        """Source for what may vary at the paths `free`; the parts of the `reference` name its laws in the store."""
         contact = similarity.scene.contact
         source = cls(similarity, solver, store, store.number(reference), contact, None)
         return source.varying(free)
@@ -148,8 +148,9 @@ class LawSource:
     def varying(self, free: Sequence[str]) -> LawSource:
         """Return the same where only the paths `free` vary: tables serve more the fewer these are."""
         similarity, solver = self.similarity, self.solver
-        table = one_ratio(similarity, free) if solver.has_table(self.contact) else None
-        tips = tip_ratio(similarity, free) if solver.has_tip_tables(self.contact) else None
+        body = self.contact.isotropic
+        table = one_ratio(similarity, body, free) if solver.has_table(self.contact) else None
+        tips = tip_ratio(similarity, body, free) if solver.has_tip_tables(self.contact) else None
         return replace(self, table=table, tips=tips, beside=self._slopes_wanted(table, tips, free))
 
     def _slopes_wanted(

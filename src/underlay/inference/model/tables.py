@@ -10,6 +10,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.model.similarity import Similarity
+from underlay.mechanics.contact import IsotropicLayer
 from underlay.mechanics.exact.curve_family import IsotropicPair, RigidBase
 from underlay.mechanics.kernel import Family, Kernel
 from underlay.scene.instrument import Instrument
@@ -68,11 +69,13 @@ class _OneUnknown:
         return self.scene.with_values({self.path: ratio * self.unit}).contact.kernel
 
 
-def one_ratio(similarity: Similarity, free: Sequence[str]) -> OneRatio | None:
-    """Find the one ratio that the free parameters move; None where they move more, or a Poisson's ratio."""
+def one_ratio(similarity: Similarity, body: IsotropicLayer | None, free: Sequence[str]) -> OneRatio | None:
+    """Find the one ratio that the free parameters move; None where they move more, or a Poisson's ratio.
+
+    `body` is the reference's, where it is an isotropic layer.
+    """
     if similarity.exponent is None or set(similarity.direct).intersection(free):
         return None
-    body = similarity.scene.contact.isotropic
     if body is not None:
         if body.base is None:
             return OneRatio(None)
@@ -95,9 +98,11 @@ def one_ratio(similarity: Similarity, free: Sequence[str]) -> OneRatio | None:
     return OneRatio(_OneUnknown(bodies, path, unit), path, over[path])
 
 
-def tip_ratio(similarity: Similarity, free: Sequence[str]) -> OneRatio | None:
-    """Find the bodies under a tip that is no power law; None where tables are not for what varies."""
-    body = similarity.scene.contact.isotropic
+def tip_ratio(similarity: Similarity, body: IsotropicLayer | None, free: Sequence[str]) -> OneRatio | None:
+    """Find the bodies under a tip that is no power law; None where tables are not for what varies.
+
+    `body` as in `one_ratio`.
+    """
     if similarity.exponent is not None or body is None or not similarity.moduli:
         return None
     moving = set(similarity.direct).intersection(free)

@@ -291,10 +291,10 @@ def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
         rows = table @ powers
     else:
         # Row by row, so that what Horner adds up lies together in memory.
-        rows = np.empty((table.shape[-2], *table.shape[:-2], z.shape[-1]))
-        axes = range(1, table.ndim - 1)
-        np.matmul(table, powers, out=rows.transpose(*axes, 0, table.ndim - 1))
-    total = rows[-1]
+        lead = np.broadcast_shapes(table.shape[:-2], z.shape[:-1])
+        rows = np.empty((table.shape[-2], *lead, z.shape[-1]))
+        np.matmul(table, powers, out=rows.transpose(*range(1, len(lead) + 1), 0, len(lead) + 1))
+    total: FloatArray = rows[-1]
     if len(rows) > 1:
         fourth = square * square
         for row in rows[-2::-1]:
