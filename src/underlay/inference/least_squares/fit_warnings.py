@@ -76,7 +76,8 @@ def _file_facts(problem: Problem) -> list[FitWarning]:
 
 def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
     warnings = []
-    for coordinate, deviation in zip(problem.coordinates, np.sqrt(np.diag(covariance)), strict=True):
+    deviations = np.sqrt(covariance.diagonal()).tolist()
+    for coordinate, deviation in zip(problem.coordinates, deviations, strict=True):
         if deviation > _UNINFORMATIVE:
             size = (
                 (f"a factor of {np.exp(deviation):.3g}" if deviation < _BEYOND_SENSE else "beyond any factor")
@@ -95,7 +96,7 @@ def _unfixed(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
 
 def _correlated(problem: Problem, covariance: FloatArray) -> list[FitWarning]:
     """One warning for each group of parameters that strong correlations link and that are known only together."""
-    if not (np.diag(covariance) > _BADLY_KNOWN**2).any():
+    if not (covariance.diagonal() > _BADLY_KNOWN**2).any():
         return []
     deviation = np.sqrt(np.diag(covariance))
     product = np.outer(deviation, deviation)

@@ -62,7 +62,7 @@ def judge(
         if not np.isfinite(own).all():
             reasons |= {problem.names[i]: "these data do not fix the noise: give it a prior" for i in entries}
     slopes = problem.space.slopes(physical)
-    deviation_scaled = np.sqrt(np.diag(covariance))
+    deviation_scaled = np.sqrt(covariance.diagonal())
     deviation = deviation_scaled * np.abs(slopes)
     stderr = {
         name: float("inf") if name in reasons else float(error)
@@ -72,8 +72,8 @@ def judge(
         read_only(member.force - model)
         for member, model in zip(problem.members, objective.models(vector), strict=True)
     )
-    ends = np.cumsum([len(member.force) for member in problem.members])
-    whitened = np.split(residuals, ends)[: len(forces)]
+    ends = np.cumsum([len(force) for force in forces])
+    whitened = np.split(residuals, ends)[: len(forces)] if len(forces) > 1 else [residuals[: ends[0]]]
     alternatives = _alternatives(objective, vector, residuals, deviation_scaled, others)
     related = [correlated(own, force) for own, force in zip(whitened, forces, strict=True)]
     asked = objective.asked.asked_for(physical)

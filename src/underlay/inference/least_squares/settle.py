@@ -98,7 +98,8 @@ def settle(
             return None
         renewal = renew(objective, found.vector, robust=robust is not None)
         objective.noise = renewal.noise
-        found = replace(found, vector=renewal.vector)
+        if renewal.vector is not found.vector:
+            found = replace(found, vector=renewal.vector)
         if renewal.settled:
             break
         found = _searched(objective, found.vector, robust, steps)

@@ -227,8 +227,11 @@ class LawSource:
         """
         if self.table is None or self.table.family is None or not (self.scattered and depth > 0.0):
             return None
-        values, paths = self.similarity.values, self.similarity.ratio_paths
-        ratios = [self.table.of({**values, **dict(zip(paths, own, strict=True))}) for own in reduced]
+        values, paths = dict(self.similarity.values), self.similarity.ratio_paths
+        ratios = []
+        for own in reduced:
+            values.update(zip(paths, own, strict=True))
+            ratios.append(self.table.of(values))
         return self.solver.side_by_side(self.contact, self.table.family, ratios, depth)
 
     def for_statements(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
