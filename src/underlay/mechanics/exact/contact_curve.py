@@ -217,7 +217,7 @@ def _series(problem: ContactProblem, last: float, rtol: float) -> tuple[RadiusSe
     stretch = Stretch.to(last, problem.scales.softness)
     # What is asked for to place the radii of another solution needs no proof.
     resolution = problem.resolution(last, rtol) if rtol < _COARSE else problem.guess(last, rtol)
-    terms = series_terms(problem.scales, last, rtol)
+    terms = series_terms(problem.scales, last, rtol / problem.unevenness)
     while True:
         angles = chebyshev_angles(terms)
         chi = stretch.v(np.cos(angles))
