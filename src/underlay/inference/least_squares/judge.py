@@ -123,7 +123,9 @@ def scaled_covariance(
         _, singular, directions = np.linalg.svd(triangle[:, kept], full_matrices=False)
         lost = directions[singular <= _SINGULAR * singular[0]]
         if not len(lost):
-            covariance[np.ix_(kept, kept)] = (directions.T / singular**2) @ directions
+            rows = np.array(kept)
+            # numpy.ix_ takes longer than so small a product.
+            covariance[rows[:, None], rows] = (directions.T / singular**2) @ directions
             break
         # A parameter that takes part in a lost direction by more than a hundredth is not fixed.
         part = np.sqrt(np.square(lost).sum(axis=0))

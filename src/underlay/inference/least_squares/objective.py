@@ -169,7 +169,8 @@ class Objective:
                 return False
             told = 0.0
             for rows, entries in zip(self._whitened_rows(columns), self._entries, strict=True):
-                told += float((np.linalg.norm(rows, axis=1) * np.abs(step[entries])).sum()) ** 2
+                norms = np.sqrt(np.einsum("kn,kn->k", rows, rows))
+                told += float(norms @ np.abs(step[entries])) ** 2
             return bool(length * told**0.5 <= _UNTOLD * (square / self.points) ** 0.5)
 
         return not self.failures and self.asked.follow(physical, near)

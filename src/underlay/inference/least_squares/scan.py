@@ -82,7 +82,8 @@ class _Grid:
 
     def between(self, weights: FloatArray) -> _Grid:
         """At other thicknesses, by weights (others, thicknesses)."""
-        residuals = np.tensordot(weights, self.residuals, axes=1)
+        count = len(self.residuals)
+        residuals = (weights @ self.residuals.reshape(count, -1)).reshape(-1, *self.residuals.shape[1:])
         values = {
             # A contact may be negative; moduli and thickness go along with powers of each other.
             path: weights @ value if path == CONTACT else np.exp(weights @ np.log(value))
@@ -143,7 +144,8 @@ class Landscape:
     @cached_property
     def misfit(self) -> FloatArray:
         """Sum of squares (N^2) of all curves, (thicknesses, moduli); inf where there is no law."""
-        return np.asarray(np.sum([grid.misfit for grid in self.grids], axis=0))
+        first, *others = (grid.misfit for grid in self.grids)
+        return sum(others, first)
 
     def minima(self, count: int) -> list[tuple[int, int]]:
         """At most `count` local minima, best first, and places thinner and thicker than the best; none hopeless."""
