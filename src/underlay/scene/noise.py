@@ -103,7 +103,8 @@ class Noise(NoiseModel):
             )
         white = np.asarray(self.force, dtype=np.float64)
         if not self.follows_force:
-            return np.broadcast_to(white, np.broadcast_shapes(white.shape, np.shape(force)))
+            shape = np.broadcast_shapes(white.shape, np.shape(force)) if white.ndim else np.shape(force)
+            return np.broadcast_to(white, shape)
         variance = white * white
         if not _is_off(self.relative):
             variance = variance + np.square(self.relative * force)

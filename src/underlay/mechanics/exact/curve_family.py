@@ -249,17 +249,15 @@ class CurveFamily:
         flat = powers @ self.coefficients.reshape(count, -1)
         return flat.reshape(-1, *self.coefficients.shape[1:])
 
-    def slopes(self, which: Factor, log_ratio: float) -> FloatArray:
-        """d/d ln k of the coefficients of one factor, (pieces, rows, 4), at one ratio."""
-        orders = np.arange(1, len(self.coefficients))
-        powers = orders * self._position(np.array([log_ratio])) ** (orders - 1)
-        table = self.coefficients[1:, :, which]
-        flat = (powers * self.cell.log_ratios.slope(log_ratio)) @ table.reshape(len(table), -1)
-        return flat.reshape(table.shape[1:])
-
     def curve(self, log_ratio: float) -> MasterCurve:
-        """Master curve at one ratio."""
-        table = self.tables(np.array([log_ratio]))[0]
+        """Master curve at one ratio, with its slope in ln k."""
+        orders = np.arange(len(self.coefficients))
+        powers = np.zeros((2, orders.size))
+        powers[0] = self._position(np.array([log_ratio])) ** orders
+        powers[1, 1:] = orders[1:] * powers[0, :-1] * self.cell.log_ratios.slope(log_ratio)
+        flat = powers @ self.coefficients.reshape(orders.size, -1)
+        own, slopes = flat.reshape(2, *self.coefficients.shape[1:])
+        table = np.concatenate((own, slopes[:, Factor.FORCE, None]), axis=1)
         return MasterCurve(self.stretch, self.edges, table, self.error_estimate)
 
     def _position(self, log_ratios: FloatArray) -> FloatArray:

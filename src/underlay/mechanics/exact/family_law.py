@@ -34,27 +34,15 @@ __all__ = ["FamilyLaw", "side_by_side", "table_number", "tabulated_law"]
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyLaw(ExactLaw):
-    """An exact law read off a table, which knows its derivative in the modulus ratio.
+    """An exact law read off a table: its slope is that in ln k, the family's ratio (of moduli for a layer on a base).
 
     Parameters
     ----------
     family : CurveFamily
         The table.
-    log_ratio : float
-        ln k of the family's ratio: for a layer on a base, that of their moduli.
     """
 
     family: CurveFamily
-    log_ratio: float
-
-    @property
-    def known_slopes(self) -> int:
-        """That in ln k."""
-        return 1
-
-    @property
-    def _slope_tables(self) -> FloatArray:
-        return self.family.slopes(Factor.FORCE, self.log_ratio)[:, None]
 
 
 def table_number(contact: Contact, depth: float) -> int:
@@ -129,7 +117,6 @@ def tabulated_law(
         resolution=table.resolution,
         radii=table.radii,
         family=table,
-        log_ratio=log(ratio),
     )
 
 

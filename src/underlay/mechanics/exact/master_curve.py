@@ -291,7 +291,7 @@ def polynomial(table: FloatArray, z: FloatArray) -> FloatArray:
         rows = table @ powers
     else:
         # Row by row, so that what Horner adds up lies together in memory.
-        lead = np.broadcast_shapes(table.shape[:-2], z.shape[:-1])
+        lead = table.shape[:-2] if z.ndim == 1 else np.broadcast_shapes(table.shape[:-2], z.shape[:-1])
         rows = np.empty((table.shape[-2], *lead, z.shape[-1]))
         np.matmul(table, powers, out=rows.transpose(*range(1, len(lead) + 1), 0, len(lead) + 1))
     total: FloatArray = rows[-1]
