@@ -34,7 +34,7 @@ __all__ = ["FamilyLaw", "side_by_side", "table_number", "tabulated_law"]
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyLaw(ExactLaw):
-    """An exact law read off a table: its slope is that in ln k, the family's ratio (of moduli for a layer on a base).
+    """An exact law read off a table: its slope is that in ln k, the ratio of the family.
 
     Parameters
     ----------
