@@ -6,7 +6,7 @@ points tell.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,11 +31,14 @@ _AWAY = 3
 
 @dataclass(frozen=True)
 class Blocks:
-    """A curve with neighbouring points taken together: depth (m), force (N), squared depth (m^2), each (m,)."""
+    """A curve with neighbouring points taken together: depth (m), force (N), each (m,).
+
+    And of averages how the depths of a block scatter, their variance (m^2), (m,).
+    """
 
     depth: FloatArray
     force: FloatArray
-    square: FloatArray
+    variance: FloatArray | None = None
 
     @classmethod
     def of(cls, curve: Curve, count: int, *, averages: bool = False) -> Blocks:
@@ -44,15 +47,17 @@ class Blocks:
         count = min(count, len(order))
         size, longer = divmod(len(order), count)
         end = longer * (size + 1)
-        middle = _means if averages else _medians
 
-        def in_blocks(values: FloatArray) -> FloatArray:
+        def in_blocks(values: FloatArray, middle: Callable[[FloatArray], FloatArray]) -> FloatArray:
             """The first blocks have the points left over."""
             first, others = values[:end].reshape(longer, size + 1), values[end:].reshape(-1, size)
             return np.concatenate((middle(first), middle(others)))
 
-        depth = curve.depth[order]
-        return cls(in_blocks(depth), in_blocks(curve.force[order]), in_blocks(depth * depth))
+        depth, force = curve.depth[order], curve.force[order]
+        if not averages:
+            return cls(in_blocks(depth, _middles), in_blocks(force, _medians))
+        mean = in_blocks(depth, _means)
+        return cls(mean, in_blocks(force, _means), in_blocks(depth * depth, _means) - mean * mean)
 
     def straightened(self) -> Blocks:
         """The same without what curvature adds to an average: f(mean w) = mean f - f'' var(w)/2.
@@ -61,12 +66,11 @@ class Blocks:
         bring a tenth of a block's scatter along.
         """
         w, f, away = self.depth, self.force, _AWAY
-        if len(w) <= 2 * away or not (np.diff(w) > 0.0).all():
+        if self.variance is None or len(w) <= 2 * away or not (np.diff(w) > 0.0).all():
             return self
         slope = (f[away:] - f[:-away]) / (w[away:] - w[:-away])
         half_curvature = (slope[away:] - slope[:-away]) / (w[2 * away :] - w[: -2 * away])
-        spread = self.square - w * w
-        return replace(self, force=f - spread * np.pad(half_curvature, away, mode="edge"))
+        return replace(self, force=f - self.variance * np.pad(half_curvature, away, mode="edge"))
 
 
 def blocked_objective(
@@ -128,5 +132,10 @@ def _means(rows: FloatArray) -> FloatArray:
 
 def _medians(rows: FloatArray) -> FloatArray:
     # numpy.median takes five times as long on so few numbers.
-    ordered, middle = np.sort(rows, axis=1), rows.shape[1] // 2
-    return ordered[:, middle] if rows.shape[1] % 2 else 0.5 * (ordered[:, middle - 1] + ordered[:, middle])
+    return _middles(np.sort(rows, axis=1))
+
+
+def _middles(ordered: FloatArray) -> FloatArray:
+    """Medians of rows in order."""
+    middle = ordered.shape[1] // 2
+    return ordered[:, middle] if ordered.shape[1] % 2 else 0.5 * (ordered[:, middle - 1] + ordered[:, middle])

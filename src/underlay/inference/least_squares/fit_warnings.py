@@ -172,10 +172,9 @@ def _residuals(correlated: Sequence[ResidualDiagnostics | None]) -> list[FitWarn
     return warnings
 
 
-def too_deep(problem: Problem, vector: FloatArray) -> tuple[FitWarning, ...]:
-    """One warning per curve whose tip goes deeper than the layer is thick, at a scaled `vector` (k,)."""
+def too_deep(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:
+    """One warning per curve whose tip goes deeper than the layer is thick, at values (SI), (k,)."""
     warnings = []
-    physical = problem.physical(vector)
     for member in problem.members:
         values, curve = member.values_at(physical), member.curve
         compliance, baseline = values["instrument.compliance"], values["instrument.baseline"]

@@ -289,5 +289,6 @@ def _check(method: str, robust: str | None, start: str) -> None:
 def _inside(problem: Problem, vector: FloatArray) -> FloatArray:
     """Start a little inside the bounds: on one, the transformed gradient of a bounded search is zero."""
     low, high = problem.bounds.T
-    room = np.where(np.isfinite(high - low), 0.01 * np.minimum(high - low, 1.0), 0.01)
+    # Open bounds are any distance apart, closed ones a hundredth of it at most.
+    room = 0.01 * np.minimum(high - low, 1.0)
     return np.asarray(np.minimum(np.maximum(vector, low + room), high - room))

@@ -22,9 +22,8 @@ class FrozenNoise:
 
 def freeze(problem: Problem, vector: FloatArray, noises: Sequence[NoiseModel]) -> FrozenNoise:
     """Freeze the noise at the model of a scaled vector (k,)."""
-    physical = problem.physical(vector)
     sigmas = tuple(
-        member.sigma(member.reading(physical) if noise.follows_force else None, noise)
+        member.sigma(member.reading(problem.physical(vector)) if noise.follows_force else None, noise)
         for member, noise in zip(problem.members, noises, strict=True)
     )
     return FrozenNoise(tuple(noises), sigmas)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import accumulate, pairwise
+from math import log
 
 import numpy as np
 
@@ -70,10 +72,10 @@ def judge(
     }
     forces = tuple(
         read_only(member.force - model)
-        for member, model in zip(problem.members, objective.models(vector), strict=True)
+        for member, model in zip(problem.members, objective.asked.models(physical), strict=True)
     )
-    ends = np.cumsum([len(force) for force in forces])
-    whitened = np.split(residuals, ends)[: len(forces)] if len(forces) > 1 else [residuals[: ends[0]]]
+    ends = list(accumulate(len(force) for force in forces))
+    whitened = [residuals[start:end] for start, end in pairwise([0, *ends])]
     alternatives = _alternatives(objective, vector, residuals, deviation_scaled, others)
     related = [correlated(own, force) for own, force in zip(whitened, forces, strict=True)]
     asked = objective.asked.asked_for(physical)
@@ -86,7 +88,7 @@ def judge(
         values=dict(zip(problem.names, physical.tolist(), strict=True)),
         stderr=stderr,
         scaled_covariance=read_only(covariance),
-        covariance=read_only(covariance * np.outer(slopes, slopes)),
+        covariance=read_only(covariance * slopes[:, None] * slopes),
         no_error_bars=reasons,
         bounds_hit=bounds_hit,
         noises=objective.noise.models,
@@ -94,7 +96,7 @@ def judge(
         whitened=tuple(read_only(own) for own in whitened),
         statistics=statistics,
         warnings=(
-            *too_deep(problem, vector),
+            *too_deep(problem, physical),
             *over_correlated(objective.noise.models, whitened),
             *about_adhesion(problem, vector),
             *about_relaxation(problem, vector),
@@ -231,7 +233,7 @@ def _statistics(
         reduced_chi_square=sum(squares) / (n - k),
         log_likelihood=log_likelihood,
         aic=2.0 * counted - 2.0 * log_likelihood,
-        bic=counted * float(np.log(n)) - 2.0 * log_likelihood,
+        bic=counted * log(n) - 2.0 * log_likelihood,
         evaluations=objective.evaluations,
         failures=objective.failures,
         laws_built=problem.store.built,

@@ -70,8 +70,9 @@ def first_noises(problem: Problem, vector: FloatArray) -> tuple[NoiseModel, ...]
 
 def renew(objective: Objective, vector: FloatArray, *, robust: bool) -> Renewal:
     """Estimate, or compute again, the noise at an optimum of the other parameters."""
-    problem, physical = objective.problem, objective.problem.physical(vector)
+    problem = objective.problem
     if problem.noise_entries:
+        physical = problem.physical(vector)
         linear = [member.jacobian(physical) for member in problem.members]
         vector = most_likely(problem, vector, sorted(problem.noise_entries), linear)
     noises, sized = problem.noises(vector), any(member.scale_is_unknown for member in problem.members)

@@ -110,7 +110,7 @@ class LinearDirections:
         """Directions among the entries `free` to be solved for: neither held nor measured otherwise."""
         unit = np.eye(len(problem.coordinates))
         baseline = np.array([coordinate.path in _LINEAR for coordinate in problem.coordinates])
-        rows = [unit[i] for i in np.flatnonzero(baseline).tolist() if i in free]
+        rows = [unit[i] for i, is_linear in enumerate(baseline.tolist()) if is_linear and i in free]
         moduli = _common_moduli(problem.members)
         scales = bool(moduli) and moduli <= free
         if scales:

@@ -183,8 +183,9 @@ class Landscape:
         return _vector(self.problem, self.curves, self.grids, place)
 
     def _ranked(self, which: NDArray[np.bool_]) -> list[tuple[int, int]]:
-        ranked = np.argwhere(which)[np.argsort(self.misfit[which], kind="stable")]
-        return [(int(i), int(j)) for i, j in ranked]
+        rows, columns = np.nonzero(which)
+        order = np.argsort(self.misfit[rows, columns], kind="stable")
+        return list(zip(rows[order].tolist(), columns[order].tolist(), strict=True))
 
 
 def _beside(

@@ -64,7 +64,8 @@ def tried_base_moduli(free: Mapping[str, Coordinate], base: Mapping[str, float])
     )
     # No ratio but those that the bounds leave.
     low, high = lowest / hardest, highest / softest if softest > 0.0 else np.inf
-    ratios, own = np.clip(_MODULUS_RATIOS, low, high), base[BASE_MODULUS] / base[MODULUS]
+    # numpy.clip takes three times as long on so few.
+    ratios, own = np.minimum(np.maximum(_MODULUS_RATIOS, low), high), base[BASE_MODULUS] / base[MODULUS]
     # The scene's own is one more where the others do not reach.
     beyond = not ratios[0] <= own <= ratios[-1]
     return base[MODULUS] * (_with(ratios, own) if beyond else _with(ratios))
