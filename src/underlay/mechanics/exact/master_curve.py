@@ -98,7 +98,7 @@ def chebyshev_angles(count: int) -> FloatArray:
 
 
 def chebyshev_coefficients(values: FloatArray, angles: FloatArray) -> FloatArray:
-    """Coefficients (count, columns) of the interpolant of `values` at the Chebyshev points."""
+    """Coefficients (..., count, columns) of the interpolants of `values` at the Chebyshev points."""
     count = angles.size
     scale = np.full((count, 1), 2.0 / count)
     scale[0] = 1.0 / count

@@ -79,9 +79,9 @@ class RadiusSeries:
         chi = np.interp(varpi, branch.varpi, branch.chi)
         for _ in range(_NEWTON_STEPS):
             angle = np.arccos(np.minimum(self.stretch.z(chi), 1.0))
-            phase = np.multiply.outer(angle, orders)
-            slope = np.cos(phase[:, :-1]) @ derivative
-            error = np.cos(phase) @ series + np.log(chi / varpi)
+            waves = np.cos(np.multiply.outer(angle, orders))
+            slope = waves[:, :-1] @ derivative
+            error = waves @ series + np.log(chi / varpi)
             low, high = np.where(error < 0.0, chi, low), np.where(error > 0.0, chi, high)
             proposal = chi - error * chi / (1.0 + chi * slope * self.stretch.dz(chi))
             # An end of the bracket is as good as what is inside: a step to rounding ends there, and halving the
@@ -146,18 +146,19 @@ class RadiusSeries:
         count = ceil((1.0 - log10(rtol) * (1.2 + 0.75 * length)) / MOST_TERMS)
         angles = chebyshev_angles(MOST_TERMS)
         points = np.cos(angles)
-        todo = list(pairwise(np.linspace(start, stop, count + 1).tolist()))
+        ends = np.linspace(start, stop, count + 1)
+        low, high = ends[:-1], ends[1:]
         done: dict[float, FloatArray] = {}
-        while todo:
-            low, high = todo.pop()
-            varpi = stretch.v(0.5 * (low + high) + 0.5 * (high - low) * points)
+        while low.size:
+            # All at once: calls, not their arithmetic, are what a piece costs.
+            varpi = stretch.v((0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * points).ravel())
             chi = self.radius(varpi, branch)
             logarithms = self.values(chi)[:, :-1]
             logarithms[:, Factor.RADIUS] += np.log(chi / varpi)
-            piece = chebyshev_coefficients(logarithms, angles)
-            if truncation_error(piece[:, : len(Factor)]) > rtol and high - low > _NARROWEST:
-                middle = 0.5 * (low + high)
-                todo += [(low, middle), (middle, high)]
-            else:
-                done[low] = piece
+            pieces = chebyshev_coefficients(logarithms.reshape(low.size, MOST_TERMS, -1), angles)
+            coarse = (truncation_error(pieces[..., : len(Factor)]) > rtol) & (high - low > _NARROWEST)
+            done |= {float(low[i]): pieces[i] for i in np.flatnonzero(~coarse)}
+            low, high = low[coarse], high[coarse]
+            middle = 0.5 * (low + high)
+            low, high = np.concatenate((low, middle)), np.concatenate((middle, high))
         return sorted(done.items())
