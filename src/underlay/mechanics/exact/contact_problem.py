@@ -135,10 +135,10 @@ class ContactProblem:
         weights = _weights_over_depth(
             self.indenter, self.measure, even_rule(resolution.radial), eps * self.thickness
         )
-        punch = PunchSolution.solve(self.kernel, eps, resolution, weights)
-        varpi, logarithms = contact_factors(punch, self.indenter, self.measure, self.thickness)
         u = resolution.wavenumber_rule()[0]
         here, there = self.kernel.values(u), [body.kernel.values(u * body.thickness) for body in self.beside]
+        punch = PunchSolution.solve(self.kernel, eps, resolution, weights, values=here)
+        varpi, logarithms = contact_factors(punch, self.indenter, self.measure, self.thickness)
         steps = np.array([body.step for body in self.beside])
         moved = punch.in_kernel @ ((np.array(there) - here).T / steps)
         moved /= punch.depth_and_force(weights)[1][:, None]

@@ -79,17 +79,19 @@ class PunchSolution:
         resolution: Resolution,
         shape_weights: FloatArray | None = None,
         waves: FloatArray | None = None,
+        values: FloatArray | None = None,
     ) -> Self:
         """Solve for all `eps` in one batch; for a shape, as `depth_and_force` takes it, with `in_kernel`.
 
-        `waves` are the `cosines` of these radii and nodes, where several bodies are solved for.
+        `waves` are the `cosines` of these radii and nodes, where several bodies are solved for; `values` are the
+        kernel's at the nodes in u, where they are known.
         """
         rule = even_rule(resolution.radial)
         u, weights = resolution.wavenumber_rule()
         count = resolution.radial
         if waves is None:
             waves = cosines(eps, resolution)
-        strength = (2.0 / np.pi) * weights * body.values(u)
+        strength = (2.0 / np.pi) * weights * (body.values(u) if values is None else values)
         kernel = (waves * np.multiply.outer(eps, strength)[:, None, :]) @ waves.transpose(0, 2, 1)
         matrix = kernel[:, :count, :count] * -rule.weights
         matrix.reshape(eps.size, count * count)[:, :: count + 1] += 1.0
