@@ -51,7 +51,7 @@ def cluster():
     address = next(
         match[0] for line in scheduler.stderr if (match := re.search(r"tcp://127\.0\.0\.1:\d+", line))
     )
-    script = WORKER.format(path=sys.path, address=address, pause=0.05)
+    script = WORKER.format(path=sys.path, address=address, pause=0.15)
     workers = [
         subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.DEVNULL, env=environment)
         for _ in range(2)
