@@ -40,6 +40,11 @@ class Blocks:
     force: FloatArray
     variance: FloatArray | None = None
 
+    @property
+    def span(self) -> float:
+        """From the first depth to the last (m): they are in order."""
+        return float(self.depth[-1] - self.depth[0])
+
     @classmethod
     def of(cls, curve: Curve, count: int, *, averages: bool = False) -> Blocks:
         """Take neighbouring depths together in `count` blocks: medians, so that no outlier decides, or averages."""

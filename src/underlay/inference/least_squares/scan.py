@@ -326,7 +326,7 @@ def _consistent(grid: _Grid, log_ratios: FloatArray, beyond: FloatArray) -> _Gri
 
 def _radius_scale(scene: Scene, blocks: Blocks) -> float:
     """Contact radius (m) on a half-space at the curve's whole range of depth."""
-    travel = np.array([np.ptp(blocks.depth)])
+    travel = np.array([blocks.span])
     limit = scene.indenter.max_radius
     if np.isfinite(limit) and not isinstance(scene.indenter, FlatPunch):
         travel = np.minimum(travel, scene.indenter.abel(np.array([limit])))

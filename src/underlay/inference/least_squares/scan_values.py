@@ -27,9 +27,9 @@ def tried_contacts(free: Mapping[str, Coordinate], blocks: Blocks, known: float)
     if CONTACT not in free:
         return np.array([known])
     coordinate = free[CONTACT]
-    grid = blocks.depth[0] + _CONTACT_STEPS * float(np.ptp(blocks.depth))
+    grid = blocks.depth[0] + _CONTACT_STEPS * blocks.span
     low, high = coordinate.low, coordinate.high
-    if np.isfinite(low) and np.isfinite(high) and high - low < np.ptp(grid):
+    if high - low < grid[-1] - grid[0]:
         grid = np.linspace(low, high, len(grid))
     inside = grid[(grid >= low) & (grid <= high)]
     # Bounds beside the curve leave none: then the scene's own value is all there is to try.

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg import lapack
 
 from underlay._arrays import FloatArray
 from underlay.errors import InputError
@@ -65,7 +66,10 @@ class Optimum:
     @cached_property
     def triangle(self) -> FloatArray:
         """R of the QR of these, (k, k): of the same singular values and directions, with a row for each column."""
-        return np.asarray(np.linalg.qr(self.jacobian, mode="r"))
+        jacobian = self.jacobian
+        count = jacobian.shape[1]
+        # As numpy.linalg.qr has it, without the calls.
+        return np.asarray(lapack.dgeqrf(jacobian)[0][:count] * np.tri(count).T)
 
     @cached_property
     def loss(self) -> float:

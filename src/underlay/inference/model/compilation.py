@@ -190,7 +190,9 @@ def _common_start(
 
 
 def _spans(curve: Curve) -> Spans:
-    return Spans(depth=float(np.ptp(curve.depth)), force=float(np.ptp(curve.force)))
+    # numpy.ptp takes twice as long.
+    depth, force = curve.depth, curve.force
+    return Spans(depth=float(depth.max() - depth.min()), force=float(force.max() - force.min()))
 
 
 def _member(
