@@ -63,12 +63,11 @@ def test_products_are_those_under_the_inverse_of_the_variance(tau, share):
     assert squares[0] == pytest.approx(np.square(columns).sum(axis=0), rel=1e-14)
     assert squares[1] == pytest.approx(np.diag(expected), abs=allowed * np.abs(expected).max())
     assert both.part(np.array([1]))(columns)[0] == pytest.approx(squares[1], rel=1e-14)
-    # A sum of 60 logarithms, none above log(1 + 60 g), less that of the spreads of W; each of the 60 pivots of the
-    # dense reference is off by what up to 60 products round to, times the condition.
+    # A sum of 60 logarithms, none above log(1 + 60 g), less that of the spreads of W. Each of the 60 pivots is a
+    # difference that keeps its own rounding and, where neighbours are alike, that of all before it.
     size = 60 * np.log1p(60 * share)
-    rounding = np.finfo(float).eps * np.abs(np.log(whitener.spread)).sum()
-    dense = allowed * (60 + size)
-    assert log_determinant == pytest.approx(np.linalg.slogdet(V)[1], abs=dense + rounding)
+    rounding = np.finfo(float).eps * (60 * 60 + np.abs(np.log(whitener.spread)).sum())
+    assert log_determinant == pytest.approx(np.linalg.slogdet(V)[1], abs=allowed * max(size, 1.0) + rounding)
 
 
 def made(n=80, k=2, truth=None):

@@ -25,19 +25,17 @@ def damped_steps(
     gradient, normal = places.gradient, places.normal
     norms = np.sqrt(normal.diagonal(axis1=1, axis2=2))
     which = active & acting(norms)
-    at_ends = which & ((low >= 0.0) | (high <= 0.0))
-    if at_ends.any():
-        outward = at_ends & _outward(gradient, low, high)
+    outward = which & ((low >= 0.0) | (high <= 0.0))
+    if outward.any():
+        outward &= _outward(gradient, low, high)
         which &= ~outward
-        step = _solved(gradient, normal, which, norms, damping)
+    step = _solved(gradient, normal, which, norms, damping)
+    if outward.any():
         # What pulls out of its end here may pull back in from where the others go.
-        ahead = gradient + (normal @ step[:, :, None])[:, :, 0]
-        back = outward & ~_outward(ahead, low, high)
+        back = outward & ~_outward(gradient + (normal @ step[:, :, None])[:, :, 0], low, high)
         if back.any():
             which |= back
             step = _solved(gradient, normal, which, norms, damping)
-    else:
-        step = _solved(gradient, normal, which, norms, damping)
     beyond = which & ((step < low) | (step > high))
     held = np.zeros(0)
     if beyond.any():

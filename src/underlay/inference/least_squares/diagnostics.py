@@ -124,12 +124,11 @@ def _initial_positive_sum(rho: FloatArray) -> float:
 
 
 def _runs(values: FloatArray) -> tuple[int, float, float]:
-    count = np.count_nonzero(values)
-    signs = (values if count == values.size else values[values != 0.0]) > 0.0
+    n = np.count_nonzero(values)
+    signs = (values if n == values.size else values[values != 0.0]) > 0.0
     above = np.count_nonzero(signs)
-    below = count - above
+    below = n - above
     runs = 1 + int(np.count_nonzero(signs[1:] != signs[:-1])) if signs.size else 0
-    n = count
     if not (above and below) or n < 3:
         return runs, float(runs), 1.0
     expected = 1.0 + 2.0 * above * below / n

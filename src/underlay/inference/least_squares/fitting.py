@@ -23,8 +23,9 @@ from underlay.inference.least_squares.blocks import blocked_objective, power_law
 from underlay.inference.least_squares.candidates import EXPLAINED, candidates
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.judge import judge
-from underlay.inference.least_squares.last_word import LOSSES, METHODS, Minimiser
+from underlay.inference.least_squares.last_word import METHODS, Minimiser
 from underlay.inference.least_squares.law_bias import law_bias
+from underlay.inference.least_squares.losses import LOSSES
 from underlay.inference.least_squares.scan import LIKELY, Start, scan
 from underlay.inference.least_squares.settle import Optimum, confirmed, settle
 from underlay.inference.least_squares.stated import Statements

@@ -13,6 +13,7 @@ from underlay.inference.least_squares.adhesion_warnings import about_adhesion
 from underlay.inference.least_squares.diagnostics import correlated
 from underlay.inference.least_squares.fit_result import Alternative, Fit, FitStatistics
 from underlay.inference.least_squares.fit_warnings import over_correlated, too_deep, warnings_of
+from underlay.inference.least_squares.losses import robust_inflation
 from underlay.inference.least_squares.noise_estimate import noise_covariance
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.relaxation_warnings import about_relaxation
@@ -163,33 +164,6 @@ def _alternatives(
         ):
             found.append(Alternative(read_only(other), objective.problem.values(other), max(rise, 0.0)))
     return tuple(sorted(found, key=lambda entry: entry.delta_chi_square))
-
-
-def robust_inflation(residuals: FloatArray, loss: str | None) -> float:
-    """Factor on the covariance of an M-estimator, E[psi^2] / E[psi']^2 over its residuals.
-
-    Huber (1981), Robust Statistics, eq. 7.6.8 (doi:10.1002/0471725250), with psi(r) = r rho'(r^2) of scipy's
-    losses; one for least squares.
-    """
-    if loss is None:
-        return 1.0
-    z = residuals * residuals
-    weight, slope = _LOSSES[loss](z)
-    return float(np.mean(z * weight * weight) / np.mean(slope) ** 2)
-
-
-def _huber(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    inside = z <= 1.0
-    return np.where(inside, 1.0, 1.0 / np.sqrt(np.where(inside, 1.0, z))), np.where(inside, 1.0, 0.0)
-
-
-#: rho'(z) and d(r rho'(r^2))/dr of every loss, z = r^2.
-_LOSSES: dict[str, Callable[[FloatArray], tuple[FloatArray, FloatArray]]] = {
-    "soft_l1": lambda z: ((1.0 + z) ** -0.5, (1.0 + z) ** -1.5),
-    "huber": _huber,
-    "cauchy": lambda z: (1.0 / (1.0 + z), (1.0 - z) / (1.0 + z) ** 2),
-    "arctan": lambda z: (1.0 / (1.0 + z * z), (1.0 - 3.0 * z * z) / (1.0 + z * z) ** 2),
-}
 
 
 def _bounds_hit(problem: Problem, vector: FloatArray, active: list[int]) -> dict[str, str]:

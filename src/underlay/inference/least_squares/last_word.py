@@ -10,28 +10,19 @@ from typing import Any
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.inference.least_squares.losses import LOSSES, SQUARES
 from underlay.inference.least_squares.objective import Objective
 from underlay.inference.least_squares.projection import acting
 
-__all__ = ["LOSSES", "METHODS", "LastWord", "Minimiser"]
+__all__ = ["METHODS", "LastWord", "Minimiser"]
 
 METHODS = ("leastsq", "least_squares")
-LOSSES = ("soft_l1", "huber", "cauchy", "arctan")
 
 # lmfit's own tolerances (1.5e-8) let a fit stop where two unit systems differ in the sixth digit.
 _TOLERANCE = 1e-8
 # From an optimum three evaluations are usual, from a robust start ten; a valley without an end takes hundreds.
 _MOST_EVALUATIONS = 300
 _UNNAMEABLE = re.compile(r"\W+")
-
-#: rho(z) of every loss, z = r^2: what a search lowers the sum of.
-_RHO: dict[str | None, Callable[[FloatArray], FloatArray]] = {
-    None: lambda z: z,
-    "soft_l1": lambda z: 2.0 * (np.sqrt(1.0 + z) - 1.0),
-    "huber": lambda z: np.where(z <= 1.0, z, 2.0 * np.sqrt(z) - 1.0),
-    "cauchy": np.log1p,
-    "arctan": np.arctan,
-}
 
 
 @dataclass(frozen=True)
@@ -97,7 +88,7 @@ class Minimiser:
         options: dict[str, Any] = {"ftol": _TOLERANCE, "xtol": _TOLERANCE, "gtol": 0.0}
         if self.method == "least_squares":
             options |= {"gtol": None, "loss": self.loss or "linear"}
-        lowest = _Lowest(_RHO[self.loss], start)
+        lowest = _Lowest((LOSSES[self.loss] if self.loss else SQUARES).rho, start)
 
         def residuals(current: Any) -> FloatArray:
             there = vector(current)
