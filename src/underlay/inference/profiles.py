@@ -20,6 +20,7 @@ for two crossings and fails where one does not exist.
 from __future__ import annotations
 
 from underlay._arrays import FloatArray
+from underlay._threads import one_thread
 from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.headline.averaged_profile import averaged_profile
 from underlay.inference.least_squares import fit as least_squares_fit
@@ -50,6 +51,7 @@ __all__ = [
 _HIGHEST_CALIBRATED = 6.0
 
 
+@one_thread()
 def profile(
     problem: Problem | Fit, name: str, *, calibrate: int = 0, level: float = 0.95, seed: int = 0
 ) -> LikelihoodProfile:

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from underlay._arrays import FloatArray, finite
+from underlay._threads import one_thread
 from underlay.errors import InputError, LawError, RangeError, UnderlayError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
@@ -196,6 +197,7 @@ class Solver(ABC):
         del contact
         return np.ceil(np.log2(np.maximum(depth, np.finfo(float).tiny)))
 
+    @one_thread()
     def law(self, contact: Contact, max_depth: float) -> ContactLaw:
         """Build a law and see that it is one, with a warning where it is to go deeper than the layer is thick.
 

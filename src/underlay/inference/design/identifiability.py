@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, read_only
+from underlay._threads import one_thread
 from underlay.errors import InputError
 from underlay.inference.design.information import (
     LOST,
@@ -155,6 +156,7 @@ class Identifiability:
         return "\n".join(lines)
 
 
+@one_thread()
 def identifiability(
     test: Problem | Fit | Scene,
     *,

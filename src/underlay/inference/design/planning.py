@@ -15,6 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
+from underlay._threads import one_thread
 from underlay.errors import InputError, ParameterError
 from underlay.inference.design.grid import Grid, readings
 from underlay.inference.design.information import SPECIMEN, deviation_of, expected_problem
@@ -170,6 +171,7 @@ class Plan:
         return int(i), int(j)
 
 
+@one_thread()
 def plan(
     scene: Scene,
     *,

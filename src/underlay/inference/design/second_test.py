@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
+from underlay._threads import one_thread
 from underlay.errors import InputError, ParameterError
 from underlay.inference.design.grid import Grid
 from underlay.inference.design.information import SPECIMEN, about_specimen, deviation_of
@@ -123,6 +124,7 @@ class Remedy:
         return f"{told} if it is {' and '.join(words)}, but not if it is {' or '.join(lost)}"
 
 
+@one_thread()
 def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: float = 0.1) -> Remedy:
     """Find a second tip that would fix a parameter this fit leaves open.
 

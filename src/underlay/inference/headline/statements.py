@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from underlay._arrays import FloatArray
+from underlay._threads import one_thread
 from underlay.errors import InputError
 from underlay.inference.headline.averaged import averaged_fit, averaged_interval
 from underlay.inference.headline.derived import band, derived_interval
@@ -45,6 +46,7 @@ class Headline(Statements):
     refit: Refit
     _intervals: dict[tuple[str, float, bool], StatedInterval] = field(default_factory=dict, init=False)
 
+    @one_thread()
     def interval(self, name: str, level: float, *, model_error: bool = False) -> StatedInterval:
         """Interval of a parameter; see `Fit.interval`."""
         if not 0.0 < level <= 0.999:
@@ -79,10 +81,12 @@ class Headline(Statements):
         return replace(told, allowed=(*told.allowed, *fitted), unknown=(*told.unknown, *refused))
 
     @cached_property
+    @one_thread()
     def bonds(self) -> tuple[StatedBonds, ...]:
         """What each bond gives, of every face of which nobody knows how it holds."""
         return stated_bonds(self.fit, self._other_bonds)
 
+    @one_thread()
     def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, (n,), of quantities that follow; see `Fit.band`."""
         return band(self.fit, self.averaged, of, level)
@@ -99,11 +103,13 @@ class Headline(Statements):
             return plain_interval(self.fit, name, level)
 
     @cached_property
+    @one_thread()
     def averaged(self) -> Averaged | None:
         """The fit averaged over what its residuals may be; None where its noise was stated."""
         return averaged_fit(self.fit)
 
     @cached_property
+    @one_thread()
     def verdict(self) -> Verdict:
         """Whether the fit is to be believed."""
         return verdict(self.fit, self.averaged, lambda name: self.interval(name, 0.95))

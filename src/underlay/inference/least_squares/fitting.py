@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay._threads import one_thread
 from underlay.errors import FitError, InputError
 from underlay.inference.least_squares.blocks import blocked_objective, power_law_objective
 from underlay.inference.least_squares.candidates import EXPLAINED, candidates
@@ -50,6 +51,7 @@ _FAR = 6.0
 _MAX_PASSES = 4
 
 
+@one_thread()
 def fit(
     problem: Problem,
     method: str = "leastsq",
@@ -99,6 +101,7 @@ def fit(
     return found
 
 
+@one_thread()
 def quick_fit(problem: Problem, *, start: str = "scan") -> Fit:
     """Fit as `fit` does, by the engine alone: for the thousands of fits of maps, redraws and rivals.
 

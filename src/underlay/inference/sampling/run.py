@@ -24,6 +24,7 @@ import emcee
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._threads import one_thread
 from underlay.errors import UnderlayWarning
 from underlay.inference.least_squares.fitting import determined
 from underlay.inference.problem import Problem
@@ -53,6 +54,7 @@ _TOLERATED_FAILURES = 0.01
 _MOST_STEPS, _MOST_SECONDS = 20_000, 300.0
 
 
+@one_thread()
 def sample(
     problem: Problem,
     walkers: int = 64,
