@@ -235,7 +235,7 @@ def test_what_is_left_out_weighs_nothing():
     lost = 1e-6 * len(every.weights)
     assert kept.exact_law == pytest.approx(every.exact_law, abs=2.0 * lost)
     for probability in (0.025, 0.975):
-        ends = [found.mixture.quantile(0, probability) for found in (every, kept)]
+        ends = [found.mixture.quantiles(0, [probability])[0] for found in (every, kept)]
         assert every.mixture.probability_below(0, ends[1]) == pytest.approx(probability, abs=2.0 * lost)
 
 
@@ -284,8 +284,8 @@ def test_quantiles_are_those_of_the_mixture():
         np.array([0.7, 0.3]), np.array([[0.0, 1.0], [2.0, -1.0]]), np.array([[1.0, 0.1], [0.2, 3.0]]), 9
     )
     for entry in (0, 1):
-        for probability in (0.025, 0.5, 0.975):
-            value = mixture.quantile(entry, probability)
+        probabilities = (0.025, 0.5, 0.975)
+        for probability, value in zip(probabilities, mixture.quantiles(entry, probabilities), strict=True):
 
             def density(x, entry=entry):
                 parts = stats.t.pdf(x, 9, mixture.shift[:, entry], mixture.deviation[:, entry])
@@ -301,7 +301,7 @@ def coverage(world, rng, replicas=80, k=2):
     for _ in range(replicas):
         model = made(120, k, truth=world(120, rng))
         found = Competition.of(model, Sizes())
-        low, high = (found.mixture.quantile(0, p) for p in (0.025, 0.975))
+        low, high = found.mixture.quantiles(0, [0.025, 0.975])
         J, r = model.parts[0].jacobian, model.parts[0].residuals
         inverse = np.linalg.inv(J.T @ J)
         white = -(inverse @ J.T @ r)[0]

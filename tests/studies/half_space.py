@@ -75,7 +75,7 @@ def left_out(world, seed, count):
         for begins, least in RULES:
             share = min(max(averaged.exact_law / begins, least), 1.0)
             tail = 0.5 * share * (1.0 - LEVEL)
-            low, high = (averaged.mixture.quantile(entry, p) for p in (tail, 1.0 - tail))
+            low, high = averaged.mixture.quantiles(entry, [tail, 1.0 - tail])
             wrong = averaged.exact_law < WRONG
             found[begins, least].append(
                 (low <= truth <= high, wrong, (high - low) / plain, 0.5 * (high - low))

@@ -74,7 +74,7 @@ def measured(world, seed, number):
     rows = []
     for prior, (drifts, exact) in PRIORS.items():
         found = average(problem, fit.vector, others, sizes=Sizes(drifts=drifts, exact=exact))
-        ends = [found.mixture.quantile(entry, tail) for tail in (0.025, 0.975)]
+        ends = found.mixture.quantiles(entry, [0.025, 0.975])
         low, high = (float(problem.coordinates[entry].physical(np.array(end))) for end in ends)
         rows.append(
             {

@@ -52,7 +52,7 @@ def averaged_interval(fit: Fit, averaged: Averaged, name: str, level: float) -> 
     if index in held:
         return _of_the_profile_alone(fit, averaged, index, level)
     tails = (0.5 - 0.5 * inside, 0.5, 0.5 + 0.5 * inside)
-    low, middle, high = (averaged.mixture.quantile(index, tail) for tail in tails)
+    low, middle, high = averaged.mixture.quantiles(index, tails)
     if not held and is_straight(averaged, index, level):
         return _stated(fit, index, level, np.array([low, middle, high]), "averaged")
     # Bent: both what other noises allow and what the likeliest allows far out belong to the interval.

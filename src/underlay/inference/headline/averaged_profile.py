@@ -38,7 +38,7 @@ def averaged_profile(fit: Fit, averaged: Averaged, name: str) -> LikelihoodProfi
     index = fit.names.index(name)
     bent = index in averaged.blocked.held or not is_straight(averaged, index, _LEVEL)
     sides = [_side(averaged, index, direction, bent=bent) for direction in (-1.0, 1.0)]
-    middle = float(averaged.mixture.quantile(index, 0.5))
+    (middle,) = averaged.mixture.quantiles(index, [0.5])
     if index in averaged.blocked.held:
         middle = float(averaged.valley.optimum.vector[index])
     below, above = (np.array([q for q in side if abs(q - middle) <= FARTHEST]) for side in sides)
@@ -67,9 +67,9 @@ def _side(averaged: Averaged, index: int, direction: float, *, bent: bool) -> li
     levels = [averaged.inside(level) for level in 2.0 * special.ndtr(_HEIGHTS) - 1.0]
     least = [averaged.least_z(level) for level in levels]
     path = averaged.valley.path(index, direction, least[-1]) if bent else None
+    alike = averaged.mixture.quantiles(index, [0.5 + 0.5 * direction * level for level in levels])
     ends: list[float] = []
-    for level, z in zip(levels, least, strict=True):
-        end = averaged.mixture.quantile(index, 0.5 + 0.5 * direction * level)
+    for end, z in zip(alike, least, strict=True):
         if path is not None:
             walked = path.crossing(z)
             alone = index in averaged.blocked.held

@@ -148,8 +148,8 @@ def _ends(
         return None
     half = 0.5 * (1.0 + (level if averaged is None else averaged.inside(level)))
     if averaged is not None:
-        mixture = _along(averaged, gradient)
-        return mixture.quantile(0, 1.0 - half), mixture.quantile(0, 0.5), mixture.quantile(0, half)
+        low, middle, high = _along(averaged, gradient).quantiles(0, [1.0 - half, 0.5, half])
+        return low, middle, high
     s = fit.statistics
     freedom = max(s.points - s.parameters, 1)
     times = float(special.stdtrit(freedom, half) if s.noise_estimated else special.ndtri(half))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,28 +39,29 @@ class Mixture:
         scaled = (value - self.shift[:, entry]) / self.deviation[:, entry]
         return float(self.weights @ special.stdtr(self.degrees, scaled))
 
-    def quantile(self, entry: int, probability: float) -> float:
-        """Shift of parameter `entry` (scaled coordinates) below which `probability` lies."""
-        deviation = self.deviation[:, entry]
-        own = self.shift[:, entry] + deviation * special.stdtrit(self.degrees, probability)
+    def quantiles(self, entry: int, probabilities: Sequence[float]) -> list[float]:
+        """Shifts of parameter `entry` (scaled coordinates) below which each of the `probabilities` lies."""
+        asked, deviation = np.array(probabilities), self.deviation[:, entry]
+        own = self.shift[:, entry] + special.stdtrit(self.degrees, asked)[:, None] * deviation
         # Newton's method between the lowest and the highest of the parts' own quantiles.
-        low, high = float(own.min()), float(own.max())
-        near = 1e-7 * (high - low)
-        value = float(self.weights @ own)
-        while high - low > max(near, 1e-12 * max(abs(low), abs(high))):
-            beyond = self.probability_below(entry, value) - probability
-            low, high = (low, value) if beyond > 0.0 else (value, high)
-            scaled = (value - self.shift[:, entry]) / deviation
+        low, high = own.min(axis=1), own.max(axis=1)
+        near = np.maximum(1e-7 * (high - low), 1e-12 * np.maximum(np.abs(low), np.abs(high)))
+        value, going = own @ self.weights, high - low > near
+        while going.any():
+            scaled = (value[:, None] - self.shift[:, entry]) / deviation
+            beyond = special.stdtr(self.degrees, scaled) @ self.weights - asked
+            low, high = np.where(beyond > 0.0, low, value), np.where(beyond > 0.0, value, high)
             logs = -0.5 * (self.degrees + 1.0) * np.log1p(np.square(scaled) / self.degrees)
-            density = float((self.weights / deviation) @ np.exp(logs)) * self._peak
-            step = -beyond / density if density > 0.0 else np.inf
-            if not low < value + step < high:
-                step = 0.5 * (low + high) - value
-            elif abs(step) <= near:
-                # Steps square: the next one is nothing.
-                return value + step
-            value += step
-        return value
+            density = np.exp(logs) @ (self.weights / deviation) * self._peak
+            middle = 0.5 * (low + high)
+            there = value - np.divide(beyond, density, out=np.full_like(value, np.inf), where=density > 0.0)
+            inside = (low < there) & (there < high)
+            there = np.where(inside, there, middle)
+            step = np.where(going, there - value, 0.0)
+            value = value + step
+            # Newton's steps square: after one this short the next one is nothing.
+            going &= (np.abs(step) > near) & (high - low > near)
+        return [float(each) for each in value]
 
     @property
     def _peak(self) -> float:

@@ -94,8 +94,9 @@ class Sizes:
         """Correlated noises (tau, g) for curves read at `times` (s), after None for white noise alone."""
         shortest = 2.0 * min(float(np.median(np.diff(time))) for time in times)
         longest = 3.0 * max(float(time[-1] - time[0]) for time in times)
-        taus = np.geomspace(shortest, longest, self.times)
-        return [None, *((float(tau), share) for tau in taus for share in self.shares)]
+        ratio = (longest / shortest) ** (1.0 / (self.times - 1))
+        taus = [shortest * ratio**number for number in range(self.times)]
+        return [None, *product(taus, self.shares)]
 
     @property
     def kinds(self) -> tuple[tuple[float, ...], ...]:
