@@ -6,7 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import underlay as ul
 from support.posed import CASES, posed
+from support.user_scenes import user_test
+from support.worlds import Clean, disturbed
 from underlay.inference.least_squares import engine, settle
 from underlay.inference.least_squares.engine import FINE, Search, minimise
 from underlay.inference.least_squares.fitting import quick_fit
@@ -121,3 +124,18 @@ def test_a_search_does_not_creep_along_the_end_of_the_laws():
     assert asked["now"] < asked["creeping"]
     assert ends["now"].square - ends["creeping"].square < 0.05
     assert ends["now"].vector[0] > 0.5
+
+
+def test_a_search_that_swings_about_the_lowest_place_of_a_valley_ends(monkeypatch):
+    """What a fit leaves there is less than a twentieth of the variance, of a sum of some hundred."""
+    rng = np.random.default_rng([4017, 96])
+    _, scene, depth, points, noise = user_test(rng)
+    curve = disturbed(Clean.of(scene, depth, points), "stiffening", rng, noise)
+    free = ["layer.E", "layer.thickness", "instrument.contact_depth", "instrument.baseline"]
+    asked, ends = {}, {}
+    for name, share in {"now": settle._SWINGING, "swinging": 0.0}.items():
+        monkeypatch.setattr(settle, "_SWINGING", share)
+        found = ul.fit(ul.Problem(scene, curve, free))
+        asked[name], ends[name] = found.statistics.evaluations, found.statistics.chi_square
+    assert asked["now"] < 0.75 * asked["swinging"]
+    assert ends["now"] - ends["swinging"] < 0.2 * ends["swinging"] / points

@@ -69,11 +69,12 @@ def _side(averaged: Averaged, index: int, direction: float, *, bent: bool) -> li
     path = averaged.valley.path(index, direction, least[-1]) if bent else None
     alike = averaged.mixture.quantiles(index, [0.5 + 0.5 * direction * level for level in levels])
     ends: list[float] = []
-    for end, z in zip(alike, least, strict=True):
+    for mixed, z in zip(alike, least, strict=True):
+        end = mixed
         if path is not None:
             walked = path.crossing(z)
             alone = index in averaged.blocked.held
-            end = walked if alone else direction * max(direction * walked, direction * end)
+            end = walked if alone else direction * max(direction * walked, direction * mixed)
         ends.append(end if not ends or direction * (end - ends[-1]) >= 0.0 else ends[-1])
     return [end for end in ends if math.isfinite(end)]
 

@@ -89,6 +89,10 @@ class Search:
     walled : float
         Where a step was refused because there is no law, the next that leads down is the last if it gains less than
         this share of the sum of squares: a search creeps along the end of the laws, where each costs most.
+    swinging : float
+        Where a step up the side of a valley and the one back led no lower, the next that does is the last if it
+        gains less than this share of the sum of squares: such a search swings about the lowest place of a long
+        valley, and each pair of models gains a part of what the one before it did.
     straight : float
         A step is the last if what it leaves is below this share of a standard error: no entry changes by more
         than a thousandth, and a thousandth is what the derivatives then change by.
@@ -100,6 +104,7 @@ class Search:
     damping: float = 1e-5
     endless: float = 0.0
     walled: float = 0.0
+    swinging: float = 0.0
     straight: float = 0.0
 
     def is_little(self, gain: FloatArray, square: FloatArray) -> NDArray[np.bool_]:
@@ -225,7 +230,8 @@ class _Running(NamedTuple):
     """Searches that go on: whose they are (s,), the place of each and its best, and how it is damped (s,).
 
     `ventured` (s,) are those that stand up the side of a valley, above their best; `refused` (s,) those of which a
-    step from their best led to where there is no law.
+    step from their best led to where there is no law; `swung` (s,) those that a step up the side and the one back
+    led no lower.
     """
 
     rows: NDArray[np.intp]
@@ -233,6 +239,7 @@ class _Running(NamedTuple):
     best: Places
     ventured: NDArray[np.bool_]
     refused: NDArray[np.bool_]
+    swung: NDArray[np.bool_]
     damping: FloatArray
     low: FloatArray
     high: FloatArray
@@ -242,7 +249,7 @@ class _Running(NamedTuple):
         """All at their beginning."""
         count = len(begin.square)
         still = np.zeros(count, dtype=bool)
-        return cls(np.arange(count), begin, begin, still, still, np.full(count, damping), low, high)
+        return cls(np.arange(count), begin, begin, still, still, still, np.full(count, damping), low, high)
 
     def part(self, which: NDArray[np.bool_]) -> Self:
         """Some of them."""
@@ -254,6 +261,7 @@ class _Running(NamedTuple):
             best,
             self.ventured[which],
             self.refused[which],
+            self.swung[which],
             self.damping[which],
             self.low[which],
             self.high[which],
@@ -313,10 +321,15 @@ class _Running(NamedTuple):
             # A step up the side and the one back to the bottom are one of the valley.
             endless &= np.abs(there.vector - self.best.vector).max(axis=1) >= LONGEST
         endless |= lower & self.refused & (-change <= search.walled * best.square)
+        endless |= lower & self.swung & (-change <= search.swinging * best.square)
         little, stuck = search.is_little(np.abs(change), best.square), damping > _MOST_DAMPING
         why = [_why(*one) for one in zip(little.tolist(), endless.tolist(), stuck.tolist(), strict=True)]
         refused = (there.square == np.inf) | (self.refused & ~lower)
-        return self._replace(now=now, best=best, ventured=ventured, refused=refused, damping=damping), why
+        swung = ~lower & (self.ventured | self.swung)
+        found = self._replace(
+            now=now, best=best, ventured=ventured, refused=refused, swung=swung, damping=damping
+        )
+        return found, why
 
 
 def _why(little: bool, endless: bool, stuck: bool) -> str:

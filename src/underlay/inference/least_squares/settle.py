@@ -24,6 +24,11 @@ _MAX_ROUNDS = 12
 # Of a thin and stiff layer on a known soft base E h^3 alone acts, and far along that valley a law costs up to a
 # second. With 1000 points z changes by less than one on a factor of twenty where a fit leaves it.
 _KNOWN_BASE = replace(FINE, endless=5e-4, walled=5e-4)
+# There a step that gains less than this of the sum of squares, over the variance, is the last of a search that
+# swings. Of 700 fits (samples that relax or stiffen, fringes, drags; modulus and thickness free) one ends higher
+# for it by more than 0.005 of the variance, by 0.08, and two end lower by 1. They take 5 to 18 % fewer models, the
+# longest 20 to 40 %.
+_SWINGING = 0.05
 
 
 @dataclass(frozen=True)
@@ -121,7 +126,9 @@ def _searched(
         return Optimum(objective, start, success=True, message="nothing to vary.")
     if robust is not None:
         return _by_lmfit(objective, robust, robust(objective, start))
-    search = FINE if objective.bases is not None else _KNOWN_BASE
+    search = FINE
+    if objective.bases is None:
+        search = replace(_KNOWN_BASE, swinging=_SWINGING / objective.points)
     if steps is not None:
         search = replace(search, steps=steps)
     found: Minimum | None = minimise(objective, start, search, give_up)
