@@ -78,6 +78,16 @@ CASES = {
 }
 
 
+@pytest.mark.parametrize("name", ["scene.toml", "./scene.toml", "link.csv"])
+def test_a_scene_is_not_written_over_by_its_curve(name, run):
+    Path("link.csv").symlink_to("scene.toml")
+    code, err = run("simulate", "scene.toml", "--output", name)
+    assert code == 2
+    assert "is the scene file: name the CSV to write" in err
+    assert Path("scene.toml").read_text(encoding="utf-8") == SCENE
+    assert not Path("scene.truth.json").exists()
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_named_is_made_and_nothing_else(run, case):
     named, settings = CASES[case]

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import FrozenInstanceError
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.headline.known_inputs import FORCE
 from underlay.inference.headline.plain import quadratic_interval
 from underlay.inference.least_squares.stated import Verdict
+from underlay.report import words
+from underlay.report.intervals import Estimate
 
 E, H, C = "layer.E", "layer.thickness", "instrument.contact_depth"
 NOISE = ul.Noise(force=1e-4)
@@ -260,3 +263,32 @@ def test_the_file_holds_what_is_printed(tmp_path):
     assert written["intervals"][E]["kind"] == known.kind
     assert written["verdict"] == {"word": "good", "reasons": []}
     assert written["sensitivity"][E][FORCE] == pytest.approx(1.0, abs=1e-6)
+
+
+def told(monkeypatch, low, high, wide_low, wide_high):
+    entry = Estimate(
+        H, H, 1.91e-3, low, high, "averaged profile", "", wide_low, wide_high, ("friction", "finite strain")
+    )
+    monkeypatch.setattr(words, "estimates", lambda _: [entry])
+    return words.headline(SimpleNamespace(bonds=()))
+
+
+def test_an_end_near_zero_is_not_rounded_to_twice_itself(monkeypatch):
+    # Two digits of a width of 21 mm are whole millimetres: 0.5468 was told as 1, above the end from the noise.
+    text = told(monkeypatch, 0.5468e-3, 21.85e-3, 0.5468e-3, 21.85e-3)
+    assert text == (
+        "Layer thickness 1.9 mm (0.5 to 21.9 from the noise; with friction and finite strain unknown 0.5 to 21.9, "
+        "95 %)."
+    )
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "end"),
+    [
+        (1.2e-3, math.inf, "at least 1.20"),
+        (-math.inf, 2.6e-3, "at most 2.60"),
+        (-math.inf, math.inf, "anything"),
+    ],
+)
+def test_an_interval_that_only_what_is_left_out_opens_is_told(low, high, end, monkeypatch):
+    assert f"unknown {end}, 95 %" in told(monkeypatch, 1.5e-3, 2.4e-3, low, high)

@@ -70,6 +70,7 @@ def test_rows_go_with_their_curves_in_any_order(tmp_path):
         ("file,layer.nu\na,0.7\n", r"line 2 \(a\).*nu"),
         ("file,thicknes (mm)\na,1\n", "did you mean 'thickness'"),
         ("file,layer.thicknes (mm)\na,1\n", "did you mean 'layer.thickness'"),
+        ("file,zzzz (mm)\na,1\n", r"unknown column 'zzzz \(mm\)'\. Known are"),
         ("file,thickness (mm),layer.thickness (mm)\na,1,1\n", "two columns"),
         ("file,thickness (mm)\n,1\n", "no file"),
         ("file,thickness (mm)\na,1,2,3\nb,2\n", "more cells than there are names"),

@@ -229,6 +229,13 @@ CURVE = measured(layer_on(ul.RIGID))
     [
         (layer_on(ul.RIGID), ["layer.youngs"], {}, ParameterError, "did you mean"),
         (layer_on(ul.RIGID), ["layer.thicknes"], {}, ParameterError, r"did you mean 'layer\.thickness'"),
+        (
+            layer_on(ul.RIGID),
+            ["adhesion.work"],
+            {},
+            ParameterError,
+            r"'adhesion\.work'\. It has: indenter\.radius",
+        ),
         (layer_on(ul.RIGID), ["substrate.E"], {}, ParameterError, "RIGID"),
         (
             ul.Scene(ul.Paraboloid(1e-3), ul.Layer(ul.Isotropic(1e6, 0.4))),

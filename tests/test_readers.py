@@ -236,6 +236,19 @@ def test_names_in_other_languages(header, decomposed, put):
     np.testing.assert_allclose(curve.time, [0.0, 1.0])
 
 
+def test_columns_of_the_same_name_are_not_chosen_between_without_a_word(put):
+    path = put("depth (um),force (nN),force (uN)\n1,2,5\n3,4,7\n")
+    curve = read(path)
+    np.testing.assert_allclose(curve.force, [2e-9, 4e-9])
+    assert "first column of its name, 'force (nN)'; not read: 'force (uN)'" in curve.metadata["notes"][0]
+    assert read(path, columns={"force": "force"}).metadata["notes"]
+    chosen = read(path, columns={"force": "-force (uN)"})
+    np.testing.assert_allclose(chosen.force, [-5e-6, -7e-6])
+    assert not chosen.metadata["notes"]
+    beside = read(put("depth (um),force (nN),depth (um),force (nN)\n1,2,1,9\n3,4,2,8\n"))
+    assert len(beside.metadata["notes"]) == 2
+
+
 def test_a_segment_column_of_our_names_is_used_and_others_are_not(put):
     curve = read(put("depth (um),force (mN),segment\n1,2,loading\n3,4,hold\n"))
     assert list(curve.segment) == ["loading", "hold"]

@@ -64,6 +64,25 @@ def test_a_length_where_a_pressure_belongs_names_both():
         parse_quantity("5 mm", "pressure")
 
 
+@pytest.mark.parametrize(
+    ("text", "kind", "meant"),
+    [
+        ("6 Mm", "length", "mm"),
+        ("10 mPa", "pressure", "MPa"),
+        ("2 MN", "force", "mN"),
+        ("5 Ms", "time", "ms"),
+        ("3 mPa/m", "stiffness per area", "MPa/m"),
+    ],
+)
+def test_a_slip_of_the_shift_key_is_not_a_factor_of_1e9(text, kind, meant):
+    with pytest.raises(UnitError, match=f"did you mean {meant}\\? allowed"):
+        parse_quantity(text, kind)
+
+
+def test_slow_oscillations_are_measured_in_millihertz():
+    assert parse_quantity("10 mHz", "frequency") == pytest.approx(0.01)
+
+
 def test_an_angle_is_not_a_dimensionless_number():
     with pytest.raises(UnitError, match="unit of angle"):
         parse_quantity("35 deg", "dimensionless")

@@ -70,6 +70,8 @@ def simulate(
     from underlay.scene.scene_file import read_scene_file
 
     file = read_scene_file(scene)
+    if output.exists() and output.samefile(scene):
+        raise InputError(f"--output {output} is the scene file: name the CSV to write")
     if file.simulate is None:
         file = replace(file, simulate=expected_depths(file, deepest_point(file, None)))
     else:

@@ -52,9 +52,7 @@ def quantity_with_interval(value: float, low: float, high: float, kind: str) -> 
     """Return ``"0.42 MPa (0.40 to 0.44)"``; two digits of the interval's half-width are shown."""
     unit, factor = human_unit(value, kind)
     suffix = f" {unit}" if unit else ""
-    widths = [abs(end - value) / factor for end in (low, high) if math.isfinite(end)]
-    width = min((w for w in widths if w > 0.0), default=0.0)
-    decimals = min(12, max(0, 1 - math.floor(math.log10(width)))) if width > 0.0 else 4
+    decimals = _decimals(value, low, high, factor)
     middle = f"{value / factor:.{decimals}f}{suffix}"
     if math.isfinite(low) and math.isfinite(high):
         return f"{middle} ({low / factor:.{decimals}f} to {high / factor:.{decimals}f})"
@@ -63,6 +61,12 @@ def quantity_with_interval(value: float, low: float, high: float, kind: str) -> 
     if math.isfinite(high):
         return f"{middle} (at most {high / factor:.{decimals}f})"
     return middle
+
+
+def _decimals(value: float, low: float, high: float, factor: float) -> int:
+    widths = [abs(end - value) / factor for end in (low, high) if math.isfinite(end)]
+    width = min((w for w in widths if w > 0.0), default=0.0)
+    return min(12, max(0, 1 - math.floor(math.log10(width)))) if width > 0.0 else 4
 
 
 def headline(result: Fit) -> str:
@@ -232,7 +236,7 @@ def _sentence(entry: Estimate) -> str:
 def _wide(entry: Estimate, kind: str) -> str:
     """What follows in the brackets where the law leaves something out that acts."""
     factor = human_unit(entry.value, kind)[1]
-    digits = max(0, 1 - math.floor(math.log10(abs(entry.wide_high - entry.wide_low) / factor)))
+    digits = _wide_decimals(entry, factor)
     *first, last = entry.left_out
     listed = f"{', '.join(first)} and {last}" if first else last
     known = f" from the noise; with {listed} unknown "
@@ -243,6 +247,18 @@ def _wide(entry: Estimate, kind: str) -> str:
     if math.isinf(entry.wide_low):
         return f"{known}at most {entry.wide_high / factor:.{digits}f}"
     return f"{known}{entry.wide_low / factor:.{digits}f} to {entry.wide_high / factor:.{digits}f}"
+
+
+def _wide_decimals(entry: Estimate, factor: float) -> int:
+    """Two digits of the width, or as many as the interval beside it has where an end would be off by a quarter."""
+    width = abs(entry.wide_high - entry.wide_low) / factor
+    if not math.isfinite(width):
+        return _decimals(entry.value, entry.wide_low, entry.wide_high, factor)
+    digits = max(0, 1 - math.floor(math.log10(width)))
+    ends = [end / factor for end in (entry.wide_low, entry.wide_high)]
+    if any(abs(round(end, digits) - end) > 0.25 * abs(end) for end in ends):
+        return max(digits, _decimals(entry.value, entry.low, entry.high, factor))
+    return digits
 
 
 def _bonds(result: Fit) -> list[str]:

@@ -44,5 +44,5 @@ def unknown_parameter(path: str, known: Iterable[str]) -> ParameterError:
     own = {name.rpartition(".")[2]: name for name in names if name.rpartition(".")[0] == part}
     near = [own[meant] for meant in fields_meant(field, own)]
     near = near or difflib.get_close_matches(path, names, n=1, cutoff=0.4)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = f"; did you mean {near[0]!r}?" if near else "."
     return ParameterError(f"this scene has no parameter {path!r}{hint} It has: {', '.join(names)}")

@@ -167,13 +167,18 @@ def unit_factor(unit: str, kind: str) -> float:
     """
     wanted = kind_named(kind)
     known = _parse_unit(unit)
+    same = [name for name in wanted.units if name.casefold() == unit.strip().casefold()]
     if known is None:
-        same = [name for name in wanted.units if name.casefold() == unit.strip().casefold()]
         meant = f"; did you mean {same[0]}?" if same else ";"
         raise UnitError(f"unknown unit {unit!r} for {_article(kind)}{meant} allowed: {_offer(wanted)}")
     found, factor = known
     if found not in (kind, _ALSO.get(kind)):
         raise UnitError(f"{unit!r} is a unit of {found}, but {_article(kind)} is needed: {_offer(wanted)}")
+    # "6 Mm" is 6000 km: a slip of the shift key by 1e9, in units that nobody measures a sample in. A mHz is one.
+    if same and unit.strip() not in same and kind != "frequency":
+        raise UnitError(
+            f"unit {unit!r} is {factor:g} {wanted.si}; did you mean {same[0]}? allowed: {_offer(wanted)}"
+        )
     return factor
 
 

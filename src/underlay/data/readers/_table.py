@@ -144,7 +144,7 @@ def table_curve(
         segment,
         units=units_found,
         sign_rules=signs,
-        notes=note,
+        notes=(*note, *_namesakes(labels, columns, options.columns)),
         **metadata,
     )
 
@@ -169,6 +169,25 @@ def _check_present(
         raise FileFormatError(
             f"{source.name} has {missing}; it has {there}. Say which with columns={{{role!r}: 'name (unit)'}}"
         )
+
+
+def _namesakes(
+    labels: Sequence[str], columns: Mapping[str, int], mapping: Mapping[str, str] | None
+) -> tuple[str, ...]:
+    """Notes of columns that share the name of the one that is read, the first: another unit, or another test."""
+    names = [_plain(split_label(label)[0]) for label in labels]
+    notes = []
+    for role, index in columns.items():
+        label = labels[index].strip()
+        others = [labels[i].strip() for i, name in enumerate(names) if name == names[index] and i != index]
+        chosen = _plain((mapping or {}).get(role, "").strip().removeprefix("-")) == _plain(label)
+        if others and (label in others or not chosen):
+            told = ", ".join(map(repr, others))
+            notes.append(
+                f"the {role} is read from the first column of its name, {label!r}; not read: {told}. Choose by "
+                "the whole name in columns, or split a file that holds several tests side by side"
+            )
+    return tuple(notes)
 
 
 def _no_unit(source: Source, label: str, role: str) -> str:

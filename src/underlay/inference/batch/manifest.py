@@ -191,7 +191,7 @@ def _column(header: str, scene: Scene, source: str) -> _Column:
         error = unknown_parameter(path, scene.parameters)
         raise InputError(f"{source}, column {header!r}: {error}")
     near = difflib.get_close_matches(name, [*_WORDS, *_SHORT], n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = f"; did you mean {near[0]!r}?" if near else "."
     raise InputError(
         f"{source} has an unknown column {header!r}{hint} Known are {', '.join(_WORDS)}, {', '.join(_SHORT)}, "
         "every parameter path, such as layer.thickness, and labels: 'animal', 'group' and the like, or any "

@@ -13,6 +13,9 @@ from underlay.mechanics.plane_constants import PlaneConstants
 
 __all__ = ["SOFTEST", "Scales"]
 
+# The node counts were fitted to roots that decay without turning, and hold where they turn up to this share of the
+# rate at which they decay: beyond, the poles of L stand too near to the real axis (measured on 6000 materials).
+_MOST_TURN = 0.5
 #: Smallest theta of a part over that of the layer: below, the layer bends in the rounding of 1 - L.
 SOFTEST = 1e-20
 
@@ -69,10 +72,11 @@ class Scales:
         slow = p / (half + spread)
         decay = min(lowest(slow), lowest(half))
         fastest = -lowest(-(half + spread))
+        charted = lowest(square + (_MOST_TURN * half) ** 2) >= 0.0
         # (p - q)/p is 0 for an incompressible material and 4/7 for nu = 0.3.
         firmness = max(0.0, 1.0 - 1.75 * lowest(layer.p_minus_q / p))
         if substrate is None:
-            return cls(decay, fastest, inf, inf, firmness, inf, inf)
+            return cls(decay, fastest, inf, inf, firmness, inf, inf, charted)
         ratio = lowest(substrate.theta / layer.theta)
         if not ratio >= SOFTEST:
             raise RangeError(
@@ -80,7 +84,7 @@ class Scales:
                 f"{SOFTEST:g}: check the units of the moduli; a layer on nothing carries no load"
             )
         stretch = lowest(substrate.g / (layer.g * substrate.sigma))
-        return cls(decay, fastest, ratio, stretch, firmness, ratio, ratio)
+        return cls(decay, fastest, ratio, stretch, firmness, ratio, ratio, charted)
 
     @property
     def softness(self) -> float:
