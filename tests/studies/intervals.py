@@ -1,18 +1,19 @@
 """Do the printed intervals hold the truth? Random tests of a user's range, undisturbed or disturbed.
 
     python tests/studies/intervals.py [--curves 200] [--world clean slope ...] [--free E h] [--stated] [--one]
-                                      [--elastic | --half-space] [--within 1.3] [--seed 16] [--seconds 600]
+                                      [--elastic | --half-space] [--within 1.3] [--seed 16 ...] [--seconds 600]
                                       [--rows rows.csv]
                                       [--output tests/studies/results/intervals.csv]
 
 One row per world and set of free parameters is written over the row of the same study: how many 95 % intervals of
 each parameter hold the truth (and of fits with something on a bound alone), how wide they are against the quadratic
 interval of white noise (median), how many verdicts were "model wrong", and what the headline costs in fits of the
-same curve, and both together in seconds of processor time. `--stated` hands the fit the noise it was made with.
-Worlds are those of `tests/support/worlds.py`; scenes those of `tests/support/user_scenes.py`, with `--elastic`
-those on an elastic base alone, with `--half-space` their tips and depths on a half-space, or with `--one` the
-single scene those worlds were first measured on. With `--within` thickness and base are stated to lie between two
-bounds this factor apart, the truth anywhere between: many fits then end on a bound. `--world all` runs every one,
+same curve, the fit in milliseconds (median) and seconds (slowest), and both together in seconds of processor time.
+`--stated` hands the fit the noise it was made with. With several seeds there are so many curves of each. Worlds
+are those of `tests/support/worlds.py`; scenes those of `tests/support/user_scenes.py`, with `--elastic` those on
+an elastic base alone, with `--half-space` their tips and depths on a half-space, or with `--one` the single scene
+those worlds were first measured on. With `--within` thickness and base are stated to lie between two bounds this
+factor apart, the truth anywhere between: many fits then end on a bound. `--world all` runs every one,
 `--seconds` long each at most, and writes every row as it is done. With `--rows` every curve is kept in a file, and
 a run goes on where the last one ended.
 """
@@ -49,7 +50,7 @@ COLUMNS = [
     "bound",
     "verdict",
 ]
-COLUMNS += ["cost", "seconds"]
+COLUMNS += ["cost", "seconds", "fit seconds"]
 
 
 def one_scene():
@@ -112,6 +113,7 @@ def measured(test, world, free, rng, *, stated, within):
                 "verdict": verdict,
                 "cost": own / spent,
                 "seconds": own + spent,
+                "fit seconds": spent,
             }
         )
     return rows
@@ -129,17 +131,18 @@ def study(args, world):
         "world": world,
         "free": "+".join(args.free),
         "noise": "stated" if args.stated else "unknown",
-        "seed": args.seed,
+        "seed": ", ".join(map(str, args.seed)),
     }
     kept = pd.DataFrame(columns=[*key, "curve"])
     if args.rows is not None and args.rows.exists():
-        kept = pd.read_csv(args.rows)
+        kept = pd.read_csv(args.rows, dtype={"seed": str})
     frame = kept[(kept[list(key)] == pd.Series(key)).all(axis=1)]
     end = time.monotonic() + args.seconds
-    for curve in range(frame["curve"].nunique(), args.curves):
+    for curve in range(frame["curve"].nunique(), args.curves * len(args.seed)):
         if time.monotonic() > end:
             break
-        rng = np.random.default_rng([args.seed, curve])
+        seed, number = divmod(curve, args.curves)
+        rng = np.random.default_rng([args.seed[seed], number])
         test = test_of(args, rng)
         try:
             rows = measured(test, world, args.free, rng, stated=args.stated, within=args.within)
@@ -179,6 +182,8 @@ def line_of(key, frame):
     line["cost above 2 %"] = round(100.0 * (each["cost"] > 2.0).mean(), 1)
     line["above 1 s %"] = round(100.0 * (each["seconds"] > 1.0).mean(), 1)
     line["slowest s"] = round(each["seconds"].max(), 2)
+    line["fit ms"] = round(1e3 * each["fit seconds"].median(), 1)
+    line["slowest fit s"] = round(each["fit seconds"].max(), 2)
     return line
 
 
@@ -203,7 +208,7 @@ def main() -> None:
     for flag, name in {"--one": "one", "--elastic": "elastic base", "--half-space": "half-space"}.items():
         parser.add_argument(flag, dest="scenes", action="store_const", const=name, default="random")
     parser.add_argument("--within", type=float, default=None)
-    parser.add_argument("--seed", type=int, default=16)
+    parser.add_argument("--seed", type=int, nargs="+", default=[16])
     parser.add_argument("--rows", type=Path, default=None)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--output", type=Path, default=None)
