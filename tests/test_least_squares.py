@@ -246,7 +246,11 @@ def test_correlated_noise_taken_for_white_is_noticed():
     (warning,) = [w for w in found.warnings if w.code == "correlated-residuals"]
     # AR(1) with rho = exp(-0.002 / 0.02): n_eff = n (1 - rho) / (1 + rho) = n / 20, a factor sqrt(20) = 4.5.
     assert 2.5 < found.diagnostics[0].too_narrow_by < 7.0
-    assert "Noise(correlation_time=...)" in warning.message
+    assert "leave the noise out" in warning.message
+    (weighed,) = [
+        w for w in fit(problem(scene, [E, C], curve, noise=None)).warnings if w.code == "correlated-residuals"
+    ]
+    assert "the intervals allow for it" in weighed.message
     own = Noise(force=found.noises[0].force, correlation_time=0.02)
     known = fit(problem(scene, [E, C], curve, noise=own))
     assert not [w for w in known.warnings if w.code == "correlated-residuals"]

@@ -35,6 +35,7 @@ from underlay.mechanics.published.layer_contact import LayerContact
 
 RNG = np.random.default_rng(7)
 BENCHMARK = Path(__file__).parents[1] / "data_samples" / "benchmark"
+CHIARO = BENCHMARK.parent / "chiaro_cell_indentation.csv"
 
 
 def uneven_times(n):
@@ -207,6 +208,16 @@ def test_a_noise_of_the_depth_is_not_taken_for_a_law_that_drifts():
     assert plain.low < known.value < plain.high
     assert truth in known
     assert any("as loud deep in contact" in reason for reason in fit.verdict.reasons)
+
+
+def test_a_noise_that_hangs_together_is_not_to_be_freed():
+    """Freed, the noise of this curve is taken for independent readings, and E is said to be known to 2 %."""
+    fit = ul.fit(load_problem(CHIARO, CHIARO.with_name("chiaro_cell.toml")))
+    (reason,) = [reason for reason in fit.verdict.reasons if "as loud deep in contact" in reason]
+    assert "hangs together" in reason
+    assert "free noise" not in reason
+    even = ul.fit(load_problem(BENCHMARK / "elastic.depth.csv", BENCHMARK / "elastic.toml"))
+    assert any("free noise.force and noise.depth" in reason for reason in even.verdict.reasons)
 
 
 @pytest.mark.parametrize("kind", ["white", "correlated"])

@@ -56,7 +56,7 @@ def warnings_of(
         *_unfixed(problem, covariance),
         *_correlated(problem, covariance),
         *_second_optima(alternatives),
-        *_residuals(correlated),
+        *_residuals(correlated, is_weighed=problem.noise_is_open),
         *_law_range(laws),
         *_law_error(problem, covariance, statistics),
         *_file_facts(problem),
@@ -154,8 +154,15 @@ def _second_optima(alternatives: Sequence[Alternative]) -> list[FitWarning]:
     return warnings
 
 
-def _residuals(correlated: Sequence[ResidualDiagnostics | None]) -> list[FitWarning]:
+def _residuals(correlated: Sequence[ResidualDiagnostics | None], *, is_weighed: bool) -> list[FitWarning]:
+    """One warning per curve whose residuals hang together; `is_weighed` where intervals allow for that."""
     warnings = []
+    # A correlation time alone is no better: with white noise on top, the rule, its intervals are too narrow.
+    advice = (
+        "the intervals allow for it"
+        if is_weighed
+        else "leave the noise out, and what hangs together is weighed, or the model is wrong"
+    )
     for number, entry in enumerate(correlated):
         if entry is not None:
             which = f"curve {number + 1}: " if len(correlated) > 1 else ""
@@ -165,8 +172,7 @@ def _residuals(correlated: Sequence[ResidualDiagnostics | None]) -> list[FitWarn
                     f"{which}the residuals hang together (lag-one correlation {entry.lag_one:.2f}, "
                     f"{entry.runs} runs where {entry.expected_runs:.0f} are expected): {entry.points} points "
                     f"tell as much as {entry.effective_points:.0f} independent ones, so the standard errors "
-                    f"are too small by a factor of about {entry.too_narrow_by:.1f}; use "
-                    "Noise(correlation_time=...), or the model is wrong",
+                    f"are too small by a factor of about {entry.too_narrow_by:.1f}; {advice}",
                 )
             )
     return warnings
