@@ -118,12 +118,12 @@ class Evidence:
     def _of_a_kind(self, left: FloatArray, kind: FloatArray) -> tuple[FloatArray, FloatArray]:
         """S and log det N, each (g, jumps, ramps), of one kind of drift."""
         amount, ramps = self._amount[self._amount != DRIFTS], _shares(self.sizes.ramps)
-        is_ramp = amount > DRIFTS
-        used = np.flatnonzero(is_ramp | (np.append(kind, (0.0, 0.0))[amount] > 0.0))
+        share = np.ones(len(self.sizes.largest))
+        share[:DRIFTS] = np.divide(kind, self.sizes.largest[:DRIFTS], out=np.zeros(DRIFTS), where=kind > 0.0)
+        used = np.flatnonzero(share[amount] > 0.0)
         scale = np.ones((len(ramps), len(used) + 1))
-        for n, at in enumerate(used):
-            scale[:, n] = ramps if is_ramp[at] else kind[amount[at]] / self.sizes.largest[amount[at]]
-        used = np.append(used, len(amount))
+        scale[:, :-1] = np.where(amount[used] > DRIFTS, ramps[:, None], share[amount[used]])
+        used = np.concatenate((used, [len(amount)]))
         root = np.linalg.cholesky(_rescaled(left[..., used[:, None], used], scale))
         diagonal = np.diagonal(root, axis1=-2, axis2=-1)
         return diagonal[..., -1] ** 2, 2.0 * np.log(diagonal[..., :-1]).sum(axis=-1)
@@ -132,36 +132,23 @@ class Evidence:
         self, noise: NDArray[np.intp], column: NDArray[np.intp], variance: FloatArray, log_prior: FloatArray
     ) -> Weighed:
         """What some combinations say, (c,), each with its own s^2."""
-        k, count = self._known, len(noise)
-        found = Weighed(
-            np.empty(count), np.empty((count, k)), np.empty((count, k, k)), np.empty(count), np.zeros(count)
-        )
-        kinds = column // (len(self.sizes.amounts) // len(self.sizes.kinds))
-        for number in np.unique(kinds):
-            rows = np.flatnonzero(kinds == number)
-            kind = np.append(self.sizes.kinds[number], self.sizes.largest[DRIFTS:])
-            used = np.flatnonzero(kind[self._amount] > 0.0)
-            amounts = self.sizes.amounts[column[rows]]
-            root = np.linalg.cholesky(self._bordered(noise[rows], amounts, variance[rows], used))
-            # The last pivot is r'r - c'N^-1 c without the cancellation.
-            diagonal = np.diagonal(root, axis1=-2, axis2=-1)
-            square = diagonal[:, -1] ** 2
-            found.variance[rows] = square / self.freedom
-            log_normal = 2.0 * np.log(diagonal[:, :-1]).sum(axis=-1)
-            found.log_evidence[rows] = log_prior[rows] + self._evidence(
-                square, self.log_determinants[noise[rows]], log_normal
-            )
-            if kind[FADING].any():
-                scale = over_noise(amounts, variance[rows])[:, self._amount[used]]
-                along = self._fading[:, used] * scale[:, None]
-                found.fading[rows] = self._fades(np.asarray(root), np.asarray(along))
-                found.log_evidence[rows] += found.fading[rows]
-            # The coordinates are the last columns but one: their part of the factor is that of what is left.
-            inverse = np.linalg.inv(root[:, -1 - k : -1, -1 - k : -1])
-            found.shift[rows] = -(root[:, -1:, -1 - k : -1] @ inverse)[:, 0]
-            own = found.variance[rows, None, None]
-            found.covariance[rows] = own * (np.swapaxes(inverse, 1, 2) @ inverse)
-        return found
+        k, amounts = self._known, self.sizes.amounts[column]
+        root = np.asarray(np.linalg.cholesky(self._bordered(noise, amounts, variance)))
+        # The last pivot is r'r - c'N^-1 c without the cancellation.
+        diagonal = np.diagonal(root, axis1=-2, axis2=-1)
+        square = diagonal[:, -1] ** 2
+        log_normal = 2.0 * np.log(diagonal[:, :-1]).sum(axis=-1)
+        log_evidence = log_prior + self._evidence(square, self.log_determinants[noise], log_normal)
+        fading, fades = np.zeros(len(noise)), (amounts[:, FADING] > 0.0).any(axis=1)
+        if fades.any():
+            scale = over_noise(amounts[fades], variance[fades])[:, self._amount]
+            fading[fades] = self._fades(root[fades], self._fading * scale[:, None])
+        # The coordinates are the last columns but one: their part of the factor is that of what is left.
+        inverse = np.linalg.inv(root[:, -1 - k : -1, -1 - k : -1])
+        shift = -(root[:, -1:, -1 - k : -1] @ inverse)[:, 0]
+        own = square / self.freedom
+        covariance = own[:, None, None] * (np.swapaxes(inverse, 1, 2) @ inverse)
+        return Weighed(log_evidence + fading, np.asarray(shift), covariance, own, fading)
 
     def _fades(self, root: FloatArray, along: FloatArray) -> FloatArray:
         """Log of twice the probability that every curve's force fades, and does not grow, (c,).
@@ -206,19 +193,10 @@ class Evidence:
         total = degrees * np.log(variance) + self.freedom + log_determinant + log_normal
         return np.asarray(-0.5 * total)
 
-    def _bordered(
-        self,
-        noise: NDArray[np.intp],
-        amounts: FloatArray,
-        variance: FloatArray,
-        used: NDArray[np.intp] | None = None,
-    ) -> FloatArray:
-        """N with c and r'r beside it, (c, m, m), of `used` misfits, for noises, amounts (c, 10 + 2), s^2 (c,)."""
-        every = len(self._amount)
-        used = np.arange(every) if used is None else used
-        places = np.concatenate((used, np.arange(every, self.products.shape[-1])))
-        products = self.products[noise[:, None, None], places[:, None], places]
-        return self.model.bordered(products, over_noise(amounts, variance)[:, self._amount[used]], variance)
+    def _bordered(self, noise: NDArray[np.intp], amounts: FloatArray, variance: FloatArray) -> FloatArray:
+        """N with c and r'r beside it, (c, m, m), for noises, amounts (c, 10 + 2), s^2 (c,)."""
+        scale = over_noise(amounts, variance)[:, self._amount]
+        return self.model.bordered(self.products[noise], scale, variance)
 
 
 def _shares(sizes: Sequence[float]) -> FloatArray:

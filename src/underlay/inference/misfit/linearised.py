@@ -127,8 +127,7 @@ class Linearised:
 
         The columns are drift, jump and ramp of each curve, those alone that have a size in `amounts` (10 + 2,),
         then the derivatives and the residuals. With `misfits`, those of the columns before the derivatives, these
-        are of what the misfits add as well. Noises of one correlation time share its work when they stand side by
-        side.
+        are of what the misfits add as well.
         """
         k, curves = len(self.precision), len(self.parts)
         acting = len(acting_columns(amounts, curves))
@@ -176,15 +175,19 @@ def _products(
 ) -> tuple[FloatArray, FloatArray]:
     """Products of one curve's columns (g, m, m) and log det V (g,), for every noise."""
     columns = part.columns(amounts, misfits)
-    products, log_determinants = np.empty((len(noises), *(columns.shape[1],) * 2)), np.zeros(len(noises))
-    tau, whitener, ahead = None, None, columns
+    products, pivots = np.empty((len(noises), *(columns.shape[1],) * 2)), np.ones((len(noises), len(columns)))
+    log_determinants = np.zeros(len(noises))
+    shares: dict[float, list[tuple[int, float]]] = {}
     for at, noise in enumerate(noises):
         if noise is None:
             products[at] = columns.T @ columns
-            continue
-        if whitener is None or noise[0] != tau:
-            tau, whitener = noise[0], Whitener.of(part.time, noise[0])
-            ahead = whitener.ahead(columns)
-        solved, log_determinants[at] = whitener.inverse(ahead, noise[1])
-        np.matmul(ahead.T, solved, out=products[at])
-    return products, log_determinants
+        else:
+            shares.setdefault(noise[0], []).append((at, noise[1]))
+    whiteners = Whitener.several(part.time, list(shares)) if shares else []
+    for whitener, own in zip(whiteners, shares.values(), strict=True):
+        ahead = whitener.ahead(columns)
+        for at, share in own:
+            solved, pivots[at] = whitener.inverse(ahead, share)
+            log_determinants[at] = whitener.log_determinant
+            np.matmul(ahead.T, solved, out=products[at])
+    return products, log_determinants + np.log(pivots).sum(axis=1)

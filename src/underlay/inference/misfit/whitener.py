@@ -11,6 +11,7 @@ or tau. (The same structure as in Rybicki and Press 1995, doi:10.1103/PhysRevLet
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,18 +45,26 @@ class Whitener:
 
     @classmethod
     def of(cls, time: FloatArray, correlation_time: float) -> Whitener:
-        """Prepare a process with the correlation time tau (s), read at times (s), (n,).
+        """Prepare a process with the correlation time tau (s), read at times (s), (n,); raises as `several`."""
+        return cls.several(time, [correlation_time])[0]
+
+    @classmethod
+    def several(cls, time: FloatArray, correlation_times: Sequence[float]) -> list[Whitener]:
+        """Prepare processes with several correlation times (s), read at the same times (s), (n,).
 
         Raises
         ------
         InputError
-            If the times do not increase or tau is not positive.
+            If the times do not increase or a correlation time is not positive.
         """
-        rho, spread = ar1_coefficients(time, correlation_time)
-        scale = np.concatenate(([1.0], spread))
-        diagonal = np.concatenate(([1.0], (1.0 + rho * rho) / (spread * spread)))
-        beside = -rho / (spread * scale[:-1])
-        return cls(rho, spread, diagonal, beside, float(2.0 * np.log(spread).sum()))
+        rho, spread = ar1_coefficients(time, np.array(correlation_times)[:, None])
+        first = np.ones((len(rho), 1))
+        diagonal = np.hstack((first, (1.0 + rho * rho) / (spread * spread)))
+        beside = -rho / (spread * np.hstack((first, spread[:, :-1])))
+        log_determinants = 2.0 * np.log(spread).sum(axis=1)
+        return [
+            cls(*each) for each in zip(rho, spread, diagonal, beside, log_determinants.tolist(), strict=True)
+        ]
 
     def ahead(self, columns: FloatArray) -> FloatArray:
         """W times columns (n, m)."""
@@ -64,21 +73,22 @@ class Whitener:
         moved[1:] = (columns[1:] - self.correlation[:, None] * columns[:-1]) / self.spread[:, None]
         return moved
 
-    def inverse(self, ahead: FloatArray, share: float) -> tuple[FloatArray, float]:
-        """T^-1 times what `ahead` made of columns (n, m), for a share g of the process, and log det V.
+    def inverse(self, ahead: FloatArray, share: float) -> tuple[FloatArray, FloatArray]:
+        """T^-1 times what `ahead` made of columns (n, m), for a share g of the process, and the pivots of T, (n,).
 
-        For columns X and Y, ``ahead(X).T @ inverse(ahead(Y), g)[0]`` is X' V^-1 Y.
+        For columns X and Y, ``ahead(X).T @ inverse(ahead(Y), g)[0]`` is X' V^-1 Y; log det V is the sum of the
+        pivots' logarithms and `log_determinant`.
         """
         pivots, lower, _ = lapack.dpttrf(self.diagonal + share, self.beside)
         solved, _ = lapack.dpttrs(pivots, lower, ahead)
-        return solved, float(np.log(pivots).sum()) + self.log_determinant
+        return solved, pivots
 
     def inverse_times(self, columns: FloatArray, share: float) -> tuple[FloatArray, float]:
         """V^-1 times columns (n, m), for a share g of the process, and log det V."""
-        solved, log_determinant = self.inverse(self.ahead(columns), share)
+        solved, pivots = self.inverse(self.ahead(columns), share)
         solved[1:] /= self.spread[:, None]
         solved[:-1] -= self.correlation[:, None] * solved[1:]
-        return solved, log_determinant
+        return solved, float(np.log(pivots).sum()) + self.log_determinant
 
     def recursion(self, share: float) -> FloatArray:
         """alpha, beta, gamma (3, n) of e = D^(-1/2) L^-1 W r, T = L D L', for a share g of the process.
