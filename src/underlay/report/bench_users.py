@@ -26,26 +26,19 @@ from underlay._arrays import FloatArray
 from underlay.data.curve_csv import curve_csv
 from underlay.data.quality import check_quality
 from underlay.data.readers import read
-from underlay.data.synthetic import simulate, synthesize
-from underlay.inference.least_squares import Fit, fit
+from underlay.inference.least_squares import fit
 from underlay.inference.problem import Problem
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid
 from underlay.mechanics.kernel import StackKernel, SubstrateKernel
 from underlay.mechanics.materials import Isotropic
-from underlay.mechanics.relaxation import Prony
 from underlay.report.bench_made import made_curve, made_files, over, scene_of
 from underlay.report.bench_maps import LAYERED, map_of_files, map_over_nanite, map_over_rigid
-from underlay.scene.noise import Noise
-from underlay.scene.scene import Scene
+from underlay.report.bench_stated import STATED
 
 __all__ = ["USER_CASES", "UserCase", "machine", "user_markdown", "user_table"]
 
 _ROUNDS = 7
-_GEL = Isotropic(3e6, 0.5)
-_ELASTIC = scene_of(Paraboloid(1e-3), RIGID)
-_RELAXING = Scene(Paraboloid(1e-3), Layer(_GEL, 1e-3, relaxation=Prony((0.4,), (0.3,))), RIGID)
-_HALF_SPACE = Scene(Paraboloid(1e-3), Layer(_GEL))
 _PACKAGES = ("underlay", "numpy", "scipy", "pandas", "lmfit", "emcee", "matplotlib")
 
 
@@ -273,33 +266,6 @@ def _quality(points: int) -> Callable[[int], float]:
     return measure
 
 
-def _stated(
-    made: Scene, fitted: Scene | None = None, *, noise_is_stated: bool = False
-) -> Callable[[int], float]:
-    """A fit of modulus and contact with its interval and its verdict over the fit alone.
-
-    The curve is one of `made`, and its scene for the fit another one, if given.
-    """
-
-    def measure(rounds: int) -> float:
-        depth, time = np.linspace(-5e-5, 3.6e-4, 1000), np.linspace(0.0, 1.0, 1000)
-        top = float(simulate(made, depth, time=time).force.max())
-        noise = Noise(force=0.005 * top)
-        curve = synthesize(made, depth, noise=noise, rng=0, time=time)
-        free = ("layer.E", "instrument.contact_depth")
-
-        def found() -> Fit:
-            return fit(Problem(fitted or made, curve, free, noise=noise if noise_is_stated else None))
-
-        def stated() -> object:
-            result = found()
-            return result.interval("layer.E"), result.verdict
-
-        return over(found, stated, rounds)
-
-    return measure
-
-
 def _stack_kernel(rounds: int) -> float:
     """Two layers on a base over one, at the same hundred wavenumbers."""
     u: FloatArray = np.linspace(0.0, 20.0, 100)
@@ -336,10 +302,7 @@ USER_CASES = (
         UserCase(f"`check_quality`, {points:,} points", "of the fit", _quality(points))
         for points in (1000, 100_000)
     ),
-    UserCase("fit, interval, verdict: noise stated", "of the fit", _stated(_ELASTIC, noise_is_stated=True)),
-    UserCase("fit, interval, verdict: noise not stated", "of the fit", _stated(_ELASTIC)),
-    UserCase("the same, a sample that relaxes", "of the fit", _stated(_RELAXING, _ELASTIC)),
-    UserCase("the same, a layer taken for a half-space", "of the fit", _stated(_ELASTIC, _HALF_SPACE)),
+    *(UserCase(f"fit, interval and verdict: {name}", "of the fit", measure) for name, measure in STATED),
     *(
         UserCase(
             f"map with a thickness column: {name}", "of the rigid paraboloid's", map_over_rigid(tip, base)
