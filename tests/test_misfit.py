@@ -399,7 +399,15 @@ def test_the_column_of_a_sphere_is_what_its_shape_does_to_the_force():
         law = scene.contact_law(2.0 * depth)
         w = np.array([-depth, 0.0, depth])
         column = paraboloid_for_sphere(scene).column(
-            Pressed(scene, law, w, law.force(w), partial(_another, scene, depth))
+            Pressed(
+                scene.parameters,
+                law,
+                w,
+                law.force(w),
+                law.stiffness(w),
+                made=lambda scene=scene: scene,
+                by=partial(_another, scene, depth),
+            )
         )
         sphere = ul.contact_law(ul.Sphere(1e-3), layer, None, max_depth=2.0 * depth)
         assert column[:2] == pytest.approx([0.0, 0.0], abs=0.0)

@@ -181,9 +181,16 @@ class BlockedCurve:
         depth = self.forward.depth_at(values) - values[ContactDepth.path] - bent
         deepest_of(depth)
         if errors:
-            law = self.forward.law(values, max(float(depth.max()), 0.0))
-            by = partial(self._law_by, values, max(float(depth.max()), 0.0))
-            pressed = Pressed(self.member.scene_at(physical), law, depth, reading.contact, by)
+            deepest = max(float(depth.max()), 0.0)
+            pressed = Pressed(
+                values,
+                self.forward.law(values, deepest),
+                depth,
+                reading.contact,
+                reading.stiffness,
+                made=partial(self.member.scene_at, physical),
+                by=partial(self._law_by, values, deepest),
+            )
             columns[:, len(physical) :] = np.column_stack([error.column(pressed) for error in errors])
         scatter = self.member.scatter
         jacobian = columns / scatter

@@ -13,7 +13,7 @@ To add one, write a module with a column and a function that says for which scen
 in `known_errors.py`:
 
     def _column(test: Pressed) -> FloatArray:
-        return 0.05 * test.force * test.law.contact_radius(test.depth) / test.scene.indenter.radius
+        return 0.05 * test.force * test.law.contact_radius(test.depth) / test.values["indenter.radius"]
 
     def soft_tip(scene: Scene) -> KnownError | None:
         if not isinstance(scene.indenter, Sphere):
@@ -28,8 +28,9 @@ and the share by which theories differ. Curves of a joint fit share the amplitud
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 from underlay._arrays import FloatArray
@@ -47,23 +48,32 @@ class Pressed:
 
     Parameters
     ----------
-    scene : Scene
-        With those values.
+    values : mapping of str to float
+        Every number of the scene (SI), by its path.
     law : ContactLaw
         Its law.
     depth : FloatArray
         Indentation depth w (m), (n,), negative before contact.
-    force : FloatArray
-        Contact force P (N), (n,), of the law.
+    force, stiffness : FloatArray
+        Contact force P (N) of the law and dP/dw (N/m), each (n,).
+    made : callable
+        Makes the scene of the values.
     by : callable
         Law of the same contact by another solver, kept from one call to the next as the law's own is.
     """
 
-    scene: Scene
+    values: Mapping[str, float]
     law: ContactLaw
     depth: FloatArray
     force: FloatArray
+    stiffness: FloatArray
+    made: Callable[[], Scene]
     by: Callable[[Solver], ContactLaw]
+
+    @cached_property
+    def scene(self) -> Scene:
+        """With those values; made when it is asked for, since a column is asked at every step of a search."""
+        return self.made()
 
 
 #: Force (N), (n,), that an error of amplitude one adds.

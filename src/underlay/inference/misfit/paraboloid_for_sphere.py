@@ -29,6 +29,5 @@ def paraboloid_for_sphere(scene: Scene) -> KnownError | None:
 
 
 def _column(test: Pressed) -> FloatArray:
-    radius = test.scene.parameters["indenter.radius"]
     a = test.law.contact_radius(test.depth)
-    return -test.law.stiffness(test.depth) * a**4 / (15.0 * radius**3)
+    return -test.stiffness * a**4 / (15.0 * test.values["indenter.radius"] ** 3)
