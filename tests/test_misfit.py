@@ -18,7 +18,7 @@ from underlay.inference.misfit.averaging import average
 from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.descent import Combination, Place, descend
-from underlay.inference.misfit.drift import DRIFTS, FADING, SMOOTH, drift_columns
+from underlay.inference.misfit.drift import DRIFTS, FADING, SMOOTH, drift_shares
 from underlay.inference.misfit.evidence import Evidence
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.known_errors import known_errors
@@ -168,7 +168,7 @@ def test_a_layer_that_relaxes_loses_what_theory_says():
     """
     time = np.linspace(-20.0, 80.0, 401)
     force = np.maximum(time, 0.0) ** 1.5
-    lost = drift_columns(force, time + 1e-9, time)[:, 4:8]
+    lost = force[:, None] * drift_shares(time + 1e-9, time)[:, 4:8]
     assert (lost[time < 0.0] == 0.0).all()
     t, tau, step = time[time >= 0.0, None], 80.0 * np.array([0.04, 0.1, 0.3, 1.0]), 0.25
     off = np.abs(lost[time >= 0.0] - force[time >= 0.0, None] * (special.hyp1f1(1.0, 2.5, -t / tau) - 1.0))
@@ -190,9 +190,9 @@ def test_a_force_that_grows_is_no_layer_that_relaxes():
 
 def test_what_relaxes_does_not_follow_the_noise_of_the_depth():
     time = np.linspace(-20.0, 80.0, 401)
-    force, used = np.maximum(time, 0.0) ** 1.5, time > 8.0
+    used = time > 8.0
     noisy = time + np.random.default_rng(5).standard_normal(len(time))
-    shares = [drift_columns(force, depth, time)[used, 4:8] / force[used, None] for depth in (time, noisy)]
+    shares = [drift_shares(depth, time)[used, 4:8] for depth in (time, noisy)]
     off = shares[1] - shares[0]
     # A cubic through 320 readings is known to 4/sqrt(320) of their scatter at its ends: 4 % of the force at a depth
     # of 8, of which four standard deviations are allowed.
@@ -230,7 +230,7 @@ def test_an_even_noise_is_not_called_louder_in_contact(kind):
 def test_a_base_under_a_half_space_is_the_published_one_and_a_soft_one_takes_force_away():
     depth = np.linspace(-1.0, 4.0, 51)
     force = np.maximum(depth, 0.0) ** 1.5
-    rigid, soft = drift_columns(force, depth, np.arange(51.0))[:, -2:].T
+    rigid, soft = force * drift_shares(depth, np.arange(51.0))[:, -2:].T
     wide = 1.5 * np.sqrt(np.maximum(depth, 0.0) / 4.0)
     layer = LayerContact(indenter=ul.Paraboloid(1.0), thickness=1.0, layer=ul.Isotropic(1.0, 0.5), base=None)
     published = BONDED.factor(layer)

@@ -35,7 +35,6 @@ __all__ = [
     "RELAXING",
     "SMOOTH",
     "deepest_of",
-    "drift_columns",
     "drift_shares",
 ]
 
@@ -59,11 +58,6 @@ RELAXING = (*(0.0,) * 4, 0.2, 0.3, 0.3, 0.5, 0.0, 0.0)
 #: A base under a half-space: far down, to first order in contact radius over thickness, or near.
 FAR_BASE = (0.3, *(0.0,) * 9)
 NEAR_BASE = (0.3, 0.3, *(0.0,) * 6, 0.5, 1.0)
-
-
-def drift_columns(force: FloatArray, depth: FloatArray, time: FloatArray) -> FloatArray:
-    """Phi: `drift_shares` times the contact force P (n,), in its unit, (n, 10); raises as they do."""
-    return np.asarray(force[:, None] * drift_shares(depth, time))
 
 
 def drift_shares(depth: FloatArray, time: FloatArray, wanted: NDArray[np.bool_] | None = None) -> FloatArray:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.inference.misfit.drift import drift_columns
+from underlay.inference.misfit.drift import DRIFTS, FADING, drift_shares
 from underlay.inference.misfit.shapes import Shapes, acting_columns, jump_columns, ramp_column
 from underlay.inference.misfit.whitener import Whitener
 
@@ -48,9 +48,14 @@ class Part:
     standing: Shapes | None = None
 
     @cached_property
+    def shares(self) -> FloatArray:
+        """`drift_shares`, (n, 10)."""
+        return drift_shares(self.depth, self.time)
+
+    @cached_property
     def drift(self) -> FloatArray:
-        """`drift_columns` over the scatter, (n, 10)."""
-        return drift_columns(self.force, self.depth, self.time)
+        """Phi, the `shares` times the contact force, over the scatter, (n, 10)."""
+        return np.asarray(self.force[:, None] * self.shares)
 
     @cached_property
     def jump(self) -> FloatArray:
@@ -64,7 +69,14 @@ class Part:
 
     def shapes(self, amounts: FloatArray) -> Shapes:
         """What acts of drift, jump and ramp: what has `amounts` (10 + 2,)."""
-        return self.standing or Shapes.of(amounts, self.force, self.depth, self.time)
+        if self.standing is not None:
+            return self.standing
+        wanted = amounts[:DRIFTS] > 0.0
+        # What relaxes costs most of them: where it is wanted the rest comes along, and all are asked again.
+        shares = (
+            self.shares[:, wanted] if wanted[FADING].any() else drift_shares(self.depth, self.time, wanted)
+        )
+        return Shapes.of(shares, amounts[DRIFTS:] > 0.0, self.jump, self.ramp)
 
     def columns(self, amounts: FloatArray, misfits: FloatArray | None = None) -> FloatArray:
         """What is whitened, (n, m): drift, jump, ramp that have `amounts` (10 + 2,), derivatives, residuals.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.misfit.drift import DRIFTS, drift_shares
+from underlay.inference.misfit.drift import DRIFTS
 
 __all__ = ["JUMPS", "RAMPS", "Shapes", "acting_columns", "jump_columns", "ramp_column"]
 
@@ -52,12 +52,7 @@ class Shapes(NamedTuple):
     fixed: FloatArray
 
     @classmethod
-    def of(cls, amounts: FloatArray, force: FloatArray, depth: FloatArray, time: FloatArray) -> Self:
-        """Those that have `amounts` (10 + 2,), about contact forces P and depths w (m) at times (s), each (n,)."""
-        drift, (jump, ramp) = np.split(amounts > 0.0, [DRIFTS])
-        fixed = [np.empty((len(force), 0))]
-        if jump:
-            fixed.append(jump_columns(depth))
-        if ramp:
-            fixed.append(ramp_column(force, time))
-        return cls(drift_shares(depth, time, drift), np.hstack(fixed))
+    def of(cls, shares: FloatArray, acting: NDArray[np.bool_], jump: FloatArray, ramp: FloatArray) -> Self:
+        """Drifts as `shares` of the force (n, d); of jump (n, 8) and ramp (n, 1) those that are `acting` (2,)."""
+        fixed = [columns for columns, acts in zip((jump, ramp), acting.tolist(), strict=True) if acts]
+        return cls(shares, np.hstack([np.empty((len(shares), 0)), *fixed]))
