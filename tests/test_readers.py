@@ -200,6 +200,27 @@ def test_what_a_table_lacks_is_said(text, error, told, put):
         read(put(text))
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "depth (um),force (mN)\n0,5,1,5\n0,75,1,75\n",  # decimal commas between commas
+        "depth (nm),force (uN)\n998.5,1\n1,003.5,2\n",  # thousands commas
+        '"depth (um)","force (mN)"\n"1",0.5,1.5\n"2",0.75,1.75\n',  # names of rows, as R writes them
+        "Time, s  depth (um)  force (mN)\n0 1 2\n1 3 4\n",  # a name with a blank between blanks
+    ],
+)
+def test_more_numbers_than_names_are_refused(text, put):
+    with pytest.raises(
+        FileFormatError, match=r"row \d of the table has \d cells under 2 names: .* semicolons"
+    ):
+        read(put(text))
+
+
+def test_notes_and_empty_cells_beyond_the_names_are_passed_over(put):
+    curve = read(put("depth (um),force (mN)\n1,2,,\n3,4,touched here\n"))
+    np.testing.assert_allclose(curve.force, [2e-3, 4e-3])
+
+
 def test_cells_without_a_value_are_left_out_aloud(put):
     path = put("depth (um),force (mN)\n1,2\n,3\n4,NA\n5,1.7976931348623157e308\n6,7\n")
     with pytest.warns(UnderlayWarning, match="3 of 5 points left out"):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from underlay._documents import parse_json
@@ -30,6 +30,7 @@ __all__ = ["COMMENTED_NUMBERS", "FORMAT"]
 # How far down the row of names is looked for.
 _MAX_PREAMBLE = 80
 _FIRST_LINES = 8
+_AT_A_TIME = 1000
 #: Comments that carry a number, as in ``# indenter radius: 27.5 um``, and the SI unit of each.
 COMMENTED_NUMBERS = {"indenter_radius": "m", "spring_constant": "N/m", "instrument_reduced_modulus": "Pa"}
 _COMMENT = ("#", "%", "//")
@@ -123,6 +124,7 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
         comments=about,
         **_known_numbers(about),
     )
+    _require_names(source, names, cells, separator)
     return [restored(curve, _stored(comments))]
 
 
@@ -146,6 +148,37 @@ def _find_names(
             "'depth (um),force (mN)'"
         )
     return candidate
+
+
+def _require_names(
+    source: Source, names: Sequence[str], rows: Sequence[Sequence[str]], separator: str
+) -> None:
+    """Refuse rows with more numbers than there are names: which number belongs to which name is not known.
+
+    A decimal or thousands comma in a table with commas, a first column without a name, names with blanks in a
+    table with blanks.
+    """
+    most = len(names)
+    if isinstance(rows, Lines) and separator != " ":
+        long = _long_lines(rows.lines, separator, most)
+    else:
+        long = (i for i, row in enumerate(rows) if len(row) > most)
+    for i in long:
+        cells = rows[i]
+        if any(map(is_number, cells[most:])):
+            raise FileFormatError(
+                f"{source.name}, row {i + 1} of the table has {len(cells)} cells under {most} names: "
+                f"{cells!r:.80}; give every column a name and a unit, and where numbers hold commas separate the "
+                "columns by semicolons or tabs"
+            )
+
+
+def _long_lines(lines: Sequence[str], separator: str, most: int) -> Iterator[int]:
+    """Lines with more cells than `most`; those of a regular table are counted many at a time."""
+    for first in range(0, len(lines), _AT_A_TIME):
+        some = lines[first : first + _AT_A_TIME]
+        if "\n".join(some).count(separator) != len(some) * (most - 1):
+            yield from (i for i, line in enumerate(some, first) if line.count(separator) >= most)
 
 
 def _known_numbers(comments: Sequence[str]) -> dict[str, float]:
