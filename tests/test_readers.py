@@ -2,12 +2,14 @@
 
 import hashlib
 import unicodedata
+from datetime import date
 
 import numpy as np
 import pytest
 
 from support import afm_files, microscope_files
 from support import instrument_files as files
+from support.compound_file import xls
 from underlay.data.readers import FORMATS, read, read_all
 from underlay.errors import CurveError, FileFormatError, InputError, UnderlayWarning, UnitError
 
@@ -469,6 +471,21 @@ def test_excel_tables(put):
     ):
         read(path)
     check(read(path, columns={"depth": "x (um)", "force": "y (mN)", "time": "t (s)"}), 2e-6, 1e-4, 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("cell", "told"),
+    [
+        (b"\x07", "'#DIV/0!' is not a number"),
+        (date(2026, 5, 1), "'date 46143' is not a number"),  # 1.5, as some spreadsheets take it
+    ],
+)
+def test_errors_and_dates_of_xls_are_no_numbers(cell, told, put):
+    rows = [["depth (um)", "force (mN)"], [1.0, 2.0], [cell, 3.0], [4.0, 5.0]]
+    with pytest.raises(FileFormatError, match=f"row 2 of the table: {told}"):
+        read(put(xls({"test": rows})))
+    with pytest.warns(UnderlayWarning, match="1 of 3 points left out"):
+        assert len(read(put(xls({"test": [*rows[:2], [b"\x2a", 3.0], rows[3]]})))) == 2
 
 
 # --- AFM

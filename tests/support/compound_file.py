@@ -5,6 +5,7 @@ Only what is needed to write sheets of numbers and texts; layouts after Microsof
 """
 
 import struct
+from datetime import date
 
 SECTOR = 512
 FREE = 0xFFFFFFFF
@@ -35,6 +36,11 @@ def _sheet(rows):
             place = struct.pack("<HHH", r, c, 0)
             if isinstance(value, str):
                 cells.append(_record(0x0204, place + _text(value, 2)))
+            elif isinstance(value, bytes):
+                cells.append(_record(0x0205, place + value + b"\1"))
+            elif isinstance(value, date):
+                days = value.toordinal() - date(1899, 12, 30).toordinal()
+                cells.append(_record(0x0203, struct.pack("<HHHd", r, c, 1, days)))
             else:
                 cells.append(_record(0x0203, place + struct.pack("<d", value)))
     cells.append(_record(0x000A))
@@ -42,10 +48,11 @@ def _sheet(rows):
 
 
 def biff8(sheets):
-    """Workbook stream of {name: rows}, rows of texts, numbers and None."""
+    """Workbook stream of {name: rows}, rows of texts, numbers, dates, error codes (bytes) and None."""
     bodies = {name: _sheet(rows) for name, rows in sheets.items()}
     end = _record(0x000A)
-    head = _bof(0x0005)
+    # Two ways to show a number: as it is, and as a date (format 14 of those that are built in).
+    head = _bof(0x0005) + b"".join(_record(0x00E0, struct.pack("<HH16x", 0, way)) for way in (0, 14))
     names = {name: _text(name, 1) for name in sheets}
     at = len(head) + sum(4 + 6 + len(text) for text in names.values()) + len(end)
     entries = b""

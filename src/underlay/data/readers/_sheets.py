@@ -23,6 +23,8 @@ _MAX_ROWS = 1_048_576
 _MAX_GAP = 10_000
 _MAX_CELLS = 8_000_000
 _MAX_COLUMNS = 256
+# What xlrd calls cells of .xls that are empty, text, a number, or blank.
+_PLAIN = bytes((0, 1, 2, 6))
 
 
 @dataclass(frozen=True)
@@ -135,10 +137,25 @@ def _read_xls(source: Source) -> list[Sheet]:
     sheets = []
     for index in range(workbook.nsheets):
         sheet = workbook.sheet_by_index(index)
-        values = (sheet.row_values(row) for row in range(sheet.nrows))
+        values = (_xls_row(xlrd, sheet, row) for row in range(sheet.nrows))
         sheets.append(Sheet(str(sheet.name), list(_rows(source, values))))
         workbook.unload_sheet(index)
     return sheets
+
+
+def _xls_row(xlrd: Any, sheet: Any, row: int) -> Sequence[Any]:
+    """What the cells of a row show: the package keeps errors as their codes (#DIV/0! is 7), dates as days."""
+    values: list[Any] = sheet.row_values(row)
+    kinds = bytes(sheet.row_types(row))
+    if kinds.translate(None, _PLAIN):
+        for j, kind in enumerate(kinds):
+            if kind == xlrd.XL_CELL_ERROR:
+                values[j] = xlrd.error_text_from_code.get(values[j], "#ERROR")
+            elif kind == xlrd.XL_CELL_DATE:
+                values[j] = f"date {values[j]:g}"
+            elif kind == xlrd.XL_CELL_BOOLEAN:
+                values[j] = bool(values[j])
+    return values
 
 
 def _rows(source: Source, rows: Iterator[Sequence[Any]]) -> Iterator[list[str]]:
