@@ -1,10 +1,12 @@
 """Every reader on small files of our own: numbers in SI, signs, segments, provenance, and each quirk."""
 
 import hashlib
+import io
 import unicodedata
 from datetime import date
 
 import numpy as np
+import openpyxl
 import pytest
 
 from support import afm_files, microscope_files
@@ -450,6 +452,31 @@ def test_nanosuite_averages_hold_the_curve_its_scatter_and_the_stiffness(put):
         loading.columns["depth_scatter"], curve.columns["depth_scatter"][: len(loading)]
     )
     assert list(loading.to_frame()["force_scatter"]) == list(loading.columns["force_scatter"])
+
+
+def test_nanosuite_keeps_the_rows_whose_last_cells_are_empty(put):
+    names = [
+        "",
+        "Displacement Into Surface",
+        "Load On Sample",
+        "Time On Sample",
+        "Harmonic Contact Stiffness",
+    ]
+    rows = [["Load Segment Type", 0.0, 0.0, 0.0, 4e4], ["", 5.0, 1.0, 1.0, 4e4]]
+    # Nothing oscillates on the way back.
+    rows += [["Unload From Peak Segment Type", 4.0, 0.6, 2.0], ["", 3.0, 0.2, 3.0], ["END"]]
+    curve = read(put(xls({"Test 001": [names, ["", "nm", "mN", "s", "N/m"], *rows]})))
+    np.testing.assert_allclose(curve.depth, [0.0, 5e-9, 4e-9, 3e-9])
+    assert list(curve.segment) == ["loading", "loading", "unloading", "unloading"]
+    np.testing.assert_array_equal(curve.columns["contact_stiffness"], [4e4, 4e4, np.nan, np.nan])
+
+
+def test_testxpert_keeps_the_rows_whose_last_cells_are_empty(put):
+    book = openpyxl.load_workbook(io.BytesIO(files.zwick("en")))
+    sheet = book["Ep. 1"]
+    for row in range(30, sheet.max_row + 1):
+        sheet.cell(row, 4).value = None  # the gap between the tools
+    assert len(read(put(files.saved(book)))) == len(TIME)
 
 
 @pytest.mark.parametrize("language", ["fr", "de", "en"])

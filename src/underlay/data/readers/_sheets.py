@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import warnings
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 from underlay.data.readers._source import MAX_TEXT_BYTES, Source, open_zip, read_member
 from underlay.errors import FileFormatError, MissingExtraError
 
-__all__ = ["OLE_MAGIC", "Sheet", "is_xls", "is_xlsx", "sheets_of", "xlsx_text"]
+__all__ = ["OLE_MAGIC", "Sheet", "is_xls", "is_xlsx", "padded", "sheets_of", "xlsx_text"]
 
 #: First bytes of a compound file, the container of .xls.
 OLE_MAGIC = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
@@ -60,6 +60,13 @@ def xlsx_text(source: Source) -> str:
             return read_member(archive, _WORKBOOK)[:65_536].decode("utf-8", errors="replace")
     except FileFormatError:
         return ""
+
+
+def padded(rows: Sequence[Sequence[str]], columns: Collection[int]) -> list[Sequence[str]]:
+    """Rows that hold something in one of the columns, with '' for the cells that a row leaves out at its end."""
+    width = max(columns) + 1
+    kept = (row for row in rows if any(row[at] for at in columns if at < len(row)))
+    return [row if len(row) >= width else [*row, *[""] * (width - len(row))] for row in kept]
 
 
 def sheets_of(source: Source) -> list[Sheet]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
-from underlay.data.readers._sheets import Sheet, is_xls, sheets_of
+from underlay.data.readers._sheets import Sheet, is_xls, padded, sheets_of
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import column_factor, numbers
 from underlay.data.segments import HOLD, LOADING, UNLOADING
@@ -86,7 +86,7 @@ def _find(sheet: Sheet) -> dict[str, int] | None:
 def _curve(source: Source, sheet: Sheet, found: dict[str, int]) -> Curve:
     where = f"{source.name}, sheet {sheet.name!r}"
     units = [*sheet.rows[1], *[""] * len(sheet.rows[0])]
-    rows = [row for row in sheet.rows[2:] if len(row) > max(found.values())]
+    rows = padded([row for row in sheet.rows[2:] if row and row[0].lower() != "end"], {0, *found.values()})
     if not rows:
         raise FileFormatError(f"{where} has no rows of numbers")
     table = numbers(rows, list(found.values()), where)

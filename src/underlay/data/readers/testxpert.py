@@ -17,7 +17,7 @@ import numpy as np
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options, make_curve
-from underlay.data.readers._sheets import Sheet, is_xls, is_xlsx, sheets_of, xlsx_text
+from underlay.data.readers._sheets import Sheet, is_xls, is_xlsx, padded, sheets_of, xlsx_text
 from underlay.data.readers._source import Source
 from underlay.data.readers._text import column_factor, numbers
 from underlay.errors import FileFormatError
@@ -107,7 +107,7 @@ def _by_order(kinds: Sequence[str | None]) -> dict[str, int]:
 def _curve(source: Source, sheet: Sheet, placed: tuple[int, dict[str, int]]) -> Curve:
     at, found = placed
     where = f"{source.name}, sheet {sheet.name!r}"
-    rows = [row for row in sheet.rows[at + 1 :] if len(row) > max(found.values())]
+    rows = padded(sheet.rows[at + 1 :], found.values())
     if not rows:
         raise FileFormatError(f"{where} has no rows of numbers")
     roles = list(found)
