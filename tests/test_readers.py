@@ -220,6 +220,18 @@ def test_more_numbers_than_names_are_refused(text, put):
         read(put(text))
 
 
+@pytest.mark.parametrize("separator", [",", "."])
+def test_thousands_are_not_read_as_decimals(separator, put):
+    rows = [f"{10 * i}\t{498 + i}\n" for i in range(98, 100)] + [f"1,0{i}0\t{598 + i}\n" for i in range(3)]
+    text = "depth (nm)\tforce (uN)\n" + "".join(rows).replace(",", separator)
+    with pytest.raises(
+        FileFormatError, match=r"column 'depth \(nm\)': '1.000' beside whole .* like thousands"
+    ):
+        read(put(text))
+    decimals = text.replace("990\t", f"990{separator}5\t")
+    np.testing.assert_allclose(read(put(decimals)).depth[1:3], [990.5e-9, 1e-9])
+
+
 def test_notes_and_empty_cells_beyond_the_names_are_passed_over(put):
     curve = read(put("depth (um),force (mN)\n1,2,,\n3,4,touched here\n"))
     np.testing.assert_allclose(curve.force, [2e-3, 4e-3])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -50,6 +51,10 @@ _KNOWN = {
     "time": ("time", "t", "test time", "zeit", "prufzeit", "temps", "temps d'essai", "tiempo", "tempo"),
     "segment": ("segment", "segments"),
 }
+# 1,000 or 12.500: what separates thousands where nothing else is divided; and a number just below them.
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:[.,]\d{3})+")
+_PLAIN_HUNDREDS = re.compile(r"[+-]?[1-9]\d\d")
+_THREE_DIGITS, _ROUNDING = 100.0, 1e-6
 _LABELS = (LOADING, HOLD, UNLOADING)
 
 
@@ -121,6 +126,7 @@ def table_curve(
         [row[index] for row in rows[:200] for index in indices if index < len(row)]
     )
     table = numbers(rows, indices, source.name, comma=comma)
+    _require_no_groups(source, labels, rows, indices, table)
     values: dict[str, FloatArray] = {}
     units_found: dict[str, str] = {}
     signs: dict[str, str] = {}
@@ -188,6 +194,34 @@ def _namesakes(
                 "the whole name in columns, or split a file that holds several tests side by side"
             )
     return tuple(notes)
+
+
+def _require_no_groups(
+    source: Source,
+    labels: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    indices: Sequence[int],
+    table: FloatArray,
+) -> None:
+    """Refuse a column that counts 998, 999, 1,000: its separator is one of thousands, read as a decimal sign."""
+    for j, index in enumerate(indices):
+        values = table[:, j]
+        whole = values == np.rint(values)
+        divided = 1e3 * values[~whole]
+        # Nearly every column is passed over here.
+        if not divided.size or not (np.abs(values[whole]) >= _THREE_DIGITS).any():
+            continue
+        if not (np.abs(divided - np.rint(divided)) < _ROUNDING).all():
+            continue
+        # Whole ones may be grouped as well: 1,000 is read as 1.
+        cells = [row[index].strip() for row in rows if index < len(row)]
+        groups = [cell for cell in cells if "," in cell or "." in cell]
+        if all(map(_GROUPED.fullmatch, groups)) and any(map(_PLAIN_HUNDREDS.fullmatch, cells)):
+            raise FileFormatError(
+                f"{source.name}, column {labels[index].strip()!r:.80}: {groups[0]!r:.40} beside whole numbers of "
+                "three digits looks like thousands and would be read as a decimal; write the numbers without a "
+                "separator of thousands"
+            )
 
 
 def _no_unit(source: Source, label: str, role: str) -> str:
