@@ -35,6 +35,16 @@ def test_each_step_gives_its_relaxed_force():
     assert points.metadata["stationary"] == (True,) * 4
 
 
+@pytest.mark.parametrize("since", [420, 1000], ids=["at every ramp", "within a hold"])
+def test_a_clock_that_begins_again_changes_nothing(since):
+    curve = staircase()
+    begins_again = Curve(curve.depth, curve.force, time=curve.time % (since * 0.05))
+    assert np.count_nonzero(begins_again.segments() != curve.segments()) <= 4
+    points = begins_again.equilibrium()
+    np.testing.assert_allclose(points.force, np.arange(1, 5) * 1e-3, rtol=1e-12)
+    assert points.metadata["stationary"] == (True,) * 4
+
+
 def test_a_force_still_relaxing_is_said_aloud():
     points = staircase(2, tau=20.0).equilibrium()
     assert points.metadata["stationary"] == (False, False)

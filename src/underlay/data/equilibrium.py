@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.data.segments import HOLD, LOADING
+from underlay.data.segments import HOLD, LOADING, goes_back
 from underlay.errors import CurveError, InputError
 
 __all__ = ["EquilibriumPoints", "equilibrium_points"]
@@ -69,7 +69,8 @@ def equilibrium_points(
     segment : ndarray (n,) of str
         Labels of its points.
     share : float
-        Last part of each hold that is averaged, in time (in points without a time); the very end is left out.
+        Last part of each hold that is averaged, in time (in points where there is none, or it goes back); the very
+        end is left out.
 
     Raises
     ------
@@ -85,9 +86,10 @@ def equilibrium_points(
         raise CurveError(
             "no hold after loading: equilibrium points need a relaxation test; fit curve.loading() instead"
         )
-    rows = []
+    rows, times = [], []
     for number, (first, last) in enumerate(holds, start=1):
-        clock = np.arange(first, last, dtype=np.float64) if time is None else time[first:last]
+        told = None if time is None or goes_back(time[first:last]) else time[first:last]
+        clock = np.arange(first, last, dtype=np.float64) if told is None else told
         margin = _MARGIN * (clock[-1] - clock[0])
         end = (clock >= clock[-1] - margin - share * (clock[-1] - clock[0])) & (clock <= clock[-1] - margin)
         if np.count_nonzero(end) < _LEAST_POINTS:
@@ -95,15 +97,16 @@ def equilibrium_points(
                 f"hold {number} has {np.count_nonzero(end)} points in its last {share:.0%}; at least "
                 f"{_LEAST_POINTS} are needed: average a larger share"
             )
+        times.append(np.nan if time is None else float(time[first:last][end].mean()))
         rows.append(_average(clock[end], depth[first:last][end], force[first:last][end]))
-    table = np.array([row[:5] for row in rows])
+    table = np.array([row[:4] for row in rows])
     return EquilibriumPoints(
-        depth=table[:, 1],
-        force=table[:, 2],
-        time=None if time is None else table[:, 0],
-        force_standard_error=table[:, 3],
-        drift=table[:, 4],
-        stationary=tuple(bool(row[5]) for row in rows),
+        depth=table[:, 0],
+        force=table[:, 1],
+        time=None if time is None else np.array(times),
+        force_standard_error=table[:, 2],
+        drift=table[:, 3],
+        stationary=tuple(bool(row[4]) for row in rows),
     )
 
 
@@ -120,7 +123,7 @@ def _holds_after_loading(segment: NDArray[np.str_]) -> list[tuple[int, int]]:
 
 def _average(
     clock: FloatArray, depth: FloatArray, force: FloatArray
-) -> tuple[float, float, float, float, float, bool]:
+) -> tuple[float, float, float, float, bool]:
     centred = clock - clock.mean()
     spread = float(centred @ centred)
     slope = float(centred @ force) / spread if spread > 0.0 else 0.0
@@ -135,7 +138,6 @@ def _average(
     drift_error = np.sqrt(variance / spread) * float(clock[-1] - clock[0]) if spread > 0.0 else 0.0
     still = abs(drift) <= max(_DRIFT * abs(mean), _SIGNIFICANT * drift_error)
     return (
-        float(clock.mean()),
         float(depth.mean()),
         mean,
         float(np.sqrt(variance / len(force))),

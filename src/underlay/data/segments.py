@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray, median
 
-__all__ = ["HOLD", "LOADING", "UNLOADING", "label_pieces", "one_label", "one_of_each", "segments_from_motion"]
+__all__ = [
+    "HOLD",
+    "LOADING",
+    "UNLOADING",
+    "goes_back",
+    "label_pieces",
+    "one_label",
+    "one_of_each",
+    "segments_from_motion",
+]
 
 LOADING = "loading"
 HOLD = "hold"
@@ -54,7 +63,7 @@ def segments_from_motion(
     motion : ndarray (n,)
         Depth, or better the position of the actuator, growing into the sample (m).
     time : ndarray (n,), optional
-        Time (s), not decreasing; the sample number serves without it.
+        Time (s); the sample number serves without it, and where it goes back, as where each segment starts at zero.
     force : ndarray (n,), optional
         Force, positive in compression (N).
 
@@ -67,7 +76,7 @@ def segments_from_motion(
     finite = all(np.isfinite(values).all() for values in (motion, time) if values is not None)
     if n < 3 or not finite or _only_loads(motion, time):
         return one_label(LOADING, n)
-    clock = np.arange(n, dtype=np.float64) if time is None else time
+    clock = np.arange(n, dtype=np.float64) if time is None or goes_back(time) else time
     if np.ptp(clock) <= 0.0:
         return one_label(LOADING, n)
     noise = _noise(motion)
@@ -100,6 +109,11 @@ def segments_from_motion(
     for first, last, label in pieces:
         labels[first : last + 1] = label
     return labels
+
+
+def goes_back(time: FloatArray) -> bool:
+    """Whether a clock was set back between two of its readings."""
+    return bool((time[1:] < time[:-1]).any())
 
 
 def one_label(label: str, count: int) -> NDArray[np.str_]:
