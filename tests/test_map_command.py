@@ -8,6 +8,7 @@ import pytest
 from support.maps import SCENE_TOML, write_folder
 from underlay.inference.batch import fit_many as batch_fit_many
 from underlay.inference.batch import work as batch_work
+from underlay.inference.batch.curves import list_curves
 
 COUNT = 12
 
@@ -65,6 +66,23 @@ def test_a_review_is_filled_in_and_read_back(run, site, tmp_path):
     code, printed, err = run(*words, *again)
     assert (code, printed) == (2, "")
     assert "say in the column 'reason'" in err
+
+
+def test_what_a_killed_run_leaves_among_the_curves_is_no_curve(site):
+    _, folder = site
+    before = [place.name for place in list_curves(folder)]
+    for end in ("", "-wal", "-shm", "-journal"):
+        (folder / f"map.csv.journal{end}").write_bytes(b"rows")
+    assert [place.name for place in list_curves(folder)] == before
+
+
+def test_a_review_among_the_curves_is_no_curve(run, site):
+    words, folder = site
+    assert run(*words, "--output", folder, "--review")[0] == 0
+    again = ("--output", folder, "--resume", "--decisions", folder / "decisions.csv", "--review")
+    code, printed, err = run(*words, *again)
+    assert (code, err) == (0, "")
+    assert "12 curves: 11 good" in printed
 
 
 def test_reasons_are_in_the_words_of_the_command_line(run, site, tmp_path, monkeypatch):

@@ -19,7 +19,7 @@ from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.errors import InputError, UnderlayError
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, read_place
-from underlay.inference.batch.decisions import Decisions
+from underlay.inference.batch.decisions import DECISIONS, Decisions
 from underlay.inference.batch.model import scene_file_of
 from underlay.inference.batch.options import MapOptions
 from underlay.inference.batch.results_table import FITTED
@@ -42,7 +42,6 @@ _RTOL = 1e-3
 # Pieces of a curve over which residuals are averaged, so that noise is small beside misfit.
 _PIECES = 20
 _ORDER = {"refused": 0, "doubtful": 1, "good": 2}
-_DECISIONS = "decisions.csv"
 _LONGEST_REASON = 600
 
 
@@ -121,7 +120,8 @@ def write_review(
     """
     target = require_writable_folder(folder)
     known = decisions or Decisions({})
-    cards = review_cards(table, curves, scene, options=options, decisions=known, leave_out=leave_out)
+    own = [*leave_out, target / DECISIONS]
+    cards = review_cards(table, curves, scene, options=options, decisions=known, leave_out=own)
     pages = [
         write_atomic(target / _page_name(number), text)
         for number, text in enumerate(_pages(cards, max(1, per_page)), start=1)
@@ -134,7 +134,7 @@ def write_review(
             "number in the gallery": np.arange(1, len(cards) + 1),
         }
     )
-    return [*pages, write_atomic(target / _DECISIONS, known.csv(listed))]
+    return [*pages, write_atomic(target / DECISIONS, known.csv(listed))]
 
 
 def review_cards(
@@ -248,9 +248,9 @@ def _pages(cards: Sequence[Card], per_page: int) -> Iterator[str]:
             "style-src 'unsafe-inline'\">"
             f"<title>Curves to look at, page {number}</title><style>{style}</style></head><body>"
             f"<h1>{len(cards)} curves, worst first: {told}</h1>"
-            f"<p>Write <b>accept</b> or <b>refuse</b>, and why, beside a curve's name in <b>{_DECISIONS}</b>, "
+            f"<p>Write <b>accept</b> or <b>refuse</b>, and why, beside a curve's name in <b>{DECISIONS}</b>, "
             "whose rows are in this order; then run the same <code>underlay map</code> again with "
-            f"<code>--resume --decisions {_DECISIONS}</code>. Grey: measured; blue: fit; dashed: contact point; "
+            f"<code>--resume --decisions {DECISIONS}</code>. Grey: measured; blue: fit; dashed: contact point; "
             "below: what is left over. ±: standard errors of white noise.</p>"
             f"<nav>Page {number} of {len(groups)}: {links}</nav>"
             f'<div class="grid">\n{body}\n</div></body></html>\n'

@@ -30,7 +30,11 @@ Curves = str | os.PathLike[str] | Iterable[Curve | str | os.PathLike[str]]
 
 # Files that stand beside curves and are none.
 _NOT_CURVES = frozenset(
-    {".toml", ".md", ".png", ".svg", ".pdf", ".html", ".parquet", ".journal", ".ipynb", ".py"}
+    {
+        *(".toml", ".md", ".png", ".svg", ".pdf", ".html", ".parquet", ".ipynb", ".py"),
+        # Of a run, and what SQLite keeps beside it while it is open or after it was killed.
+        *(".journal", ".journal-wal", ".journal-shm", ".journal-journal"),
+    }
 )
 _LISTED = 3
 _LOOKED_AT = 5

@@ -23,6 +23,7 @@ from underlay.inference.batch.results_table import FITTED
 
 __all__ = [
     "ACCEPT",
+    "DECISIONS",
     "REFUSE",
     "REFUSED_BY_HAND",
     "Decision",
@@ -31,6 +32,8 @@ __all__ = [
     "without_refused",
 ]
 
+#: Name of the table that a review writes.
+DECISIONS = "decisions.csv"
 #: What the column ``decision`` says; an empty cell decides nothing.
 ACCEPT, REFUSE = "accept", "refuse"
 #: ``status`` of a curve that a person refused.

@@ -21,6 +21,7 @@ from underlay.errors import InputError
 from underlay.inference.adhesive_numbers import ADHESIVE
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, with_stand_ins
 from underlay.inference.batch.dask import through_dask
+from underlay.inference.batch.decisions import DECISIONS
 from underlay.inference.batch.journal import Journal, PassingRows
 from underlay.inference.batch.manifest import read_manifest
 from underlay.inference.batch.model import BatchModel, batch_model, scene_file_of
@@ -124,7 +125,9 @@ def fit_many(
     """
     options = options or MapOptions()
     own_files = [Path(entry) for entry in (manifest, scene) if isinstance(entry, str | os.PathLike)]
-    own_files += [] if output is None else [_table_path(output)]
+    if output is not None:
+        # With what a review writes beside the table.
+        own_files += [_table_path(output), _table_path(output).with_name(DECISIONS)]
     listed = list_curves(curves, own_files, options.folders)
     file = scene_file_of(scene)
     model = batch_model(scene if file is None else with_stand_ins(file, listed), free, options)
