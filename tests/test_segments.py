@@ -77,6 +77,26 @@ def test_slow_elastic_return_of_a_stiff_sample_is_unloading():
     assert names(segments_from_motion(depth, time)) == ["loading", "hold"]
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_slow_loading_after_a_fast_approach_is_loading(noise):
+    """Twenty times slower than the approach through air: only the force tells it from creep."""
+    time = np.linspace(0.0, 10.0, 2000)
+    depth = np.interp(time, [0, 5, 10], [-40.0, 0.0, 2.0])
+    force = (np.clip(depth, 0.0, None) / 2.0) ** 1.5
+    force += noise * np.random.default_rng(5).standard_normal(len(force))
+    assert names(segments_from_motion(depth, time, force)) == ["loading"]
+    assert names(segments_from_motion(depth, time)) == ["loading", "hold"]
+
+
+def test_creep_under_a_held_force_is_a_hold_although_the_force_is_noisy():
+    time = np.linspace(0.0, 40.0, 4000)
+    depth = np.interp(time, [0, 1, 40], [0.0, 1.0, 1.2])
+    for seed in range(20):
+        noise = 0.05 * np.random.default_rng(seed).standard_normal(len(time))
+        force = np.interp(time, [0, 1, 40], [0.0, 1.0, 1.0]) + noise
+        assert names(segments_from_motion(depth, time, force)) == ["loading", "hold"]
+
+
 def test_relaxation_at_constant_depth_is_a_hold_although_the_force_falls():
     time = np.linspace(0.0, 300.0, 3000)
     depth = np.interp(time, [0, 1, 300], [0.0, 1.0, 1.0])

@@ -41,8 +41,9 @@ _NOISE = 4.0
 # White noise above the tolerance is averaged down over as many points as that takes, but never over more than
 # this part of the curve: corners would be rounded.
 _SMOOTHED = 50
-# A slow piece that goes back while the force falls by this fraction of its range is unloading.
-_FALL = 0.05
+# A slow piece that goes back while the force falls by this fraction of its range is unloading. One that goes in
+# while it rises so, and by more than noise, is loading, as after an approach ten times as fast.
+_CHANGE = 0.05
 # Reversals above this fraction of the range are never taken for vibration.
 _VIBRATION = 0.1
 # More corners than any protocol has; bounds the work on a file of pure noise.
@@ -54,9 +55,9 @@ def segments_from_motion(
 ) -> NDArray[np.str_]:
     """Label every point of a motion.
 
-    A stiff sample comes back so little that its unloading is as slow as a hold; what tells them apart is
-    that depth and force fall together, which no hold does: under constant load the depth creeps in, and at
-    constant depth it does not fall.
+    A stiff sample comes back so little that its unloading is as slow as a hold, and a slow loading after a fast
+    approach is too; what tells them apart is that depth and force change together, which no hold does: under
+    constant load the depth alone creeps in, and at constant depth it does not change.
 
     Parameters
     ----------
@@ -98,11 +99,13 @@ def segments_from_motion(
         tolerance = wobble
         # The worst come first: those of a wider tolerance are the first of them.
         corners = _corners(itertools.takewhile(lambda split: split[0] > wobble, splits), n)
-    retreat = None
+    together = None
     if force is not None and np.isfinite(force).all():
-        fall = -np.diff(force[corners]) / max(float(np.ptp(force)), np.finfo(float).tiny)
-        retreat = (fall > _FALL) & (np.diff(motion[corners]) < -tolerance)
-    pieces = _pieces(clock, motion, corners, tolerance, retreat)
+        whole = max(float(np.ptp(force)), np.finfo(float).tiny)
+        pressed, moved = np.diff(force[corners]) / whole, np.diff(motion[corners])
+        clear = max(_CHANGE, _NOISE * _noise(force) / whole)
+        together = ((pressed < -_CHANGE) & (moved < -tolerance)) | ((pressed > clear) & (moved > tolerance))
+    pieces = _pieces(clock, motion, corners, tolerance, together)
     if all(label == LOADING for _, _, label in pieces):
         return one_label(LOADING, n)
     labels: NDArray[np.str_] = np.full(n, LOADING, dtype="<U9")
@@ -238,7 +241,7 @@ def _pieces(
     motion: FloatArray,
     corners: list[int],
     tolerance: float,
-    retreat: NDArray[np.bool_] | None,
+    together: NDArray[np.bool_] | None,
 ) -> list[tuple[int, int, str]]:
     """First index, last index and label of each piece between corners."""
     ends = np.array(corners)
@@ -249,8 +252,8 @@ def _pieces(
     speed = np.full(len(run), np.inf)
     speed[timed] = np.abs(rise[timed]) / run[timed]
     resting = speed < _REST_SPEED * _speed_of_travel(speed, np.abs(rise))
-    if retreat is not None:
-        resting &= ~retreat
+    if together is not None:
+        resting &= ~together
     # A piece no higher than the tolerance between two resting ones is a wobble of the hold.
     low = np.abs(rise) <= tolerance
     calm = resting | low
