@@ -61,6 +61,18 @@ def test_a_slip_is_named():
     assert any("slipped or the sample broke" in reason for reason in told(Curve(curve.depth, force)).reasons)
 
 
+def test_cycles_are_told_and_are_no_slip():
+    once = made()
+    depth = np.tile(np.concatenate((once.depth, once.depth[::-1])), 3)
+    force = np.tile(np.concatenate((once.force, once.force[::-1])), 3)
+    reasons = told(Curve(depth, force)).reasons
+    assert any(reason.startswith("it goes in 3 times: ") for reason in reasons)
+    assert not any("slipped" in reason for reason in reasons)
+    # A slip in one of them is still one.
+    force[(np.arange(len(force)) < 500) & (depth > 0.7e-6)] -= 0.2e-8
+    assert any("slipped or the sample broke" in reason for reason in told(Curve(depth, force)).reasons)
+
+
 def test_a_weak_curve_is_named():
     assert any(reason.startswith("weak") for reason in told(made(noise=0.08)).reasons)
 

@@ -16,6 +16,7 @@ from underlay._arrays import FloatArray
 from underlay.data.contact_point import ContactPoint, contact_of, reach_of
 from underlay.data.curve import Curve
 from underlay.data.foot import Foot, foot_of
+from underlay.data.segments import LOADING, UNLOADING, one_of_each
 from underlay.data.withdrawal import lowest_of
 from underlay.errors import CurveError, RangeError
 from underlay.mechanics.contact_law import ContactLaw
@@ -59,6 +60,8 @@ _COARSE = Auto(1e-3)
 _SHAPE = 0.02
 # Over the radius: there they differ by half as much.
 _SHALLOW = 0.1
+# From one loading point to the next the indenter came back by this share of the depth pressed: another cycle.
+_BACK = 0.1
 # A test in air swings about the force at which the stage was told to stop; a real one goes far beyond it.
 _BEYOND_SEARCH = 3.0
 
@@ -229,7 +232,13 @@ def _doubts(
         yield "too few points with a force beyond contact to tell the force-depth exponent"
     elif abs(exponents.found - exponents.expected) > max(_EXPONENT, 2.0 * exponents.uncertainty):
         yield _about_exponent(exponents.found, exponents.expected)
-    fall = _largest_fall(beyond.force)
+    ways = _ways_in(curve, beyond)
+    if len(ways) > 1:
+        yield (
+            f"it goes in {len(ways)} times: all its ways in are taken as one, which an elastic sample alone "
+            "allows; fit one of them, in a file of its own or by curve.select"
+        )
+    fall = max(_largest_fall(force) for force in ways)
     if fall > _SLIP * peak + 6.0 * contact.noise:
         yield (
             f"the force falls by {format_quantity(fall, 'force')} ({100.0 * fall / peak:.0f} % of its peak) "
@@ -294,6 +303,17 @@ def _slope_of(x: FloatArray, y: FloatArray) -> float:
     """Slope of the straight line through points (n,) by least squares."""
     x = x - x.mean()
     return float(x @ y / (x @ x))
+
+
+def _ways_in(curve: Curve, beyond: _Beyond) -> list[FloatArray]:
+    """Forces of every way in, apart where the indenter had come back in between."""
+    labels = one_of_each(curve.segments())
+    out = np.flatnonzero(labels == UNLOADING)
+    # Noise of the depth alone makes no cycles.
+    if not out.size or not (labels[out[0] :] == LOADING).any():
+        return [beyond.force]
+    back = np.diff(beyond.depth) < -_BACK * beyond.depth.max()
+    return np.split(beyond.force, np.flatnonzero(back) + 1)
 
 
 def _largest_fall(force: FloatArray) -> float:
