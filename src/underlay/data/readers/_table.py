@@ -18,7 +18,7 @@ from underlay.data.readers._source import Source
 from underlay.data.readers._text import column_factor, is_number, numbers, split_label, uses_comma
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError, InputError
-from underlay.units import kind_of
+from underlay.units import kind_of, unit_factor
 
 __all__ = ["ROLES", "find_columns", "table_curve"]
 
@@ -117,7 +117,7 @@ def table_curve(
     _check_mapping(options.columns)
     columns = find_columns(labels, options.columns)
     _check_present(source, labels, columns, options.columns)
-    units, rows = _take_unit_row(labels, rows)
+    above, below, rows = _take_unit_row(labels, rows)
     if not rows:
         raise FileFormatError(f"{source.name} names its columns but has no rows of numbers")
     roles = [role for role in ("depth", "force", "time") if role in columns]
@@ -132,8 +132,8 @@ def table_curve(
     signs: dict[str, str] = {}
     for j, role in enumerate(roles):
         mapped = (options.columns or {}).get(role, "")
-        unit = split_label(mapped)[1] or units[columns[role]]
         label = labels[columns[role]].strip()
+        unit = split_label(mapped)[1] or _one_unit(source, label, above[columns[role]], below[columns[role]])
         if not unit:
             raise FileFormatError(_no_unit(source, label, role))
         factor = column_factor(unit, ROLES[role], label, source.name)
@@ -234,16 +234,25 @@ def _no_unit(source: Source, label: str, role: str) -> str:
 
 def _take_unit_row(
     labels: Sequence[str], rows: Sequence[Sequence[str]]
-) -> tuple[list[str], Sequence[Sequence[str]]]:
-    """Units of all columns, and the rows of numbers without a row of units above them."""
+) -> tuple[list[str], list[str], Sequence[Sequence[str]]]:
+    """Units of all columns beside and below their names, and the rows of numbers without a row of units."""
     units = [split_label(label)[1] for label in labels]
     if rows and not any(is_number(cell) for cell in rows[0]):
         below = [cell.strip().strip("()[]").strip() for cell in rows[0]]
         if any(kind_of(unit) is not None for unit in below if unit):
-            below += [""] * (len(units) - len(below))
-            units = [unit or extra for unit, extra in zip(units, below, strict=False)]
-            return units, rows[1:]
-    return units, rows
+            return units, below + [""] * (len(units) - len(below)), rows[1:]
+    return units, [""] * len(units), rows
+
+
+def _one_unit(source: Source, label: str, above: str, below: str) -> str:
+    """The unit of a column, which its name and the row of units below may both say."""
+    kind = kind_of(above) if above and below else None
+    if kind is not None and kind == kind_of(below) and unit_factor(above, kind) != unit_factor(below, kind):
+        raise FileFormatError(
+            f"{source.name}, column {label!r:.80}: the row below the names says {below!r:.40}; say which unit is "
+            "right in columns"
+        )
+    return above or below
 
 
 def _segment(
