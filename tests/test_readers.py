@@ -136,6 +136,7 @@ def test_tables_in_all_dialects(separator, comma, encoding, put):
         ('"Time, s","depth, um","force, mN"\n0,1,2\n1,3,4\n', [1e-6, 3e-6], [2e-3, 4e-3]),
         ("h,P\nnm,uN\n1,2\n3,4\n", [1e-9, 3e-9], [2e-6, 4e-6]),
         ("h [nm],P\nnm,uN\n1,2\n3,4\n", [1e-9, 3e-9], [2e-6, 4e-6]),
+        ("# a gel, 2026\n# depth (um) force (mN)\n1.0 2.0\n3.0 4.0\n", [1e-6, 3e-6], [2e-3, 4e-3]),
         ("h;P\n[nm];[uN]\n1,5;2\n3;4,5\n", [1.5e-9, 3e-9], [2e-6, 4.5e-6]),
         ("depth (um) force (mN)\n1 2\n3 4\n", [1e-6, 3e-6], [2e-3, 4e-3]),
         ("sep=;\ndepth (um);force (mN)\n1;2\n3;4\n", [1e-6, 3e-6], [2e-3, 4e-3]),

@@ -2,8 +2,9 @@
 
 Units stand in the header (``depth (um)``, ``force [mN]``, ``Time, s``), in a row below the names, or in the
 column mapping. Separators are tab, semicolon, comma or blanks; a decimal comma is understood where the
-separator is not a comma. Lines that start with ``#`` are kept as comments. Signs are taken as written:
-depth grows into the sample and force is positive in compression, unless the mapping says ``-name``.
+separator is not a comma. Lines that start with ``#`` are kept as comments; the names are looked for there
+where there are no others. Signs are taken as written: depth grows into the sample and force is positive in
+compression, unless the mapping says ``-name``.
 """
 
 from __future__ import annotations
@@ -106,8 +107,8 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
             "'depth (um),force (mN)', and rows of numbers below it"
         )
     try:
-        names_at, names = _find_names(lines, separator, source, options)
-        preamble = [line.strip() for line in lines[:names_at]]
+        names_at, names = _find_names(lines, comments, separator, source, options)
+        preamble = [line.strip() for line in lines[: max(names_at, 0)]]
         # Kept once: the lines of a million points take more than all else.
         del lines[: names_at + 1]
         cells = _split_all(source, lines, separator)
@@ -129,9 +130,9 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
 
 
 def _find_names(
-    lines: Sequence[str], separator: str, source: Source, options: Options
+    lines: Sequence[str], comments: Sequence[str], separator: str, source: Source, options: Options
 ) -> tuple[int, list[str]]:
-    """Row number and labels of the first row that names a depth and a force."""
+    """Row number and labels of the first row that names a depth and a force; -1 of the last comment that does."""
     candidate: tuple[int, list[str]] | None = None
     for i, line in enumerate(lines[:_MAX_PREAMBLE]):
         names = [name.strip() for name in _split_names(line, separator)]
@@ -143,6 +144,10 @@ def _find_names(
             if candidate is None or len(names) > len(candidate[1]):
                 candidate = i, names
     if candidate is None:
+        for comment in reversed(comments):  # as numpy.savetxt writes them
+            names = [name.strip() for name in _split_names(comment, separator)]
+            if {"depth", "force"} <= find_columns(names, options.columns).keys():
+                return -1, names
         raise FileFormatError(
             f"{source.name} has no row of names above its numbers; write one with units, such as "
             "'depth (um),force (mN)'"
