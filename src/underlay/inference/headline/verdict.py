@@ -111,11 +111,10 @@ def _of_the_noise(averaged: Averaged) -> list[str]:
     if louder <= _LOUDER:
         return []
     size = f"the noise is {louder:.2g} times as loud deep in contact as before it"
-    # Freed, it would be taken for independent from one reading to the next.
     advice = (
         ": free noise.force and noise.depth, or noise.relative"
         if averaged.competition.white >= _STEADY
-        else "; it hangs together as well, and no noise that can be freed is both: see the residuals"
+        else "; it also hangs together, and freed it would be taken for independent: look at the residuals"
     )
     return [f"{size}, and the interval takes it for even{advice}"]
 
