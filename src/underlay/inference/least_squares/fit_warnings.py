@@ -234,8 +234,9 @@ def _law_error(problem: Problem, covariance: FloatArray, statistics: FitStatisti
             warnings.append(
                 FitWarning(
                     "law-error",
-                    f"the {statistics.law_method} law's own error, about {statistics.law_error:.1e} of the "
-                    f"force, is larger than the standard error of {coordinate.name} ({deviation:.1e} of it): "
+                    f"the {statistics.law_method} law's own error, by its estimate up to "
+                    f"{100.0 * statistics.law_error:.2g} % of the force, is larger than the standard error of "
+                    f"{coordinate.name} ({100.0 * deviation:.2g} %): "
                     'use the solver "exact" with a smaller rtol',
                 )
             )
