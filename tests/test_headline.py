@@ -236,6 +236,21 @@ def test_noise_taken_for_more_correlated_than_it_is_is_said():
     assert "over-whitened" not in {warning.code for warning in fit.warnings}
 
 
+def test_data_that_contradict_a_prior_say_so():
+    """The contact point takes up what the prior of the modulus asks: nothing of it is in the residuals."""
+    noise = ul.Noise(force=3e-3)
+    data = curve(noise)
+    told = {"prior of another sample": ul.LogNormal(1.5e6, 0.01), "fair prior": ul.LogNormal(1.1e6, 0.1)}
+    for name, prior in told.items():
+        fit = ul.fit(ul.Problem(scene(), data, {E: prior, C: ul.Normal(0.0, 1e-6)}, noise))
+        assert 0.8 < fit.statistics.reduced_chi_square < 4.0, name
+        contradicted = [warning.message for warning in fit.warnings if warning.code == "prior"]
+        assert bool(contradicted) == (name != "fair prior")
+        assert fit.verdict == ("doubtful" if contradicted else "good")
+        if contradicted:
+            assert contradicted[0].startswith("layer.E ended ")
+
+
 def test_sensitivity_is_that_of_a_fit_with_the_other_input():
     fit = fitted(free=(E, C))
     told = fit.sensitivity[E]

@@ -92,6 +92,62 @@ def test_sets_together_are_sets_alone(name, more):
         np.testing.assert_allclose(force, member.model(vector), atol=1e-6 * np.ptp(member.force))
 
 
+@pytest.mark.parametrize("body", BODIES.values(), ids=BODIES)
+def test_the_likelihood_is_that_of_the_scenes_own_force(body):
+    """Also away from the optimum, and with a frame that gives: the bending is the model's, not the noise's."""
+    sd = 1e-10
+    scene = ul.Scene(*body, ul.Instrument(3e-7, 2e-10, 5e-5, 1.0), lever=ul.Lever(K, 1.1, 0.95))
+    curve = ul.synthesize(scene, np.linspace(-5e-7, 1e-6, 60), ul.Noise(force=sd), rng=1)
+    free = {"layer.E": None, KAPPA: ul.LogNormal(1.0, 0.1), SIGMA: ul.LogNormal(1.0, 0.05)}
+    free |= {"instrument.compliance": ul.HalfNormal(1.0), CONTACT: None, "instrument.baseline_slope": None}
+    problem = ul.Problem(scene, curve, free, noise=ul.Noise(force=sd))
+    rng = np.random.default_rng(2)
+    (member,) = problem.members
+    for _ in range(3):
+        at = {path: scene.parameters[path] * (1.0 + 0.05 * rng.standard_normal()) for path in free}
+        misfit = (curve.force - scene.with_values(at).force(curve.depth)) / sd
+        expected = -0.5 * misfit @ misfit - len(misfit) * np.log(sd * np.sqrt(2.0 * np.pi))
+        vector = problem.vector(at)
+        assert float(problem.log_likelihood(vector)) == pytest.approx(expected, rel=1e-4)
+        physical = problem.physical(vector)
+        columns = member.jacobian(physical)[1]
+        for entry, (path, column) in enumerate(zip(problem.names, columns.T, strict=True)):
+            step = np.zeros(len(physical))
+            step[entry] = 1e-5 * abs(physical[entry])
+            change = member.model(physical + step) - member.model(physical - step)
+            np.testing.assert_allclose(
+                column, change / (2.0 * step[entry]), atol=1e-4 * np.abs(column).max(), err_msg=path
+            )
+
+
+def test_noise_is_not_taken_for_bending():
+    """Of 2000 readings each would pull at a sensitivity that made its own noise smaller: to 0.6 for 1."""
+    scene = ul.Scene(ul.Paraboloid(5e-6), ul.Layer(ul.Isotropic(2e4, 0.5)), lever=ul.Lever(K))
+    depth = np.linspace(-2e-7, 1e-6, 2000)
+    noise = ul.Noise(force=0.03 * float(scene.force(depth).max()))
+    free = {"layer.E": None, CONTACT: ul.Uniform(-1e-6, 1e-6), SIGMA: ul.LogNormal(1.0, 0.1)}
+    for seed in range(3):
+        fit = ul.fit(ul.Problem(scene, ul.synthesize(scene, depth, noise, rng=seed), free, noise=noise))
+        assert abs(fit.values[SIGMA] - 1.0) < 3.0 * fit.stderr[SIGMA] < 0.06
+        interval = fit.interval("layer.E")
+        assert interval.low < 2e4 < interval.high
+
+
+@pytest.mark.parametrize("ratio", [0.97, 1.03])
+def test_a_tip_that_sticks_bends_its_lever_too(ratio):
+    """Either way: the force is that at the depth less the further bending, of a scene and of its sets."""
+    body = ul.Paraboloid(5e-6), ul.Layer(ul.Isotropic(2e4, 0.5))
+    adhesion, depth = ul.JKR(1e-4), np.linspace(0.0, 1e-6, 50)
+    scene = ul.Scene(*body, lever=ul.Lever(K, 1.0, ratio), adhesion=adhesion)
+    curve = ul.simulate(scene, depth)
+    tip = depth - (ratio - 1.0) * curve.force / K
+    expected = ul.Scene(*body, adhesion=adhesion).force(tip) / ratio
+    np.testing.assert_allclose(curve.force, expected, atol=1e-6 * np.ptp(expected))
+    problem = ul.Problem(scene, curve, {"layer.E": None, SIGMA: None}, noise=ul.Noise(force=1e-11))
+    together = problem.members[0].readings(problem.physical(np.zeros((3, 2))))
+    np.testing.assert_allclose(together.force[1], curve.force, atol=1e-6 * np.ptp(curve.force))
+
+
 def noisy(seed=3, noise=1e-11, points=300):
     body = BODIES["half-space"]
     w = np.linspace(-1e-6, 0.6e-6, points)

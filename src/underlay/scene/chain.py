@@ -20,7 +20,7 @@ from typing import ClassVar, Self, TypeAlias
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError
+from underlay.errors import InputError, RangeError
 from underlay.mechanics.response import Response
 
 __all__ = ["Baseline", "BaselineSlope", "Chain", "ContactDepth", "ForceLink", "Frame"]
@@ -79,6 +79,20 @@ class Frame:
                 break
         w[touching] = x
         return w
+
+    def require_standing(self, stiffness: FloatArray) -> None:
+        """Refuse a compliance so negative that the readings do not say where the tip is.
+
+        Raises
+        ------
+        RangeError
+            If the lever would give way faster than the sample resists.
+        """
+        if not (self.share(stiffness) > 0.0).all():
+            raise RangeError(
+                f"a lever that bends {-self.compliance:.3g} m/N less than was taken off explains no reading here: "
+                "it would give way faster than the sample resists"
+            )
 
     def share(self, stiffness: FloatArray) -> FloatArray:
         """The sample's share of a small travel, 1 / (1 + C S), at stiffness S (N/m)."""

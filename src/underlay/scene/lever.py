@@ -5,8 +5,9 @@ the depth reading is the scanner's travel less the bending. With the true values
 
     force reading = P(w) / (kappa sigma),        w = depth reading - d0 - (sigma - 1) F / k,
 
-F being the force reading itself. The spring constant alone scales the force and leaves the depth; the sensitivity
-acts on both, in the same direction: for a sphere d ln E / d ln s is about 1 + 3/2 of bending over depth.
+F being the force reading itself: the model's, of which noise is no part. The spring constant alone scales the
+force and leaves the depth; the sensitivity acts on both, in the same direction: for a sphere d ln E / d ln s is
+about 1 + 3/2 of bending over depth.
 
 The thermal method finds k from the same sensitivity, k ~ s^-2 (Hutter & Bechhoefer 1993, doi:10.1063/1.1143970):
 kappa is then sigma**-2 times what else is not known of it, and taking the two for independent is cautious.
@@ -24,11 +25,15 @@ from underlay.errors import InputError
 from underlay.quantities import Part, field_quantities, quantity
 from underlay.units import KINDS
 
-__all__ = ["SENSITIVITY_RATIO", "SPRING_CONSTANT_RATIO", "Lever"]
+__all__ = ["FURTHER", "SENSITIVITY_RATIO", "SPRING_CONSTANT", "SPRING_CONSTANT_RATIO", "Lever"]
 
 #: Paths of the two numbers that a calibration may be off by.
 SPRING_CONSTANT_RATIO = "lever.spring_constant_ratio"
 SENSITIVITY_RATIO = "lever.sensitivity_ratio"
+#: Path of the one that made the curve.
+SPRING_CONSTANT = "lever.spring_constant"
+#: A lever that bends less than was taken off lets the tip deeper: laws reach so much further than the readings.
+FURTHER = 2.0
 
 _POSITIVE = (0.0, np.inf)
 

@@ -27,7 +27,7 @@ from underlay.quantities import Number, Quantity, numbers_of, replace_values
 from underlay.scene.discrepancy import Discrepancy
 from underlay.scene.effects import effects_table
 from underlay.scene.instrument import Instrument
-from underlay.scene.lever import Lever
+from underlay.scene.lever import FURTHER, Lever
 from underlay.scene.parameters import unknown_parameter
 from underlay.scene.scene_writer import scene_text
 
@@ -35,8 +35,6 @@ __all__ = ["Scene"]
 
 # Depths (m) of the law that is tried first for a given force, and of the last; and how far one try may leap.
 _FIRST_DEPTH, _LAST_DEPTH, _LEAP = 1e-7, 1.0, 30.0
-# A lever that bends less than was taken off lets the tip deeper: laws reach so much further than the readings.
-_FURTHER = 2.0
 
 
 @dataclass(frozen=True)
@@ -199,14 +197,11 @@ class Scene:
         chain = instrument.chain.with_compliance(instrument.compliance + lever.compliance)
         travel = readings - lever.compliance * offset
         deepest = float(chain.travel(travel).max(initial=0.0))
-        reach = deepest if lever.compliance >= 0.0 else _FURTHER * deepest
+        reach = deepest if lever.compliance >= 0.0 else FURTHER * deepest
         law = ScaledLaw.of(self.contact_law(reach, solver=solver), 1.0, lever.gain, 1.0)
         w = chain.tip_depth(law, travel)
-        if chain.frame is not None and not (chain.frame.share(law.stiffness(w)) > 0.0).all():
-            raise RangeError(
-                f"a sensitivity {lever.sensitivity_ratio:.3g} times the stated one explains no reading here: the "
-                "lever would give way faster than the sample resists"
-            )
+        if chain.frame is not None:
+            chain.frame.require_standing(law.stiffness(w))
         return chain.reading(law.force(w), readings)
 
     def depth(

@@ -30,7 +30,7 @@ _FACTOR = 2.0
 # Half of an interval of ln E that fixes nothing.
 _WIDE = 0.5
 # Warnings of the fit that make its numbers doubtful. Correlated residuals do not where they are averaged over.
-_DOUBTS = ("not-converged", "bound", "law-range", "too-deep", "file", "over-whitened")
+_DOUBTS = ("not-converged", "bound", "law-range", "too-deep", "file", "over-whitened", "prior")
 
 
 def verdict(fit: Fit, averaged: Averaged | None, interval: Callable[[str], StatedInterval]) -> Verdict:

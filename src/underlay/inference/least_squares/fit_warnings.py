@@ -17,13 +17,15 @@ from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 
-__all__ = ["over_correlated", "too_deep", "warnings_of"]
+__all__ = ["against_priors", "over_correlated", "too_deep", "warnings_of"]
 
 # A standard error of a factor e either way, or of the whole range of the curve, says nothing.
 _UNINFORMATIVE = 1.0
 # Beyond a factor of a million its size tells no more.
 _BEYOND_SENSE = 14.0
 _STRONG_CORRELATION = 0.99
+# Standard deviations of a prior beyond which it is not believed: 99.9 % of what it foresaw lies within.
+_CONTRADICTED = 3.4
 # A standard error, in scaled coordinates, above which a parameter is badly known.
 _BADLY_KNOWN = 0.05
 
@@ -189,6 +191,22 @@ def too_deep(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:
         doubt = DeeperThanLayer.of(pressed, values["layer.thickness"])
         if doubt is not None:
             warnings.append(FitWarning("too-deep", str(doubt)))
+    return tuple(warnings)
+
+
+def against_priors(problem: Problem, physical: FloatArray) -> tuple[FitWarning, ...]:
+    """One warning per parameter that the data pull far out of what was measured before, at values (SI), (k,)."""
+    warnings = []
+    for coordinate, value in zip(problem.coordinates, physical.tolist(), strict=True):
+        off = abs(coordinate.prior.penalty(value)[0])
+        if off > _CONTRADICTED:
+            warnings.append(
+                FitWarning(
+                    "prior",
+                    f"{coordinate.name} ended {off:.3g} standard deviations of its prior away from it: data and "
+                    "prior contradict each other, and what is printed is between the two",
+                )
+            )
     return tuple(warnings)
 
 

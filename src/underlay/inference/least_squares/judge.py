@@ -12,7 +12,12 @@ from underlay._arrays import FloatArray, read_only
 from underlay.inference.least_squares.adhesion_warnings import about_adhesion
 from underlay.inference.least_squares.diagnostics import correlated
 from underlay.inference.least_squares.fit_result import Alternative, Fit, FitStatistics
-from underlay.inference.least_squares.fit_warnings import over_correlated, too_deep, warnings_of
+from underlay.inference.least_squares.fit_warnings import (
+    against_priors,
+    over_correlated,
+    too_deep,
+    warnings_of,
+)
 from underlay.inference.least_squares.losses import robust_inflation
 from underlay.inference.least_squares.noise_estimate import noise_covariance
 from underlay.inference.least_squares.objective import Objective
@@ -98,6 +103,7 @@ def judge(
         statistics=statistics,
         warnings=(
             *too_deep(problem, physical),
+            *against_priors(problem, physical),
             *over_correlated(objective.noise.models, whitened),
             *about_adhesion(problem, vector),
             *about_relaxation(problem, vector),

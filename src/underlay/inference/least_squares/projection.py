@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from underlay._arrays import FloatArray
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
+from underlay.scene.lever import SENSITIVITY_RATIO
 
 __all__ = ["LinearDirections", "LinearSteps", "Point", "acting"]
 
@@ -110,7 +111,11 @@ class LinearDirections:
         """Directions among the entries `free` to be solved for: neither held nor measured otherwise."""
         unit = np.eye(len(problem.coordinates))
         baseline = np.array([coordinate.path in _LINEAR for coordinate in problem.coordinates])
-        rows = [unit[i] for i, is_linear in enumerate(baseline.tolist()) if is_linear and i in free]
+        # What a lever bends goes with the whole reading.
+        bends = any(_may_bend(member) for member in problem.members)
+        rows = [
+            unit[i] for i, is_linear in enumerate(baseline.tolist()) if is_linear and i in free and not bends
+        ]
         moduli = _common_moduli(problem.members)
         scales = bool(moduli) and moduli <= free
         if scales:
@@ -159,11 +164,17 @@ def _common_moduli(members: Sequence[Member]) -> set[int]:
     found: list[set[int]] = []
     for member in members:
         gives = bool(member.base["instrument.compliance"]) or "instrument.compliance" in member.entries
+        gives = gives or _may_bend(member)
         moduli = member.forward.similarity.force_scales
         if gives or any(path not in member.entries for path in moduli):
             return set()
         found.append({member.entries[path] for path in moduli})
     return found[0] if all(moduli == found[0] for moduli in found) else set()
+
+
+def _may_bend(member: Member) -> bool:
+    """Whether a lever may bend otherwise than what was taken off the depth."""
+    return SENSITIVITY_RATIO in member.entries or member.forward.bends(member.base)
 
 
 def acting(norms: FloatArray) -> NDArray[np.bool_]:

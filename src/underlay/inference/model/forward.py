@@ -24,7 +24,7 @@ from underlay.mechanics.scaled_law import ScaledLaw
 from underlay.mechanics.solver import Solver
 from underlay.quantities import replace_values
 from underlay.scene.chain import Chain, ContactDepth, Frame
-from underlay.scene.lever import SENSITIVITY_RATIO
+from underlay.scene.lever import FURTHER, SENSITIVITY_RATIO, SPRING_CONSTANT
 from underlay.scene.scene import Scene
 
 __all__ = ["Forward", "Reading"]
@@ -66,6 +66,8 @@ class Forward:
         What was taken off the depth readings for the bending of a lever (m), (n,).
     left_out : LeftOutLaws or None
         What the law leaves out, where its sizes are numbers of the scene.
+    is_unbent : bool
+        Whether the depths are without what a lever bends beyond what was taken off: of a batch alone.
     over : TipOverPowerLaw or None
         The tip, where the laws are those of its power law: to search with, and for `jacobian` alone.
     """
@@ -77,6 +79,7 @@ class Forward:
     time: FloatArray | None = None
     bending: FloatArray | None = None
     left_out: LeftOutLaws | None = None
+    is_unbent: bool = False
     over: TipOverPowerLaw | None = None
 
     @classmethod
@@ -123,7 +126,10 @@ class Forward:
         return self if self.depth.ndim == 1 else replace(self, depth=self.depth[row])
 
     def depth_at(self, values: Mapping[str, Any]) -> FloatArray:
-        """Depth readings (m) by the lever's sensitivity in `values`: (n,), or (sets, n) of numbers (sets, 1)."""
+        """Depth readings (m) by the lever's sensitivity in `values`: (n,), or (sets, n) of numbers (sets, 1).
+
+        By the measured forces, noise and all: a search begins with it, `reading` asks the model's own force.
+        """
         if self.bending is None:
             return self.depth
         return np.asarray(self.depth - (values[SENSITIVITY_RATIO] - 1.0) * self.bending)
@@ -150,21 +156,21 @@ class Forward:
 
     def prepare(self, values: Sequence[Mapping[str, float]]) -> None:
         """Make ready the laws at several sets of `values`, as `LawSource.laws_of` does."""
-        depths = [self.similarity.factors(one)[0] * self._deepest(Chain.of(one), one) for one in values]
+        depths = [self.similarity.factors(one)[0] * self._deepest(*self._chain(one)) for one in values]
         self.laws.laws_of([self.similarity.reduced(one) for one in values], depths)
 
     def is_tabulated(self, values: Mapping[str, float]) -> bool:
         """Whether the law at `values` is read off a table, and says its derivatives itself."""
         b, _ = self.similarity.factors(values)
         return self.laws.is_tabulated(
-            self.similarity.reduced(values), b * self._deepest(Chain.of(values), values)
+            self.similarity.reduced(values), b * self._deepest(*self._chain(values))
         )
 
     def law_behind(self, values: Mapping[str, float]) -> ContactLaw:
         """Law that the reading at `values` comes from, for what it says of itself; raises as `law` does."""
         b, _ = self.similarity.factors(values)
         return self.laws.for_statements(
-            self.similarity.reduced(values), b * self._deepest(Chain.of(values), values)
+            self.similarity.reduced(values), b * self._deepest(*self._chain(values))
         )
 
     def reading(self, values: Mapping[str, float], *, stiffness: bool = True) -> Reading:
@@ -172,9 +178,9 @@ class Forward:
 
         Without `stiffness` a sample that remembers is not asked for it: it is zero.
         """
-        chain = Chain.of(values)
-        law = self.law(values, self._deepest(chain, values))
-        w = chain.tip_depth(law, self.depth_at(values))
+        chain, depth = self._chain(values)
+        law = self.law(values, self._deepest(chain, depth))
+        w = self._tip_depth(chain, law, depth)
         if self.history is not None:
             contact = self._remembered(law, self.history, values).force(w, self.time)
             slope = law.stiffness(w) if stiffness else np.zeros_like(contact)
@@ -184,9 +190,9 @@ class Forward:
 
     def force(self, values: Mapping[str, float]) -> FloatArray:
         """Force of the instrument (N), (n,), alone; raises as `law` does."""
-        chain = Chain.of(values)
-        law: Response = self.law(values, self._deepest(chain, values))
-        w = chain.tip_depth(law, self.depth_at(values))
+        chain, depth = self._chain(values)
+        law: Response = self.law(values, self._deepest(chain, depth))
+        w = self._tip_depth(chain, law, depth)
         if self.history is not None:
             law = self._remembered(law, self.history, values)
         return chain.reading(law.force(w, self.time), self.depth)
@@ -200,12 +206,15 @@ class Forward:
         `rough` derivative takes its ratios from one further law instead of two: off by 1e-3 of itself, which
         costs a minimiser nothing.
         """
-        chain = Chain.of(values, free=paths)
-        deepest = self._deepest(chain, values)
+        chain, depth = self._chain(values, paths)
+        deepest = self._deepest(chain, depth)
         law = self.law(values, deepest)
-        w = chain.tip_depth(law, self.depth_at(values))
+        w = self._tip_depth(chain, law, depth)
         P, S, told = self._with_slopes(law, w)
         columns = chain.offset_slopes(self.depth)
+        if beyond := self._lever_compliance(values):
+            kept = 1.0 - beyond * chain.at_fixed_travel(S, S)
+            columns = {path: column * kept for path, column in columns.items()}
         slopes = LawSlopes(self.similarity, self.laws, values, law, deepest, w, P, S, told, rough)
         if self.history is not None:
             P = self._through_history(self.history, slopes, paths, columns)
@@ -214,14 +223,13 @@ class Forward:
                 continue
             if path == ContactDepth.path:
                 columns[path] = chain.at_fixed_travel(-S, S)
-            elif path == Frame.path and chain.frame is not None:
-                columns[path] = chain.frame.slope(P, S)
+            elif path == Frame.path:
+                columns[path] = chain.at_fixed_travel(-P * S, S)
             else:
                 columns[path] = chain.at_fixed_travel(self._slope(path, slopes), S)
-        if SENSITIVITY_RATIO in paths and self.bending is not None:
-            columns[SENSITIVITY_RATIO] = columns[SENSITIVITY_RATIO] - chain.at_fixed_travel(
-                S * self.bending, S
-            )
+        if SENSITIVITY_RATIO in paths:
+            bending = chain.reading(P, self.depth) / values[SPRING_CONSTANT]
+            columns[SENSITIVITY_RATIO] = columns[SENSITIVITY_RATIO] - chain.at_fixed_travel(S * bending, S)
         reading = Reading(P, S, chain.reading(P, self.depth), slopes.are_rough)
         rows = np.empty((len(paths), len(w)))
         for row, path in enumerate(paths):
@@ -279,8 +287,44 @@ class Forward:
                 columns[path] = through(slope(path)) if scale is None else scale * force
         return force
 
-    def _deepest(self, chain: Chain, values: Mapping[str, float]) -> float:
-        return max(float(chain.travel(np.asarray(self.depth_at(values).max()))), 0.0)
+    def _chain(self, values: Mapping[str, float], free: Sequence[str] = ()) -> tuple[Chain, FloatArray]:
+        """Links of `values`, and the readings (m) that they are asked for.
+
+        What a lever bends beyond what was taken off goes with the model's reading, as a frame's compliance does.
+        With the measured one its noise would be in the depth too, and more of it taken for bending makes residuals
+        smaller: each reading pulls at the sensitivity by its share of stiffness, dP/dw / k.
+        """
+        chain, beyond = Chain.of(values, free), self._lever_compliance(values)
+        if not beyond:
+            return chain, self.depth
+        offset = chain.reading(np.zeros_like(self.depth), self.depth)
+        return chain.with_compliance(values[Frame.path] + beyond), self.depth - beyond * offset
+
+    def _lever_compliance(self, values: Mapping[str, float]) -> float:
+        """(sigma - 1) / k (m/N) of a lever whose sensitivity is off; zero without one."""
+        return float(self.lever_compliances(values))
+
+    def lever_compliances(self, values: Mapping[str, Any]) -> Any:  # a number, or one per set
+        """(sigma - 1) / k (m/N) of a lever whose sensitivity is off, of each set of numbers; zero without one."""
+        if self.similarity.scene.lever is None or self.is_unbent:
+            return 0.0
+        return (values[SENSITIVITY_RATIO] - 1.0) / values[SPRING_CONSTANT]
+
+    def bends(self, values: Mapping[str, Any]) -> bool:
+        """Whether a lever bends otherwise than what was taken off, in any set of numbers."""
+        return bool(np.any(self.lever_compliances(values)))
+
+    def _tip_depth(self, chain: Chain, law: Response, depth: FloatArray) -> FloatArray:
+        """Depth of the tip (m) at readings (m); raises RangeError where a lever gives way."""
+        w = chain.tip_depth(law, depth)
+        if chain.frame is not None and chain.frame.compliance < 0.0:
+            chain.frame.require_standing(law.stiffness(w))
+        return w
+
+    def _deepest(self, chain: Chain, depth: FloatArray) -> float:
+        """Largest depth (m) that a law is asked for at readings (m)."""
+        deepest = max(float(chain.travel(np.asarray(depth.max()))), 0.0)
+        return FURTHER * deepest if chain.frame is not None and chain.frame.compliance < 0.0 else deepest
 
     def reference_law(self, reduced: tuple[float, ...], depth: float) -> ContactLaw:
         """Law at the reference with these ratios, for its depths up to `depth` (m)."""

@@ -23,6 +23,7 @@ A set's answer does not depend on the company it is asked in: a chain can be rep
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +41,9 @@ from underlay.mechanics.exact.family_batch import family_batch
 from underlay.mechanics.indenters import PowerLawShape
 from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
 from underlay.scene.chain import Frame
+
+# A lever's tip is where it is to this share of the depths.
+_SETTLED, _MOST_STEPS = 1e-9, 50
 
 __all__ = ["Readings", "batched_pull_offs", "batched_readings", "by_one_law", "has_batches"]
 
@@ -79,6 +83,8 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
         A set without a law does not exist; its row is zero.
     """
     empty = Readings.empty(sets, forward.depth.shape[-1])
+    if forward.bends(values):
+        return _bending(forward, values, empty)
     if forward.history is not None:
         return _remembered(forward, values, empty, stiffness=stiffness)
     if forward.left_out is not None:
@@ -91,7 +97,8 @@ def batched_readings(forward: Forward, values: Values, sets: int, *, stiffness: 
 def has_batches(forward: Forward, values: Values, sets: int) -> bool:
     """Whether sets of a sample without memory or adhesion go through compiled batches of the exact law."""
     elsewhere = forward.history is not None or forward.similarity.energies or forward.laws.table is not None
-    if elsewhere or _is_shaped_by_lengths(forward) or np.any(values[Frame.path]):
+    gives = forward.bends(values) or bool(np.any(values[Frame.path]))
+    if elsewhere or _is_shaped_by_lengths(forward) or gives:
         return False
     asked = ParameterSets(forward, values, sets)
     return asked.shared is None and _has_exact_batches(asked)
@@ -124,6 +131,59 @@ def _of_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Rea
     else:
         readings = _one_by_one(asked.forward, asked.values, range(asked.sets), empty)
     return readings
+
+
+def _bending(forward: Forward, values: Values, empty: Readings) -> Readings:
+    """All sets of a lever that bends beyond what was taken off; what goes set by set otherwise does so here."""
+    sets = len(empty.possible)
+    if forward.left_out is not None or _is_shaped_by_lengths(forward):
+        return _one_by_one(forward, values, range(sets), empty)
+    asked = ParameterSets(forward, {**values, Frame.path: 0.0}, sets)
+    beyond = np.broadcast_to(forward.lever_compliances(values), sets)
+    offset = asked.instrument_force(np.zeros(asked.tip.shape))
+    unbent = replace(forward, depth=forward.depth - beyond[:, None] * offset, bending=None, is_unbent=True)
+    gives = {**values, Frame.path: values[Frame.path] + beyond}
+    if forward.similarity.energies:
+        found = _sticking(unbent, gives, sets)
+    elif _is_in_company(asked):
+        found = _given_way(unbent, gives, empty)
+    else:
+        found = _one_by_one(unbent, gives, range(sets), empty)
+    return found._replace(force=asked.instrument_force(found.contact))
+
+
+def _is_in_company(asked: ParameterSets) -> bool:
+    """Whether sets that differ in their depths go together."""
+    tabulated = asked.shared is not None or asked.forward.laws.table is not None
+    return tabulated or _has_exact_batches(asked) or has_stack_batches(asked)
+
+
+def _given_way(forward: Forward, values: Values, empty: Readings) -> Readings:
+    """All sets of a frame or lever of a compliance (m/N), (sets,), of either sign, by Newton's method (`Frame`)."""
+    sets = len(empty.possible)
+    compliance = np.broadcast_to(values[Frame.path], sets)[:, None]
+    stiff = {**values, Frame.path: 0.0}
+    told = np.array(np.broadcast_to(forward.depth, empty.contact.shape))
+    depth, is_open = told.copy(), np.ones(sets, dtype=bool)
+    small = _SETTLED * np.ptp(told, axis=1)
+    for _ in range(_MOST_STEPS):
+        found = _of_ratios(
+            ParameterSets(replace(forward, depth=depth), stiff, sets), _emptied(empty), stiffness=True
+        )
+        share = 1.0 + compliance * found.stiffness
+        stands = found.possible & (share > 0.0).all(axis=1)
+        step = np.zeros_like(depth)
+        step[stands] = ((depth - told + compliance * found.contact) / share)[stands]
+        is_open &= stands & (np.abs(step).max(axis=1) > small)
+        if not is_open.any():
+            break
+        # A set that has settled stays: its answer does not depend on the company.
+        depth -= np.where(is_open[:, None], step, 0.0)
+    return found._replace(possible=stands & ~is_open)
+
+
+def _emptied(room: Readings) -> Readings:
+    return Readings.empty(*room.contact.shape)
 
 
 def _remembered(forward: Forward, values: Values, empty: Readings, *, stiffness: bool) -> Readings:

@@ -68,9 +68,8 @@ class Body:
         depth: FloatArray,
         free: tuple[str, ...],
         solver: Solver,
-        force: FloatArray | None = None,
     ) -> Body:
-        """Compile `scene` for depth readings (m), (n,), where paths `free` vary; a lever is told `force` (N)."""
+        """Compile `scene` for depth readings (m), (n,), where paths `free` vary."""
         elastic = scene.elastic
         known = elastic.quantities
         moduli = tuple(p for p in known if p.startswith("layer.") and known[p].scales == "force")
@@ -82,7 +81,7 @@ class Body:
             and known[p].kind in ("pressure", "stiffness per area")
         ]
         paths = tuple(dict.fromkeys((*moduli, *(p for p in free if p in known))))
-        forward = Forward.compile(elastic, depth, paths, solver, LawStore(), force=force)
+        forward = Forward.compile(elastic, depth, paths, solver, LawStore())
         return cls(forward, moduli, not others)
 
     def explain(self, values: Mapping[str, float], force: FloatArray, slope: FloatArray) -> Explained:
@@ -128,9 +127,9 @@ class Body:
         P = force - chain.reading(np.zeros_like(depth), depth)
         along = slope - values.get("instrument.baseline_slope", 0.0)
         # dw = dd - C dP, less what a lever bends beyond what was taken off: (sigma - 1) dF / k.
-        travel = chain.travel(self.forward.depth_at(values))
-        beyond = self._lever_compliance(values) * slope
-        return Contacts(travel - compliance * P, P, along / (1.0 - beyond - compliance * along))
+        beyond = self._lever_compliance(values)
+        travel = chain.travel(depth - beyond * force)
+        return Contacts(travel - compliance * P, P, along / (1.0 - beyond * slope - compliance * along))
 
     def reading(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
         """Force (N) that the elastic model shows and its slope (N/m) along the depth readings, each (n,)."""
@@ -144,9 +143,7 @@ class Body:
 
     def _lever_compliance(self, values: Mapping[str, float]) -> float:
         """(sigma - 1) / k (m/N) of a lever whose sensitivity is off; zero without one."""
-        if self.forward.bending is None:
-            return 0.0
-        return (values["lever.sensitivity_ratio"] - 1.0) / values["lever.spring_constant"]
+        return float(self.forward.lever_compliances(values))
 
     def _law(self, values: Mapping[str, float], share: float, depth: FloatArray) -> ContactLaw:
         shared = {path: share * values[path] for path in self.moduli}

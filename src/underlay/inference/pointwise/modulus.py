@@ -197,13 +197,12 @@ class _Reading:
         require_without_adhesion(scene)
         bins = bins_of(fit, curve, scene.instrument.contact_depth, points)
         free, bare = tuple(member.entries), halfspace_of(scene)
-        force = np.array([float(member.curve.force[own].mean()) for own in bins.points])
         made = cls(
             member=member,
             bins=bins,
             residuals=residuals_in(fit, curve, bins, noise_in(fit, curve, bins)),
-            layer=Body.of(scene, bins.centre, free, fit.solver, force),
-            bare=Body.of(bare, bins.centre, free, fit.solver, force),
+            layer=Body.of(scene, bins.centre, free, fit.solver),
+            bare=Body.of(bare, bins.centre, free, fit.solver),
             bare_numbers=bare.parameters,
             measured=(bins.centre, bins.centre),
         )

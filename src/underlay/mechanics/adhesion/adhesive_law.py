@@ -164,8 +164,11 @@ class AdhesiveLaw(ContactLaw):
         return depth
 
     def tip_depth(self, travel: FloatArray, compliance: float) -> FloatArray:
-        """Depth (m) behind a spring of this compliance (m/N) at travels (m), (n,); the travel where it is off."""
-        path = self._behind(compliance)
+        """Depth (m) behind a spring of this compliance (m/N) at travels (m), (n,); the travel where it is off.
+
+        Below zero it is a lever that bends less than was taken off.
+        """
+        path = self.branch.path(compliance, self.rtol) if compliance < 0.0 else self._behind(compliance)
         here = in_touch(self.states, travel, path.end)
         depth = np.array(travel, dtype=np.float64)
         if here.any():
