@@ -27,6 +27,8 @@ _INCOMPRESSIBLE, _WIDE = 0.4, 0.5
 _BALL_NU, _BALL_DEPTH, _BALL_THICKNESS = 0.45, 0.1, 2.0
 # Depths at which finite strain is held against the noise, and what is left of a range that is worth proposing.
 _LOOKS, _WORTH = 200, 0.25
+# Share of the deepest point from which on the rest is not worth leaving out: there it hardly exceeds the noise.
+_ENOUGH = 0.9
 
 
 def model_limits(result: Fit) -> list[str]:
@@ -112,9 +114,13 @@ def _range(result: Fit, test: DistinctScene) -> str:
     excess = law.force(depth) * finite_strain_excess(contact, depth, law.contact_radius(depth))
     noise = min(float(np.std(residual)) for residual in result.residuals)
     beyond = np.flatnonzero(np.abs(excess) > noise)
-    if not beyond.size or depth[beyond[0]] < _WORTH * test.deepest or not math.isfinite(noise):
+    if not beyond.size or not math.isfinite(noise):
         return ""
+    first = float(depth[beyond[0]])
+    if not _WORTH * test.deepest <= first < _ENOUGH * test.deepest:
+        return ""
+    written = format_quantity(first, "length")
     return (
-        f"Beyond a depth of {format_quantity(float(depth[beyond[0]]), 'length')} into the sample finite strain "
-        "exceeds the noise: a fit of the curve up to there ([curve] max_depth) is free of it."
+        f"Beyond a depth of {written} into the sample finite strain exceeds the noise: to leave that out, fit the "
+        f'curve up to there (fit_to = "{written}" in [curve]).'
     )
