@@ -307,3 +307,11 @@ def test_an_end_near_zero_is_not_rounded_to_twice_itself(monkeypatch):
 )
 def test_an_interval_that_only_what_is_left_out_opens_is_told(low, high, end, monkeypatch):
     assert f"unknown {end}, 95 %" in told(monkeypatch, 1.5e-3, 2.4e-3, low, high)
+
+
+def test_an_end_beyond_what_a_parameter_may_be_is_open():
+    """Poisson's ratio is badly known beside a modulus: what bounds it is what it may be."""
+    free = {E: None, "layer.nu": ul.Uniform(0.42, 0.48), C: None}
+    found = ul.fit(ul.Problem(scene(), curve(), free)).interval("layer.nu")
+    assert (found.low, found.high) == (-math.inf, math.inf)
+    assert 0.42 <= found.value <= 0.48
