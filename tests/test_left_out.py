@@ -204,6 +204,18 @@ def test_a_fit_of_a_thin_incompressible_layer_says_what_sticking_would_give(stat
     assert stuck < 0.97 * stated.values["layer.E"]
 
 
+def test_what_sticking_would_give_is_held_against_the_stated_value() -> None:
+    """Where no noise is stated that is not the least-squares one: beside it the change would be another."""
+    noise = ul.Noise(force=2e-3, correlation_time=0.05)
+    time = np.linspace(0.0, 1.0, 120)
+    curve = ul.synthesize(BALL, np.linspace(-5e-5, 1.2e-4, 120), noise, time=time, rng=4)
+    fit = ul.fit(ul.Problem(BALL, curve, {"layer.E": None, "instrument.contact_depth": None}))
+    stated, least = fit.interval("layer.E").value, fit.values["layer.E"]
+    assert abs(stated / least - 1.0) > 1e-3
+    stuck = ul.compare(fit.problem, ["stuck"]).fits["stuck"].values["layer.E"]
+    assert f"layer modulus is {stated * stuck / least / 1e6:.4g} MPa" in " ".join(model_limits(fit))
+
+
 def test_it_costs_nothing_where_it_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """A tip far smaller than a layer of nu = 0.5, in loud noise: nothing is averaged a second time."""
     scene = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.5), 0.1), ul.RIGID)

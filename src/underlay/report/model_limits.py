@@ -37,7 +37,8 @@ def model_limits(result: Fit) -> list[str]:
     sentences = []
     if told.declared:
         sentences.append(f"The scene says {' and '.join(told.declared)}: the intervals believe it.")
-    sentences += [f"{start(words)}: the intervals do not allow for it." for words in told.unknown]
+    where = " of such a curve" if len(result.curves) > 1 else ""
+    sentences += [f"{start(words)}: the intervals do not allow for that{where}." for words in told.unknown]
     tests = [test for test in distinct_scenes(result.scenes, result.curves) if test.deepest > 0.0]
     sentences += [words for test in tests for words in (_ball(test), _range(result, test)) if words]
     sentences += [words for words in (if_it_sticks(result, tests),) if words]
@@ -60,11 +61,21 @@ def if_it_sticks(result: Fit, tests: list[DistinctScene]) -> str:
     if stuck is None:
         return ""
     numbers = [
-        f"{label(name)} is {format_quantity(stuck.values[name], kind_of(name))}"
+        f"{label(name)} is {format_quantity(_moved(result, stuck, name), kind_of(name))}"
         for name in result.names
         if is_of_the_sample(name)
     ]
     return f"If the tip sticks in place of sliding, {' and '.join(numbers)}." if numbers else ""
+
+
+def _moved(result: Fit, stuck: Fit, name: str) -> float:
+    """The stated value of a parameter, moved as sticking moves that of least squares."""
+    coordinate = result.problem.coordinates[result.names.index(name)]
+    before, after, stated = (
+        float(coordinate.scaled(value))
+        for value in (result.values[name], stuck.values[name], result.interval(name).value)
+    )
+    return float(coordinate.physical(np.asarray(stated + after - before)))
 
 
 def _feels_friction(result: Fit, test: DistinctScene) -> bool:
