@@ -379,3 +379,15 @@ def test_the_page_says_which_instrument_recorded_the_curve_and_when(tmp_path):
     fit = ul.fit(ul.Problem(scene, again, ["layer.E", "instrument.contact_depth"], ul.Noise()))
     assert fit.provenance["curves"][0]["recorded"] == told
     assert told in tables.provenance_table(fit, {}).to_string()
+
+
+def test_the_page_lists_what_speaks_against_a_curve_and_counts_it():
+    """As the command line and the app do: a paraboloid pressed deep, which no warning of the fit says."""
+    scene = ul.Scene(ul.Paraboloid(1e-4), ul.Layer(ul.Isotropic(1e5, 0.4)), None)
+    curve = ul.synthesize(scene, np.linspace(-2e-5, 5e-5, 200), ul.Noise(force=1e-6), rng=1)
+    curve = curve.with_metadata(notes=("the sign was turned",))
+    fit = ul.fit(ul.Problem(scene, curve, {"layer.E": None, "instrument.contact_depth": None}))
+    table = tables.reservations_table(fit)
+    assert list(table.index)[:2] == ["reading the file", "the curve"]
+    assert any("use the sphere" in text for text in table["reservation"])
+    assert f"There are {len(table)} reservations, listed below." in words.summary(fit)

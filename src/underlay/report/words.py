@@ -13,7 +13,7 @@ from underlay.inference.headline.known_inputs import FORCE
 from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.sizes import shape_parameters
 from underlay.report.distinct_scenes import distinct_scenes
-from underlay.report.intervals import Estimate, estimates, is_averaged, standing
+from underlay.report.intervals import Estimate, doubts_of_curves, estimates, is_averaged, standing
 from underlay.report.labels import is_of_the_sample, label, labelled, start
 from underlay.report.markdown import markdown_text
 from underlay.report.model_limits import model_limits
@@ -348,7 +348,8 @@ def _narrowness_sentence(result: Fit) -> str:
 
 
 def _reservation_sentence(result: Fit) -> str:
-    count = len(standing(result))
+    notes = sum(len(curve.metadata.get("notes", ())) for curve in result.curves)
+    count = notes + len(doubts_of_curves(result)) + len(standing(result))
     if not count:
         return ""
     return f"There {'is one reservation' if count == 1 else f'are {count} reservations'}, listed below."
