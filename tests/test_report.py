@@ -37,6 +37,10 @@ from underlay.report.problem_source import _exact_csv, problem_source, write_inp
         (1.5e-3, 1.1e-3, np.inf, "length", "1.50 mm (at least 1.10)"),
         (0.45, -np.inf, 0.47, "dimensionless", "0.450 (at most 0.470)"),
         (1.0, -np.inf, np.inf, "force", "1.0000 N"),
+        # An end near zero is not read as zero.
+        (138.3, 4.787, 567.1, "pressure", "0.138 kPa (0.005 to 0.567)"),
+        (5.88e11, 7.6e5, np.inf, "pressure", "588 GPa (at least 0.76 MPa)"),
+        (1.2e-9, 0.0, 3e-9, "force", "1.2 nN (0.0 to 3.0)"),
     ],
 )
 def test_interval_in_words(value, low, high, kind, text):
