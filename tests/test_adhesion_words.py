@@ -13,7 +13,7 @@ from underlay.data.quality import check_quality
 from underlay.inference.adhesive_numbers import adhesive_estimates
 from underlay.mechanics.adhesion.range_limit import range_limit
 from underlay.report import maps, scene_tables
-from underlay.report.adhesion_tables import adhesion_frame, adhesion_table, halfspace_sentence
+from underlay.report.adhesion_tables import adhesion_frame, adhesion_table, halfspace_of, halfspace_sentence
 from underlay.report.render import file_notebook
 from underlay.report.reservations import quality_doubts
 
@@ -286,3 +286,19 @@ def test_a_table_of_a_fit_without_adhesion_is_empty():
     found = ul.fit(ul.Problem(BARE, made(BARE, DEPTH[::-1]), ["layer.E"], NOISE))
     assert adhesive_estimates(found) == []
     assert adhesion_frame(found).equals(pd.DataFrame([]))
+
+
+def test_where_no_noise_is_stated_the_table_agrees_with_the_parameters():
+    """The pull-off force of this thick layer goes with the work alone: it has the interval of that."""
+    rng = np.random.default_rng(4)
+    curve = made(SCENE, np.linspace(1.2e-6, -1e-6, 160))
+    hung = np.convolve(rng.normal(size=199), np.ones(40) / 40**0.5, "valid") * 3e-10
+    problem = ul.Problem(SCENE, replace(curve, force=curve.force + hung), FREE)
+    found = ul.fit(problem, start="given")
+    work, force = found.interval("adhesion.work"), adhesive_estimates(found)[0]
+    factor = 1.5 * np.pi * 1e-5
+    assert [force.low, force.value, force.high] == pytest.approx(
+        [factor * end for end in (work.low, work.value, work.high)], rel=0.03
+    )
+    assert work.high - work.low > 5.0 * found.stderr["adhesion.work"]
+    assert f"{work.value * 1e3:.4g} mJ/m^2 found on this layer" in halfspace_of(found)

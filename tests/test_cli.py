@@ -255,3 +255,14 @@ def test_a_doubtful_curve_is_fitted_and_the_doubt_is_said(run, tmp_path):
     code, out, _ = run("fit", curve, "--scene", SCENE)
     assert code == 0
     assert "exponent" in out
+
+
+def test_in_a_file_no_table_is_cut_off(run):
+    code, out, _ = run("keys", "curve")
+    assert code == 0
+    assert "…" not in out
+    for words in ("deepest reading that is used", "loading", "calibration", "imprint"):
+        assert words in out
+    code, out, _ = run("compare", SAMPLES / "gel_on_glass.csv", "--scene", SAMPLES / "gel_on_glass.toml")
+    assert code == 0
+    assert "…" not in out

@@ -115,6 +115,28 @@ def test_a_refused_curve_keeps_its_numbers_and_counts_nowhere(gallery):
     assert maps.decision_words(table) == ""
 
 
+def test_the_gallery_shows_the_fit_of_a_curve_refused_by_hand(gallery, tmp_path):
+    table, curves, _, before = gallery
+    decided = ul.Decisions({name(1): ul.Decision(False, "bubble")})
+    pages = ul.write_review(
+        decided.applied(table),
+        curves,
+        SCENE,
+        tmp_path,
+        options=ul.MapOptions(solver=SOLVER),
+        decisions=decided,
+    )
+    text = pages[0].read_text(encoding="utf-8")
+    assert text.count('class="contact"') == COUNT - 1
+    card = re.search(rf"<h2>\d+\. {re.escape(name(1))}</h2>(.*?)</article>", text, re.DOTALL)[1]
+    assert "refused; misfit " in card
+    misfits = [pd.read_csv(path).set_index("curve").loc[name(1)].iloc[-2] for path in (before[1], pages[1])]
+    assert misfits[0] == misfits[1]
+    assert "standard errors of white noise" in text
+    # A path, since the file stands in the folder of the output.
+    assert "--decisions</code> and the path of that file" in text
+
+
 def test_a_population_leaves_out_the_refused_and_keeps_the_accepted():
     table = pd.DataFrame(
         {

@@ -164,3 +164,14 @@ def test_bad_requests(fit, tmp_path, monkeypatch):
     with pytest.raises(ul.MissingExtraError, match=r"underlay\[excel\]"):
         ul.write_excel(tmp_path / "fit.xlsx", fit)
     assert not list(tmp_path.iterdir())
+
+
+def test_what_is_fitted_of_a_curve_is_one_number_in_its_row():
+    """The columns that say what a curve was of hold the value beside them where that was fitted."""
+    scene = layer_on(ul.RIGID)
+    curve = measured(scene, correlation_time=0.02)
+    found = ul.fit(ul.Problem(scene, curve, ["layer.E", "layer.thickness", "instrument.contact_depth"]))
+    rows = result_rows(found).set_index("parameter")
+    stated = found.interval("layer.thickness").value
+    assert stated != found.values["layer.thickness"]
+    assert rows["thickness (m)"].to_list() == [stated] * len(rows)

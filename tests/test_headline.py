@@ -307,3 +307,36 @@ def test_an_end_near_zero_is_not_rounded_to_twice_itself(monkeypatch):
 )
 def test_an_interval_that_only_what_is_left_out_opens_is_told(low, high, end, monkeypatch):
     assert f"unknown {end}, 95 %" in told(monkeypatch, 1.5e-3, 2.4e-3, low, high)
+
+
+def test_an_end_beyond_what_a_parameter_may_be_is_open():
+    """Poisson's ratio is badly known beside a modulus: what bounds it is what it may be."""
+    free = {E: None, "layer.nu": ul.Uniform(0.42, 0.48), C: None}
+    found = ul.fit(ul.Problem(scene(), curve(), free)).interval("layer.nu")
+    assert (found.low, found.high) == (-math.inf, math.inf)
+    assert 0.42 <= found.value <= 0.48
+
+
+@pytest.mark.parametrize(
+    ("wide_low", "left_out", "told"),
+    [
+        (0.76e6, (), "more than 0.76 MPa (95 %)"),
+        (
+            0.5e6,
+            ("friction",),
+            "more than 0.76 MPa from the noise, with friction unknown more than 0.5 MPa (95 %)",
+        ),
+        (
+            -math.inf,
+            ("friction",),
+            "more than 0.76 MPa from the noise, with friction unknown anything (95 %)",
+        ),
+    ],
+)
+def test_an_open_interval_is_told_with_what_the_law_leaves_out(monkeypatch, wide_low, left_out, told):
+    entry = Estimate(
+        "substrate.E", "substrate.E", 5.9e11, 0.76e6, math.inf, "profile", "", wide_low, math.inf, left_out
+    )
+    monkeypatch.setattr(words, "estimates", lambda _: [entry])
+    monkeypatch.setattr(words, "_bonds", lambda _: [])
+    assert words.headline(None) == f"Substrate modulus is {told}; the data set no upper end."

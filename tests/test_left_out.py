@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,11 +12,13 @@ import pytest
 from scipy import optimize
 
 import underlay as ul
+from underlay.data.curve_csv import curve_csv
 from underlay.inference.misfit.known_error import KnownError, Pressed
 from underlay.inference.misfit.left_out import LeftOut, left_out
 from underlay.mechanics.finite_strain import finite_strain_excess, friction_in_large_strains, why_unmeasured
 from underlay.report import words
 from underlay.report.model_limits import model_limits
+from underlay.units import parse_quantity
 
 PAGE = Path(__file__).parents[1] / ".reference" / "pages" / "models.md"
 BALL = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.49), 5e-4), ul.RIGID)
@@ -199,6 +202,18 @@ def test_a_fit_of_a_thin_incompressible_layer_says_what_sticking_would_give(stat
     stuck = ul.compare(stated.problem, ["stuck"]).fits["stuck"].values["layer.E"]
     assert f"layer modulus is {stuck / 1e6:.4g} MPa" in sentence
     assert stuck < 0.97 * stated.values["layer.E"]
+
+
+def test_what_sticking_would_give_is_held_against_the_stated_value() -> None:
+    """Where no noise is stated that is not the least-squares one: beside it the change would be another."""
+    noise = ul.Noise(force=2e-3, correlation_time=0.05)
+    time = np.linspace(0.0, 1.0, 120)
+    curve = ul.synthesize(BALL, np.linspace(-5e-5, 1.2e-4, 120), noise, time=time, rng=4)
+    fit = ul.fit(ul.Problem(BALL, curve, {"layer.E": None, "instrument.contact_depth": None}))
+    stated, least = fit.interval("layer.E").value, fit.values["layer.E"]
+    assert abs(stated / least - 1.0) > 1e-3
+    stuck = ul.compare(fit.problem, ["stuck"]).fits["stuck"].values["layer.E"]
+    assert f"layer modulus is {stated * stuck / least / 1e6:.4g} MPa" in " ".join(model_limits(fit))
 
 
 def test_it_costs_nothing_where_it_does_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -422,3 +437,35 @@ def test_the_printed_table_is_what_the_laws_say() -> None:
             )
             size = 100.0 * float(stuck.force(depth) / free.force(depth) - 1.0)
             assert size == pytest.approx(float(said), abs=0.06 if abs(size) < 10.0 else 0.6)
+
+
+def test_a_depth_where_finite_strain_begins_counts_from_contact(tmp_path) -> None:
+    """What is advised is what can be written: the readings begin far from contact."""
+    scene = ul.Scene(
+        ul.Sphere(1e-5),
+        ul.Layer(ul.Isotropic(1e3, 0.3), 2e-5),
+        ul.RIGID,
+        instrument=ul.Instrument(contact_depth=7e-5),
+    )
+    depth = np.linspace(6.5e-5, 7.4e-5, 400)
+    curve = ul.synthesize(scene, depth, ul.Noise(force=4e-10), rng=3)
+    free = {"layer.E": None, "instrument.contact_depth": ul.Uniform(6.8e-5, 7.2e-5)}
+    fit = ul.fit(ul.Problem(scene, curve, free))
+    sentence = next(text for text in model_limits(fit) if text.startswith("Beyond a depth of "))
+    written = re.search(r'\(fit_to = "(.*)" in \[curve\]\)', sentence)[1]
+    assert f"Beyond a depth of {written} into" in sentence
+    path = tmp_path / "curve.csv"
+    path.write_text(curve_csv(curve, []), encoding="utf-8")
+    (tmp_path / "scene.toml").write_text(
+        'indenter = { shape = "sphere", radius = "10 um" }\n'
+        'layer = { E = "1 kPa", nu = 0.3, thickness = "20 um" }\n'
+        "substrate = { rigid = true }\n"
+        'instrument.contact_depth = "70 um"\n'
+        f'curve.fit_to = "{written}"\n'
+        'fit.layer.E = {}\nfit.instrument.contact_depth = { min = "68 um", max = "72 um" }\n',
+        encoding="utf-8",
+    )
+    followed = ul.fit(ul.load_problem(path, tmp_path / "scene.toml"))
+    deepest = followed.curves[0].depth.max() - followed.values["instrument.contact_depth"]
+    assert deepest == pytest.approx(parse_quantity(written, "length"), rel=0.05)
+    assert not any(text.startswith("Beyond a depth of ") for text in model_limits(followed))

@@ -218,7 +218,13 @@ def test_a_noise_that_hangs_together_is_not_to_be_freed():
     assert "hangs together" in reason
     assert "free noise" not in reason
     even = ul.fit(load_problem(BENCHMARK / "elastic.depth.csv", BENCHMARK / "elastic.toml"))
-    assert any("free noise.force and noise.depth" in reason for reason in even.verdict.reasons)
+    (reason,) = [reason for reason in even.verdict.reasons if "as loud deep in contact" in reason]
+    assert "free noise.force, and with it noise.depth or noise.relative" in reason
+    # What is advised can be done.
+    free = dict(even.problem.priors)
+    for beside in ("noise.depth", "noise.relative"):
+        freed = free | {"noise.force": None, beside: None}
+        assert ul.Problem(even.problem.base_scenes[0], even.curves[0], freed).names[-1] == beside
 
 
 @pytest.mark.parametrize("kind", ["white", "correlated"])

@@ -72,6 +72,20 @@ def objective_of(problem):
     return Objective(problem, freeze(problem, problem.start, first_noises(problem, problem.start)))
 
 
+def test_a_map_takes_every_relaxation_time_that_its_records_tell():
+    """The times stand a factor of a thousand apart: whether a record tells them is asked of that record."""
+    relaxation = ul.Prony((0.2, 0.2), (0.01, 10.0))
+    scene = ul.Scene(SCENE.indenter, ul.Layer(ul.Isotropic(1e6, 0.5), 1e-3, relaxation=relaxation), ul.RIGID)
+    free = {"layer.E": (1e4, 1e8)} | {path: RELAXATION[path] for path in list(RELAXATION)[:2]}
+    curves = [
+        ul.synthesize(scene, np.interp(time, (0.0, 0.5, 12.0), (0.0, 1e-4, 1e-4)), NOISE, rng=1, time=time)
+        for time in (np.concatenate((np.linspace(0.0, 1.0, 201), np.linspace(1.1, 12.0, 100))), TIME)
+    ]
+    table = ul.fit_many(curves, scene, free, workers=0, options=ul.MapOptions(noise=NOISE))
+    assert table["layer.E"][0] == pytest.approx(1e6, rel=0.05)
+    assert "this record tells times" in table["reason"][1]
+
+
 # --- derivatives -------------------------------------------------------------------------------------------
 
 

@@ -37,6 +37,10 @@ from underlay.report.problem_source import _exact_csv, problem_source, write_inp
         (1.5e-3, 1.1e-3, np.inf, "length", "1.50 mm (at least 1.10)"),
         (0.45, -np.inf, 0.47, "dimensionless", "0.450 (at most 0.470)"),
         (1.0, -np.inf, np.inf, "force", "1.0000 N"),
+        # An end near zero is not read as zero.
+        (138.3, 4.787, 567.1, "pressure", "0.138 kPa (0.005 to 0.567)"),
+        (5.88e11, 7.6e5, np.inf, "pressure", "588 GPa (at least 0.76 MPa)"),
+        (1.2e-9, 0.0, 3e-9, "force", "1.2 nN (0.0 to 3.0)"),
     ],
 )
 def test_interval_in_words(value, low, high, kind, text):
@@ -379,3 +383,15 @@ def test_the_page_says_which_instrument_recorded_the_curve_and_when(tmp_path):
     fit = ul.fit(ul.Problem(scene, again, ["layer.E", "instrument.contact_depth"], ul.Noise()))
     assert fit.provenance["curves"][0]["recorded"] == told
     assert told in tables.provenance_table(fit, {}).to_string()
+
+
+def test_the_page_lists_what_speaks_against_a_curve_and_counts_it():
+    """As the command line and the app do: a paraboloid pressed deep, which no warning of the fit says."""
+    scene = ul.Scene(ul.Paraboloid(1e-4), ul.Layer(ul.Isotropic(1e5, 0.4)), None)
+    curve = ul.synthesize(scene, np.linspace(-2e-5, 5e-5, 200), ul.Noise(force=1e-6), rng=1)
+    curve = curve.with_metadata(notes=("the sign was turned",))
+    fit = ul.fit(ul.Problem(scene, curve, {"layer.E": None, "instrument.contact_depth": None}))
+    table = tables.reservations_table(fit)
+    assert list(table.index)[:2] == ["reading the file", "the curve"]
+    assert any("use the sphere" in text for text in table["reservation"])
+    assert f"There are {len(table)} reservations, listed below." in words.summary(fit)

@@ -119,4 +119,6 @@ def test_what_the_errors_of_a_map_allow_for_is_said():
     assert "white noise" in maps.errors_in_words(quick)
     assert "--intervals" in maps.errors_in_words(quick)
     assert "--intervals" not in maps.errors_in_words(stated)
+    assert "Values are those of least squares" in maps.errors_in_words(stated)
+    assert "of posteriors" in maps.errors_in_words(stated.assign(converged=1))
     assert maps.errors_in_words(quick) in maps.map_summary(quick)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich import box
 from rich.console import Console
 from rich.markup import escape
+from rich.measure import Measurement
 from rich.table import Table
 
 from underlay._text import one_line
@@ -24,6 +26,8 @@ __all__ = ["noted", "say", "say_error", "say_table", "say_warnings"]
 
 
 _FILE_WIDTH = 160
+# Letters of a cell from which on a column of words is broken into lines, as the last one is.
+_LONG = 40
 
 
 def say(text: str) -> None:
@@ -48,12 +52,17 @@ def say_table(frame: pd.DataFrame, title: str) -> None:
     )
     for name, column in frame.items():
         numeric = pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
-        table.add_column(str(name), justify="right" if numeric else "left", no_wrap=name != frame.columns[-1])
+        wraps = name == frame.columns[-1] or (
+            not numeric and any(len(_cell(cell)) > _LONG for cell in column)
+        )
+        table.add_column(str(name), justify="right" if numeric else "left", no_wrap=not wraps)
     for row in frame.itertuples(index=False):
         table.add_row(*[_cell(value) for value in row])
     # Without a terminal (a file, a pipe) there is no width to keep to: nothing is cut off.
     console = Console(highlight=False)
-    console.width = console.width if console.is_terminal else _FILE_WIDTH
+    if not console.is_terminal:
+        endless = console.options.update(width=sys.maxsize)
+        console.width = max(_FILE_WIDTH, Measurement.get(console, endless, table).minimum)
     console.print(table)
 
 

@@ -68,7 +68,7 @@ def _write_excel(result: Fit, path: Path) -> Path:
 def show_fit(result: Fit, name: str) -> None:
     """Print what a fit found: in words, with what else would explain it, as a table, then what hangs together."""
     from underlay.inference.recipe import steps_to_ours
-    from underlay.report.adhesion_tables import adhesion_frame, halfspace_sentence
+    from underlay.report.adhesion_tables import adhesion_frame, halfspace_of
     from underlay.report.model_limits import model_limits
     from underlay.report.open_ends import advice, rivals
     from underlay.report.tables import correlated_pairs, fit_table, steps_table
@@ -91,8 +91,8 @@ def show_fit(result: Fit, name: str) -> None:
     sticking = adhesion_frame(result)
     if len(sticking):
         say_table(sticking, "Adhesion")
-        law = result.scenes[0].contact_law(0.0, solver=result.solver)
-        say(halfspace_sentence(result.scenes[0], law.pull_off_force))
+        if sentence := halfspace_of(result):
+            say(sentence)
     for path, told in result.instrument_moduli.items():
         say(
             f"{path}: the instrument's own reduced modulus {format_quantity(told.reduced, 'pressure')} is "

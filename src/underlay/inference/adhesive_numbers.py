@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -27,11 +28,12 @@ ADHESIVE = {
 
 # Central differences of numbers that are smooth in every parameter, relative.
 _STEP = 1e-3
-_WIDTH = 1.959964  # of 95 %
+# Share of a change of a parameter below which a number does not follow it.
+_ACTS = 0.02
 
 
 class AdhesiveNumber(NamedTuple):
-    """A value (SI) and its 95 % interval; NaN where the fit has no covariance."""
+    """A value (SI) and its 95 % interval; its ends are infinite where the data leave them open."""
 
     name: str
     value: float
@@ -49,7 +51,11 @@ def adhesive_numbers(scene: Scene, solver: Solver) -> dict[str, float]:
 
 
 def adhesive_estimates(result: Fit, curve: int = 0) -> list[AdhesiveNumber]:
-    """The same of one curve of a fit, with intervals from the fit's covariance; empty without adhesion."""
+    """The same of one curve of a fit, with intervals; empty without adhesion.
+
+    A number that follows one parameter has that one's interval, turned over; others have that of `Fit.band`, and
+    none where a parameter that they follow is open.
+    """
     scene, member = result.scenes[curve], result.problem.members[curve]
     if scene.adhesion is None:
         return []
@@ -57,13 +63,40 @@ def adhesive_estimates(result: Fit, curve: int = 0) -> list[AdhesiveNumber]:
         path for path in member.entries if path in scene.parameters and not path.startswith("instrument.")
     ]
     rows = [member.entries[path] for path in paths]
+    numbers = adhesive_numbers(scene, result.solver)
+    at = np.array([*numbers.values()])
     slopes = _slopes(scene, result.solver, paths)
-    covariance = np.asarray(result.covariance)[np.ix_(rows, rows)]
+    optimum = result.problem.physical(result.vector)[rows]
+    shares = slopes * optimum[:, None] / at
+
+    def of(physical: FloatArray) -> FloatArray:
+        # Sizes, their logarithms to first order.
+        return np.asarray(np.abs(at) * np.exp((physical[:, rows] - optimum) @ (slopes / at)))
+
+    band = np.sort(np.sign(at) * np.array(result.band(of)), axis=0)
     found = []
-    for column, (name, value) in enumerate(adhesive_numbers(scene, result.solver).items()):
-        half = _WIDTH * float(np.sqrt(slopes[:, column] @ covariance @ slopes[:, column]))
-        found.append(AdhesiveNumber(name, value, value - half, value + half))
+    for column, name in enumerate(numbers):
+        acting = np.flatnonzero(~(np.abs(shares[:, column]) < _ACTS))
+        stated = [result.interval(result.problem.names[rows[row]]) for row in acting]
+        low, value, high = (float(end) for end in band[:, column])
+        if len(stated) == 1:
+            path, slope = paths[acting[0]], float(slopes[acting[0], column])
+            ends = (stated[0].low, stated[0].value, stated[0].high)
+            low, value, high = sorted(_followed(scene, result.solver, name, path, end, slope) for end in ends)
+        elif any(known.is_open for known in stated):
+            low, high = -math.inf, math.inf
+        found.append(AdhesiveNumber(name, value, low, high))
     return found
+
+
+def _followed(scene: Scene, solver: Solver, name: str, path: str, end: float, slope: float) -> float:
+    """The number where the one parameter that it follows is at an end; an open end stays open."""
+    if math.isfinite(end):
+        try:
+            return adhesive_numbers(scene.with_values({path: end}), solver)[name]
+        except InputError:
+            end = math.copysign(math.inf, end - scene.parameters[path])
+    return math.copysign(math.inf, end * slope)
 
 
 def _slopes(scene: Scene, solver: Solver, paths: Sequence[str]) -> FloatArray:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit
     from underlay.scene.scene import Scene
 
-__all__ = ["adhesion_frame", "adhesion_part", "adhesion_table", "halfspace_sentence"]
+__all__ = ["adhesion_frame", "adhesion_part", "adhesion_table", "halfspace_of", "halfspace_sentence"]
 
 # Over pi R w, on a half-space.
 _HALF_SPACE = 1.5
@@ -60,7 +60,7 @@ def adhesion_table(result: Fit, curve: int = 0) -> pd.DataFrame:
         kind = kind_of_quantity(known.name)
         value = (
             quantity_with_interval(known.value, known.low, known.high, kind)
-            if math.isfinite(known.low)
+            if math.isfinite(known.low) or math.isfinite(known.high)
             else format_quantity(known.value, kind)
         )
         rows.append({"quantity": label(known.name), "value (95 % interval)": value, "of": _HELD[known.name]})
@@ -88,6 +88,15 @@ _HELD = {
     "adhesion.pull_off_depth": "a given depth",
     "adhesion.zero_load_radius": "no load",
 }
+
+
+def halfspace_of(result: Fit, curve: int = 0) -> str:
+    """Return `halfspace_sentence` of what a fit states of one curve; empty where nothing sticks."""
+    force = next((known.value for known in adhesive_estimates(result, curve)), math.nan)
+    path = "adhesion.work"
+    own = next((name for name in (path, f"{path}[{curve}]") if name in result.names), "")
+    stated = {path: result.interval(own).value} if own else {}
+    return halfspace_sentence(result.scenes[curve].with_values(stated), force)
 
 
 def halfspace_sentence(scene: Scene, pull_off_force: float) -> str:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from underlay.data.quality import check_quality
 from underlay.quantities import path_of
 
 if TYPE_CHECKING:
     from underlay.inference.least_squares.fit_result import Fit, FitWarning
 
-__all__ = ["Estimate", "estimates", "is_averaged", "standing"]
+__all__ = ["Estimate", "doubts_of_curves", "estimates", "is_averaged", "standing"]
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,15 @@ def estimates(result: Fit, level: float = 0.95) -> list[Estimate]:
 def is_averaged(result: Fit) -> bool:
     """Whether the printed intervals are averaged over what the residuals may be."""
     return any(result.interval(name).kind.startswith("averaged") for name in result.names)
+
+
+def doubts_of_curves(result: Fit) -> list[str]:
+    """What speaks against the curves of a fit, each once, before anything is fitted to them."""
+    found = [
+        check_quality(curve, scene)
+        for curve, scene in zip(result.problem.curves, result.problem.base_scenes, strict=True)
+    ]
+    return list(dict.fromkeys(reason for quality in found for reason in quality.reasons))
 
 
 def standing(result: Fit) -> list[FitWarning]:

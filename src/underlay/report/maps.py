@@ -80,8 +80,15 @@ def map_summary(table: pd.DataFrame) -> str:
 
 def errors_in_words(table: pd.DataFrame) -> str:
     """What the errors of a map allow for."""
+    if "converged" in table.columns:
+        return (
+            "Values, errors and intervals are medians, standard deviations and 95 % intervals of posteriors."
+        )
     if any(column.endswith(".low") for column in table.columns):
-        return "Intervals are those that a fit of the site by itself states; errors are those of white noise."
+        return (
+            "Values are those of least squares, errors those of white noise. Intervals are those that a fit of the "
+            "site by itself states: where no noise was stated they are averaged, and may leave such a value out."
+        )
     # What a single fit weighs (see `Fit.interval`) costs a map some ten times its fits.
     return (
         "Errors and verdicts of a map are the quick ones: standard errors of white noise, and doubts of the fit. "

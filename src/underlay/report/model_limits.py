@@ -27,6 +27,8 @@ _INCOMPRESSIBLE, _WIDE = 0.4, 0.5
 _BALL_NU, _BALL_DEPTH, _BALL_THICKNESS = 0.45, 0.1, 2.0
 # Depths at which finite strain is held against the noise, and what is left of a range that is worth proposing.
 _LOOKS, _WORTH = 200, 0.25
+# Share of the deepest point from which on the rest is not worth leaving out: there it hardly exceeds the noise.
+_ENOUGH = 0.9
 
 
 def model_limits(result: Fit) -> list[str]:
@@ -35,7 +37,8 @@ def model_limits(result: Fit) -> list[str]:
     sentences = []
     if told.declared:
         sentences.append(f"The scene says {' and '.join(told.declared)}: the intervals believe it.")
-    sentences += [f"{start(words)}: the intervals do not allow for it." for words in told.unknown]
+    where = " of such a curve" if len(result.curves) > 1 else ""
+    sentences += [f"{start(words)}: the intervals do not allow for that{where}." for words in told.unknown]
     tests = [test for test in distinct_scenes(result.scenes, result.curves) if test.deepest > 0.0]
     sentences += [words for test in tests for words in (_ball(test), _range(result, test)) if words]
     sentences += [words for words in (if_it_sticks(result, tests),) if words]
@@ -58,11 +61,21 @@ def if_it_sticks(result: Fit, tests: list[DistinctScene]) -> str:
     if stuck is None:
         return ""
     numbers = [
-        f"{label(name)} is {format_quantity(stuck.values[name], kind_of(name))}"
+        f"{label(name)} is {format_quantity(_moved(result, stuck, name), kind_of(name))}"
         for name in result.names
         if is_of_the_sample(name)
     ]
     return f"If the tip sticks in place of sliding, {' and '.join(numbers)}." if numbers else ""
+
+
+def _moved(result: Fit, stuck: Fit, name: str) -> float:
+    """The stated value of a parameter, moved as sticking moves that of least squares."""
+    coordinate = result.problem.coordinates[result.names.index(name)]
+    before, after, stated = (
+        float(coordinate.scaled(value))
+        for value in (result.values[name], stuck.values[name], result.interval(name).value)
+    )
+    return float(coordinate.physical(np.asarray(stated + after - before)))
 
 
 def _feels_friction(result: Fit, test: DistinctScene) -> bool:
@@ -112,9 +125,13 @@ def _range(result: Fit, test: DistinctScene) -> str:
     excess = law.force(depth) * finite_strain_excess(contact, depth, law.contact_radius(depth))
     noise = min(float(np.std(residual)) for residual in result.residuals)
     beyond = np.flatnonzero(np.abs(excess) > noise)
-    if not beyond.size or depth[beyond[0]] < _WORTH * test.deepest or not math.isfinite(noise):
+    if not beyond.size or not math.isfinite(noise):
         return ""
+    first = float(depth[beyond[0]])
+    if not _WORTH * test.deepest <= first < _ENOUGH * test.deepest:
+        return ""
+    written = format_quantity(first, "length")
     return (
-        f"Beyond a depth of {format_quantity(float(depth[beyond[0]]), 'length')} into the sample finite strain "
-        "exceeds the noise: a fit of the curve up to there ([curve] max_depth) is free of it."
+        f"Beyond a depth of {written} into the sample finite strain exceeds the noise: to leave that out, fit the "
+        f'curve up to there (fit_to = "{written}" in [curve]).'
     )

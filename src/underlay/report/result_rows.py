@@ -10,7 +10,7 @@ import pandas as pd
 
 from underlay._text import one_line
 from underlay.mechanics.solver import Solver
-from underlay.quantities import curve_of, numbers_of
+from underlay.quantities import curve_of, numbers_of, path_of
 from underlay.report.tables import fit_table
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene_writer import scene_text
@@ -60,7 +60,10 @@ def _about(result: Fit, number: int) -> dict[str, Any]:
     if own in result.names:
         known = result.interval(own)
         contact, ends = known.value, (known.low, known.high)
-    numbers = scene.parameters
+    numbers = dict(scene.parameters)
+    for name in result.names:
+        if curve_of(name) in (None, number):
+            numbers[path_of(name)] = result.interval(name).value
     return {
         "curve": one_line(record["name"] or f"curve {number + 1}"),
         "contact point (m)": contact,

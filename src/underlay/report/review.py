@@ -19,7 +19,7 @@ from underlay._text import one_line
 from underlay.data.curve import Curve
 from underlay.errors import InputError, UnderlayError
 from underlay.inference.batch.curves import CurvePlace, Curves, list_curves, read_place
-from underlay.inference.batch.decisions import DECISIONS, Decisions
+from underlay.inference.batch.decisions import DECISIONS, REFUSED_BY_HAND, Decisions
 from underlay.inference.batch.model import scene_file_of
 from underlay.inference.batch.options import MapOptions
 from underlay.inference.batch.results_table import FITTED
@@ -121,10 +121,11 @@ def write_review(
     target = require_writable_folder(folder)
     known = decisions or Decisions({})
     own = [*leave_out, target / DECISIONS]
+    errors = "standard deviations of posteriors" if "converged" in table else "standard errors of white noise"
     cards = review_cards(table, curves, scene, options=options, decisions=known, leave_out=own)
     pages = [
         write_atomic(target / _page_name(number), text)
-        for number, text in enumerate(_pages(cards, max(1, per_page)), start=1)
+        for number, text in enumerate(_pages(cards, max(1, per_page), errors), start=1)
     ]
     listed = pd.DataFrame(
         {
@@ -186,7 +187,7 @@ def _card(
     try:
         curve = read_place(place, file)
         drawn = Small(curve.depth, curve.force)
-        if row["status"] == FITTED:
+        if row["status"] in (FITTED, REFUSED_BY_HAND):
             drawn, misfit = _fitted(row, curve, base, solver, file)
     except UnderlayError as error:
         reason = reason or one_line(error, _LONGEST_REASON)
@@ -232,7 +233,7 @@ def _page_name(number: int) -> str:
     return "review.html" if number == 1 else f"review-{number}.html"
 
 
-def _pages(cards: Sequence[Card], per_page: int) -> Iterator[str]:
+def _pages(cards: Sequence[Card], per_page: int, errors: str) -> Iterator[str]:
     groups = [cards[first : first + per_page] for first in range(0, len(cards), per_page)]
     style = (_TEMPLATES / "page" / "review.css").read_text(encoding="utf-8")
     counts = {word: sum(card.verdict == word for card in cards) for word in ("refused", "doubtful", "good")}
@@ -250,8 +251,8 @@ def _pages(cards: Sequence[Card], per_page: int) -> Iterator[str]:
             f"<h1>{len(cards)} curves, worst first: {told}</h1>"
             f"<p>Write <b>accept</b> or <b>refuse</b>, and why, beside a curve's name in <b>{DECISIONS}</b>, "
             "whose rows are in this order; then run the same <code>underlay map</code> again with "
-            f"<code>--resume --decisions {DECISIONS}</code>. Grey: measured; blue: fit; dashed: contact point; "
-            "below: what is left over. ±: standard errors of white noise.</p>"
+            f"<code>--resume --decisions</code> and the path of that file. Grey: measured; blue: fit; dashed: "
+            f"contact point; below: what is left over. ±: {errors}.</p>"
             f"<nav>Page {number} of {len(groups)}: {links}</nav>"
             f'<div class="grid">\n{body}\n</div></body></html>\n'
         )

@@ -15,7 +15,7 @@ from underlay._text import one_line
 from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.recipe import Step
 from underlay.quantities import numbers_of
-from underlay.report.intervals import Estimate, estimates, standing
+from underlay.report.intervals import Estimate, doubts_of_curves, estimates, standing
 from underlay.report.labels import label
 from underlay.report.open_ends import rival_name
 from underlay.report.words import quantity_with_interval, strong_pairs
@@ -219,12 +219,13 @@ def _noise_text(noise: NoiseModel) -> str:
 
 
 def reservations_table(result: Fit) -> pd.DataFrame:
-    """Return what to beware of, one row each: what the reader of the file said, then the fit."""
+    """Return what to beware of, one row each: what the reader of the file said, then the curves, then the fit."""
     rows = [
         {"from": "reading the file", "reservation": str(note)}
         for curve in result.curves
         for note in curve.metadata.get("notes", ())
     ]
+    rows += [{"from": "the curve", "reservation": reason} for reason in doubts_of_curves(result)]
     rows += [{"from": "the fit", "reservation": warning.message} for warning in standing(result)]
     return labelled_table(rows or [{"from": "the fit", "reservation": "none"}])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +14,7 @@ from underlay.inference.headline.known_inputs import FORCE
 from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.sizes import shape_parameters
 from underlay.report.distinct_scenes import distinct_scenes
-from underlay.report.intervals import Estimate, estimates, is_averaged, standing
+from underlay.report.intervals import Estimate, doubts_of_curves, estimates, is_averaged, standing
 from underlay.report.labels import is_of_the_sample, label, labelled, start
 from underlay.report.markdown import markdown_text
 from underlay.report.model_limits import model_limits
@@ -44,6 +45,8 @@ STRONG = 0.9
 _LEVEL = 0.95
 # A standard error of the logarithm above which a parameter is badly known by itself.
 _BADLY = 0.05
+# Decimals that an end near zero may add, so that it is not read as zero, and one.
+_MORE = 4
 # A change of the force below this is not worth a sentence.
 _NOTICEABLE = 0.01
 
@@ -55,12 +58,21 @@ def quantity_with_interval(value: float, low: float, high: float, kind: str) -> 
     decimals = _decimals(value, low, high, factor)
     middle = f"{value / factor:.{decimals}f}{suffix}"
     if math.isfinite(low) and math.isfinite(high):
-        return f"{middle} ({low / factor:.{decimals}f} to {high / factor:.{decimals}f})"
-    if math.isfinite(low):
-        return f"{middle} (at least {low / factor:.{decimals}f})"
-    if math.isfinite(high):
-        return f"{middle} (at most {high / factor:.{decimals}f})"
+        more = next((n for n in range(_MORE) if not _misread((low, high), factor, decimals + n)), 0)
+        ends = f"({low / factor:.{decimals + more}f} to {high / factor:.{decimals + more}f})"
+        return f"{value / factor:.{decimals + more}f}{suffix} {ends}"
+    for word, end in (("at least", low), ("at most", high)):
+        if math.isfinite(end):
+            far = _misread((end,), factor, decimals)
+            return (
+                f"{middle} ({word} {format_quantity(end, kind) if far else f'{end / factor:.{decimals}f}'})"
+            )
     return middle
+
+
+def _misread(ends: Sequence[float], factor: float, decimals: int) -> bool:
+    """Whether an end is off by a quarter with so many decimals: 0.00 for 0.0048."""
+    return any(abs(round(end / factor, decimals) - end / factor) > 0.25 * abs(end / factor) for end in ends)
 
 
 def _decimals(value: float, low: float, high: float, factor: float) -> int:
@@ -226,20 +238,34 @@ def _sentence(entry: Estimate) -> str:
         return f"{start(label(entry.name))} is not fixed by this test ({entry.not_fixed})."
     kind, words = kind_of(entry.path), start(label(entry.name))
     if math.isinf(entry.high):
-        return f"{words} is more than {format_quantity(entry.low, kind)} (95 %); the data set no upper end."
+        told = _one_end(entry, "more than", entry.low, entry.wide_low, kind)
+        return f"{words} is {told} (95 %); the data set no upper end."
     if math.isinf(entry.low):
-        return f"{words} is less than {format_quantity(entry.high, kind)} (95 %); the data set no lower end."
+        told = _one_end(entry, "less than", entry.high, entry.wide_high, kind)
+        return f"{words} is {told} (95 %); the data set no lower end."
     text = quantity_with_interval(entry.value, entry.low, entry.high, kind)
     return f"{words} {_with_level(f'{text[:-1]}{_wide(entry, kind)})' if entry.left_out else text)}."
+
+
+def _one_end(entry: Estimate, word: str, end: float, wide: float, kind: str) -> str:
+    """The one end of an interval, and what is left of it where the law leaves something out that acts."""
+    told = f"{word} {format_quantity(end, kind)}"
+    if not entry.left_out:
+        return told
+    left = f"{word} {format_quantity(wide, kind)}" if math.isfinite(wide) else "anything"
+    return f"{told} from the noise, with {_listed(entry)} unknown {left}"
+
+
+def _listed(entry: Estimate) -> str:
+    *first, last = entry.left_out
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _wide(entry: Estimate, kind: str) -> str:
     """What follows in the brackets where the law leaves something out that acts."""
     factor = human_unit(entry.value, kind)[1]
     digits = _wide_decimals(entry, factor)
-    *first, last = entry.left_out
-    listed = f"{', '.join(first)} and {last}" if first else last
-    known = f" from the noise; with {listed} unknown "
+    known = f" from the noise; with {_listed(entry)} unknown "
     if math.isinf(entry.wide_low) and math.isinf(entry.wide_high):
         return f"{known}anything"
     if math.isinf(entry.wide_high):
@@ -348,7 +374,8 @@ def _narrowness_sentence(result: Fit) -> str:
 
 
 def _reservation_sentence(result: Fit) -> str:
-    count = len(standing(result))
+    notes = sum(len(curve.metadata.get("notes", ())) for curve in result.curves)
+    count = notes + len(doubts_of_curves(result)) + len(standing(result))
     if not count:
         return ""
     return f"There {'is one reservation' if count == 1 else f'are {count} reservations'}, listed below."

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.batch.options import MapOptions, Sampling
@@ -73,7 +74,9 @@ class BatchModel:
         ramp = np.linspace(0.0, 1.0, 256)
         scale = 1e-6
         shift = max(self.scene.instrument.contact_depth, 0.0)
-        return self.problem(self.scene, Curve(shift + scale * (ramp - 0.1), ramp**1.5, ramp))
+        return self.problem(
+            self.scene, Curve(shift + scale * (ramp - 0.1), ramp**1.5, _clock(self.scene, ramp))
+        )
 
     def check_starts(self, starts: Iterable[tuple[str, Mapping[str, float]]]) -> None:
         """Refuse starts of free parameters, (where, values by path), that are outside their bounds."""
@@ -98,6 +101,17 @@ class BatchModel:
             "curve section": _hash(None if file is None else (sorted(file.curve.items()), file.left_out)),
             "sampling": _hash(self.sampling, self.quality, *([self.intervals] if self.intervals else [])),
         }
+
+
+def _clock(scene: Scene, ramp: FloatArray) -> FloatArray:
+    """Times (s) that rise with `ramp`, of a record that tells every relaxation time of the scene."""
+    told = [value for path, value in scene.parameters.items() if ".times[" in path]
+    if not told:
+        return ramp
+    # Most steps are half of the shortest time, and the last ones make the record longer than the longest.
+    steps = np.full(len(ramp) - 1, 0.5 * min(told))
+    steps[3 * len(steps) // 4 :] = max(told)
+    return np.concatenate(([0.0], np.cumsum(steps)))
 
 
 def batch_model(

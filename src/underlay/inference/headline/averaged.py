@@ -87,6 +87,11 @@ def _stated(fit: Fit, index: int, level: float, q: FloatArray, kind: str) -> Sta
         q = np.array([q[0], fit.vector[index], q[2]])
     # Further than a profile is walked an end of a linearised model means nothing: that side is open.
     q = np.where(np.abs(q - q[1]) > FARTHEST, [-np.inf, q[1], np.inf], q)
+    # Nor does one beyond what the parameter may be: the bound ends that side, not the data.
+    least, most = fit.problem.bounds[index]
+    q = np.array(
+        [q[0] if q[0] >= least else -np.inf, np.clip(q[1], least, most), q[2] if q[2] <= most else np.inf]
+    )
     inside = np.where(np.isfinite(q), q, q[1])
     low, high = ends_of(fit, index, inside[[0, 2]])
     value, _ = ends_of(fit, index, inside[[1, 1]])

@@ -112,7 +112,7 @@ def _of_the_noise(averaged: Averaged) -> list[str]:
         return []
     size = f"the noise is {louder:.2g} times as loud deep in contact as before it"
     advice = (
-        ": free noise.force and noise.depth, or noise.relative"
+        ": free noise.force, and with it noise.depth or noise.relative"
         if averaged.competition.white >= _STEADY
         else "; it also hangs together, and freed it would be taken for independent: look at the residuals"
     )
