@@ -302,6 +302,20 @@ def test_data_below_the_pull_off():
         ul.Problem(SCENE, curve, ["layer.E", "adhesion.work"])
 
 
+@pytest.mark.parametrize("adhesion", [ul.JKR(2e-4), ul.DMT(1e-3)])
+@pytest.mark.parametrize("bond", ["bonded", "slip", ul.Spring(1e10, 1e9)])
+def test_slopes_in_the_work_are_differences_of_forces(adhesion, bond):
+    """Also of a layer on springs, where nothing scales and the work is a number of its own."""
+    scene = replace(SCENE, layer=replace(SCENE.layer, bond=bond), adhesion=adhesion)
+    depth = np.linspace(2e-6, 4e-7, 40)
+    (member,) = ul.Problem(scene, ul.simulate(scene, depth), ["adhesion.work"], ul.Noise(force=1e-10)).members
+    work = adhesion.work
+    above, below = (member.model(np.array([factor * work])) for factor in (1.001, 0.999))
+    slope = (above - below) / (2e-3 * work)
+    said = member.jacobian(np.array([work]))[1][:, 0]
+    assert said == pytest.approx(slope, abs=2e-3 * np.abs(slope).max())
+
+
 def test_the_stored_study_of_coverage_holds():
     """500 curves for each that is held: 93 to 97 % is the 95 % aimed at, two standard deviations of a share off."""
     study = json.loads(

@@ -331,6 +331,31 @@ def test_batches_are_the_laws_one_by_one_and_slopes_their_differences() -> None:
         assert columns[:, entry] == pytest.approx(slope, abs=1e-3 * np.abs(slope).max())
 
 
+def test_a_free_size_acts_from_zero_as_well() -> None:
+    """A scene that starts without large strains is fitted with them: they were left out, in silence."""
+    sizes = {f"discrepancy.{name}": 0.0 for name in ("finite_strain", "friction_in_large_strains")}
+    scene = replace(BALL, discrepancy=ul.Discrepancy(0.3, 0.0))
+    truth = scene.with_values(
+        {"discrepancy.finite_strain": 0.6, "discrepancy.friction_in_large_strains": 0.3}
+    )
+    depth = np.linspace(-1e-5, 1e-4, 40)
+    curve = ul.simulate(truth, depth)
+    problem = ul.Problem(scene, curve, {"layer.E": None, **dict.fromkeys(sizes)}, ul.Noise(force=2e-4))
+    (member,) = problem.members
+    physical = np.array([1e6, 0.6, 0.3])
+    shown = truth.force(depth)
+    assert member.model(physical) == pytest.approx(shown, rel=1e-6, abs=1e-9)
+    assert member.readings(physical[None], stiffness=False).force[0] == pytest.approx(
+        shown, rel=1e-6, abs=1e-9
+    )
+    _, columns = member.jacobian(problem.physical(problem.start))
+    assert (np.abs(columns[-1]) > 0.0).all()
+    deep = ul.simulate(scene, np.linspace(0.0, 2e-4, 20))
+    for path in sizes:
+        with pytest.raises(ul.InputError, match=rf"{path} is beyond .* depths up to 0\.3 h; here 0\.4 h"):
+            ul.Problem(scene, deep, {"layer.E": None, path: ul.Normal(0.0, 1.0)})
+
+
 def test_the_posterior_with_the_sizes_is_as_wide_as_the_interval_with_model_error() -> None:
     """At its mode: both allow for the same errors with the same priors, the one to first order."""
     problem = posed(FREE)

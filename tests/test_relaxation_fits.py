@@ -198,6 +198,27 @@ def fitted():
     return ul.fit(problem_of(CYCLE))
 
 
+@pytest.mark.parametrize("rate", [5e-6, 1e-4], ids=["ramp", "step"])
+@pytest.mark.parametrize(
+    "relaxation", [ul.Prony((0.5,), (0.3,)), ul.PowerLawRelaxation(0.3)], ids=["prony", "power law"]
+)
+def test_a_hold_does_not_lead_to_the_thinnest_layer(relaxation, rate):
+    """The grid of starts took the fall of the force at one depth for noise; of a step three readings go in."""
+    layer = ul.Layer(ul.Isotropic(2e4, 0.45), 6e-6, relaxation=relaxation)
+    scene = ul.Scene(ul.Sphere(5e-6), layer, ul.RIGID, ul.Instrument(1e-7))
+    depth, time = ul.Program.at(-5e-7).ramp(1.6e-6, rate).hold(1.2).sampled(200)
+    noise = ul.Noise(force=0.01 * float(scene.force(depth, time).max()))
+    curve = ul.synthesize(scene, depth, noise, rng=1, time=time)
+    numbers = [path for path in scene.parameters if path.endswith(("exponent", "fractions[0]"))]
+    free = {"layer.E": ul.LogUniform(1e2, 1e7), "layer.thickness": ul.LogUniform(1e-6, 3e-5)}
+    free |= {"instrument.contact_depth": ul.Uniform(-1e-6, 1e-6), **dict.fromkeys(numbers)}
+    truth = ul.Problem(scene, curve, free, noise)
+    residuals = truth.residuals(truth.start)
+    guess = scene.with_values({"layer.E": 1e4, "layer.thickness": 1e-5, "instrument.contact_depth": 0.0})
+    found = ul.fit(ul.Problem(guess, curve, free, noise))
+    assert found.statistics.chi_square <= residuals @ residuals
+
+
 def test_moduli_at_once_and_at_equilibrium_have_intervals(fitted):
     assert fitted.derived == ("layer.instantaneous_modulus", "layer.equilibrium_modulus")
     at_once, later = (fitted.interval(name) for name in fitted.derived)

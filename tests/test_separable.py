@@ -94,6 +94,19 @@ def test_a_row_with_a_poissons_ratio_of_its_own_is_that_of_a_map_of_it(scene):
         assert with_own[path][0] == pytest.approx(plain[path][0], rel=1e-9)
 
 
+def test_a_row_of_a_stack_with_a_thickness_of_its_own_is_that_of_a_map_of_it():
+    """The buried layer stays as thick: it was taken to grow with the one on top."""
+    scene = ul.Scene(ul.Paraboloid(5e-4), LAYER, ul.Stack([LAYER], ul.Isotropic(1e7, 0.3)))
+    own = scene.with_values({"layer.thickness": 5e-4})
+    curve = made(own, 3)[1]
+    with_own, plain = (
+        ul.fit_many([curve], start, CONTACT, manifest, workers=0)
+        for start, manifest in ((scene, [{"file": "curve 0", "layer.thickness": 5e-4}]), (own, None))
+    )
+    for path in CONTACT:
+        assert with_own[path][0] == pytest.approx(plain[path][0], rel=1e-9)
+
+
 def test_a_known_noise_sets_the_errors():
     true, curve = made(SCENES["paraboloid"], 5)
     start = given(true, CONTACT)

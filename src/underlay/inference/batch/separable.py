@@ -107,7 +107,9 @@ class SeparableModel:
         """The forward model of a curve; with tables of its own where its scene differs in what those here hold."""
         similarity, laws = self.forward.similarity, self.forward.laws
         served = {MODULUS, similarity.length, *similarity.shape} - {_EXPONENT}
-        served |= set() if laws.table is None else {laws.table.path}
+        if laws.table is not None:
+            # A table of a stack holds the thicknesses over that of its top layer.
+            served = (served - ({similarity.length} if similarity.lengths else set())) | {laws.table.path}
         served |= set() if laws.tips is None else {laws.tips.path, *similarity.lengths}
         own = {
             path: values[path]

@@ -21,6 +21,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
 from underlay.inference.least_squares.adhesive_start import adhesive_starts
 from underlay.inference.least_squares.base_steps import bent
 from underlay.inference.least_squares.blocks import Blocks, blocked_forward
@@ -51,6 +52,8 @@ _BETWEEN = 8  # steps from a thickness tried to the next
 # Of the three points that a parabola goes through: each, and the two others.
 _OWN, _NEXT, _LAST = np.arange(3), np.array([1, 2, 0]), np.array([2, 0, 1])
 _BLOCKS = 16  # enough to tell a contact to a grid step
+# What is this close to the deepest reading, over the range of depths, rests there.
+_RESTS = 0.01
 # A place whose misfit is so many times the best's is no start. A start's misfit is 1.2 to 5 times that of the
 # optimum below it (medians), so that next to none would end lower; where noise decides all are alike, and stay.
 _HOPELESS = 25.0
@@ -223,13 +226,27 @@ def _vector(
 
 
 def _scanned(member: Member, problem: Problem) -> ScanCurve:
-    blocks = Blocks.of(member.curve, _BLOCKS)
+    blocks = Blocks.of(_way_in(member), _BLOCKS)
     free = {path: problem.coordinates[entry] for path, entry in member.entries.items()}
     # What the grid does not try stays where it is: laws that would vary with it are those of a table here.
     tried = [path for path in free if path in _TRIED]
     forward = blocked_forward(member.by_power_law or member.forward, blocks, _SCAN_RTOL, tried)
     scales = MODULUS in free and (BASE_MODULUS not in member.base or BASE_MODULUS in free)
     return ScanCurve(forward, blocks, free, tried_contacts(free, blocks, member.base[CONTACT]), scales)
+
+
+def _way_in(member: Member) -> Curve:
+    """The readings that the grid goes by: of a sample that remembers those up to its deepest.
+
+    The grid knows no time. To its laws a force that falls at one depth is a noise at the deepest readings, and what
+    explains it best is a layer as thin as may be.
+    """
+    curve = member.curve
+    if member.forward.history is None:
+        return curve
+    deep = curve.depth >= curve.depth.max() - _RESTS * np.ptp(curve.depth)
+    count = int(np.argmax(deep)) + 1
+    return curve.select(np.arange(len(curve)) < count) if count > 2 else curve
 
 
 def _grid_of(member: Member, curve: ScanCurve, problem: Problem, radii: tuple[float, float]) -> _Grid:

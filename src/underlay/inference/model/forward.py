@@ -105,7 +105,7 @@ class Forward:
         )
         similarity = compile_similarity(elastic, free, scaling=solver.scaling)
         laws = LawSource.of(similarity, reference, free, solver, store)
-        told = None if scene.discrepancy is None else LeftOutLaws.of(scene, depth)
+        told = None if scene.discrepancy is None else LeftOutLaws.of(scene, depth, free)
         timed = time if scene.memory is not None else None
         lever = similarity.scene.lever
         bending = None if lever is None or force is None else lever.bending(force)

@@ -115,7 +115,8 @@ class LawSlopes:
     def _known(self, ratio: str) -> FloatArray | None:
         """dP/d ln k of a ratio (dP/dk of a direct one) where the law says it itself."""
         if ratio == "adhesion.work":
-            return self.law.work_slope(self.w)
+            in_log, is_direct = self.law.work_slope(self.w), ratio in self.similarity.direct
+            return in_log / self.values[ratio] if is_direct and in_log is not None else in_log
         if not len(self.told):
             return None
         if ratio in self.laws.beside:

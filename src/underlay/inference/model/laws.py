@@ -23,7 +23,7 @@ from underlay.mechanics.contact import AdhesionTable, Beside, Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.exact.batch import ExactBatch
 from underlay.mechanics.solver import Solver
-from underlay.quantities import replace_values
+from underlay.quantities import kind_of, replace_values
 from underlay.scene.scene import Scene
 
 __all__ = ["LawSource", "LawStore", "quiet_law"]
@@ -384,11 +384,14 @@ class LawSource:
                     continue
                 entry, in_log = self.similarity.ratio_paths.index(path), path not in self.similarity.direct
                 # Downwards: there is nothing beyond a Poisson's ratio of one half.
-                value = reduced[entry] * shorter if in_log else reduced[entry] - _KERNEL_STEP
+                value, step = reduced[entry], _KERNEL_STEP
+                if not in_log and kind_of(path) != "dimensionless":
+                    step *= abs(value) or 1.0
+                value = value * shorter if in_log else value - step
                 there = replace_values(scene, {path: value}, known=self.similarity.values).contact
                 if there.thickness != here.thickness or there.indenter != here.indenter:
                     return ()
-                found.append(Beside(there.kernel, float(np.log(there.theta / here.theta)), -_KERNEL_STEP))
+                found.append(Beside(there.kernel, float(np.log(there.theta / here.theta)), -step))
         except InputError:
             return ()
         return tuple(found)

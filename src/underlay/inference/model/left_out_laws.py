@@ -9,7 +9,7 @@ is known to a half.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
@@ -60,7 +60,7 @@ class LeftOutLaws:
     deepest : float
         Depth (m) that the curve reaches.
     strains : bool
-        Whether a size of what large strains add is not zero.
+        Whether a size of what large strains add is not zero, or may vary.
     """
 
     values: Mapping[str, float]
@@ -68,17 +68,17 @@ class LeftOutLaws:
     strains: bool
 
     @classmethod
-    def of(cls, scene: Scene, depth: FloatArray) -> Self:
-        """Prepare for depth readings (m), (n,).
+    def of(cls, scene: Scene, depth: FloatArray, free: Collection[str]) -> Self:
+        """Prepare for depth readings (m), (n,), when the parameters at the paths `free` vary.
 
         Raises
         ------
         InputError
-            If finite strain is of a size, and its shape is not known there.
+            If finite strain is of a size, or free, and its shape is not known there.
         """
         deepest = max(float(depth.max()) - scene.instrument.contact_depth, 0.0)
         values = scene.parameters
-        strains = [path for path in (FINITE_STRAIN_PATH, BOTH_PATH) if values.get(path)]
+        strains = [path for path in (FINITE_STRAIN_PATH, BOTH_PATH) if values.get(path) or path in free]
         why = why_unmeasured(scene.contact, deepest) if strains else ""
         if why:
             raise InputError(f"{strains[0]} is beyond what is known here: {why}; set it to 0")
