@@ -5,26 +5,32 @@ import re
 import signal
 import subprocess
 import sys
-import threading
-import time
 
 import pandas as pd
 import pytest
 
 import underlay as ul
 from support import maps
-from support.maps import SCENE_TOML, made_curve, made_manifest, numbers, rows_in, write_folder
+from support.maps import SCENE_TOML, made_curve, made_manifest, numbers, write_folder
 from underlay.errors import SchedulerError
 
 distributed = pytest.importorskip("distributed")
 COUNT = 40
+# A worker of two gets at least ten curves at once (`through_dask`): it dies within its first ones.
+LAST = 6
 
 WORKER = """
-import sys, time
+import os, signal, sys, time
 sys.path[:0] = {path!r}
 from underlay.inference.batch import work as batch_work
-row = batch_work.CurveFitter._row
-batch_work.CurveFitter._row = lambda self, place: time.sleep({pause}) or row(self, place)
+row, begun = batch_work.CurveFitter._row, []
+def slowly(self, place):
+    begun.append(place)
+    if len(begun) == {last}:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep({pause})
+    return row(self, place)
+batch_work.CurveFitter._row = slowly
 from distributed.cli.dask_worker import main
 main([{address!r}, "--nthreads", "1", "--no-dashboard", "--death-timeout", "30", "--no-nanny"])
 """
@@ -36,7 +42,7 @@ SCHEDULER += ["--no-dashboard"]
 
 @pytest.fixture(scope="module")
 def cluster():
-    """Address of a scheduler with two worker processes, and the workers."""
+    """Address of a scheduler with two workers, and these: the first is killed at its sixth curve."""
     environment = os.environ | {
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
@@ -51,11 +57,13 @@ def cluster():
     address = next(
         match[0] for line in scheduler.stderr if (match := re.search(r"tcp://127\.0\.0\.1:\d+", line))
     )
-    script = WORKER.format(path=sys.path, address=address, pause=0.15)
+    scripts = [WORKER.format(path=sys.path, address=address, pause=0.05, last=last) for last in (LAST, 0)]
     workers = [
         subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.DEVNULL, env=environment)
-        for _ in range(2)
+        for script in scripts
     ]
+    with distributed.Client(address, timeout=60.0, set_as_default=False) as client:
+        client.wait_for_workers(len(workers), timeout=60.0)
     yield address, workers
     for process in (*workers, scheduler):
         process.kill()
@@ -75,21 +83,8 @@ def fit(**options):
 
 def test_a_cluster_gives_the_same_bits_though_a_worker_is_killed(cluster, serial, tmp_path):
     address, workers = cluster
-    journal = tmp_path / "map.csv.journal"
-    killed = []
-
-    def kill_when_it_runs():
-        while not journal.exists() or rows_in(journal) < 5:
-            time.sleep(0.01)
-        killed.append(rows_in(journal))
-        workers[0].send_signal(signal.SIGKILL)
-
-    killer = threading.Thread(target=kill_when_it_runs, daemon=True)
-    killer.start()
     table = fit(scheduler=address, timeout=60.0, output=tmp_path)
-    killer.join(timeout=10.0)
-    # Killed in the middle: some rows were there, most were not.
-    assert 0 < killed[0] < COUNT
+    assert [worker.poll() for worker in workers] == [-signal.SIGKILL, None]
     assert table["name"].is_unique
     pd.testing.assert_frame_equal(numbers(table), numbers(serial), check_exact=True)
 
