@@ -9,6 +9,7 @@ One row per world and set of free parameters is written over the row of the same
 each parameter hold the truth (and of fits with something on a bound alone), how wide they are against the quadratic
 interval of white noise (median), how many verdicts were "model wrong", and what the headline costs in fits of the
 same curve, the fit in milliseconds (median) and seconds (slowest), and both together in seconds of processor time.
+A first fit goes before them untimed: what a process loads once is no part of what a curve costs.
 `--stated` hands the fit the noise it was made with. With several seeds there are so many curves of each. Worlds
 are those of `tests/support/worlds.py`; scenes those of `tests/support/user_scenes.py`, with `--elastic` those on
 an elastic base alone, with `--half-space` their tips and depths on a half-space, or with `--one` the single scene
@@ -119,6 +120,12 @@ def measured(test, world, free, rng, *, stated, within):
     return rows
 
 
+def warm_up():
+    """Load what a first fit loads."""
+    rng = np.random.default_rng(0)
+    measured(one_scene(), "clean", ["E", "h"], rng, stated=False, within=None)
+
+
 def scenes_of(args):
     """In words, for the table."""
     return args.scenes if args.within is None else f"{args.scenes}, within {args.within:g}"
@@ -137,6 +144,7 @@ def study(args, world):
     if args.rows is not None and args.rows.exists():
         kept = pd.read_csv(args.rows, dtype={"seed": str})
     frame = kept[(kept[list(key)] == pd.Series(key)).all(axis=1)]
+    warm_up()
     end = time.monotonic() + args.seconds
     for curve in range(frame["curve"].nunique(), args.curves * len(args.seed)):
         if time.monotonic() > end:
