@@ -12,6 +12,7 @@ from underlay.inference.problem import Problem
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.exact import law as direct
+from underlay.mechanics.exact import tip_curves
 from underlay.mechanics.exact.curve_family import (
     STIFF_END,
     IsotropicPair,
@@ -110,6 +111,19 @@ def test_on_a_base_far_softer_still_no_table_is_made():
     """Most of them only told, after up to 0.6 s, that they err by too much."""
     assert tabulated(Sphere(1.0), 1.1e-5, 1e-3, 1e-4) is not None
     assert tabulated(Sphere(1.0), 0.9e-5, 1e-3, 1e-4) is None
+
+
+def test_where_a_curve_is_too_long_for_a_table_none_is_made(monkeypatch):
+    """A plate on a base a thousand times softer, pressed wide: to make its tables took half of a fit."""
+    made = []
+    monkeypatch.setattr(tip_curves, "_placing", lambda *asked: made.append(asked))
+    wide, less = (Sphere(40.0).abel(np.array(width)) for width in (14.0, 5.0))
+    assert tabulated(Sphere(40.0), 1e-3, float(wide), 1e-6) is None
+    assert not made
+    # A shorter one is tried, as is one on a rigid base: a contact that is too wide is told apart by its table.
+    tabulated(Sphere(40.0), 1e-3, float(less), 1e-6)
+    tabulated(Sphere(40.0), None, float(wide), 1e-6)
+    assert len(made) == 2
 
 
 def test_towards_the_equator_a_law_ends_where_its_points_do():

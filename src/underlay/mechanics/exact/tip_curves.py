@@ -52,6 +52,9 @@ _WIDER = 1.03
 _MORE_TERMS = 4  # where an estimate says that a curve is too coarse
 # A sphere's contact ten thicknesses wide takes 28 at 1e-6; beside a solution of its own they cost next to nothing.
 _MOST_TERMS = MOST_IN_POWERS
+# On a softer base a curve that should take more than these errs by too much with the most there may be, and to find
+# that out takes a table. On others it may also be too wide, which the tables say sooner than a solution.
+_HOPELESS = _MOST_TERMS + _MORE_TERMS
 _RANGES_BELOW = 5
 # Of ln k and ln h: a difference of polynomials, whose truncation is 1e-7 of the derivative and rounding 1e-9.
 _STEP = 1e-7
@@ -111,15 +114,18 @@ def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves
 
     Where the range of a contact goes beyond the shape its curve ends there.
     """
-    rows, terms = np.arange(asked.top.size), 0
+    rows, exponent = np.arange(asked.top.size), depth_measure(asked.tip).exponent
+    scales = _scales(asked)
+    terms = curve_terms(scales, range_end(asked.octave), exponent, asked.rtol / UNEVEN)
+    if scales.softness > 0.0 and terms > _HOPELESS:
+        return
+    terms = min(terms, _MOST_TERMS)
     while rows.size and terms <= _MOST_TERMS:
         part = asked.part(rows)
-        placing = _placing(part, depth_measure(asked.tip).exponent)
+        placing = _placing(part, exponent)
         if placing is None:
             return
-        end, tighter = range_end(asked.octave), asked.rtol / UNEVEN
-        count = max(terms, curve_terms(placing.scales, end, placing.exponent, tighter))
-        eps = _within_shape(part, placing, min(count, _MOST_TERMS))
+        eps = _within_shape(part, placing, terms)
         terms = eps.shape[1] + _MORE_TERMS
         numbers = np.array([range_number(last) for last in eps[:, -1].tolist()])
         coarse = np.zeros(rows.size, dtype=bool)
@@ -133,13 +139,11 @@ def tip_curves(asked: TipContacts) -> Iterator[tuple[NDArray[np.intp], TipCurves
 
 
 class _Placing(NamedTuple):
-    """What places the radii: exponent, scales of a body in the middle of the span, ln(a/a_half) against varpi.
+    """What places the radii: ln(a/a_half) against varpi.
 
     `radius` (ratio terms, rows, 4) is in powers of the place of ln k in the span, and of z, as in `CurveFamily`.
     """
 
-    exponent: float
-    scales: Scales
     stretch: Stretch
     radius: FloatArray
 
@@ -153,6 +157,13 @@ class _Placing(NamedTuple):
         for term in self.radius[-2::-1]:
             table = table * place + term
         return table
+
+
+def _scales(asked: TipContacts) -> Scales:
+    """Scales of a body in the middle of the span."""
+    family, span = asked.family, asked.span
+    middle = 1.0 if span is None else ratio_span(span).middle
+    return TABLES.get(("scales", family, span), lambda: family.kernel(middle).scales)
 
 
 def _within_shape(asked: TipContacts, placing: _Placing, count: int) -> FloatArray:
@@ -204,8 +215,7 @@ def _on_a_family(asked: TipContacts, exponent: float) -> _Placing | None:
     table = curve_family(cell)
     if table is None or len(table.edges) > 2:
         return None
-    middle = asked.family.kernel(cell.log_ratios.middle)
-    return _Placing(exponent, middle.scales, table.stretch, table.coefficients[:, 0, Factor.RADIUS])
+    return _Placing(table.stretch, table.coefficients[:, 0, Factor.RADIUS])
 
 
 def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
@@ -214,7 +224,7 @@ def _on_one_body(asked: TipContacts, exponent: float) -> _Placing | None:
         curve = known_curve(problem, range_end(asked.octave), _PLACED).curve
     except RangeError:
         return None
-    return _Placing(exponent, problem.scales, curve.stretch, curve.coefficients[:1, Factor.RADIUS])
+    return _Placing(curve.stretch, curve.coefficients[:1, Factor.RADIUS])
 
 
 def _contracted(asked: TipContacts, eps: FloatArray, softness: float, number: int) -> TipCurves | None:
