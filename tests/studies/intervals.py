@@ -22,6 +22,7 @@ a run goes on where the last one ended.
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
 import time
 from pathlib import Path
@@ -121,7 +122,8 @@ def measured(test, world, free, rng, *, stated, within):
 
 
 def warm_up():
-    """Load what a first fit loads."""
+    """Load what a first fit loads, and what the first one loads whose end another program is to confirm."""
+    importlib.import_module("lmfit")
     rng = np.random.default_rng(0)
     measured(one_scene(), "clean", ["E", "h"], rng, stated=False, within=None)
 
