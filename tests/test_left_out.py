@@ -293,6 +293,24 @@ def test_a_discrepancy_is_a_share_of_friction_and_a_size_of_finite_strain() -> N
     )
 
 
+@pytest.mark.parametrize("size", ["finite_strain", "friction_in_large_strains"])
+def test_a_size_of_what_is_not_known_there_is_refused_as_a_fit_refuses_it(size: str) -> None:
+    """It was continued beyond where it was measured, and was NaN where it has no shape."""
+    sizes = {"friction": 0.0, "finite_strain": 0.0} | {size: 0.5}
+    ball = replace(BALL, discrepancy=ul.Discrepancy(**sizes))
+    end = 0.3 * ball.layer.thickness
+    ball.force(np.linspace(0.0, end, 20))
+    beyond = rf"^discrepancy\.{size} is beyond what is known here: measured for depths up to 0.3 h.*; set it to 0"
+    with pytest.raises(ul.InputError, match=beyond):
+        ball.force(np.linspace(0.0, 1.1 * end, 20))
+    cone = replace(ball, indenter=ul.Cone(np.pi / 2 - 0.3))
+    with pytest.raises(ul.InputError, match="measured for spheres"):
+        cone.force(np.array([0.1 * end]))
+    # Of no size it is not asked.
+    none = replace(cone, discrepancy=ul.Discrepancy(0.0, 0.0))
+    assert none.force(np.array([2.0 * end]))[0] > 0.0
+
+
 def test_a_discrepancy_is_kept_in_a_scene_file_and_refused_beside_what_is_said(tmp_path: Path) -> None:
     given = replace(BALL, discrepancy=ul.Discrepancy(0.3, 0.0, friction_in_large_strains=0.1))
     assert ul.load_scene(given.save(tmp_path / "ball.toml")) == given

@@ -16,14 +16,14 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from underlay._arrays import FloatArray
-from underlay.errors import InputError, RangeError
+from underlay.errors import RangeError
 from underlay.inference.model.laws import LawSource
 from underlay.inference.model.stencils import STENCILS, first_possible
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.discrepant_law import DiscrepantLaw
-from underlay.mechanics.finite_strain import excess_of, further_of, why_unmeasured
+from underlay.mechanics.finite_strain import excess_of, further_of
 from underlay.mechanics.solver import Solver
-from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
+from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, require_known
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 
@@ -79,9 +79,8 @@ class LeftOutLaws:
         deepest = max(float(depth.max()) - scene.instrument.contact_depth, 0.0)
         values = scene.parameters
         strains = [path for path in (FINITE_STRAIN_PATH, BOTH_PATH) if values.get(path) or path in free]
-        why = why_unmeasured(scene.contact, deepest) if strains else ""
-        if why:
-            raise InputError(f"{strains[0]} is beyond what is known here: {why}; set it to 0")
+        if strains:
+            require_known(scene.contact, deepest, strains[0])
         return cls(values, deepest, bool(strains))
 
     def law(self, forward: BuildsBare, values: Mapping[str, float], deepest: float) -> DiscrepantLaw:
