@@ -300,7 +300,9 @@ def test_a_size_of_what_is_not_known_there_is_refused_as_a_fit_refuses_it(size: 
     ball = replace(BALL, discrepancy=ul.Discrepancy(**sizes))
     end = 0.3 * ball.layer.thickness
     ball.force(np.linspace(0.0, end, 20))
-    beyond = rf"^discrepancy\.{size} is beyond what is known here: measured for depths up to 0.3 h.*; set it to 0"
+    beyond = (
+        rf"^discrepancy\.{size} is beyond what is known here: measured for depths up to 0.3 h.*; set it to 0"
+    )
     with pytest.raises(ul.InputError, match=beyond):
         ball.force(np.linspace(0.0, 1.1 * end, 20))
     cone = replace(ball, indenter=ul.Cone(np.pi / 2 - 0.3))

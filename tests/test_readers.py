@@ -227,6 +227,28 @@ def test_more_numbers_than_names_are_refused(text, put):
         read(put(text))
 
 
+@pytest.mark.parametrize(
+    "foot",
+    [
+        "mean,1.5,2.5,\nSD,0.5,0.5,\n",
+        ",,,\nMax.,2,3,\n,,,\n",  # blank rows between, and below
+        "2,1.5,2.5,average\n",  # said in a column that is not read
+        '2,1.5,2.5,"Mittelwert:"\n',
+    ],
+)
+def test_statistics_at_the_foot_of_a_table_are_no_readings(foot, put):
+    readings = "point,depth (nm),force (uN),remark\n0,1,2,\n1,2,3,at most\n"
+    curve = read(put(readings + foot))
+    np.testing.assert_allclose(curve.depth, [1e-9, 2e-9])
+    assert any("rows of statistics at the foot" in note for note in curve.metadata["notes"])
+    plain = read(put(readings))
+    np.testing.assert_allclose(plain.depth, curve.depth)
+    assert not any("statistics" in note for note in plain.metadata.get("notes", ()))
+    # Above the last reading it is a mark of that reading.
+    marked = read(put(readings.replace("0,1,2,", "0,1,2,min")))
+    assert len(marked) == 2
+
+
 @pytest.mark.parametrize("separator", [",", "."])
 def test_thousands_are_not_read_as_decimals(separator, put):
     rows = [f"{10 * i}\t{498 + i}\n" for i in range(98, 100)] + [f"1,0{i}0\t{598 + i}\n" for i in range(3)]

@@ -15,6 +15,7 @@ from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Options, make_curve
 from underlay.data.readers._source import Source
+from underlay.data.readers._statistics import without_statistics
 from underlay.data.readers._text import column_factor, is_number, numbers, split_label, uses_comma
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.errors import FileFormatError, InputError
@@ -118,6 +119,7 @@ def table_curve(
     columns = find_columns(labels, options.columns)
     _check_present(source, labels, columns, options.columns)
     above, below, rows = _take_unit_row(labels, rows)
+    rows, statistics = without_statistics(rows)
     if not rows:
         raise FileFormatError(f"{source.name} names its columns but has no rows of numbers")
     roles = [role for role in ("depth", "force", "time") if role in columns]
@@ -150,7 +152,7 @@ def table_curve(
         segment,
         units=units_found,
         sign_rules=signs,
-        notes=(*note, *_namesakes(labels, columns, options.columns)),
+        notes=(*note, *statistics, *_namesakes(labels, columns, options.columns)),
         **metadata,
     )
 
