@@ -27,7 +27,8 @@ def without_statistics(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence
 
     A row of statistics holds a word for one in any of its cells, used or not; blank rows may stand between.
     """
-    end, found = len(rows), []
+    end = len(rows)
+    found: list[str] = []
     for number in range(len(rows), 0, -1):
         cells = [cell.strip().strip('"') for cell in rows[number - 1]]
         word = next((cell for cell in cells if _plain(cell) in _WORDS), None)
