@@ -4,6 +4,7 @@ import re
 import sys
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import underlay as ul
@@ -13,6 +14,7 @@ from underlay.data.curve_csv import curve_csv
 from underlay.data.plasticity import imprint_of
 from underlay.inference.films import DIAMOND
 from underlay.inference.from_files import load_problem, require_elastic
+from underlay.report.film_tables import film_moduli, film_table
 
 
 @pytest.mark.parametrize("free", [("layer.E",), ("layer.E", "substrate.E")])
@@ -175,6 +177,14 @@ def test_a_layer_that_relaxes_may_come_back_late():
         require_elastic(relaxing.elastic, curve)
 
 
+def test_a_thickness_is_told_as_a_length():
+    start = FILM.with_values({"layer.thickness": 1.2 * FILM.layer.thickness})
+    found = ul.fit_stiffness(made_test(), start, free=("layer.E", "layer.thickness"), area=WORN)
+    told = film_table(found).set_index("parameter")["value"]
+    assert re.fullmatch(r"[\d.]+ [un]m", told["layer.thickness"])
+    assert re.fullmatch("[un]m", film_moduli(found).set_index("parameter")["unit"]["layer.thickness"])
+
+
 def test_the_command_calibrates_the_tip_and_fits_the_film(tmp_path, capsys, monkeypatch):
     film, base, scene = write_films(tmp_path)
     known = f"{160.0 / (1.0 - 0.22**2):.6f} GPa"
@@ -198,6 +208,15 @@ def test_the_command_calibrates_the_tip_and_fits_the_film(tmp_path, capsys, monk
     assert re.search(r"layer\.E\s+(70|69\.9\d?|70\.\d+) GPa", out)
     assert "perfect cone" not in out
     assert (tmp_path / "out" / "oxide.film.png").read_bytes().startswith(b"\x89PNG")
+    # The table says what the screen says, with the units.
+    moduli = pd.read_csv(tmp_path / "out" / "oxide.film.csv").set_index("parameter").loc["layer.E"]
+    assert moduli["unit"] == "GPa"
+    assert moduli["value"] == pytest.approx(70.0, rel=1e-3)
+    assert moduli["low"] <= moduli["value"] <= moduli["high"]
+    depths = pd.read_csv(tmp_path / "out" / "oxide.film.depths.csv")
+    assert {"depth (m)", "stiffness (N/m)", "layer modulus (Pa)", "a/h"} <= set(depths)
+    assert len(depths) == moduli["depths"]
+    assert depths["depth (m)"].max() == pytest.approx(moduli["fitted to (m)"])
     monkeypatch.setattr(sys, "argv", ["underlay", *map(str, words[:6])])
     with pytest.raises(SystemExit) as stop:
         main()

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from underlay._csv_text import csv_text
-from underlay._files import write_atomic
-from underlay.app.folder import AnalysisFolder
+from underlay.app.folder import AnalysisFolder, safe_name
 from underlay.app.kept import keep
 from underlay.app.results import fingerprint, rows_of, stem_of
 from underlay.app.shown import Film, Row
 from underlay.errors import InputError
 from underlay.inference.film_from_files import fit_film
-from underlay.report import plots
+from underlay.report.film_files import write_film
 from underlay.report.film_tables import film_notes, film_table
 from underlay.report.labels import label
 from underlay.report.spoken import spoken
@@ -64,8 +62,7 @@ def film_of(folder: AnalysisFolder, file: SceneFile, base: str, modulus: str, en
     curve = folder.curve_file(file.curve_path.name)
     found = fit_film(file, curve, calibration, modulus or None, ends)
     stem = stem_of(file)
-    write_atomic(folder.result(f"{stem}.film.csv"), csv_text(found.table))
-    plots.save(plots.film(found), folder.result(f"{stem}.film.png"))
+    write_film(found, folder.results, safe_name(stem))
     notes = tuple(spoken(_on_the_page(note)) for note in film_notes(found, perfect=not base))
     film = Film(fingerprint(file), notes, film_rows(film_table(found)), f"{stem}.film.png")
     keep(folder, stem, film)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import require_writable_folder
 from underlay.cli.console import say, say_table
 from underlay.cli.options import CurveFile, OutputFolder, SceneOption
 
@@ -34,9 +34,7 @@ def film(
 
     Example: `underlay film oxide.xls --scene film.toml --calibration silicon.xls --known-modulus "165 GPa"`
     """
-    from underlay._csv_text import csv_text
     from underlay.inference.film_from_files import fit_film
-    from underlay.report import plots
     from underlay.report.film_tables import film_notes, film_table
     from underlay.scene.scene_file import read_scene_file
 
@@ -47,5 +45,7 @@ def film(
     for note in film_notes(found, perfect=calibration is None):
         say(note)
     if output is not None:
-        say(f"wrote {write_atomic(output / f'{curve.stem}.film.csv', csv_text(found.table))}")
-        say(f"wrote {plots.save(plots.film(found), output / f'{curve.stem}.film.png')}")
+        from underlay.report.film_files import write_film
+
+        for path in write_film(found, output, curve.stem):
+            say(f"wrote {path}")

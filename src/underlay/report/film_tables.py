@@ -7,24 +7,36 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from underlay.units import format_quantity
+from underlay._version import VERSION
+from underlay.scene.parameters import kind_of
+from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:
     from underlay.inference.films import StiffnessFit
 
-__all__ = ["film_notes", "film_table"]
+__all__ = ["film_by_depth", "film_moduli", "film_notes", "film_table"]
+
+_UNITS = {
+    "depth": "m",
+    "contact radius": "m",
+    "stiffness": "N/m",
+    "fitted stiffness": "N/m",
+    "noise": "N/m",
+    "half-space modulus": "Pa",
+    "layer modulus": "Pa",
+}
 
 
 def film_table(found: StiffnessFit) -> pd.DataFrame:
-    """Return a row for each modulus, with its interval."""
+    """Return a row for each fitted number, with its interval, as text."""
     rows = []
     for name, value in found.values.items():
-        low, high = found.low[name], found.high[name]
-        ends = f"{format_quantity(low, 'pressure')} to {format_quantity(high, 'pressure')}"
+        low, high, kind = found.low[name], found.high[name], kind_of(name)
+        ends = f"{format_quantity(low, kind)} to {format_quantity(high, kind)}"
         rows.append(
             {
                 "parameter": name,
-                "value": format_quantity(value, "pressure"),
+                "value": format_quantity(value, kind),
                 "95 % interval (a test as a whole)": ends
                 if math.isfinite(high)
                 else "no scatter in the file",
@@ -32,6 +44,44 @@ def film_table(found: StiffnessFit) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
+
+
+def film_moduli(found: StiffnessFit) -> pd.DataFrame:
+    """Return a row for each fitted number, as numbers.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``parameter``, ``value``, its 95 % interval ``low`` to ``high`` (infinite where the file says no scatter),
+        ``unit``, ``1 % more area (%)``, ``left of the trend (%)``, ``fitted from (m)``, ``fitted to (m)``,
+        ``depths``, ``curve`` and ``underlay`` (version).
+    """
+    rows = []
+    for name, value in found.values.items():
+        unit, factor = human_unit(value, kind_of(name))
+        rows.append(
+            {
+                "parameter": name,
+                "value": value / factor,
+                "low": found.low[name] / factor,
+                "high": found.high[name] / factor,
+                "unit": unit,
+                "1 % more area (%)": found.area_sensitivity[name],
+                "left of the trend (%)": 100.0 * found.scatter,
+                "fitted from (m)": float(found.table["depth"].min()),
+                "fitted to (m)": float(found.table["depth"].max()),
+                "depths": len(found.table),
+                "curve": found.table.attrs["curve"],
+                "underlay": VERSION,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def film_by_depth(found: StiffnessFit) -> pd.DataFrame:
+    """Return the table of a film, a row for each depth, with the unit in each name."""
+    units = {name: f"{name} ({unit})" for name, unit in _UNITS.items()}
+    return found.table.rename(columns=units)
 
 
 def film_notes(found: StiffnessFit, *, perfect: bool) -> list[str]:
