@@ -22,6 +22,7 @@ GROUND = {
     "_documents",
     "_door",
     "_files",
+    "_given",
     "_text",
     "_threads",
     "_version",

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from underlay._given import require_given
 from underlay.data.contact_scan import (
     BEFORE,
     ContactEstimate,
@@ -110,6 +111,7 @@ def find_contact(
     >>> abs(contact.depth - 5e-7) < 1e-9
     True
     """
+    require_given(curve, "curve", Curve)
     if method != "auto" and method not in METHODS:
         raise InputError(f"no contact method {method!r}; there are auto, {', '.join(METHODS)}")
     if not (np.isfinite(exponent) and 0.5 <= exponent <= 5.0):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from underlay._given import require_given
 from underlay.data.contact_point import find_contact
 from underlay.data.curve import Curve
 from underlay.errors import CurveError, InputError
@@ -60,6 +61,7 @@ def in_range(curve: Curve, wanted: FitRange, scene: Scene, contact_depth: float 
     >>> bool(np.isclose(part.depth.min(), 2.5e-5)), bool(np.isclose(part.depth.max(), 5e-5))
     (True, True)
     """
+    require_given(curve, "curve", Curve)
     if not wanted:
         return curve
     zero = _zero(curve, scene, contact_depth)

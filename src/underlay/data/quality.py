@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._given import require_given
 from underlay.data.contact_point import ContactPoint, contact_of, reach_of
 from underlay.data.curve import Curve
 from underlay.data.foot import Foot, foot_of
@@ -121,6 +122,7 @@ def check_quality(curve: Curve, scene: Scene | None = None) -> Quality:
     Quality
         Never raises for a bad curve; see `Quality.require`.
     """
+    require_given(curve, "curve", Curve)
     try:
         foot = foot_of(curve)
         loading = curve.way_in()

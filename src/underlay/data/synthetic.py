@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite, positive
+from underlay._given import require_given
 from underlay.data.curve import Curve
 from underlay.data.disturbances import Disturbances
 from underlay.errors import InputError
@@ -61,6 +62,7 @@ def simulate(
     RangeError
         If the law cannot reach the deepest point.
     """
+    require_given(scene, "scene", Scene)
     if depth is None:
         if force is None:
             raise InputError("give the depths (m) or the forces (N) of the readings")

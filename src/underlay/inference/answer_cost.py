@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import positive
+from underlay._given import require_given
 from underlay.data.curve import Curve
 from underlay.errors import InputError, UnderlayError, UnderlayWarning
 from underlay.inference.least_squares import fit
@@ -125,6 +126,7 @@ def answer_cost(
     RangeError
         If the exact law cannot reach `max_depth`.
     """
+    require_given(scene, "scene", Scene)
     if not scene.contact.layered:
         raise InputError("this scene is a half-space: every solver gives the same modulus")
     own = OwnCurve.of(scene, max_depth)

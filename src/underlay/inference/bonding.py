@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from underlay._given import require_given
 from underlay.errors import FitError, InputError
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit
@@ -96,6 +97,7 @@ def compare_bonds(given: Problem | Fit, face: str = "layer") -> BondComparison:
     InputError
         If there is no such face.
     """
+    require_given(given, "given", Problem, Fit)
     problem = given.problem if isinstance(given, Fit) else given
     for scene in problem.base_scenes:
         if not has_face(scene, face):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from underlay._given import require_given
 from underlay.errors import FitError, InputError, ParameterError
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import quick_fit
@@ -123,6 +124,7 @@ def compare(problem: Problem, solvers: Sequence[AnySolver] | None = None) -> Com
     InputError
         If no solver is named.
     """
+    require_given(problem, "problem", Problem)
     candidates = [Published(name) for name in published_names()] if solvers is None else []
     asked = [*_DEFAULT, *candidates] if solvers is None else list(solvers)
     if not asked:

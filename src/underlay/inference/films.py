@@ -19,6 +19,7 @@ import pandas as pd
 from scipy import interpolate, optimize
 
 from underlay._arrays import FloatArray
+from underlay._given import require_given
 from underlay.data.curve import Curve
 from underlay.errors import CurveError, InputError
 from underlay.mechanics.area_function import AreaFunction
@@ -114,6 +115,8 @@ def fit_stiffness(
     InputError
         If the indenter is no cone, or a parameter is none of the scene.
     """
+    require_given(curve, "curve", Curve)
+    require_given(scene, "scene", Scene)
     if not isinstance(scene.indenter, Cone):
         raise InputError(
             "continuous stiffness is read with a pyramid: the indenter is to be its equivalent cone, "

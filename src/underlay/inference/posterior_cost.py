@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import FloatArray
+from underlay._given import require_given
 from underlay.errors import FitError, InputError, UnderlayWarning
 from underlay.inference.answer_cost import CONTACT, MODULUS, THICKNESS, OwnCurve, timed
 from underlay.inference.least_squares import fit
@@ -66,6 +67,7 @@ def posterior_cost(
     InputError
         If the scene has no layer effect or `max_depth` is not positive.
     """
+    require_given(scene, "scene", Scene)
     if not scene.contact.layered:
         raise InputError("this scene is a half-space: its thickness has no posterior")
     own = OwnCurve.of(scene, max_depth, seed)

@@ -20,6 +20,7 @@ for two crossings and fails where one does not exist.
 from __future__ import annotations
 
 from underlay._arrays import FloatArray
+from underlay._given import require_given
 from underlay._threads import one_thread
 from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.headline.averaged_profile import averaged_profile
@@ -85,6 +86,7 @@ def profile(
     FitError
         If too many of the drawn curves cannot be fitted.
     """
+    require_given(problem, "problem", Problem, Fit)
     fit = least_squares_fit(problem) if isinstance(problem, Problem) else problem
     if name in fit.names and name.startswith("noise.") and not calibrate:
         return noise_profile(fit, name)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from underlay._arrays import FloatArray
+from underlay._given import require_given
 from underlay.data.curve import Curve
 from underlay.data.segments import LOADING
 from underlay.errors import CurveError, InputError
@@ -190,6 +191,7 @@ def steps_to_ours(fit: Fit) -> list[Step]:
 
     Every step keeps what the ones before it changed; the last is the least-squares value of the fit.
     """
+    require_given(fit, "fit", Fit)
     told = fit.instrument_moduli.get("layer.E")
     recipe = recipe_of(fit.curves[0])
     radius = fit.scene.parameters.get("indenter.radius")

@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay._given import require_given
 from underlay.errors import InputError, RangeError, UnderlayWarning
 from underlay.mechanics.asymptotic import blunt
 from underlay.mechanics.contact_law import ContactLaw
@@ -26,6 +27,7 @@ from underlay.mechanics.indenters import PowerLawShape, abel_factor
 from underlay.mechanics.published import published_names
 from underlay.mechanics.solver import Solver
 from underlay.mechanics.solvers import AnySolver, Asymptotic, Auto, Exact, HalfSpace, Published, as_solver
+from underlay.scene.scene import Scene
 
 if TYPE_CHECKING:
     from underlay.scene.scene import Scene
@@ -88,6 +90,7 @@ def accuracy_cost(
     RangeError
         If the exact law cannot reach the deepest point.
     """
+    require_given(scene, "scene", Scene)
     depths = _depths(depth)
     if not scene.contact.layered:
         raise InputError("this scene is a half-space: every solver is the same formula and costs the same")

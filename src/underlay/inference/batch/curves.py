@@ -221,9 +221,10 @@ def _of_folders(path: Path, leave_out: set[Path], folders: Sequence[str]) -> lis
     return places
 
 
-def _of_several(curves: Iterable[Curve | str | os.PathLike[str]]) -> list[CurvePlace]:
+def _of_several(curves: object) -> list[CurvePlace]:
+    """Places of curves and paths; none of what cannot be gone through."""
     places = []
-    for index, entry in enumerate(curves):
+    for index, entry in enumerate(curves if isinstance(curves, Iterable) else ()):
         if isinstance(entry, Curve):
             name = str(entry.metadata.get("name") or f"curve {index}")
             places.append(CurvePlace(index, name, str(entry.metadata.get("path") or ""), entry))

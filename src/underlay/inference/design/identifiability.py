@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from underlay._arrays import ArrayLike, FloatArray, read_only
+from underlay._given import require_given
 from underlay._threads import one_thread
 from underlay.errors import InputError
 from underlay.inference.design.information import (
@@ -194,6 +195,7 @@ def identifiability(
     >>> told.combinations[0].verdict
     'fixed'
     """
+    require_given(test, "test", Scene, Problem, Fit)
     if isinstance(test, Scene):
         if depth is None or free is None or noise is None:
             raise InputError(

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from underlay._arrays import FloatArray, read_only
+from underlay._given import require_given
 from underlay._threads import one_thread
 from underlay.errors import InputError, ParameterError
 from underlay.inference.design.grid import Grid
 from underlay.inference.design.information import SPECIMEN, about_specimen, deviation_of
+from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.profiling.constrained import constrained_fit
 from underlay.quantities import path_of
 from underlay.scene.parameters import kind_of
@@ -166,6 +168,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     >>> f"{1e3 * found.radius:.3g} mm"
     '0.5 mm'
     """
+    require_given(fit, "fit", Fit)
     if len(fit.curves) != 1:
         raise InputError(f"a remedy is for a fit of one curve; this one is of {len(fit.curves)}: see plan()")
     specimen = [name for name in fit.names if name.startswith(SPECIMEN)]

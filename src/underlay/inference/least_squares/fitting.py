@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
+from underlay._given import require_given
 from underlay._threads import one_thread
 from underlay.errors import FitError, InputError
 from underlay.inference.least_squares.blocks import blocked_objective, power_law_objective
@@ -88,6 +89,7 @@ def fit(
     FitError
         If no start has a contact law.
     """
+    require_given(problem, "problem", Problem)
     _check(method, robust, start)
     lmfit = Minimiser("least_squares" if robust else method, robust)
     found = _fit_once(problem, lmfit, start)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from underlay._given import require_given
 from underlay.errors import InputError
 from underlay.inference.misfit.left_out import BOTH, FINITE_STRAIN, FRICTION, left_out
 from underlay.inference.priors.densities import Normal
@@ -45,6 +46,7 @@ def free_model_error(problem: Problem) -> Problem:
     >>> ul.free_model_error(problem).names
     ('layer.E', 'discrepancy.friction', 'discrepancy.finite_strain', 'discrepancy.friction_in_large_strains')
     """
+    require_given(problem, "problem", Problem)
     parts = [
         left_out(scene, max(float(curve.depth.max()) - scene.instrument.contact_depth, 0.0))
         for scene, curve in zip(problem.base_scenes, problem.curves, strict=True)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from underlay._arrays import FloatArray
+from underlay._given import require_given
 from underlay.errors import CurveError, InputError
 from underlay.inference.least_squares.fit_result import Fit
 from underlay.inference.least_squares.fitting import fit as least_squares_fit
@@ -148,6 +149,7 @@ def pointwise_modulus(
     >>> bool(found.apparent_halfspace.modulus[-1] > 2e6)
     True
     """
+    require_given(result, "result", Fit, Problem)
     fit = least_squares_fit(result) if isinstance(result, Problem) else result
     if not 0 <= curve < len(fit.curves):
         raise InputError(f"curve must be a number from 0 to {len(fit.curves) - 1}; got {curve!r}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -93,6 +93,7 @@ def select_results(
     InputError
         If a label is missing, the parameter is not free, or the results are of other models.
     """
+    _require_pairs(results)
     curves = []
     frees = {_free(found) for _, found in results}
     if len(frees) > 1:
@@ -117,6 +118,17 @@ def select_results(
             LabelledCurve(head, tuple(str(labels[column]) for column in by), _likelihood(found, parameter))
         )
     return curves
+
+
+def _require_pairs(results: object) -> None:
+    entries = list(results) if isinstance(results, Iterable) else [results]
+    for entry in entries:
+        pair = entry if isinstance(entry, tuple | list) and len(entry) == 2 else (None, None)
+        if not (isinstance(pair[0], Mapping) and isinstance(pair[1], Fit | Posterior | LikelihoodProfile)):
+            raise InputError(
+                "results must be the table of a map, its file, or pairs (labels, result) such as "
+                f"({{'animal': '3'}}, fit), the result a Fit, a Posterior or a profile; got {entry!r:.80}"
+            )
 
 
 def _likelihood(found: Fit | Posterior | LikelihoodProfile, parameter: str) -> CurveLikelihood:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from underlay._arrays import ArrayLike, as_finite
+from underlay._given import require_given
 from underlay.errors import InputError
 from underlay.inference.problem import Problem
 from underlay.inference.sampling.assembly import Making, assemble_posterior
@@ -42,6 +43,7 @@ def posterior_from_chain(problem: Problem, chain: ArrayLike, *, seed: int = 0) -
     InputError
         If the chain has another shape, is too short to be judged, or leaves what the priors allow.
     """
+    require_given(problem, "problem", Problem)
     coords = as_finite(chain, "chain")
     parameters = len(problem.names)
     if coords.ndim != 3 or coords.shape[2] != parameters or coords.shape[0] < MIN_STEPS:

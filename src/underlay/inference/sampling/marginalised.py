@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from underlay._given import require_given
 from underlay.errors import FitError, InputError
 from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.least_squares.fitting import quick_fit
@@ -42,6 +43,7 @@ def marginalised(problem: Problem) -> Problem:
     >>> marginalised(stated) is stated
     True
     """
+    require_given(problem, "problem", Problem)
     if not problem.noise_is_open or problem.likelihood is not None:
         return problem
     try:

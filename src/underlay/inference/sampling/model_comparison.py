@@ -20,6 +20,7 @@ import pandas as pd
 from scipy import special
 
 from underlay._arrays import FloatArray
+from underlay._given import require_given
 from underlay.errors import InputError
 from underlay.inference.least_squares.fitting import quick_fit
 from underlay.inference.model.members import Member
@@ -85,8 +86,7 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     >>> bool(table.loc["exact", "probability"] > 0.99)
     True
     """
-    if len(models) < 2:
-        raise InputError("compare at least two models, e.g. {'exact': (problem, posterior), ...}")
+    _require_models(models)
     first = next(iter(models.values()))[0].curves
     for name, (problem, _) in models.items():
         same = len(problem.curves) == len(first) and all(
@@ -107,6 +107,14 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     table["model_error"] = [posterior.diagnostics.model_error for posterior in posteriors]
     evidences = _evidences([models[str(name)] for name in table.index])
     return table.assign(**evidences)
+
+
+def _require_models(models: object) -> None:
+    if not isinstance(models, Mapping) or len(models) < 2:
+        raise InputError("compare at least two models, e.g. {'exact': (problem, posterior), ...}")
+    for name, pair in models.items():
+        if not (isinstance(pair, Sequence) and [*map(type, pair)] == [Problem, Posterior]):
+            raise InputError(f"model {name!r} must be (problem, posterior); got {pair!r:.80}")
 
 
 def _evidences(models: Sequence[tuple[Problem, Posterior]]) -> dict[str, FloatArray]:
@@ -216,6 +224,7 @@ def with_model_error(problem: Problem, model_error: float) -> Problem:
     >>> 0.002 < wider.stderr["layer.E"] / wider.values["layer.E"] < 0.01
     True
     """
+    require_given(problem, "problem", Problem)
     if not model_error >= 0.0:
         raise InputError(f"model_error is a share of the force, zero or more; got {model_error!r}")
     # Checked before a fit that may take seconds.

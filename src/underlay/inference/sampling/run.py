@@ -24,6 +24,7 @@ import emcee
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._given import require_given
 from underlay._threads import one_thread
 from underlay.errors import UnderlayWarning
 from underlay.inference.least_squares.fitting import determined
@@ -118,6 +119,7 @@ def sample(
     UnderlayWarning
         If it did not converge, or more than 1 % of the model evaluations failed.
     """
+    require_given(problem, "problem", Problem)
     limit = Budget(np.inf if max_steps is not None else _MOST_SECONDS)
     max_steps = _MOST_STEPS if max_steps is None else max_steps
     check_arguments(problem, walkers, max_steps, backend, resume=resume)

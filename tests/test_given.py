@@ -1,0 +1,83 @@
+"""A wrong kind of thing at a public door: what was given, what is wanted, and how to get one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import underlay as ul
+
+WRONG = [None, "nonsense", -1.0, [], object()]
+CURVE = ul.Curve(np.linspace(0.0, 1e-6, 20), np.linspace(0.0, 1e-6, 20))
+SCENE = ul.Scene(ul.Sphere(1e-3), ul.Layer(ul.Isotropic(1e6, 0.45), 1e-3), ul.RIGID)
+
+DOORS = {
+    "a Problem": {
+        "fit": ul.fit,
+        "sample": ul.sample,
+        "compare": ul.compare,
+        "free_model_error": ul.free_model_error,
+        "marginalised": ul.marginalised,
+        "with_model_error": lambda given: ul.with_model_error(given, 0.01),
+        "posterior_from_chain": lambda given: ul.posterior_from_chain(given, np.zeros((10, 4, 2))),
+    },
+    "a Problem or a Fit": {
+        "profile": lambda given: ul.profile(given, "layer.E"),
+        "compare_bonds": ul.compare_bonds,
+    },
+    "a Fit or a Problem": {"pointwise_modulus": ul.pointwise_modulus},
+    "a Scene or a Problem or a Fit": {"identifiability": ul.identifiability},
+    "a Fit": {"remedy": lambda given: ul.remedy(given, "layer.E"), "steps_to_ours": ul.steps_to_ours},
+    "a Scene": {
+        "simulate": lambda given: ul.simulate(given, [0.0, 1e-6]),
+        "accuracy_cost": lambda given: ul.accuracy_cost(given, [1e-6]),
+        "answer_cost": lambda given: ul.answer_cost(given, 1e-6),
+        "posterior_cost": lambda given: ul.posterior_cost(given, 1e-6),
+        "fit_stiffness": lambda given: ul.fit_stiffness(CURVE, given),
+    },
+    "a Curve": {
+        "check_quality": ul.check_quality,
+        "find_contact": ul.find_contact,
+        "fit_stiffness": lambda given: ul.fit_stiffness(given, SCENE),
+    },
+}
+CASES = [(wanted, name) for wanted, doors in DOORS.items() for name in doors]
+
+
+@pytest.mark.parametrize(("wanted", "name"), CASES)
+def test_a_wrong_kind_is_told_with_the_way_to_the_right_one(wanted: str, name: str) -> None:
+    for given in WRONG:
+        kind = "None" if given is None else type(given).__name__
+        with pytest.raises(ul.InputError, match=rf"must be {wanted}; got {kind}.*: ul\.[A-Za-z_.]+\("):
+            DOORS[wanted][name](given)
+
+
+def test_the_file_of_a_curve_in_place_of_a_problem() -> None:
+    with pytest.raises(ul.InputError) as told:
+        ul.fit("curve.csv")
+    assert str(told.value) == (
+        "problem must be a Problem; got str 'curve.csv': ul.Problem(scene, curve, free) or "
+        "ul.load_problem(curve_file, scene_file) makes one"
+    )
+
+
+@pytest.mark.parametrize("given", [None, -1.0, [SCENE], [({}, None)], [({}, SCENE)]])
+def test_results_of_a_population_are_told(given: object) -> None:
+    with pytest.raises(
+        ul.InputError, match=r"results must be the table of a map, its file, or pairs \(labels"
+    ):
+        ul.population(given, by=["animal"])
+
+
+@pytest.mark.parametrize(
+    "given", [None, [], {"one": None}, {"one": (1, 2), "two": (3, 4)}, {"a": "ab", "b": "cd"}]
+)
+def test_models_that_are_compared_are_told(given: object) -> None:
+    with pytest.raises(ul.InputError, match=r"compare at least two models|must be \(problem, posterior\)"):
+        ul.compare_models(given)
+
+
+@pytest.mark.parametrize("given", [None, -1.0, object()])
+def test_curves_of_a_map_are_told(given: object) -> None:
+    with pytest.raises(ul.InputError, match="give a folder with curve files, files, or curves"):
+        ul.fit_many(given, SCENE, {"layer.E": None})
