@@ -247,10 +247,11 @@ class _Run:
 
         It may know the quantiles less well where they are `known` otherwise.
         """
-        next_check = max(_FIRST_CHECK, self.steps)
-        outcome = judge(self.coords, self.max_steps, known=known) if self.steps else None
-        if self.steps == self.max_steps or (outcome is not None and outcome.converged):
-            return outcome if outcome is not None else judge(self.coords, self.max_steps, known=known)
+        next_check = _check_from(self.steps)
+        if self.steps in (next_check, self.max_steps):
+            outcome = judge(self.coords, self.max_steps, known=known)
+            if self.steps == self.max_steps or outcome.converged:
+                return outcome
         try:
             for state in self._sampler.sample(
                 self._state,
@@ -269,7 +270,7 @@ class _Run:
                         return self._cut(
                             f"not converged: stopped, {_MOST_SECONDS:.0f} s of processor time being used up,"
                         )
-                    next_check = int(np.ceil(self.steps * _GROWTH))
+                    next_check = _check_from(self.steps + 1)
         except KeyboardInterrupt:
             if self.steps < MIN_STEPS:
                 raise
@@ -291,6 +292,14 @@ class _Run:
         self._coords[self.steps] = state.coords
         self._log_density[self.steps] = state.log_prob
         self.steps += 1
+
+
+def _check_from(steps: int) -> int:
+    """First number of steps, `steps` or more, at which a chain is judged: the same however often it was stopped."""
+    check = _FIRST_CHECK
+    while check < steps:
+        check = int(np.ceil(check * _GROWTH))
+    return check
 
 
 @contextmanager
