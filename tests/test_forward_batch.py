@@ -5,7 +5,7 @@ import pytest
 
 from underlay.data.curve import Curve
 from underlay.errors import InputError
-from underlay.inference.model import forward_batch
+from underlay.inference.model import adhesion_batch, batch_readings, forward_batch, ratio_batch
 from underlay.inference.priors.densities import LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
 from underlay.mechanics.body import RIGID, Layer
@@ -82,6 +82,12 @@ def draws(problem, count, seed=0):
     return np.column_stack([prior.sample(rng, count) for prior in problem.priors.values()])
 
 
+def replace_set_by_set(monkeypatch, other):
+    """Another way for the sets that no batch takes."""
+    for module in (adhesion_batch, forward_batch, ratio_batch):
+        monkeypatch.setattr(module, "set_by_set", other)
+
+
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6])
 @pytest.mark.parametrize("name", CASES)
 def test_a_batch_is_its_members(name, rtol, monkeypatch):
@@ -90,13 +96,12 @@ def test_a_batch_is_its_members(name, rtol, monkeypatch):
     member = problem.members[0]
     physical = draws(problem, 40)
     alone = []
-    one_by_one = forward_batch._one_by_one
 
     def counted(forward, values, rows, readings):
         alone.extend(rows)
-        return one_by_one(forward, values, rows, readings)
+        return batch_readings.set_by_set(forward, values, rows, readings)
 
-    monkeypatch.setattr(forward_batch, "_one_by_one", counted)
+    replace_set_by_set(monkeypatch, counted)
     batch = member.readings(physical)
     # A few sets, on very soft bases, are too coarse on the nodes of their group and go alone.
     assert len(alone) <= 8 if together else len(alone) == 40
@@ -127,7 +132,7 @@ def test_a_sphere_is_read_off_a_surface_up_to_near_its_end(rtol, base, monkeypat
     problem = Problem(scene, curve, E | base | CONTACT, Noise(force=1e-3), solver=Auto(rtol))
     member, physical = problem.members[0], draws(problem, 12)
     alone = np.array([member.reading(vector).contact for vector in physical])
-    monkeypatch.setattr(forward_batch, "_one_by_one", lambda *asked: asked[-1])
+    replace_set_by_set(monkeypatch, lambda *asked: asked[-1])
     batch = member.readings(physical, stiffness=False)
     assert batch.possible.all()
     top = np.abs(alone).max(axis=1, keepdims=True)

@@ -10,8 +10,9 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.data.curve import Curve
+from underlay.inference.model.batch_readings import Readings
 from underlay.inference.model.forward import Forward, Reading
-from underlay.inference.model.forward_batch import Readings, batched_readings
+from underlay.inference.model.forward_batch import batched_readings
 from underlay.inference.model.laws import LawStore
 from underlay.inference.model.noise_start import scatter
 from underlay.inference.model.parameter_sets import Values

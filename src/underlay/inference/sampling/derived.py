@@ -16,7 +16,7 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.adhesive_numbers import ADHESIVE
-from underlay.inference.model.forward_batch import batched_pull_offs
+from underlay.inference.model.adhesion_batch import batched_pull_offs
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.inference.relaxed_moduli import relaxed_moduli

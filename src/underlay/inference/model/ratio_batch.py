@@ -1,0 +1,199 @@
+"""Many parameter sets of a sample whose force depends on the depth alone, by what of their ratios varies."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from underlay.errors import InputError, RangeError
+from underlay.inference.model.batch_readings import Readings, set_by_set
+from underlay.inference.model.exact_groups import exact_groups
+from underlay.inference.model.parameter_sets import ParameterSets
+from underlay.inference.model.stack_groups import has_stack_batches, stack_groups, stacked
+from underlay.inference.model.tables import OneRatio
+from underlay.mechanics.exact.family_batch import family_batch
+from underlay.mechanics.indenters import PowerLawShape
+from underlay.mechanics.plane_constants import PlaneConstants, isotropic_constants
+
+__all__ = ["by_one_law", "by_ratios", "goes_together", "has_exact_batches"]
+
+
+def by_ratios(asked: ParameterSets, empty: Readings, *, stiffness: bool) -> Readings:
+    """All sets by what of their ratios varies."""
+    table = asked.forward.laws.table
+    entry = None if stiffness else _entry_of_surfaces(asked)
+    if asked.shared is not None:
+        readings = by_one_law(asked, asked.shared, stiffness=stiffness)
+    elif table is not None:
+        readings = _from_tables(asked, table, stiffness=stiffness)
+    elif entry is not None:
+        readings = _on_surfaces(asked, entry)
+    elif has_exact_batches(asked):
+        readings = _in_groups(asked, stiffness=stiffness)
+    elif has_stack_batches(asked):
+        readings = _in_stack_groups(asked, stiffness=stiffness)
+    else:
+        readings = set_by_set(asked.forward, asked.values, range(asked.sets), empty)
+    return readings
+
+
+def goes_together(asked: ParameterSets) -> bool:
+    """Whether sets that differ in their depths go together."""
+    tabulated = asked.shared is not None or asked.forward.laws.table is not None
+    return tabulated or has_exact_batches(asked) or has_stack_batches(asked)
+
+
+def by_one_law(asked: ParameterSets, reduced: tuple[float, ...], *, stiffness: bool) -> Readings:
+    """All sets through one law, another only where the range it needs belongs to another span."""
+    readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
+    b, c = asked.factors
+    depth = b * asked.deepest
+    spans = asked.forward.laws.spans(depth)
+    alone: list[int] = []
+    for span in np.unique(spans):
+        rows = np.flatnonzero(spans == span)
+        try:
+            law = asked.forward.reference_law(reduced, float(depth[rows].max()))
+            w = b[rows, None] * asked.tip[rows]
+            if stiffness:
+                force, slope = law.force_and_stiffness(w)
+                readings.stiffness[rows] = (b * c)[rows, None] * slope
+            else:
+                force = law.force(w)
+            readings.contact[rows] = c[rows, None] * force
+        except InputError:
+            # One of them is out of reach: the others are not.
+            alone += rows.tolist()
+            continue
+        readings.possible[rows] = True
+    readings = readings._replace(force=asked.instrument_force(readings.contact))
+    return set_by_set(asked.forward, asked.values, alone, readings)
+
+
+def _from_tables(asked: ParameterSets, table: OneRatio, *, stiffness: bool) -> Readings:
+    """All sets through the tables of the exact law; those without a table one by one."""
+    scene = asked.forward.similarity.scene
+    if not isinstance(scene.indenter, PowerLawShape):
+        raise TypeError(f"only power-law tips are tabulated, not {scene.indenter!r}")
+    if table.family is None:
+        raise TypeError("one body alone needs no table of many")
+    layer_E, nu = asked.column("layer.E")[:, 0], float(asked.values["layer.nu"])
+    thickness = np.ascontiguousarray(asked.column("layer.thickness")[:, 0])
+    # On a rigid base no ratio varies: there one law serves all.
+    curves = family_batch(
+        scene.indenter,
+        family=table.family,
+        ratio=asked.column(table.path)[:, 0] / asked.column(table.over)[:, 0],
+        varpi=asked.varpi(thickness),
+        rtol=asked.rtol,
+    )
+    theta = asked.gain * np.asarray(isotropic_constants(layer_E, nu).theta, dtype=np.float64)
+    arguments = (asked.tip, theta, thickness, asked.abel_coefficients())
+    contact = curves.force(*arguments)
+    slopes = curves.stiffness(*arguments) if stiffness else np.zeros_like(contact)
+    possible = curves.error_estimate <= asked.rtol
+    readings = Readings(contact, slopes, asked.instrument_force(contact), possible)
+    return set_by_set(asked.forward, asked.values, np.flatnonzero(~possible).tolist(), readings)
+
+
+def has_exact_batches(asked: ParameterSets) -> bool:
+    """Whether the exact law of an isotropic layer on an isotropic or rigid base may be taken."""
+    laws = asked.forward.laws
+    fixed_shape = isinstance(laws.contact.indenter, PowerLawShape) or not asked.varies("indenter.radius")
+    return fixed_shape and laws.solver.has_batches(laws.contact)
+
+
+def _in_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
+    """All sets through compiled batches of the exact law."""
+    readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
+    inner = isotropic_constants(asked.column("layer.E"), asked.column("layer.nu"))
+    theta = np.asarray(inner.theta)[:, 0]
+    outer, hardness = None, np.full(asked.sets, np.inf)
+    if "substrate.E" in asked.values:
+        outer = isotropic_constants(asked.column("substrate.E"), asked.column("substrate.nu"))
+        hardness = np.asarray(outer.theta)[:, 0] / theta
+    thickness = np.ascontiguousarray(asked.column("layer.thickness")[:, 0])
+    abel = asked.abel_coefficients()
+    alone: list[int] = []
+    for rows, compiled in exact_groups(asked, hardness, thickness):
+        if compiled is None:
+            alone += rows.tolist()
+            continue
+        base = None if outer is None else _take(outer, rows)
+        curves = compiled.curves(_take(inner, rows), base, thickness[rows])
+        stiff = asked.gain[rows] * theta[rows]
+        arguments = (asked.tip[rows], stiff, thickness[rows], None if abel is None else abel[rows])
+        try:
+            readings.contact[rows] = curves.force(*arguments)
+            if stiffness:
+                readings.stiffness[rows] = curves.stiffness(*arguments)
+        except RangeError:
+            # The shape ends before the group's range does: each set knows its own reach.
+            alone += rows.tolist()
+            continue
+        fine = np.broadcast_to(curves.error_estimate <= asked.rtol, rows.size)
+        readings.possible[rows[fine]] = True
+        alone += rows[~fine].tolist()
+    readings = readings._replace(force=asked.instrument_force(readings.contact))
+    return set_by_set(asked.forward, asked.values, alone, readings)
+
+
+def _in_stack_groups(asked: ParameterSets, *, stiffness: bool) -> Readings:
+    """All sets of a stack through compiled batches of the exact law."""
+    readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
+    thickness = np.ascontiguousarray(asked.column("layer.thickness")[:, 0])
+    abel = asked.abel_coefficients()
+    alone: list[int] = []
+    for rows, compiled in stack_groups(asked):
+        if compiled is None:
+            alone += rows.tolist()
+            continue
+        kernel, theta = stacked(asked, rows)
+        curves = compiled.curves_of(kernel.one_minus_L(compiled.u))
+        stiff = asked.gain[rows] * theta
+        arguments = (asked.tip[rows], stiff, thickness[rows], None if abel is None else abel[rows])
+        readings.contact[rows] = curves.force(*arguments)
+        if stiffness:
+            readings.stiffness[rows] = curves.stiffness(*arguments)
+        fine = np.broadcast_to(curves.error_estimate <= asked.rtol, rows.size)
+        readings.possible[rows[fine]] = True
+        alone += rows[~fine].tolist()
+    readings = readings._replace(force=asked.instrument_force(readings.contact))
+    return set_by_set(asked.forward, asked.values, alone, readings)
+
+
+def _entry_of_surfaces(asked: ParameterSets) -> int | None:
+    """Number of the one ratio that varies, where the laws are read off surfaces in it; else None."""
+    laws = asked.forward.laws
+    varying = [entry for entry, ratio in enumerate(asked.ratios) if isinstance(ratio, np.ndarray)]
+    if len(varying) != 1 or not laws.solver.has_surfaces(laws.contact):
+        return None
+    # Of a tip that slides the laws of a surface are read off its tables, or it is dearer than what it saves.
+    return varying[0] if laws.contact.sticks or laws.tips is not None else None
+
+
+def _on_surfaces(asked: ParameterSets, entry: int) -> Readings:
+    """All sets off surfaces; those without one by one."""
+    # Not loaded for laws that have tables.
+    from underlay.inference.model.ratio_surface import surfaces  # noqa: PLC0415  see above
+
+    readings = Readings.empty(asked.sets, asked.forward.depth.shape[-1])
+    b, c = asked.factors
+    touching = np.flatnonzero(asked.deepest > 0.0)
+    found = surfaces(
+        asked.forward.laws, entry, asked.ratios, asked.ratios[entry][touching], (b * asked.deepest)[touching]
+    )
+    readings.possible[asked.deepest <= 0.0] = True
+    for within, numbers, surface in found:
+        if surface is not None:
+            rows = touching[within]
+            readings.contact[rows] = c[rows, None] * surface.force(numbers, b[rows, None] * asked.tip[rows])
+            readings.possible[rows] = True
+    readings = readings._replace(force=asked.instrument_force(readings.contact))
+    alone = np.flatnonzero(~readings.possible).tolist()
+    return set_by_set(asked.forward, asked.values, alone, readings)
+
+
+def _take(constants: PlaneConstants, rows: NDArray[np.intp]) -> PlaneConstants:
+    """Plane constants of some of the sets, entries (rows, 1)."""
+    return PlaneConstants(*(np.asarray(entry)[rows] for entry in constants))
