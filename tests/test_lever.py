@@ -7,6 +7,7 @@ import underlay as ul
 from support import microscope_files
 from underlay.errors import InputError, ParameterError, RangeError
 from underlay.inference.from_files import load_problem
+from underlay.inference.misfit.blocked import Blocked
 from underlay.report.scene_tables import scene_table
 
 K = 0.05
@@ -118,6 +119,20 @@ def test_the_likelihood_is_that_of_the_scenes_own_force(body):
             np.testing.assert_allclose(
                 column, change / (2.0 * step[entry]), atol=1e-4 * np.abs(column).max(), err_msg=path
             )
+
+
+def test_a_drift_of_the_law_goes_by_the_depths_of_the_model():
+    """The depths of drift and jump are those at which the law has its force: no noise of the readings is in them."""
+    scene = ul.Scene(
+        *BODIES["half-space"], ul.Instrument(3e-7, 2e-10, 5e-5, 1.0), lever=ul.Lever(K, 1.1, 0.95)
+    )
+    depth = np.linspace(-5e-7, 1e-6, 100)
+    curve = ul.synthesize(scene, depth, ul.Noise(force=0.05 * float(np.ptp(scene.force(depth)))), rng=1)
+    problem = ul.Problem(scene, curve, {"layer.E": None, CONTACT: None, SIGMA: ul.LogNormal(1.0, 0.05)})
+    vector = problem.vector({name: scene.parameters[name] for name in problem.names})
+    (part,) = Blocked.of(problem, vector).linearised(vector).parts
+    force = scene.lever.gain * scene.contact_law(2e-6).force(part.depth)
+    np.testing.assert_allclose(part.force * problem.members[0].scatter, force, atol=1e-6 * force.max())
 
 
 def test_noise_is_not_taken_for_bending():

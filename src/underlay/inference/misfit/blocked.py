@@ -26,7 +26,7 @@ from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.solver import Solver
-from underlay.scene.chain import Chain, ContactDepth
+from underlay.scene.chain import Chain, ContactDepth, Frame
 
 __all__ = ["Blocked", "BlockedCurve"]
 
@@ -177,8 +177,9 @@ class BlockedCurve:
         reading, own = self.forward.jacobian(values, tuple(self.member.entries), rough=True)
         columns = np.zeros((len(self.force), len(physical) + len(errors)))
         columns[:, entries] = own * slopes[entries]
-        bent = values["instrument.compliance"] * reading.contact
-        depth = self.forward.depth_at(values) - values[ContactDepth.path] - bent
+        # What a lever and a frame give goes by the model's forces: the measured ones bring their noise.
+        bent = self.forward.lever_compliances(values) * reading.force + values[Frame.path] * reading.contact
+        depth = self.forward.depth - values[ContactDepth.path] - bent
         deepest_of(depth)
         if errors:
             deepest = max(float(depth.max()), 0.0)
