@@ -122,7 +122,7 @@ def test_the_likelihood_is_that_of_the_scenes_own_force(body):
 
 
 def test_a_drift_of_the_law_goes_by_the_depths_of_the_model():
-    """The depths of drift and jump are those at which the law has its force: no noise of the readings is in them."""
+    """Drift and jump have the depths at which the law has its force: no noise of the readings is in them."""
     scene = ul.Scene(
         *BODIES["half-space"], ul.Instrument(3e-7, 2e-10, 5e-5, 1.0), lever=ul.Lever(K, 1.1, 0.95)
     )
