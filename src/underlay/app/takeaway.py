@@ -12,7 +12,6 @@ from underlay.app.many import judged_table
 from underlay.app.results import stem_of
 from underlay.app.shown import Found
 from underlay.errors import InputError
-from underlay.inference.batch.fresh_process import ONE_THREAD
 from underlay.inference.least_squares import Fit
 from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.report.excel import excel_bytes
@@ -40,12 +39,9 @@ def script(file: SceneFile, values: dict[str, str]) -> str:
     if file.curve_path is None:
         raise InputError("pick a curve first")
     found = "".join(f"    {name!r}: {value},\n" for name, value in values.items())
-    threads = "".join(f"    {name!r},\n" for name in ONE_THREAD)
     return (
         '"""The analysis of the page, as Python: the same curve, the same scene, the same numbers."""\n\n'
-        "import os\nfrom pathlib import Path\n\n"
-        "# One thread for linear algebra, as on the page: sums are then the same to the last bit.\n"
-        f'for name in (\n{threads}):\n    os.environ[name] = "1"\n\n'
+        "from pathlib import Path\n\n"
         "import underlay as ul\n\n"
         "here = Path(__file__).parent\n"
         f"problem = ul.load_problem(here / 'curves' / {file.curve_path.name!r}, here / 'scene.toml')\n"

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import ModuleType
 
-__all__ = ["ONE_THREAD", "start_of_a_process"]
+__all__ = ["start_of_a_process"]
 
 #: One thread each: the matrices here are small, and threads of several processes would fight for the cores.
 #: It also makes the last bit of every sum the same, whatever the machine and its load.
-ONE_THREAD = (
+_ONE_THREAD = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
@@ -23,7 +23,7 @@ ONE_THREAD = (
     "NUMEXPR_NUM_THREADS",
 )
 # A new Python would look for every module in the folder it is started in first, where the data may be.
-_ENVIRONMENT = dict.fromkeys((*ONE_THREAD, "PYTHONSAFEPATH"), "1")
+_ENVIRONMENT = dict.fromkeys((*_ONE_THREAD, "PYTHONSAFEPATH"), "1")
 
 
 @contextmanager
