@@ -61,6 +61,14 @@ def test_the_file_of_a_curve_in_place_of_a_problem() -> None:
     )
 
 
+@pytest.mark.parametrize("given", [None, -1.0, "layer.E"])
+def test_what_is_free_is_told(given: object) -> None:
+    with pytest.raises(
+        ul.InputError, match=r'free must be paths with their priors, such as \{"layer.E": None\}'
+    ):
+        ul.Problem(SCENE, CURVE, given)
+
+
 @pytest.mark.parametrize("given", [None, -1.0, [SCENE], [({}, None)], [({}, SCENE)]])
 def test_results_of_a_population_are_told(given: object) -> None:
     with pytest.raises(

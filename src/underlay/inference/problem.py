@@ -160,7 +160,7 @@ class Problem:
         noise: NoiseModel | Sequence[NoiseModel | None] | None,
         solver: Solver,
     ) -> None:
-        self.free: dict[str, Given] = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+        self.free = _by_path(free)
         self.shared = shared
         self.noise = noise
         #: What builds the contact laws.
@@ -346,3 +346,15 @@ class Problem:
                 f"got shape {q.shape}"
             )
         return q
+
+
+def _by_path(free: object) -> dict[str, Given]:
+    """Priors by the path of what is not known, given as a mapping or as paths alone."""
+    if isinstance(free, Mapping):
+        return dict(free)
+    if isinstance(free, str) or not isinstance(free, Iterable):
+        raise InputError(
+            'free must be paths with their priors, such as {"layer.E": None} or '
+            f'{{"layer.E": ul.LogUniform(1e3, 1e6)}}, or paths alone; got {free!r:.80}'
+        )
+    return dict.fromkeys(free)
