@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import warnings
 from pathlib import Path
 
 import emcee
@@ -274,11 +275,13 @@ def test_a_good_model_fails_nowhere(plain):
 
 def test_a_chain_stopped_and_resumed_is_the_chain_never_stopped(tmp_path):
     whole = sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3)
-    # Before it is judged first, and shortly before it was judged last.
+    # Before it is judged first, and shortly before it was judged last: there it may be good enough already.
     for number, stop in enumerate((90, whole.diagnostics.steps - 3)):
         path = tmp_path / f"chain{number}.h5"
-        with pytest.warns(UnderlayWarning, match="not converged"):
-            sample(halfspace_problem(), walkers=8, max_steps=stop, rng=3, backend=path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnderlayWarning)
+            stopped = sample(halfspace_problem(), walkers=8, max_steps=stop, rng=3, backend=path)
+        assert stopped.diagnostics.steps == stop
         resumed = sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
         assert resumed.diagnostics.steps == whole.diagnostics.steps
         np.testing.assert_array_equal(resumed.chain, whole.chain)
