@@ -54,6 +54,19 @@ def test_the_interval_is_that_of_a_test_as_a_whole():
     assert (silent.low["layer.E"], silent.high["layer.E"]) == (0.0, np.inf)
 
 
+def test_the_picture_names_its_band_and_the_line_of_the_fit():
+    found = ul.fit_stiffness(made_test(scatter=0.01), FILM, area=WORN)
+    ax = ul.plots.film(found)
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    # The whole test's interval is a mean over the depths of what the noise of each leaves.
+    told = np.log(found.high["layer.E"] / found.values["layer.E"])
+    band = 1.96 * (found.table["layer modulus noise"] / found.table["layer modulus"])
+    assert band.min() < told < band.max()
+    top = ax.collections[0].get_paths()[0].get_extents().y1 * 1e9
+    assert top == pytest.approx((found.table["layer modulus"] * np.exp(band)).max(), rel=1e-6)
+    assert names == ["half-space formula", "noise, 95 %", "film, base in the model", "fit"]
+
+
 def test_what_the_area_does_is_said_before_it_is_known():
     curve = made_test()
     found = ul.fit_stiffness(curve, FILM, area=WORN)

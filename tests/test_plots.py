@@ -216,6 +216,31 @@ def test_profile_shades_its_own_interval(fit):
     plt.close("all")
 
 
+def test_profile_draws_the_standard_error_by_its_own_width_and_an_open_end_out_of_the_picture(fit):
+    walk = ul.profile(fit, "layer.thickness")
+    # An optimum beside the profile, known a thousand times as well as the profile says; nothing ends it below.
+    name, aside = "layer.thickness", 2.0 * walk.values[-1]
+    sharp = replace(fit, values={**fit.values, name: aside}, stderr={**fit.stderr, name: 1e-7})
+    kept = walk.delta_chi_square < 1.0
+    kept |= np.arange(len(kept)) > walk.best
+    open_below = replace(
+        walk,
+        fit=sharp,
+        values=walk.values[kept],
+        vectors=walk.vectors[kept],
+        delta_chi_square=walk.delta_chi_square[kept],
+        ends=("none", walk.ends[1]),
+    )
+    ax = ul.plots.profile(open_below)
+    parabola = next(line for line in ax.get_lines() if line.get_label() == "standard error")
+    assert parabola.get_ydata().min() == pytest.approx(0.0, abs=1e-12)
+    assert parabola.get_ydata().max() == pytest.approx(ax.get_ylim()[1])
+    assert ax.get_xlim()[0] < aside / 1e-3 < ax.get_xlim()[1]
+    box = ax.patches[0].get_extents().transformed(ax.transData.inverted())
+    assert box.x0 == pytest.approx(ax.get_xlim()[0])
+    plt.close("all")
+
+
 def moved(walk, factor, rise):
     """Return a branch: the walk with its parameter times `factor`, everywhere higher by `rise`."""
     index = walk.fit.names.index(walk.name)
@@ -284,6 +309,8 @@ def test_verdicts_have_a_colour_a_shape_and_a_count_each():
 def test_histogram_counts_every_curve_once():
     ax = ul.plots.histogram(site_table())
     assert sum(bar.get_height() for bar in ax.patches) == 11
+    few = ul.plots.histogram(site_table().head(3))
+    assert all(float(tick).is_integer() for tick in few.get_yticks())
     with pytest.raises(InputError, match="no column 'height'"):
         ul.plots.histogram(site_table(), "height")
     plt.close("all")

@@ -234,6 +234,7 @@ def test_more_numbers_than_names_are_refused(text, put):
         ",,,\nMax.,2,3,\n,,,\n",  # blank rows between, and below
         "2,1.5,2.5,average\n",  # said in a column that is not read
         '2,1.5,2.5,"Mittelwert:"\n',
+        "Mean ± SD,1.5,2.5,\nAverage (n=2),1.5,2.5,\nmean+/-sem,1.5,2.5,\n",
     ],
 )
 def test_statistics_at_the_foot_of_a_table_are_no_readings(foot, put):

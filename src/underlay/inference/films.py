@@ -61,7 +61,7 @@ class StiffnessFit:
     table : pandas.DataFrame
         One row per depth (SI): ``depth``, ``contact radius``, ``a/h``, ``stiffness``, ``fitted stiffness``,
         ``noise`` (of the stiffness), ``half-space modulus`` (by Oliver and Pharr, tip taken out) and
-        ``layer modulus`` (base taken out as well).
+        ``layer modulus`` (base taken out as well) with ``layer modulus noise``, what the stiffness's makes of it.
     scene : Scene
         With the fitted values.
     """
@@ -312,5 +312,6 @@ def _table(
         power = slopes[:, model.free.index("layer.E")]
         # To first order: the film's modulus that takes the rest of the difference at this depth.
         frame["layer modulus"] = scene.layer.material.E * np.exp((measured.log_stiffness - fitted) / power)
+        frame["layer modulus noise"] = frame["layer modulus"] * measured.scatter / power
     frame.attrs["curve"] = str(curve.metadata.get("name") or "")
     return frame

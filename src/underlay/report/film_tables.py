@@ -24,6 +24,7 @@ _UNITS = {
     "noise": "N/m",
     "half-space modulus": "Pa",
     "layer modulus": "Pa",
+    "layer modulus noise": "Pa",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from underlay._text import names_there
@@ -31,7 +32,7 @@ def without_statistics(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence
     found: list[str] = []
     for number in range(len(rows), 0, -1):
         cells = [cell.strip().strip('"') for cell in rows[number - 1]]
-        word = next((cell for cell in cells if _plain(cell) in _WORDS), None)
+        word = next((cell for cell in cells if _is_statistic(cell)), None)
         if word is None and any(cells):
             break
         if word is not None:
@@ -43,5 +44,11 @@ def without_statistics(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence
     return rows[:end], (f"not read: rows of statistics at the foot of the table, {names_there(found)}",)
 
 
-def _plain(cell: str) -> str:
-    return cell.lower().rstrip(" .:=%()").strip()
+def _is_statistic(cell: str) -> bool:
+    """Whether a cell is a word for one, or several of them such as "Mean ± SD"; what stands in brackets aside."""
+    bare = re.sub(r"[(\[].*?[)\]]", "", cell.lower())
+    return all(_plain(part) in _WORDS for part in re.split(r"±|\+/?-|[/&]", bare))
+
+
+def _plain(words: str) -> str:
+    return words.rstrip(" .:=%()").strip()

@@ -64,8 +64,10 @@ def effects(
             drawn.axhline(100.0 * wanted.tolerance, color=GREY, ls=":", lw=1.0)
             drawn.annotate(
                 f"rtol = {wanted.tolerance:g}",
-                (0.01, 100.0 * wanted.tolerance),
+                # On the right, where effects are large.
+                (0.99, 100.0 * wanted.tolerance),
                 xycoords=("axes fraction", "data"),
+                ha="right",
                 va="bottom",
                 fontsize=7.0,
             )

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 __all__ = ["film"]
 
+# Standard deviations to the ends of 95 %.
+_WIDTH = 1.96
+
 
 def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
     """Draw what the contact stiffness says of a film at each depth.
@@ -31,7 +34,6 @@ def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
     """
     table = found.table
     depth, bare = table["depth"].to_numpy(), table["half-space modulus"].to_numpy()
-    noise = (table["noise"] / table["stiffness"]).to_numpy()
     length, metre = unit_for(depth, "length")
     name, pascal = unit_for(bare, "pressure")
     with style():
@@ -41,9 +43,12 @@ def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
         )
         if "layer modulus" in table:
             layer = table["layer modulus"].to_numpy()
+            noise = table["layer modulus noise"].to_numpy() / layer
             if np.isfinite(noise).all():
-                low, high = (layer * np.exp(sign * 2.0 * noise) / pascal for sign in (-1.0, 1.0))
-                panel.fill_between(depth / metre, low, high, color=FIT, alpha=0.2, lw=0.0)
+                low, high = (layer * np.exp(sign * _WIDTH * noise) / pascal for sign in (-1.0, 1.0))
+                panel.fill_between(
+                    depth / metre, low, high, color=FIT, alpha=0.2, lw=0.0, label="noise, 95 %"
+                )
             panel.plot(
                 depth / metre,
                 layer / pascal,
@@ -53,7 +58,7 @@ def film(found: StiffnessFit, *, ax: Axes | None = None) -> Axes:
                 color=FIT,
                 label="film, base in the model",
             )
-            panel.axhline(found.values["layer.E"] / pascal, ls="--", lw=1.0, color=FIT)
+            panel.axhline(found.values["layer.E"] / pascal, ls="--", lw=1.0, color=FIT, label="fit")
         panel.set_ylim(0.0)
         panel.set_xlabel(f"depth ({length})")
         panel.set_ylabel(f"modulus ({name})")

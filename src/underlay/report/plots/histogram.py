@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from underlay.errors import InputError
 from underlay.report.labels import label
@@ -58,4 +59,5 @@ def histogram(table: pd.DataFrame, column: str = "layer.E", *, ax: Axes | None =
         ax.set_title(f"{known.size} curves, median {in_words(middle, kind)}")
         ax.set_xlabel(f"{label(column)} ({unit})" if unit else label(column))
         ax.set_ylabel("curves")
+        ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     return ax

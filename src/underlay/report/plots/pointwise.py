@@ -68,6 +68,7 @@ def pointwise_modulus(found: PointwiseModulus, *, ax: Axes | None = None) -> Axe
             panel.set_ylim(0.0, _HEADROOM * float(np.nanmax(_shown(found))) / pascal)
         panels[0].set_ylabel(f"modulus at this depth ({name})")
         panels[0].plot([], [], "--", color="0.4", lw=1.0, label="were the model right")
+        panels[0].fill_between([], [], color="0.4", alpha=0.2, lw=0.0, label=f"{100.0 * found.level:.3g} %")
         panels[0].legend(loc="best")
     first: Axes = panels[0]
     return first

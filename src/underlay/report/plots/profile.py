@@ -43,26 +43,34 @@ def profile(walk: LikelihoodProfile, *, ax: Axes | None = None) -> Axes:
     parts = [walk, *(branch for branch in walk.branches if branch.delta_chi_square.min() < top)]
     with style():
         ax = axes(ax, height=2.3)
-        for low, high in walk.parts(0.95):
-            ax.axvspan(low / factor, high / factor, color=SKY, alpha=0.25, lw=0.0)
         ax.plot(walk.values / factor, walk.delta_chi_square, "o-", ms=2.5, color=FIT, label="profile")
         for number, branch in enumerate(parts[1:]):
             ax.plot(branch.values / factor, branch.delta_chi_square, "s--", ms=2.5, lw=1.0, color=ACCENT,
                     label="" if number else "about another optimum")  # fmt: skip
         if np.isfinite(error) and error > 0.0:
-            x = np.linspace(walk.values[0], walk.values[-1], 200)
-            parabola = np.square((x - value) / error)
-            ax.plot(x / factor, parabola, "-", lw=0.9, color=REFERENCE, label="standard error")
+            # By its own width: it may be a hundredth of the profile's, or stand beside it.
+            z = np.sqrt(top) * np.linspace(-1.0, 1.0, 201)
+            ax.plot((value + z * error) / factor, z * z, "-", lw=0.9, color=REFERENCE, label="standard error")
         ax.set_ylim(0.0, top)
-        ends = np.array([_reach(part, top) for part in parts]) / factor
+        ends = np.array([value, *(end for part in parts for end in _reach(part, top))]) / factor
         room = 0.05 * np.ptp(ends)
         ax.set_xlim(ends.min() - room, ends.max() + room)
+        _shade(ax, walk, factor)
         for level, line in _LEVELS:
             _draw_threshold(ax, walk, level, line, factor)
         ax.set_xlabel(f"{label(walk.name)} ({unit})" if unit else label(walk.name))
         ax.set_ylabel("(deviate of the level)²" if walk.averaged else "rise of chi-square")
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
     return ax
+
+
+def _shade(ax: Axes, walk: LikelihoodProfile, factor: float) -> None:
+    """Shade every part of the 95 % interval; where the data set no end, up to the bound or out of the picture."""
+    parts, whole, edges = walk.parts(0.95), walk.interval(0.95), ax.get_xlim()
+    ends = np.array(parts)
+    ends[0, 0], ends[-1, 1] = min(ends[0, 0], whole.low), max(ends[-1, 1], whole.high)
+    for low, high in np.clip(ends / factor, *edges):
+        ax.axvspan(low, high, color=SKY, alpha=0.25, lw=0.0)
 
 
 def _draw_threshold(ax: Axes, walk: LikelihoodProfile, level: float, line: str, factor: float) -> None:
@@ -74,7 +82,7 @@ def _draw_threshold(ax: Axes, walk: LikelihoodProfile, level: float, line: str, 
     below, above = (np.square(walk.limit(level, upper=upper)(q)) for upper in (False, True))
     rise = np.where(q < middle, below, above)
     ax.plot(x, rise, ls=line, lw=0.8, color=DATA)
-    ax.text(1.0, rise[-1], f"{100 * level:.0f} %", transform=ax.get_yaxis_transform(),
+    ax.text(1.005, rise[-1], f"{100 * level:.0f} %", transform=ax.get_yaxis_transform(),
             ha="left", va="center", size=7.0, color=DATA)  # fmt: skip
 
 

@@ -75,6 +75,9 @@ _STYLE: Any = {
     "axes.labelsize": 8.0,
     "xtick.labelsize": 7.0,
     "ytick.labelsize": 7.0,
+    # The shorter ticks between decades, where they are labelled: as far out as those of the decades.
+    "xtick.minor.pad": 5.0,
+    "ytick.minor.pad": 5.0,
     "legend.fontsize": 7.0,
     "legend.frameon": False,
     "axes.spines.top": False,
