@@ -21,6 +21,8 @@ _WORDS = frozenset(
         *("desviación estándar", "desviacion estandar", "deviazione standard", "somma"),
     )
 )
+# No word for a statistic is longer: who looks for brackets in a cell without end looks for long.
+_LONGEST = 60
 
 
 def without_statistics(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence[str]], tuple[str, ...]]:
@@ -46,6 +48,8 @@ def without_statistics(rows: Sequence[Sequence[str]]) -> tuple[Sequence[Sequence
 
 def _is_statistic(cell: str) -> bool:
     """Whether a cell is a word for one, or several of them such as "Mean ± SD"; what stands in brackets aside."""
+    if len(cell) > _LONGEST:
+        return False
     bare = re.sub(r"[(\[].*?[)\]]", "", cell.lower())
     return all(_plain(part) in _WORDS for part in re.split(r"±|\+/?-|[/&]", bare))
 
