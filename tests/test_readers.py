@@ -246,7 +246,7 @@ def test_statistics_at_the_foot_of_a_table_are_no_readings(foot, put):
     np.testing.assert_allclose(plain.depth, curve.depth)
     assert not any("statistics" in note for note in plain.metadata.get("notes", ()))
     # A remark without end is looked at no longer than any other.
-    assert len(read(put(readings + f"2,3,4,{'(' * 60_000}\n"))) == 3
+    assert len(read(put(readings + f"2,3,4,{'(' * 30_000}\n"))) == 3
     # Above the last reading it is a mark of that reading.
     marked = read(put(readings.replace("0,1,2,", "0,1,2,min")))
     assert len(marked) == 2
