@@ -208,3 +208,24 @@ def test_a_longer_interval_says_what_would_shorten_it(free, words):
     told = longer_intervals(SimpleNamespace(inside=lambda level: 1.0 - 0.03 * (1.0 - level), problem=problem))
     assert words in told
     assert "holds 99.85 % of the draws" in told
+
+
+@pytest.mark.parametrize("world", ["clean", "relaxation"])
+def test_new_readings_lie_about_the_model_with_what_it_is_off_by(world):
+    """The thickness takes up what the law is off by: what is left of the data is no noise of theirs."""
+    points, noise = 200, 0.003
+    clean = Clean.of(SCENE, 1.5e-4, points)
+    curve = disturbed(clean, world, np.random.default_rng(3), noise)
+    free = {
+        "layer.E": ul.LogUniform(1e5, 1e7),
+        "layer.thickness": ul.LogUniform(3e-4, 1.5e-2),
+        "instrument.contact_depth": ul.Uniform(-3e-5, 3e-5),
+    }
+    posterior = ul.sample(ul.Problem(SCENE, curve, free), rng=1, method="importance")
+    (band,) = posterior.predictive
+    half = 0.5 * (band.reading[-1] - band.reading[0])
+    # The size of the noise is known to 1 / sqrt(2 n), 5 %; a 97.5 % quantile of some hundred draws to 10 %, and
+    # the median over the readings to far less.
+    assert np.median(half) == pytest.approx(1.96 * noise * clean.top, rel=4.0 * 0.05)
+    assert band.coverage() == pytest.approx(0.95, abs=4.0 * np.sqrt(0.0475 / points))
+    assert (band.reading[-1] - band.reading[0] > band.model[-1] - band.model[0]).all()

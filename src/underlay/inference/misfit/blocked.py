@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.data.curve import Curve
 from underlay.errors import InputError
 from underlay.inference.misfit.drift import deepest_of
 from underlay.inference.misfit.known_error import KnownError, Pressed
@@ -28,7 +29,7 @@ from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.solver import Solver
 from underlay.scene.chain import Chain, ContactDepth, Frame
 
-__all__ = ["Blocked", "BlockedCurve"]
+__all__ = ["Blocked", "BlockedCurve", "clock_of"]
 
 _MOST_BLOCKS, _LEAST_IN_CONTACT = 400, 50
 # Approach that is used, in depths of contact.
@@ -139,9 +140,7 @@ class BlockedCurve:
             raise InputError("a curve that never touches has no residuals in contact")
         used = curve.depth >= contact - _APPROACH * deepest
         depth, force = curve.depth[used], curve.force[used]
-        time = np.arange(len(curve.depth), dtype=np.float64)
-        if curve.time is not None and (np.diff(curve.time) > 0.0).all():
-            time = curve.time
+        time = clock_of(curve)
         if member.forward.history is not None:
             return cls(member, member.forward, curve.force, time)
         in_contact = int(np.count_nonzero(depth > contact))
@@ -208,3 +207,10 @@ class BlockedCurve:
             in_force,
             self.shapes,
         )
+
+
+def clock_of(curve: Curve) -> FloatArray:
+    """Times of the readings (s), (n,), increasing; their numbers where there are none."""
+    if curve.time is not None and (np.diff(curve.time) > 0.0).all():
+        return curve.time
+    return np.arange(len(curve.depth), dtype=np.float64)

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ from underlay.inference.misfit.blocked import Blocked
 from underlay.inference.misfit.competition import Competition
 from underlay.inference.misfit.drift import DRIFTS
 from underlay.inference.misfit.linearised import Linearised
+from underlay.inference.misfit.misfits import Misfits
 from underlay.inference.misfit.shapes import JUMPS, RAMPS, acting_columns
 from underlay.inference.misfit.sizes import over_noise
 from underlay.inference.misfit.whitened_squares import WhitenedSquares
@@ -143,9 +145,8 @@ class _Combinations:
         `force` (sets,) is that of the law over the fit's.
         """
         square = sum(own(part) for own, part in zip(self.squares, residuals, strict=True))
-        along = sum(own @ part for own, part in zip(self.solved, residuals, strict=True))
         readings = sum(len(part) for part in residuals)
-        along = np.reshape(along, (-1, self.reductions.shape[-1], residuals[0].shape[1]))[self.noise]
+        along = self.along(residuals)
         taken = np.einsum("cis,cis->cs", along, self.reductions @ along)
         gain = self.spread[:, :, None] * np.square(force)
         drifts = np.square(self.turned @ along * force)
@@ -155,6 +156,11 @@ class _Combinations:
             - 0.5 * np.log1p(gain).sum(axis=1)
             - 0.5 * readings * np.log(np.asarray(square)[self.noise] - taken)
         )
+
+    def along(self, residuals: Sequence[FloatArray]) -> FloatArray:
+        """X'V0^-1 r of the residuals of each curve, (n, sets), under every combination's noise, (c, m, sets)."""
+        found = sum(own @ part for own, part in zip(self.solved, residuals, strict=True))
+        return np.reshape(found, (-1, self.reductions.shape[-1], residuals[0].shape[1]))[self.noise]
 
 
 class _Alike(NamedTuple):
@@ -183,6 +189,8 @@ class MarginalLikelihood:
         The combinations, those together that look alike.
     left_out : float
         What printed intervals leave out, over what they are asked to: as those of the fit.
+    misfits : Misfits
+        What drift, jump and creep of the combinations are made of.
     """
 
     blocked: Blocked
@@ -191,6 +199,7 @@ class MarginalLikelihood:
     forces: Sequence[FloatArray]
     unlike: Sequence[_Alike]
     left_out: float
+    misfits: Misfits
 
     @classmethod
     def of(cls, averaged: Averaged) -> MarginalLikelihood:
@@ -207,19 +216,21 @@ class MarginalLikelihood:
         kept = _heaviest(competition.weights, _LEFT_OUT * averaged.left_out)
         prior = competition.sizes.log_prior(len(competition.noises))
         numbers, noise = np.unique(competition.places[kept, 0], return_inverse=True)
+        sizes = _sizes(blocked, competition, kept)
         combinations = _Combinations.of(
             model,
             columns,
             [competition.noises[number] for number in numbers],
             noise,
-            _sizes(blocked, competition, kept),
+            sizes,
             prior[competition.places[kept, 0], competition.places[kept, 1]] + competition.fading[kept],
             _drifts(blocked),
         )
         expected = np.array([error.mean for error in blocked.errors])
         means = [part.jacobian[:, known:] @ expected for part in model.parts]
         forces = [part.force - part.force.mean() for part in model.parts]
-        return cls(blocked, combinations, means, forces, _unlike(averaged, kept), averaged.left_out)
+        misfits = Misfits(columns, sizes, _drifts(blocked))
+        return cls(blocked, combinations, means, forces, _unlike(averaged, kept), averaged.left_out, misfits)
 
     def __call__(self, physical: FloatArray) -> FloatArray:
         """Log-density (sets,)."""
@@ -230,6 +241,28 @@ class MarginalLikelihood:
             densities = self.combinations.log_densities(residuals, self._force(residuals))
             result[possible] = special.logsumexp(densities, axis=0)
         return result
+
+    def misfit(self, physical: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
+        """What the law is off by (N), (sets, n) at the blocks of each curve, for vectors (sets, k) that have a law.
+
+        Known errors with it. The combination is drawn by its probability at each vector, and has its best drift,
+        jump and creep there.
+        """
+        residuals, _ = self._residuals(physical)
+        force = self._force(residuals)
+        densities = self.combinations.log_densities(residuals, force)
+        chosen = np.argmax(densities + rng.gumbel(size=densities.shape), axis=0)
+        along = self.combinations.along(residuals)[chosen, :, np.arange(len(physical))]
+        found = self.misfits.best(along, chosen, force, self._solved)
+        return [
+            curve.member.scatter * (own + mean)
+            for curve, own, mean in zip(self.blocked.curves, found, self.means, strict=True)
+        ]
+
+    @cached_property
+    def _solved(self) -> FloatArray:
+        """X'V0^-1 X of every combination, (c, m, m)."""
+        return self.combinations.along(self.misfits.columns)
 
     @property
     def data(self) -> Sequence[FloatArray]:

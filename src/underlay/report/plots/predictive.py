@@ -50,7 +50,7 @@ def predictive(posterior: Posterior, *, curve: int = 0, ax: Axes | None = None) 
             target.plot(depth / mm, (force - base) / unit, ".", ms=1.8, color=DATA, label="measured")
             target.fill_between(
                 depth / mm, (model[0] - base) / unit, (model[-1] - base) / unit,
-                color=FIT, lw=0.8, label="95 % of the contact law",
+                color=FIT, lw=0.8, label="95 % of the model",
             )  # fmt: skip
         upper.tick_params(labelbottom=False)
         upper.set_ylabel(f"force ({load})")
