@@ -85,6 +85,19 @@ def test_a_review_among_the_curves_is_no_curve(run, site):
     assert "12 curves: 11 good" in printed
 
 
+def test_an_excel_file_among_the_curves_is_refused(run, site, tmp_path):
+    """A workbook may be a curve: a run that is continued would find one more, and be another."""
+    words, folder = site
+    for where in (words, (tmp_path, *words[1:], "--folders", "group")):
+        code, _, err = run(*where, "--output", tmp_path / "out", "--excel", folder / "map.xlsx")
+        assert code == 2
+        assert "lies among the curves" in err
+    assert not (tmp_path / "out").exists()
+    beside = folder / "made" / "map.xlsx"
+    assert run(*words, "--output", tmp_path / "out", "--excel", beside)[0] == 0
+    assert run(*words, "--output", tmp_path / "out", "--excel", beside, "--resume")[0] == 0
+
+
 def test_reasons_are_in_the_words_of_the_command_line(run, site, tmp_path, monkeypatch):
     words, _ = site
 

@@ -647,7 +647,10 @@ def test_resampling_keeps_what_light_draws_know():
         ("several", None),
     ):
         found = [
-            np.quantile(ridges.resampled(drawn, 8).coords[..., 0] if rows is None else x[rows()], 0.025)
+            np.quantile(
+                ridges.resampled(drawn, 8, ridges.for_draws).coords[..., 0] if rows is None else x[rows()],
+                0.025,
+            )
             for _ in range(16)
         ]
         off[name] = np.sqrt(np.mean(np.square(np.array(found) - drawn.quantiles((0.025,))[0, 0])))

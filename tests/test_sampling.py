@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import emcee
@@ -26,7 +27,9 @@ from support.posterior_cases import (
 from underlay.errors import InputError, UnderlayWarning
 from underlay.inference.priors.densities import Flat, LogUniform, Normal, Uniform
 from underlay.inference.problem import Problem
+from underlay.inference.ridge.importance import leak_of_walk
 from underlay.inference.sampling import run as sampling
+from underlay.inference.sampling import weighted
 from underlay.inference.sampling.convergence import autocorrelation_time, effective_size
 from underlay.inference.sampling.counted import CountedDensity
 from underlay.inference.sampling.informed import INFORMED, NOT_INFORMED
@@ -287,6 +290,53 @@ def test_a_chain_stopped_and_resumed_is_the_chain_never_stopped(tmp_path):
         np.testing.assert_array_equal(resumed.chain, whole.chain)
         again = sample(halfspace_problem(), walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
         np.testing.assert_array_equal(resumed.chain, again.chain)
+
+
+def test_a_run_that_is_resumed_decides_what_it_would_have_decided(tmp_path, monkeypatch):
+    """Stopped where it is judged, and after weighted draws were disbelieved that a shorter chain relied on."""
+    judged, judge, second_opinion = [], sampling.judge, sampling.second_opinion
+
+    def noted(coords, max_steps, *, known=False):
+        judged.append((len(coords), known))
+        return judge(coords, max_steps, known=known)
+
+    def disbelieved(ridges, coords, log_density, outcome):
+        outcome, importance = second_opinion(ridges, coords, log_density, outcome)
+        early = len(coords) == first
+        return outcome, replace(importance, disagreement="made up") if early else importance
+
+    def run(most, **kept):
+        judged.clear()
+        return sample(halfspace_problem(), walkers=8, max_steps=most, rng=3, **kept), judged.copy()
+
+    monkeypatch.setattr(sampling, "judge", noted)
+    first = run(4000)[0].diagnostics.steps
+    monkeypatch.setattr(sampling, "second_opinion", disbelieved)
+    whole, decided = run(4000)
+    assert whole.diagnostics.steps > first
+    assert [known for _, known in decided] == sorted((known for _, known in decided), reverse=True)
+    for number, stop in enumerate((100, first + 3)):
+        path = tmp_path / f"chain{number}.h5"
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnderlayWarning)
+            run(stop, backend=path)
+        resumed, again = run(4000, backend=path, resume=True)
+        assert again == decided
+        np.testing.assert_array_equal(resumed.chain, whole.chain)
+
+
+def test_a_chain_after_declined_weights_is_the_same_when_resumed(tmp_path, monkeypatch):
+    """What declined them took of the chance that the answer is resampled with."""
+    monkeypatch.setattr(weighted, "leak_of_walk", lambda *given: 1.0 + 0.0 * leak_of_walk(*given))
+    monkeypatch.setattr(weighted, "_AVERAGED_ERROR", 0.03)
+    problem = Problem(halfspace_scene(), halfspace_curve(), {"layer.E": LogUniform(1e4, 1e8)})
+    whole = sample(problem, walkers=8, max_steps=4000, rng=3)
+    assert whole.diagnostics.weighted
+    path = tmp_path / "chain.h5"
+    with pytest.warns(UnderlayWarning, match="not converged"):
+        sample(problem, walkers=8, max_steps=20, rng=3, backend=path)
+    resumed = sample(problem, walkers=8, max_steps=4000, rng=3, backend=path, resume=True)
+    np.testing.assert_array_equal(resumed.chain, whole.chain)
 
 
 def test_kill_9_loses_nothing(tmp_path):

@@ -89,9 +89,10 @@ def map_curves(
     if table_format not in ("csv", "parquet"):
         raise InputError(f"--format must be csv or parquet; got {table_format!r}")
     wanted = wanted_solver(read_scene_file(scene).solver, solver, rtol)
-    folder = require_writable_folder(output)
     if excel is not None:
+        _require_elsewhere(excel, curves, folders)
         require_excel(excel)
+    folder = require_writable_folder(output)
     path = folder / f"map.{table_format}"
     options = MapOptions(
         solver=wanted,
@@ -99,7 +100,7 @@ def map_curves(
         sampling=Sampling(max_steps=max_steps, seed=seed) if sample else False,
         intervals=intervals,
         resume=resume,
-        folders=tuple(folders.split("/")) if folders else (),
+        folders=_levels(folders),
     )
     try:
         table = fit_many(
@@ -134,6 +135,20 @@ def map_curves(
         say(f"wrote {picture}")
     if excel is not None:
         say(f"wrote {_write_excel(table, excel, scene, wanted)}")
+
+
+def _levels(folders: str | None) -> tuple[str, ...]:
+    """What the folders stand for, outermost first."""
+    return tuple(folders.split("/")) if folders else ()
+
+
+def _require_elsewhere(excel: Path, curves: Path, folders: str | None) -> None:
+    """Refuse an Excel file among the curves: a workbook may be a curve, and the next run would list it as one."""
+    above = excel.resolve().parents[len(_levels(folders)) :]
+    if above and above[0] == curves.resolve():
+        raise InputError(
+            f"--excel {excel} lies among the curves, where --resume would take it for one: name another folder"
+        )
 
 
 def _spoken(table: pd.DataFrame) -> pd.DataFrame:

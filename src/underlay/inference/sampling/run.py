@@ -165,7 +165,11 @@ def sample(
 
 
 class _Run:
-    """One ensemble on its way: the chain so far, (steps, walkers, parameters), and what moves it."""
+    """One ensemble on its way: the chain so far, (steps, walkers, parameters), and what moves it.
+
+    Steps that a file kept are gone through and judged as new ones are: whatever was decided on the way is decided
+    again, and a run that was stopped ends where it would have ended.
+    """
 
     def __init__(
         self,
@@ -183,11 +187,11 @@ class _Run:
         self._coords = np.empty((max_steps, walkers, parameters))
         self._log_density = np.empty((max_steps, walkers))
         self.max_steps = max_steps
-        self.steps = 0
+        self.steps = self._kept = 0
         if before is not None:
-            self.steps = min(len(before.chain), max_steps)
-            self._coords[: self.steps] = before.chain[: self.steps, :, :-1]
-            self._log_density[: self.steps] = before.chain[: self.steps, :, -1]
+            self._kept = min(len(before.chain), max_steps)
+            self._coords[: self._kept] = before.chain[: self._kept, :, :-1]
+            self._log_density[: self._kept] = before.chain[: self._kept, :, -1]
 
     @classmethod
     def begin(
@@ -252,14 +256,9 @@ class _Run:
             outcome = judge(self.coords, self.max_steps, known=known)
             if self.steps == self.max_steps or outcome.converged:
                 return outcome
+            next_check = _check_from(self.steps + 1)
         try:
-            for state in self._sampler.sample(
-                self._state,
-                iterations=self.max_steps - self.steps,
-                store=False,
-                skip_initial_state_check=True,
-            ):
-                self._keep(state)
+            for _ in self._onward():
                 line.step(self.steps)
                 if self.steps >= next_check:
                     outcome = judge(self.coords, self.max_steps, known=known)
@@ -276,6 +275,20 @@ class _Run:
                 raise
             return self._cut("interrupted")
         return judge(self.coords, self.max_steps, known=known)
+
+    def _onward(self) -> Iterator[None]:
+        """Go through the steps that were kept, then make new ones, to the most."""
+        while self.steps < self._kept:
+            self.steps += 1
+            yield
+        for state in self._sampler.sample(
+            self._state,
+            iterations=self.max_steps - self.steps,
+            store=False,
+            skip_initial_state_check=True,
+        ):
+            self._keep(state)
+            yield
 
     def _cut(self, why: str) -> Outcome:
         """What there is of a chain that was cut short."""

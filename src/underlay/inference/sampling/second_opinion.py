@@ -67,7 +67,7 @@ def surer(ridges: Ridges, outcome: Outcome, importance: Importance | None) -> tu
         f"{importance.quantile_error:.2f} standard deviations: the draws are these"
     )
     found = outcome._replace(quantile_errors=answer[0].quantile_errors(), reason=reason)
-    return found, ridges.resampled(answer[0], outcome.walkers)
+    return found, ridges.resampled(answer[0], outcome.walkers, ridges.for_draws)
 
 
 def _leak(

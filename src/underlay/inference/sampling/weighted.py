@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -158,9 +159,9 @@ class Ridges:
         told = judged(*answer, leak=0.0)
         return told.accepted and told.quantile_error <= LARGEST_ERROR
 
-    def resampled(self, drawn: WeightedDraws, columns: int) -> Draws:
+    def resampled(self, drawn: WeightedDraws, columns: int, rng: np.random.Generator) -> Draws:
         """Draws of one weight each, in so many columns."""
-        rows = drawn.resampled(columns * -(-_TIMES * len(drawn.z) // columns), self.for_draws)
+        rows = drawn.resampled(columns * -(-_TIMES * len(drawn.z) // columns), rng)
         rows = rows.reshape(-1, columns)
         log_density, used = drawn.log_target.copy(), drawn.weights > 0.0
         log_density[used] += self.coordinates.log_slope(drawn.vectors[used], drawn.z[used])
@@ -186,14 +187,16 @@ def by_weights(
     if answer is None:
         raise NotAcceptedError("weighted draws are not accepted: no ridge was found; take the sampler emcee")
     drawn, proposal = answer
-    importance = judged(drawn, proposal, leak_of_walk(ridges.target, drawn, proposal, ridges.for_draws))
+    # Chance of its own: a chain that is made where these are declined is the same where it is taken up again.
+    chance = deepcopy(ridges.for_draws)
+    importance = judged(drawn, proposal, leak_of_walk(ridges.target, drawn, proposal, chance))
     ridges.count()
     if importance.refused:
         raise NotAcceptedError(
             f"weighted draws are not accepted: {importance.refused}; take the sampler emcee, which is exact "
             "where they are not"
         )
-    draws = ridges.resampled(drawn, _CHAINS)
+    draws = ridges.resampled(drawn, _CHAINS, chance)
     return assemble_posterior(
         ridges.problem,
         draws.coords,
