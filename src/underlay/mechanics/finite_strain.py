@@ -93,8 +93,8 @@ def further_of(
     return np.asarray(further * (further + 2.0 * root))
 
 
-def require_measured(contact: Contact, depth: float) -> None:
-    """Refuse a contact at `depth` (m) of which the function says nothing.
+def require_measured(contact: Contact, depth: float, size: str = "") -> None:
+    """Refuse a contact at `depth` (m) of which the function says nothing; `size` is the path of what asks for it.
 
     Raises
     ------
@@ -103,7 +103,8 @@ def require_measured(contact: Contact, depth: float) -> None:
     """
     why = why_unmeasured(contact, depth)
     if why:
-        raise InputError(f"finite_strain = true asks for what is beyond what is known here: {why}")
+        asks = f"{size} is" if size else "finite_strain = true asks for what is"
+        raise InputError(f"{asks} beyond what is known here: {why}{'; set it to 0' if size else ''}")
 
 
 def why_unmeasured(contact: Contact, depth: float) -> str:

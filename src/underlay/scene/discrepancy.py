@@ -13,19 +13,18 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from underlay._arrays import FloatArray, finite
-from underlay.errors import InputError
 from underlay.mechanics.contact import Contact
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.discrepant_law import DiscrepantLaw
 from underlay.mechanics.finite_strain import (
     finite_strain_excess,
     friction_in_large_strains,
-    why_unmeasured,
+    require_measured,
 )
 from underlay.mechanics.solver import Solver
 from underlay.quantities import Part, field_quantities, quantity
 
-__all__ = ["BOTH_PATH", "FINITE_STRAIN_PATH", "FRICTION_PATH", "Discrepancy", "require_known"]
+__all__ = ["BOTH_PATH", "FINITE_STRAIN_PATH", "FRICTION_PATH", "Discrepancy"]
 
 #: Paths of the three numbers.
 FRICTION_PATH, FINITE_STRAIN_PATH = "discrepancy.friction", "discrepancy.finite_strain"
@@ -85,11 +84,11 @@ class Discrepancy(Part):
         sticks = build(solver.without_slip) if self.friction or self.friction_in_large_strains else None
 
         def excess(depth: FloatArray) -> FloatArray:
-            require_known(contact, float(depth.max()), FINITE_STRAIN_PATH)
+            require_measured(contact, float(depth.max()), FINITE_STRAIN_PATH)
             return finite_strain_excess(contact, depth, free.contact_radius(depth))
 
         def further(stuck: FloatArray, slides: FloatArray, depth: FloatArray) -> FloatArray:
-            require_known(contact, float(depth.max()), BOTH_PATH)
+            require_measured(contact, float(depth.max()), BOTH_PATH)
             return friction_in_large_strains(contact, stuck, slides, depth)
 
         return DiscrepantLaw.of(
@@ -99,16 +98,3 @@ class Discrepancy(Part):
             excess,
             further,
         )
-
-
-def require_known(contact: Contact, depth: float, path: str) -> None:
-    """Refuse a size of what large strains add, at `path`, where its shape is not known down to `depth` (m).
-
-    Raises
-    ------
-    InputError
-        With the range.
-    """
-    why = why_unmeasured(contact, depth)
-    if why:
-        raise InputError(f"{path} is beyond what is known here: {why}; set it to 0")

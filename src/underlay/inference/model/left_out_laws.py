@@ -21,9 +21,9 @@ from underlay.inference.model.laws import LawSource
 from underlay.inference.model.stencils import STENCILS, first_possible
 from underlay.mechanics.contact_law import ContactLaw
 from underlay.mechanics.discrepant_law import DiscrepantLaw
-from underlay.mechanics.finite_strain import excess_of, further_of
+from underlay.mechanics.finite_strain import excess_of, further_of, require_measured
 from underlay.mechanics.solver import Solver
-from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH, require_known
+from underlay.scene.discrepancy import BOTH_PATH, FINITE_STRAIN_PATH, FRICTION_PATH
 from underlay.scene.parameters import kind_of
 from underlay.scene.scene import Scene
 
@@ -80,7 +80,7 @@ class LeftOutLaws:
         values = scene.parameters
         strains = [path for path in (FINITE_STRAIN_PATH, BOTH_PATH) if values.get(path) or path in free]
         if strains:
-            require_known(scene.contact, deepest, strains[0])
+            require_measured(scene.contact, deepest, strains[0])
         return cls(values, deepest, bool(strains))
 
     def law(self, forward: BuildsBare, values: Mapping[str, float], deepest: float) -> DiscrepantLaw:
