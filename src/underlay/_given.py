@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from underlay.errors import InputError
+
 __all__ = ["require_given"]
 
 _MADE_BY = {
@@ -24,9 +26,6 @@ def require_given(value: object, name: str, *kinds: type) -> None:
     """
     if isinstance(value, kinds):
         return
-    # Not loaded by who hands in what is wanted.
-    from underlay.errors import InputError  # noqa: PLC0415  see above
-
     wanted = " or ".join(f"a {kind.__name__}" for kind in kinds)
     ways = "; ".join(_MADE_BY[kind.__name__] for kind in kinds if kind.__name__ in _MADE_BY)
     given = f"{type(value).__name__} {value!r:.{_LONGEST}}" if value is not None else "None"
