@@ -127,6 +127,49 @@ def test_nanoscope_damage_is_said(change, told, put):
         read(put(changed))
 
 
+def test_nanoscope_numbers_of_32_bits_are_read_on_a_scale_for_32_bits(put):
+    step = 6e-9
+    curve = read(put(files.nanoscope(version=0x0930A509, hold=20, stated=4, per_number=step)))
+    check(curve, 20, force_step=step * SENSITIVITY * STIFFNESS)
+
+
+@pytest.mark.parametrize("stated", [2, 4])
+@pytest.mark.parametrize("louder", [256, 65536])
+@pytest.mark.parametrize("curves", [1, 4])
+def test_nanoscope_numbers_of_more_bits_than_their_scale_are_refused(louder, stated, curves, put):
+    """They are forces 256 or 65536 times too large, and look like curves."""
+    data = files.nanoscope(version=0x0920B046, curves=curves, stated=stated, louder=louder)
+    told = r"measured.dat: the numbers of .*Deflection Error.* is for 16 bits, up to 32768: .*take the file"
+    for read_in in (read_all, lambda path: read(path, test=1)):
+        with pytest.raises(FileFormatError, match=told):
+            read_in(put(data))
+
+
+def test_a_byte_too_many_in_a_nanoscope_header_is_refused(put):
+    """It shifts all numbers; in four bytes they are 256 times too large, as in a public file."""
+    data = files.nanoscope(version=0x0920B046)
+    with pytest.raises(FileFormatError, match=r"is for 16 bits.*an edit of the header, shifts the numbers"):
+        read(put(data.replace(b"\x1a", b"\x1a\0", 1)))
+
+
+def test_a_nanoscope_height_of_more_bits_than_its_scale_is_refused(put):
+    data = files.nanoscope(version=0x0920B046, sensor=True)
+    end = 4 * 2 * POINTS
+    heights = (np.frombuffer(data[-end:], "<i4") * 65536).astype("<i4").tobytes()
+    with pytest.raises(FileFormatError, match=r"numbers of .*Height Sensor.* is for 16 bits"):
+        read(put(data[:-end] + heights))
+
+
+def test_a_deflection_far_above_the_trigger_that_should_have_ended_it_is_refused(put):
+    """Small numbers, 256 times too large, still have few enough bits."""
+    data = files.nanoscope(version=0x0920B046, per_number=200 * files.PER_NUMBER, louder=256)
+    told = r"rises by .* V on the way in, .* times the relative trigger of 0\.5 V that should have ended it"
+    with pytest.raises(FileFormatError, match=told):
+        read(put(data))
+    # A trigger that is off ends nothing: the same ramp is read.
+    assert read(put(data.replace(b"mode: Relative", b"mode: Off     "))).metadata["spring_constant"]
+
+
 def test_a_capture_that_turns_elsewhere_is_refused(put):
     with pytest.raises(FileFormatError, match="turns at point 70 of 100"):
         read_all(put(files.nanoscope(curves=4, tap=True, **{"Sync Distance New": "70"})))

@@ -108,6 +108,14 @@ def test_nanoscope_files_of_another_kind_are_called_so(name, told):
         read_all(public_file(name))
 
 
+def test_a_nanoscope_volume_whose_header_has_a_byte_too_many_is_refused():
+    """One entry of it reads "(\\Data length V/LSB)" where a number of one byte less was: 4 uN for 4 nN."""
+    with pytest.raises(
+        FileFormatError, match=r"numbers of .*Deflection Error.* for 16 bits.*power of two too large"
+    ):
+        ul.read(public_file("20200903_Egel2.0_00023.spm"), test=1)
+
+
 # --- Nanosurf
 
 

@@ -38,18 +38,23 @@ def nanoscope(
     calibrated=True,
     tap=False,
     points=POINTS,
+    stated=2,
+    per_number=PER_NUMBER,
+    louder=1,
     **changes,
 ):
     """NanoScope file: one ramp or a volume of them, with a hold and a height sensor where asked for.
 
     `missing` points of the way in are marked as not recorded; `tap` makes PeakForce taps of it, whose drive turns
-    at point 30.5.
+    at point 30.5. `stated` is what "Bytes/pixel" says of the deflection, `per_number` its scale (V), and its
+    numbers are `louder` times as large as that scale makes them.
     """
     width = 4 if version >= 0x09200000 else 2
     integer = {2: "<i2", 4: "<i4"}[width]
     travel, force = approach(points)
     volts = force / STIFFNESS / SENSITIVITY
-    raw = np.round(_stored(volts, 0.8 * volts[::-1], np.full(hold, volts[-1])) / PER_NUMBER).astype(integer)
+    raw = np.round(_stored(volts, 0.8 * volts[::-1], np.full(hold, volts[-1])) / per_number) * louder
+    raw = raw.astype(integer)
     raw[points - missing : points] = np.iinfo(raw.dtype).min
     heights = _stored(travel, travel[::-1], np.full(hold, travel[-1])) * 1e9 / SENSOR
     channels = [("DeflectionError", "Deflection Error", "DeflSens", raw)]
@@ -59,14 +64,14 @@ def nanoscope(
     images = ""
     for name, label, sense, numbers in channels:
         content = np.tile(numbers, curves).tobytes()
-        per_number = PER_NUMBER if name == "DeflectionError" else 1e-4
+        scale, said = (per_number, stated) if name == "DeflectionError" else (1e-4, 2)
         images += (
             "\\*Ciao force image list\r\n"
-            f"\\Data offset: {head + len(blocks)}\r\n\\Data length: {len(content)}\r\n\\Bytes/pixel: 2\r\n"
+            f"\\Data offset: {head + len(blocks)}\r\n\\Data length: {len(content)}\r\n\\Bytes/pixel: {said}\r\n"
             f"\\Samps/line: {points} {points}\r\n"
             + (f"\\Spring Constant: {STIFFNESS}\r\n" if calibrated else "")
             + f'\\@4:Image Data: S [{name}] "{label}"\r\n'
-            f"\\@4:Z scale: V [Sens. {sense}] ({per_number:.10f} V/LSB) 2.500000 V\r\n"
+            f"\\@4:Z scale: V [Sens. {sense}] ({scale:.14f} V/LSB) 2.500000 V\r\n"
             f"\\@4:Ramp size: V [Sens. Zsens] (0.006713867 V/LSB) {TRAVEL * 1e9 / PIEZO:.6f} V\r\n"
         )
         blocks += content

@@ -18,6 +18,7 @@ SOURCES = {
     "Script.spm": "package nanoscope 1.2.300",
     "PeakForce.pfc": "package nanoscope 1.2.300",
     "20200904_Egel4-Z1.0_00025.spm": "jlopezalo/PyFMReader (MIT), tests/testfiles",
+    "20200903_Egel2.0_00023.spm": "jlopezalo/PyFMReader, tests/testfiles",
     "cr00000.000": "yogi-boi/tutorial_pyfmrheo_gren_draft, test_files",
     "spectroscopy.nid": "package NSFopen 2.2.4 (MIT), NSFopen/example/Force_Spectroscopy",
     "spec.nid": "package NSFopen 1.1.18 (MIT), NSFopen/example",

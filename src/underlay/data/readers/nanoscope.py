@@ -2,8 +2,8 @@ r"""Bruker NanoScope: force curves (.spm, .000, .001, ...), force volumes, and P
 
 After the header (`_nanoscope_header.py`) come numbers of 2 or 4 bytes, little-endian. Each section "Ciao force
 image list" is one channel of all curves; of each curve it holds the way in, *stored backwards from the turn*,
-then the way out, then the hold at the turn. Volts are the number times the hard scale, ``(0.000375 V/LSB)``, and
-metres volts times the sensitivity that the scale names.
+then the way out, then the hold at the turn. Volts are the number times the hard scale (`_nanoscope_numbers.py`),
+and metres volts times the sensitivity that the scale names.
 
 Why by a reader of our own: pyfmreader 0.1.3 (MIT, its last release is of 2023) opens a path of its own without
 bounds, knows neither height sensor nor hold, and shifts the baseline; pySPM reads images; Bruker's own
@@ -17,7 +17,7 @@ unequal length and scripts of several ramps were not seen whole and are refused.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -30,6 +30,7 @@ from underlay.data.curve import Curve
 from underlay.data.readers._format import Format, Options
 from underlay.data.readers._lever import Lever, lever_curve, sensor_note
 from underlay.data.readers._nanoscope_header import Header, Section, read_header
+from underlay.data.readers._nanoscope_numbers import SCALE, TRIGGER, channel_numbers, check_trigger
 from underlay.data.readers._nanoscope_tap import Tap, tap_of
 from underlay.data.readers._source import Source
 from underlay.data.segments import HOLD, LOADING, UNLOADING
@@ -41,10 +42,7 @@ _STARTS = (b"\\*Force file list", b"\\*File list")
 # A map of 128 by 128 with room: 20,000 curves of 256 points are 400 MB as curves.
 _MOST_CURVES = 20_000
 _WIDE_SINCE = 0x09200000
-_NUMBERS: Mapping[int, np.dtype[Any]] = {2: np.dtype("<i2"), 4: np.dtype("<i4")}
-_SCALE = ("@4:Z scale", "@4:Z Scale")
 _RAMP = ("@4:Ramp size", "@4:Ramp Size")
-_TRIGGER = ("@4:Trig threshold Deflection", "@4:Trig Threshold Deflection")
 _SIGNAL = "@4:Image Data"
 _EXPORT = "open it in NanoScope Analysis and export the curves as text, one file a curve"
 
@@ -110,7 +108,10 @@ def _opened(source: Source, options: Options) -> tuple[Callable[[int], Curve | N
     about = _about(header, lever)
 
     def curve(number: int) -> Curve | None:
-        force = lever.force(source, volts(number)[order])
+        deflection = volts(number)[order]
+        if tap is None:
+            check_trigger(header, deflection[: layout.way])
+        force = lever.force(source, deflection)
         recorded = np.isfinite(force)
         if not recorded.any():
             return None
@@ -159,24 +160,11 @@ def _layout(header: Header, image: Section) -> _Layout:
 def _signal(
     header: Header, image: Section, layout: _Layout, per_volt: float = 1.0
 ) -> Callable[[int], FloatArray]:
-    """What gives a channel of a curve (points,) as it is stored, in `per_volt`; NaN where none was recorded."""
-    start, length = header.count(image, "Data offset"), layout.curves * layout.points * layout.width
-    content = header.source.data[start : start + length]
-    if len(content) < length:
-        raise FileFormatError(
-            f"{header.source.name} is cut short: a channel claims {length} bytes from byte {start} on, and the "
-            f"file has {len(header.source.data)}"
-        )
-    scale = image.scale(*_SCALE)
-    if scale is None:
-        raise FileFormatError(f"{header.source.name}: no scale in volts for {image.text(_SIGNAL)!r:.60}")
-    raw = np.frombuffer(content, _NUMBERS[layout.width]).reshape(layout.curves, layout.points)
-    missing, per_number = np.iinfo(raw.dtype).min, scale.per_number * per_volt
-    return lambda number: np.where(raw[number] == missing, np.nan, raw[number] * per_number)
+    return channel_numbers(header, image, (layout.curves, layout.points), layout.width, per_volt)
 
 
 def _lever(header: Header, image: Section, options: Options) -> Lever:
-    scale = image.scale(*_SCALE)
+    scale = image.scale(*SCALE)
     stated = {
         "stiffness": image.number("Spring Constant", "Spring constant"),
         "sensitivity": header.sensitivity(scale.sensitivity) if scale and scale.sensitivity else None,
@@ -203,7 +191,7 @@ def _travel(header: Header, deflection: Section, layout: _Layout, tap: Tap | Non
     piezo = header.sensitivity(ramp.sensitivity) if ramp else None
     driven = ramp.volts * piezo if ramp and piezo and ramp.volts > 0.0 else 0.0
     for image in header.images:
-        scale = image.scale(*_SCALE)
+        scale = image.scale(*SCALE)
         metres = header.sensitivity(scale.sensitivity) if scale else None
         if "[ZSensor]" in image.text(_SIGNAL) and metres is not None:
             return _Travels(_signal(header, image, layout, metres), "height sensor", driven)
@@ -273,7 +261,7 @@ def _about(header: Header, lever: Lever) -> dict[str, Any]:
         "header": {name: one_line(text)[:200] for name, text in told.items() if text},
         "sign_rules": {"segment": "from the order of the ramp: way in, hold, way out"},
     }
-    trigger = force.scale(*_TRIGGER)
+    trigger = force.scale(*TRIGGER)
     if trigger and lever.sensitivity and trigger.volts > 0.0:
         about["setpoint"] = trigger.volts * lever.sensitivity * lever.stiffness
     return about
