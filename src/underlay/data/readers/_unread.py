@@ -1,4 +1,4 @@
-"""Files of microscopes that are known and not read, and how their makers' programs export what is."""
+"""Files that are known and not read, of microscopes and of programs that pack, and what to do with them."""
 
 from __future__ import annotations
 
@@ -24,6 +24,17 @@ _KNOWN = (
         "export the curves from WITec's Project as text with names and units in the first row",
     ),
 )
+_UNPACK = "unpack it, or pack the curves as a ZIP archive (.zip), which is read"
+_PACKED = (
+    (b"\x1f\x8b", "compressed by gzip (.gz)"),
+    (b"BZh", "compressed by bzip2 (.bz2)"),
+    (b"\xfd7zXZ\0", "compressed by xz (.xz)"),
+    (b"\x28\xb5\x2f\xfd", "compressed by Zstandard (.zst)"),
+    (b"7z\xbc\xaf\x27\x1c", "an archive of 7-Zip (.7z)"),
+    (b"Rar!\x1a\x07", "an archive of RAR (.rar)"),
+)
+# A TAR archive has its mark behind the first name.
+_TAR_AT, _TAR = 257, b"ustar"
 # Asylum's container of whole force maps writes its name behind a check sum and a size.
 _ARDF = b"ARDF"
 
@@ -40,6 +51,11 @@ def way_out(source: Source) -> str:
     for start, what, advice in _KNOWN:
         if source.data.startswith(start):
             return f"{what}, which is not read here: {advice}"
+    for start, what in _PACKED:
+        if source.data.startswith(start):
+            return f"{what}, which is not read here: {_UNPACK}"
+    if source.data.startswith(_TAR, _TAR_AT):
+        return f"an archive of tar (.tar), which is not read here: {_UNPACK}"
     if source.data[8:12] == _ARDF or source.data.startswith(_ARDF):
         return (
             "an Asylum Research map (.ardf), which is not read here: export its curves from Asylum's Igor program "
