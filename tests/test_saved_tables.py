@@ -67,3 +67,16 @@ def test_a_packed_curve_says_how_to_unpack_it(packed, told, in_zip, put):
         packed = content.getvalue()
     with pytest.raises(FileFormatError, match=rf"{told}, which is not read here: unpack it, or pack .*\.zip"):
         read(put(packed))
+
+
+@pytest.mark.parametrize("order", ["le", "be"])
+@pytest.mark.parametrize("unit", ["um", "µm", "\u03bcm"])
+@pytest.mark.parametrize("in_zip", [False, True])
+def test_utf_16_without_its_mark_is_read(order, unit, in_zip, put):
+    coded = TABLE.replace("um", unit).encode(f"utf-16-{order}")
+    if in_zip:
+        content = io.BytesIO()
+        with zipfile.ZipFile(content, "w") as archive:
+            archive.writestr("curve.csv", coded)
+        coded = content.getvalue()
+    is_whole(read(put(coded)))

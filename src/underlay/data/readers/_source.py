@@ -24,6 +24,9 @@ MAX_TEXT_BYTES = 64 * _MB
 CURVES = FileKind("a file of curves", MAX_BYTES, "export it again, or split it into one file per test")
 # Of a text in UTF-8, and how much of it all formats but those with long headers look at.
 _MARK, _FIRST = b"\xef\xbb\xbf", 65_536
+# Of a text in UTF-16, and how many of its letters tell one that lacks it.
+_WIDE_MARKS, _WIDE_LETTERS = (b"\xff\xfe", b"\xfe\xff"), 512
+_NOT_IN_TEXT = frozenset(range(32)) - frozenset(b"\t\n\r\f")
 # How an archive says it is something else than a folder of instrument files.
 _OFFICE_MEMBER = "[Content_Types].xml"
 _JPK_MEMBER = "header.properties"
@@ -38,7 +41,7 @@ class Source:
     path : Path
         The file on disk.
     data : bytes
-        Its content, or that of the member.
+        Its content, or that of the member; UTF-16 text without its mark has it put before.
     sha256 : str
         Of the file on disk.
     member : str
@@ -72,7 +75,7 @@ class Source:
         return {}
 
     def _head(self, size: int) -> str:
-        if self.data[:2] in {b"\xff\xfe", b"\xfe\xff"}:
+        if self.data[:2] in _WIDE_MARKS:
             start = self.data[:size]
             return start[: len(start) // 2 * 2].decode("utf-16", errors="ignore").replace("\r", "\n")
         if self.data.find(b"\0", 0, size) >= 0:
@@ -104,7 +107,20 @@ def load(path: PathLike) -> Source:
     file = Path(path)
     if not data:
         raise FileFormatError(f"{printable(file.name)} is empty")
-    return Source(file, data, hashlib.sha256(data).hexdigest())
+    return Source(file, _with_mark(data), hashlib.sha256(data).hexdigest())
+
+
+def _with_mark(data: bytes) -> bytes:
+    """Put the mark before UTF-16 text that lacks it: every other byte of Latin letters is NUL."""
+    start = data[: 2 * _WIDE_LETTERS]
+    if b"\0" not in start or len(data) % 2 or start[:2] in _WIDE_MARKS:
+        return data
+    ways = ((start[::2], start[1::2]), (start[1::2], start[::2]))
+    for mark, (letters, high) in zip(_WIDE_MARKS, ways, strict=True):
+        # Nine in ten: some letters, such as a Greek mu, are not Latin.
+        if high.count(0) >= 0.9 * len(high) and not _NOT_IN_TEXT.intersection(letters):
+            return mark + data
+    return data
 
 
 def open_zip(source: Source) -> zipfile.ZipFile:
@@ -138,5 +154,7 @@ def unpack(source: Source) -> list[Source]:
         if not names:
             raise FileFormatError(f"{source.name} is an empty archive")
         # Names are labels only: nothing is ever written, so "../" in one leads nowhere.
-        members = [Source(source.path, read_member(archive, name), source.sha256, name) for name in names]
+        members = [
+            Source(source.path, _with_mark(read_member(archive, name)), source.sha256, name) for name in names
+        ]
     return [member for member in members if member.data]
