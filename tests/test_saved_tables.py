@@ -10,6 +10,7 @@ import zipfile
 import numpy as np
 import pytest
 
+from support.compound_file import xls
 from underlay.data.readers import read
 from underlay.errors import FileFormatError
 
@@ -80,3 +81,71 @@ def test_utf_16_without_its_mark_is_read(order, unit, in_zip, put):
             archive.writestr("curve.csv", coded)
         coded = content.getvalue()
     is_whole(read(put(coded)))
+
+
+# --- results, a row for each test
+
+RNG = np.random.default_rng(5)
+PEAK_FORCE = np.repeat([1.0, 10.0, 100.0, 1000.0], 5) * RNG.uniform(0.999, 1.001, 20)
+PEAK_DEPTH = 0.24 * PEAK_FORCE**0.5 * RNG.uniform(0.9, 1.1, 20)
+#: Name and unit of each column, and what it holds, as ASMEC's program writes them.
+ASMEC = (
+    ("No.", "", [str(i) for i in range(1, 21)]),
+    ("File", "", [f"Sample12_B7_{i:04d}.DAT" for i in range(1, 21)]),
+    ("F", "mN", [f"{value:.3f}" for value in PEAK_FORCE]),
+    ("h", "µm", [f"{value:.3f}" for value in PEAK_DEPTH]),
+    ("H", "GPa", [f"{value:.3f}" for value in RNG.uniform(0.5, 1.5, 20)]),
+    ("E", "GPa", [f"{value:.2f}" for value in RNG.uniform(12.0, 70.0, 20)]),
+    ("Wtot", "nJ", [f"{value:.3f}" for value in PEAK_FORCE * PEAK_DEPTH / 3.0]),
+    ("NIT", "%", ["27.69"] * 20),
+)
+
+
+def results(without=(), order=None):
+    kept = [column for column in ASMEC if column[0] not in without]
+    cells = np.array([column[2] for column in kept])
+    return [
+        [c[0] for c in kept],
+        [c[1] for c in kept],
+        *cells[:, slice(None) if order is None else order].T.tolist(),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("without", "order", "told"),
+    [
+        ((), None, "the column 'File' names each row, as 'Sample12_B7_0001.DAT'"),
+        (("File",), None, "it has 'Wtot', 'NIT'"),
+        (
+            ("File", "Wtot"),
+            RNG.permutation(20),
+            "it has 'H', 'E', and its depths and forces leap from row to row",
+        ),
+    ],
+)
+@pytest.mark.parametrize("kind", ["csv", "xls"])
+def test_a_table_of_results_is_no_curve(without, order, told, kind, put):
+    rows = results(without, order)
+    text = "\n".join(";".join(row) for row in rows)
+    path = put(text if kind == "csv" else xls({"Results": rows}), f"summary.{kind}")
+    with pytest.raises(
+        FileFormatError, match=f"is a table of results, a row for each test.*: {told}. Export the"
+    ):
+        read(path)
+    # Who knows better names both columns.
+    named = read(path, columns={"depth": "h (um)", "force": "F (mN)"})
+    np.testing.assert_allclose(np.sort(named.force), np.sort(PEAK_FORCE.round(3)) * 1e-3, rtol=1e-9)
+
+
+def test_a_curve_that_carries_its_modulus_and_its_clock_is_no_table_of_results(put):
+    """Continuous stiffness, with noise before the contact, a text that differs in every row, and 30 cycles."""
+    swing = np.abs((np.arange(600) / 10.0 + 1.0) % 2.0 - 1.0)
+    depth = np.concatenate((np.linspace(-1.0, 0.0, 60), DEPTH / 10.0, swing))
+    force = np.clip(depth, 0.0, None) ** 1.5 + 1e-3 * RNG.standard_normal(len(depth))
+    rows = [
+        f"08:00:{i / 10:07.4f} AM,26 Nov 2026,{d:.5f},{f:.6f},{70 + f:.2f},{d:.5f} um,{0.1 * i:.1f}"
+        for i, (d, f) in enumerate(zip(depth, force, strict=True))
+    ]
+    head = "Clock,Date,h (um),F (mN),E (GPa),Stage,t (s)\n"
+    curve = read(put(head + "\n".join(rows)))
+    np.testing.assert_allclose(curve.depth, depth * 1e-6, atol=1e-11, rtol=0)

@@ -14,6 +14,7 @@ from underlay._arrays import FloatArray
 from underlay._text import names_there
 from underlay.data.curve import Curve
 from underlay.data.readers._format import Options, make_curve
+from underlay.data.readers._results import require_readings
 from underlay.data.readers._source import Source
 from underlay.data.readers._statistics import without_statistics
 from underlay.data.readers._text import column_factor, is_number, numbers, split_label, uses_comma
@@ -129,6 +130,9 @@ def table_curve(
     )
     table = numbers(rows, indices, source.name, comma=comma)
     _require_no_groups(source, labels, rows, indices, table)
+    if not {"depth", "force"} <= (options.columns or {}).keys():
+        units = [one or other for one, other in zip(above, below, strict=False)]
+        require_readings(source, labels, units, rows, table[:, 0], table[:, 1])
     values: dict[str, FloatArray] = {}
     units_found: dict[str, str] = {}
     signs: dict[str, str] = {}
