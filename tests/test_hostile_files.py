@@ -13,7 +13,7 @@ import pytest
 
 from support import afm_files
 from support import instrument_files as files
-from underlay.data.readers import FORMATS, read, read_all
+from underlay.data.readers import FORMATS, curves_of_jpk_map, read, read_all, read_from_map
 from underlay.data.readers._source import MAX_BYTES
 from underlay.errors import FileAccessError, FileFormatError, MissingExtraError, UnderlayError
 
@@ -113,6 +113,34 @@ def test_archives(put):
     curves = read_all(put(files.zipped({"a/1.csv": files.delimited(), "../../2.txt": files.optics11("old")})))
     assert [curve.metadata["format"] for curve in curves] == ["csv", "optics11"]
     assert curves[1].metadata["member"] == "../../2.txt"
+
+
+@pytest.mark.parametrize("member", ["header.properties", "segments/0/segment-header.properties"])
+def test_a_jpk_header_without_measure_is_refused_before_it_is_unpacked(member, put):
+    """A few kilobytes of archive: 60 MB of header, of which every line would be an entry."""
+    content = files.unzipped(afm_files.jpk())
+    content[member] += b"\na=b" * 15_000_000
+    packed = files.zipped(content)
+    assert len(packed) < 100_000
+    path = put(packed)
+    of_a_map = {name if name == "header.properties" else f"index/0/{name}": content[name] for name in content}
+    (place,) = curves_of_jpk_map(put(files.zipped(of_a_map), "map.dat"))
+    began = time.process_time()
+    with pytest.raises(FileFormatError, match=f"{member}' claims 60 MB unpacked; at most 4 MB"):
+        read(path)
+    with pytest.raises(FileFormatError, match=f"{member}' claims 60 MB unpacked; at most 4 MB of one"):
+        read_from_map(place)
+    assert time.process_time() - began < 0.1
+
+
+def test_jpk_headers_that_multiply_what_they_share_are_refused(put):
+    """Each of 300 entries asks for all 300 that are shared."""
+    content = files.unzipped(afm_files.jpk(shared=True))
+    name = "segments/0/segment-header.properties"
+    content[name] += b"".join(b"\nx%d.lcd-info.*=77" % i for i in range(300))
+    content["shared-data/header.properties"] += b"".join(b"\nlcd-info.77.a%d=1" % i for i in range(300))
+    with pytest.raises(FileFormatError, match="more than 50000 entries"):
+        read(put(files.zipped(content)))
 
 
 def test_a_member_without_a_name(put):

@@ -46,21 +46,36 @@ def open_zip(data: bytes, name: str, largest: int) -> zipfile.ZipFile:
     return archive
 
 
-def read_member(archive: zipfile.ZipFile, name: str) -> bytes:
+def read_member(archive: zipfile.ZipFile, name: str, largest: int | None = None) -> bytes:
     """Unpack one member into memory, never beyond the size it claims.
+
+    Parameters
+    ----------
+    archive : ZipFile
+        The archive.
+    name : str
+        Of the member.
+    largest : int, optional
+        Most bytes that it may claim.
 
     Raises
     ------
     FileFormatError
-        If it is missing, damaged, encrypted or larger than it claims.
+        If it is missing, damaged, encrypted, larger than it claims, or claims more than `largest`.
     """
     shown = printable(name)[:80]
     try:
         info = archive.getinfo(name)
-        with archive.open(info) as stream:
-            data = stream.read(info.file_size + 1)
     except KeyError as error:
         raise FileFormatError(f"the archive has no member {shown!r}") from error
+    if largest is not None and info.file_size > largest:
+        raise FileFormatError(
+            f"archive member {shown!r} claims {info.file_size / _MB:.0f} MB unpacked; at most "
+            f"{largest / _MB:g} MB of such a member are read"
+        )
+    try:
+        with archive.open(info) as stream:
+            data = stream.read(info.file_size + 1)
     except Exception as error:  # each decompressor has errors of its own
         raise FileFormatError(f"archive member {shown!r} is damaged: {error!s:.120}") from error
     if len(data) > info.file_size:

@@ -425,10 +425,15 @@ def zipped(files):
     return stream.getvalue()
 
 
+def unzipped(content):
+    """{name: bytes} of an archive."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
 def changed_archive(content, changes):
     """Archive with {member: (old, new)} replaced."""
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
+    members = unzipped(content)
     return zipped(
         {
             name: data.replace(*changes.get(name, (b"", b""))) if name in changes else data

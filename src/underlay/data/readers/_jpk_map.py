@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from underlay._door import opened
+from underlay.data.readers._jpk_properties import LONGEST_HEADER
 from underlay.data.readers._source import MAX_BYTES, Source
 from underlay.errors import FileFormatError
 
@@ -86,6 +87,12 @@ class JpkMapCurve:
         claimed = sum(member.size for member in self.members)
         if claimed > MAX_BYTES:
             raise FileFormatError(f"{self.name} claims {claimed / 1e6:.0f} MB unpacked")
+        for member in self.members:
+            if member.name.endswith(".properties") and member.size > LONGEST_HEADER:
+                raise FileFormatError(
+                    f"{self.name}: the header {member.name!r:.80} claims {member.size / 1e6:.0f} MB unpacked; at "
+                    f"most {LONGEST_HEADER / 1e6:g} MB of one are read"
+                )
         packed = io.BytesIO()
         with _open(self.path) as stream, zipfile.ZipFile(packed, "w") as archive:
             for member in self.members:

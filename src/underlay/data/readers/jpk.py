@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay.data.readers._jpk_properties import Shared, properties, shared_properties, with_shared
 from underlay.data.readers._lever import uncalibrated
 from underlay.data.readers._source import Source, open_zip, read_member
 from underlay.data.segments import HOLD, LOADING, UNLOADING
@@ -115,7 +116,8 @@ def read_jpk(source: Source, calibration: Mapping[str, float]) -> list[JpkCurve]
     """
     with open_zip(source) as archive:
         names = set(archive.namelist())
-        shared = _properties(archive, _SHARED) if _SHARED in names else {}
+        shared = shared_properties(archive, _SHARED) if _SHARED in names else {}
+        whole = properties(archive, _GENERAL) if _GENERAL in names else {}
         curves: dict[str, list[int]] = {}
         for name in names:
             matched = _SEGMENT.fullmatch(name)
@@ -125,19 +127,9 @@ def read_jpk(source: Source, calibration: Mapping[str, float]) -> list[JpkCurve]
             raise FileFormatError(f"{source.name} holds no force segment")
         # "index/10/" after "index/9/".
         return [
-            _curve(source, archive, names, folder, sorted(curves[folder]), shared, calibration)
+            _curve(source, archive, names, folder, sorted(curves[folder]), shared, whole, calibration)
             for folder in sorted(curves, key=lambda text: (len(text), text))
         ]
-
-
-def _properties(archive: zipfile.ZipFile, name: str) -> dict[str, str]:
-    """Java properties: ``key=value`` in Latin-1, with escaped colons."""
-    found = {}
-    for line in read_member(archive, name).decode("latin-1").splitlines():
-        key, equals, value = line.partition("=")
-        if equals and not line.startswith("#"):
-            found[key.strip()] = value.strip().replace("\\:", ":")
-    return found
 
 
 def _curve(
@@ -146,15 +138,19 @@ def _curve(
     names: set[str],
     folder: str,
     numbers: Sequence[int],
-    shared: Mapping[str, str],
+    shared: Shared,
+    whole: Mapping[str, str],
     calibration: Mapping[str, float],
 ) -> JpkCurve:
     heights, forces, times = [], [], []
     labels: list[str] = []
-    start, known, general = 0.0, {}, _general(archive, names, folder)
+    start, known = 0.0, {}
+    # Of the whole file, and of the curve in a map.
+    place = folder + _GENERAL
+    general = {**whole, **(properties(archive, place) if folder and place in names else {})}
     for number in numbers:
         place = f"{folder}segments/{number}/"
-        header = _with_shared(_properties(archive, place + _HEADER), shared)
+        header = with_shared(properties(archive, place + _HEADER), shared)
         height_name = next((name for name in _HEIGHTS if f"{place}channels/{name}.dat" in names), None)
         if height_name is None or f"{place}channels/vDeflection.dat" not in names:
             raise FileFormatError(f"{source.name}, {place} lacks the channel of the height or the deflection")
@@ -181,12 +177,6 @@ def _curve(
         known,
         {name: value for name, end in _ABOUT.items() for key, value in general.items() if key.endswith(end)},
     )
-
-
-def _general(archive: zipfile.ZipFile, names: set[str], folder: str) -> dict[str, str]:
-    """Properties of the whole file, and of the curve in a map."""
-    places = [place for place in dict.fromkeys((_GENERAL, folder + _GENERAL)) if place in names]
-    return {key: value for place in places for key, value in _properties(archive, place).items()}
 
 
 def _style(source: Source, header: Mapping[str, str], place: str) -> str:
@@ -221,20 +211,6 @@ def _force(
 def _position(source: Source, header: Mapping[str, str]) -> tuple[float, ...]:
     keys = [key for axis in "xy" for key in header if key.endswith(f".header.position.{axis}")]
     return tuple(_number(source, header, key) for key in keys) if len(keys) == 2 else ()
-
-
-def _with_shared(header: Mapping[str, str], shared: Mapping[str, str]) -> dict[str, str]:
-    """Follow ``channel.X.lcd-info.*=3`` to the entries ``lcd-info.3....`` of the shared properties."""
-    found = dict(header)
-    for key, number in sorted(header.items()):
-        if ".*" in key:
-            kind = ".".join(key.split(".")[-2:-1])
-            head = key.rsplit(".", 2)[0]
-            start = f"{kind}.{number}."
-            for name, value in shared.items():
-                if name.startswith(start):
-                    found[f"{head}.{name.split('.', 2)[2]}"] = value
-    return found
 
 
 def _number(source: Source, header: Mapping[str, str], key: str) -> float:
