@@ -634,6 +634,9 @@ def test_tab_of_afmformats(put):
     np.testing.assert_array_equal(curve.loading().depth, -(height + force / afm_files.STIFFNESS))
     np.testing.assert_array_equal(curve.unloading().force, force[::-1])
     assert curve.metadata["spring_constant"] == afm_files.STIFFNESS
+    # Older versions wrote whether a row is of the second segment.
+    old = afm_files.tab().replace(b"\t0\n", b"\tFalse\n").replace(b"\t1\n", b"\tTrue\n")
+    np.testing.assert_array_equal(read(put(old)).segment, curve.segment)
     paused = read(put(afm_files.tab(("pause", "extend", "pause", "retract"))))
     assert list(paused.segment) == list(np.repeat(("hold", "loading", "hold", "unloading"), afm_files.POINTS))
     with pytest.raises(FileFormatError, match="no column 'force' or no height; it has 'strain'"):

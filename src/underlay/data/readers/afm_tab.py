@@ -22,6 +22,7 @@ __all__ = ["TAB_MARK", "read_tab"]
 TAB_MARK = "# BEGIN METADATA"
 _END = "# END METADATA"
 _WANTED = ("force", "height (measured)", "height (piezo)", "time", "segment")
+_OLD_SEGMENTS = {"False": "0", "True": "1"}
 _NUMBERS = ("spring constant", "sensitivity", "setpoint", "position x", "position y")
 
 
@@ -46,10 +47,18 @@ def read_tab(source: Source) -> tuple[dict[str, FloatArray], dict[str, Any]]:
     if "force" not in wanted or not any(name.startswith("height") for name in wanted):
         there = names_there(names)
         raise FileFormatError(f"{source.name} has no column 'force' or no height; it has {there}")
-    # Booleans are not among the columns that are used.
+    # Of two segments, older versions wrote which one as True or False; no other column of booleans is used.
+    if "segment" in wanted:
+        _number_segments(rows, names.index("segment"))
     table = numbers(rows, [names.index(name) for name in wanted], source.name)
     metadata = _metadata(source, comments[comments.index(TAB_MARK) + 1 : comments.index(_END)])
     return dict(zip(wanted, table.T, strict=True)), metadata
+
+
+def _number_segments(rows: list[list[str]], index: int) -> None:
+    for row in rows:
+        if index < len(row) and row[index] in _OLD_SEGMENTS:
+            row[index] = _OLD_SEGMENTS[row[index]]
 
 
 def _metadata(source: Source, comments: list[str]) -> dict[str, Any]:
