@@ -83,6 +83,28 @@ def test_utf_16_without_its_mark_is_read(order, unit, in_zip, put):
     is_whole(read(put(coded)))
 
 
+# --- quoted numbers
+
+
+def quoted(separator, names='"depth (um)"{}"force (mN)"'):
+    rows = (f'"{d:.4f}"{separator}"{f:.5f}"'.replace(".", ",") for d, f in zip(DEPTH, FORCE, strict=True))
+    return names.format(separator) + "\n" + "\n".join(rows)
+
+
+@pytest.mark.parametrize("separator", [";", ",", "\t"])
+@pytest.mark.parametrize("names", ['"depth (um)"{}"force (mN)"', "depth (um){}force (mN)"])
+def test_decimal_commas_in_quotes_are_decimals(separator, names, put):
+    is_whole(read(put(quoted(separator, names=names))))
+
+
+def test_a_comma_in_quotes_that_may_be_of_thousands_is_refused(put):
+    rows = "\n".join(f'"{1000 + 10 * i:,}",{i}' for i in range(40))
+    with pytest.raises(
+        FileFormatError, match=r"'depth \(nm\)': the comma of '1,000' may be of a decimal or of"
+    ):
+        read(put(f"depth (nm),force (uN)\n{rows}"))
+
+
 # --- results, a row for each test
 
 RNG = np.random.default_rng(5)

@@ -105,9 +105,13 @@ def table_curve(
     options: Options,
     *,
     may_use_comma: bool,
+    commas_between: bool = False,
     **metadata: Any,
 ) -> Curve:
     """Make a curve of labelled rows of cells.
+
+    `commas_between` says that commas stand between the cells, as where a decimal is written with a point: a quoted
+    ``"1,234"`` may be either there.
 
     Raises
     ------
@@ -130,6 +134,8 @@ def table_curve(
     )
     table = numbers(rows, indices, source.name, comma=comma)
     _require_no_groups(source, labels, rows, indices, table)
+    if comma and commas_between:
+        _require_decimals(source, labels, rows, indices)
     if not {"depth", "force"} <= (options.columns or {}).keys():
         units = [one or other for one, other in zip(above, below, strict=False)]
         require_readings(source, labels, units, rows, table[:, 0], table[:, 1])
@@ -227,6 +233,20 @@ def _require_no_groups(
                 f"{source.name}, column {labels[index].strip()!r:.80}: {groups[0]!r:.40} beside whole numbers of "
                 "three digits looks like thousands and would be read as a decimal; write the numbers without a "
                 "separator of thousands"
+            )
+
+
+def _require_decimals(
+    source: Source, labels: Sequence[str], rows: Sequence[Sequence[str]], indices: Sequence[int]
+) -> None:
+    """Refuse a column whose commas may all be of thousands."""
+    for index in indices:
+        commas = [cell for row in rows if index < len(row) and "," in (cell := row[index].strip())]
+        if commas and all(map(_GROUPED.fullmatch, commas)):
+            raise FileFormatError(
+                f"{source.name}, column {labels[index].strip()!r:.80}: the comma of {commas[0]!r:.40} may be of a "
+                "decimal or of thousands; write the numbers with decimal points and without thousands, or "
+                "separate the columns by semicolons, where a comma is a decimal's"
             )
 
 

@@ -2,9 +2,9 @@
 
 Units stand in the header (``depth (um)``, ``force [mN]``, ``Time, s``), in a row below the names, or in the
 column mapping. Separators are tab, semicolon, comma or blanks; a decimal comma is understood where the
-separator is not a comma. Lines that start with ``#`` are kept as comments; the names are looked for there
-where there are no others. Signs are taken as written: depth grows into the sample and force is positive in
-compression, unless the mapping says ``-name``.
+separator is not a comma, or the cells stand in quotes. Lines that start with ``#`` are kept as comments; the
+names are looked for there where there are no others. Signs are taken as written: depth grows into the sample
+and force is positive in compression, unless the mapping says ``-name``.
 """
 
 from __future__ import annotations
@@ -121,7 +121,9 @@ def _read_all(source: Source, options: Options) -> list[Curve]:
         names,
         cells,
         options,
-        may_use_comma=separator != ",",
+        # Between commas only what stands in quotes can hold one.
+        may_use_comma=separator != "," or not isinstance(cells, Lines),
+        commas_between=separator == ",",
         comments=about,
         **_known_numbers(about),
     )
