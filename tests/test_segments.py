@@ -37,6 +37,57 @@ def test_approach_hold_and_retract_with_noise(noise):
     assert np.mean(labels != true) < tolerance
 
 
+@pytest.mark.parametrize("noise", [0.001, 0.002, 0.003, 0.005, 0.01, 0.02, 0.05])
+@pytest.mark.parametrize("points", [120, 600, 2400, 24_000])
+def test_a_slow_ramp_of_many_noisy_readings_is_one_way_in_and_one_way_out(points, noise):
+    """However many readings: the largest of their noise is no corner."""
+    time = np.linspace(0.0, 120.0, points)
+    load = np.interp(time, [0, 60, 120], [0, 1, 0])
+    for seed in range(3):
+        depth = load ** (2 / 3) + noise * np.random.default_rng(seed).standard_normal(points)
+        assert names(segments_from_motion(depth, time, load)) == ["loading", "unloading"]
+
+
+@pytest.mark.parametrize("noise", [0.002, 0.005, 0.01])
+def test_a_hold_is_found_in_many_noisy_readings(noise):
+    time = np.linspace(0.0, 150.0, 24_000)
+    load = np.interp(time, [0, 60, 90, 150], [0, 1, 1, 0])
+    depth = load ** (2 / 3) + noise * np.random.default_rng(2).standard_normal(len(time))
+    labels = segments_from_motion(depth, time, load)
+    assert names(labels) == ["loading", "hold", "unloading"]
+    true = np.where(time <= 60, "loading", np.where(time < 90, "hold", "unloading"))
+    assert np.mean(labels != true) < 0.015
+
+
+@pytest.mark.parametrize("digits", [1, 2])
+@pytest.mark.parametrize("rate", [0.5, 2.0, 20.0])
+def test_a_slow_ramp_of_few_digits_is_no_stairs_of_holds(rate, digits):
+    """Depth and force of 0.0, 0.1, 0.2 um and mN, each many times."""
+    time = np.arange(0.0, 600.0, 1.0 / rate)
+    load = np.interp(time, [0, 300, 600], [0, 5, 0]).round(digits)
+    depth = (3.0 * (load / 5.0) ** (2 / 3)).round(digits)
+    assert names(segments_from_motion(depth, time, load)) == ["loading", "unloading"]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.002, 0.01])
+@pytest.mark.parametrize("points", [120, 600, 2400])
+def test_the_turns_of_many_cycles_are_no_holds(points, noise):
+    time = np.linspace(0.0, 200.0, points)
+    load = np.interp(time, np.arange(0, 201, 10), np.arange(21) % 2)
+    depth = load ** (2 / 3) + noise * np.random.default_rng(4).standard_normal(points)
+    labels = segments_from_motion(depth, time, load)
+    assert names(labels) == ["loading", "unloading"] * 10
+    true = np.where((time // 10) % 2 == 0, "loading", "unloading")
+    # A turn is found to a reading.
+    assert np.mean(labels != true) < 0.01 + 20 / points + 2.0 * noise
+
+
+def test_ten_steps_that_are_held_for_long_are_no_digits():
+    """A relaxation in steps, each within one reading, without noise."""
+    motion = np.repeat(np.arange(11.0), 50)
+    assert np.mean(segments_from_motion(motion) == "hold") > 0.95
+
+
 def test_vibration_is_not_a_reversal():
     time, depth = trapezoid()
     shaken = depth + 2e-8 * np.sin(2 * np.pi * 7.0 * time)
@@ -75,6 +126,18 @@ def test_slow_elastic_return_of_a_stiff_sample_is_unloading():
     force = np.interp(time, [0, 10, 15, 30], [0.0, 1.0, 1.0, 0.0])
     assert names(segments_from_motion(depth, time, force)) == ["loading", "hold", "unloading"]
     assert names(segments_from_motion(depth, time)) == ["loading", "hold"]
+
+
+def test_one_small_return_after_large_ones_is_no_vibration():
+    """Lift-off, approach, a hold, and a return by 7 % of it all, while the force falls to nothing."""
+    time = np.linspace(0.0, 16.0, 2800)
+    depth = np.interp(time, [0, 2, 9, 11, 16], [0.0, -0.45, 0.53, 0.53, 0.455])
+    force = np.interp(time, [0, 4, 9, 11, 16], [0.0, 0.0, 1.0, 1.0, 0.0])
+    depth = depth + 0.001 * np.random.default_rng(6).standard_normal(len(time))
+    labels = segments_from_motion(depth, time, force)
+    assert names(labels) == ["unloading", "loading", "hold", "unloading"]
+    # The depth leaves its tolerance a second later than the force lets go.
+    assert time[labels == "hold"].max() == pytest.approx(11.0, abs=0.05)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])

@@ -15,7 +15,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from underlay._arrays import FloatArray, median
+from underlay._arrays import FloatArray
+from underlay.data.motion_noise import moving_mean, noise_of, reach, step_of
 
 __all__ = [
     "HOLD",
@@ -35,17 +36,22 @@ UNLOADING = "unloading"
 # A piece slower than this fraction of the speed of travel rests. Under a load ramp on a Hertz contact the
 # depth slows down as t**(-1/3), to a fifth of its speed at 1 % of the ramp: 0.1 keeps that as loading.
 _REST_SPEED = 0.1
-# Tolerance of the polyline, as a fraction of the range of the motion and in noise standard deviations.
+# Tolerance of the polyline, as a fraction of the range of the motion, and in steps of a motion in stairs. In noise
+# it grows with the number of readings.
 _TOLERANCE = 0.01
+_STEPS = 1.5
+# A change by fewer standard deviations of the noise is none.
 _NOISE = 4.0
 # White noise above the tolerance is averaged down over as many points as that takes, but never over more than
 # this part of the curve: corners would be rounded.
-_SMOOTHED = 50
+_SMOOTHED = 20
 # A slow piece that goes back while the force falls by this fraction of its range is unloading. One that goes in
 # while it rises so, and by more than noise, is loading, as after an approach ten times as fast.
 _CHANGE = 0.05
 # Reversals above this fraction of the range are never taken for vibration.
 _VIBRATION = 0.1
+# One small reversal is no vibration: a stiff sample comes back so little.
+_FEWEST_SWINGS = 3
 # More corners than any protocol has; bounds the work on a file of pure noise.
 _MAX_PIECES = 400
 
@@ -80,18 +86,19 @@ def segments_from_motion(
     clock = np.arange(n, dtype=np.float64) if time is None or goes_back(time) else time
     if np.ptp(clock) <= 0.0:
         return one_label(LOADING, n)
-    noise = _noise(motion)
+    noise = noise_of(motion)
     extent = float(np.ptp(motion))
     least = _TOLERANCE * extent
     if (
         extent <= 2.0 * _NOISE * noise or least == 0.0
     ):  # no more than noise, or rounding, swings to both sides
         return one_label(HOLD, n)
-    wanted = (_NOISE * noise / least) ** 2
+    farthest, step = reach(n), step_of(motion)
+    wanted = (farthest * noise / least) ** 2
     width = int(min(wanted, n / _SMOOTHED))
     if width > 1:
-        motion, noise = _moving_mean(motion, width), noise / np.sqrt(width)
-    tolerance = max(least, _NOISE * noise)
+        motion, noise = moving_mean(motion, width), noise / np.sqrt(width)
+    tolerance = max(least, farthest * noise, _STEPS * step)
     splits = _splits(clock, motion, tolerance)
     corners = _corners(splits, n)
     wobble = _wobble(motion[corners])
@@ -99,19 +106,43 @@ def segments_from_motion(
         tolerance = wobble
         # The worst come first: those of a wider tolerance are the first of them.
         corners = _corners(itertools.takewhile(lambda split: split[0] > wobble, splits), n)
-    together = None
-    if force is not None and np.isfinite(force).all():
-        whole = max(float(np.ptp(force)), np.finfo(float).tiny)
-        pressed, moved = np.diff(force[corners]) / whole, np.diff(motion[corners])
-        clear = max(_CHANGE, _NOISE * _noise(force) / whole)
-        together = ((pressed < -_CHANGE) & (moved < -tolerance)) | ((pressed > clear) & (moved > tolerance))
-    pieces = _pieces(clock, motion, corners, tolerance, together)
+    if force is not None and not np.isfinite(force).all():
+        force = None
+    together = None if force is None else _together(force, motion, corners, tolerance)
+    pieces = _pieces(clock, motion, corners, tolerance, together, max(width, 1))
     if all(label == LOADING for _, _, label in pieces):
         return one_label(LOADING, n)
     labels: NDArray[np.str_] = np.full(n, LOADING, dtype="<U9")
     for first, last, label in pieces:
         labels[first : last + 1] = label
+    if force is not None:
+        _end_holds(labels, clock, force)
     return labels
+
+
+def _together(
+    force: FloatArray, motion: FloatArray, corners: list[int], tolerance: float
+) -> NDArray[np.bool_]:
+    """Whether force and motion change together, both up or both down, over each piece."""
+    whole = max(float(np.ptp(force)), np.finfo(float).tiny)
+    pressed, moved = np.diff(force[corners]) / whole, np.diff(motion[corners])
+    clear = max(_CHANGE, _NOISE * noise_of(force) / whole)
+    return ((pressed < -_CHANGE) & (moved < -tolerance)) | ((pressed > clear) & (moved > tolerance))
+
+
+def _end_holds(labels: NDArray[np.str_], clock: FloatArray, force: FloatArray) -> None:
+    """End each hold where the force lets go: a stiff sample does not come back at once by what the depth tells."""
+    ends = np.flatnonzero(labels[1:] != labels[:-1]) + 1
+    bounds = [0, *ends.tolist(), len(labels)]
+    for first, turn, last in zip(bounds, bounds[1:], bounds[2:], strict=False):
+        if labels[first] != HOLD or labels[turn] != UNLOADING or clock[last - 1] <= clock[first]:
+            continue
+        x, y = clock[first:last] - clock[first], force[first:last]
+        # Above the straight line to the end, and farthest where the way out begins.
+        above = y - y[0] - x * ((y[-1] - y[0]) / x[-1])
+        corner = first + int(above.argmax())
+        if corner < turn and above.max() > _CHANGE * float(np.ptp(y)):
+            labels[corner + 1 : turn] = UNLOADING
 
 
 def goes_back(time: FloatArray) -> bool:
@@ -171,21 +202,6 @@ def _only_loads(motion: FloatArray, time: FloatArray | None) -> bool:
     return bool(speed.min() >= _REST_SPEED * speed.max())
 
 
-def _noise(motion: FloatArray) -> float:
-    """Standard deviation of white noise, from second differences: a smooth motion leaves none."""
-    second = np.diff(motion, 2)
-    return float(1.4826 * median(np.abs(second)) / np.sqrt(6.0))
-
-
-def _moving_mean(motion: FloatArray, width: int) -> FloatArray:
-    """Mean over `width` points about each, with the ends held."""
-    before = width // 2
-    padded = np.pad(motion, (before, width - 1 - before), mode="edge")
-    total = np.cumsum(np.concatenate(([0.0], padded)))
-    mean: FloatArray = (total[width:] - total[:-width]) / width
-    return mean
-
-
 def _wobble(heights: FloatArray) -> float:
     """Height of the largest reversal that is vibration and not a step of the test.
 
@@ -198,7 +214,9 @@ def _wobble(heights: FloatArray) -> float:
     small = reversals[1:] < _VIBRATION * np.ptp(heights)
     gap = reversals[:-1] >= 3.0 * reversals[1:]
     first = np.flatnonzero(small & gap)
-    return float(reversals[first[0] + 1]) if first.size else 0.0
+    if not first.size or len(reversals) - 1 - first[0] < _FEWEST_SWINGS:
+        return 0.0
+    return float(reversals[first[0] + 1])
 
 
 def _corners(splits: Iterable[tuple[float, int]], count: int) -> list[int]:
@@ -242,8 +260,9 @@ def _pieces(
     corners: list[int],
     tolerance: float,
     together: NDArray[np.bool_] | None,
+    width: int,
 ) -> list[tuple[int, int, str]]:
-    """First index, last index and label of each piece between corners."""
+    """First index, last index and label of each piece between corners; `width` points were averaged."""
     ends = np.array(corners)
     run = np.diff(clock[ends])
     rise = np.diff(motion[ends])
@@ -262,7 +281,25 @@ def _pieces(
         after = calm[i + 1] if i + 1 < len(calm) else True
         resting[i] = before and after
     labels = np.where(resting, HOLD, np.where(rise > 0.0, LOADING, UNLOADING))
-    return [(int(ends[i]) + (i > 0), int(ends[i + 1]), str(label)) for i, label in enumerate(labels)]
+    found: list[tuple[int, int, str]] = []
+    for i, label in enumerate(labels):
+        first, last = int(ends[i]) + (i > 0), int(ends[i + 1])
+        if 0 < i < len(labels) - 1 and _is_turn(labels[i - 1 : i + 2]):
+            # Half of it at the speed of either side is what a turn is rounded by.
+            rounded = 0.5 * run[i] * min(speed[i - 1], speed[i + 1])
+            if rounded <= tolerance or ends[i + 1] - ends[i] <= width:
+                part = motion[first : last + 1]
+                turn = first + int(part.argmax() if labels[i - 1] == LOADING else part.argmin())
+                found += [(first, turn, str(labels[i - 1])), (turn + 1, last, str(labels[i + 1]))]
+                continue
+        found.append((first, last, str(label)))
+    return [piece for piece in found if piece[0] <= piece[1]]
+
+
+def _is_turn(labels: NDArray[np.str_]) -> bool:
+    """Whether the middle one of three pieces rests between a way in and a way out, or out and in."""
+    before, here, after = labels
+    return bool(here == HOLD and {str(before), str(after)} == {LOADING, UNLOADING})
 
 
 def _speed_of_travel(speed: FloatArray, travel: FloatArray) -> float:
