@@ -1,4 +1,4 @@
-"""What keeps a motion from being a line: its noise, how far that reaches, and the stairs of a few digits."""
+"""What keeps a motion from being a line: noise and how far it reaches, vibration, the stairs of a few digits."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ import numpy as np
 
 from underlay._arrays import FloatArray, median
 
-__all__ = ["moving_mean", "noise_of", "reach", "step_of"]
+__all__ = ["moving_mean", "noise_of", "reach", "step_of", "wobble_of"]
 
 # Stairs repeat this share of their readings, on so many levels: fewer are the steps of a test.
 _REPEATED, _LEVELS = 0.25, 20
+# Reversals above this fraction of the range are never taken for vibration.
+_VIBRATION = 0.1
+# One small reversal is no vibration: a stiff sample comes back so little.
+_FEWEST_SWINGS = 3
 
 
 def noise_of(motion: FloatArray) -> float:
@@ -44,3 +48,20 @@ def moving_mean(motion: FloatArray, width: int) -> FloatArray:
     total = np.cumsum(np.concatenate(([0.0], padded)))
     mean: FloatArray = (total[width:] - total[:-width]) / width
     return mean
+
+
+def wobble_of(heights: FloatArray) -> float:
+    """Height of the largest reversal that is vibration and not a step of the test.
+
+    Reversals of a test are a good part of its range, those of vibration are small and many; a gap by a
+    factor of three between the two kinds tells them apart. Zero if there is no such gap.
+    """
+    directions = np.sign(np.diff(heights))
+    turns = np.flatnonzero(directions[1:] != directions[:-1]) + 1
+    reversals = np.sort(np.abs(np.diff(heights[[0, *turns, len(heights) - 1]])))[::-1]
+    small = reversals[1:] < _VIBRATION * np.ptp(heights)
+    gap = reversals[:-1] >= 3.0 * reversals[1:]
+    first = np.flatnonzero(small & gap)
+    if not first.size or len(reversals) - 1 - first[0] < _FEWEST_SWINGS:
+        return 0.0
+    return float(reversals[first[0] + 1])

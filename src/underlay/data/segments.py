@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.data.motion_noise import moving_mean, noise_of, reach, step_of
+from underlay.data.motion_noise import moving_mean, noise_of, reach, step_of, wobble_of
 
 __all__ = [
     "HOLD",
@@ -48,10 +48,6 @@ _SMOOTHED = 20
 # A slow piece that goes back while the force falls by this fraction of its range is unloading. One that goes in
 # while it rises so, and by more than noise, is loading, as after an approach ten times as fast.
 _CHANGE = 0.05
-# Reversals above this fraction of the range are never taken for vibration.
-_VIBRATION = 0.1
-# One small reversal is no vibration: a stiff sample comes back so little.
-_FEWEST_SWINGS = 3
 # More corners than any protocol has; bounds the work on a file of pure noise.
 _MAX_PIECES = 400
 
@@ -101,7 +97,7 @@ def segments_from_motion(
     tolerance = max(least, farthest * noise, _STEPS * step)
     splits = _splits(clock, motion, tolerance)
     corners = _corners(splits, n)
-    wobble = _wobble(motion[corners])
+    wobble = wobble_of(motion[corners])
     if wobble > tolerance:
         tolerance = wobble
         # The worst come first: those of a wider tolerance are the first of them.
@@ -202,23 +198,6 @@ def _only_loads(motion: FloatArray, time: FloatArray | None) -> bool:
     return bool(speed.min() >= _REST_SPEED * speed.max())
 
 
-def _wobble(heights: FloatArray) -> float:
-    """Height of the largest reversal that is vibration and not a step of the test.
-
-    Reversals of a test are a good part of its range, those of vibration are small and many; a gap by a
-    factor of three between the two kinds tells them apart. Zero if there is no such gap.
-    """
-    directions = np.sign(np.diff(heights))
-    turns = np.flatnonzero(directions[1:] != directions[:-1]) + 1
-    reversals = np.sort(np.abs(np.diff(heights[[0, *turns, len(heights) - 1]])))[::-1]
-    small = reversals[1:] < _VIBRATION * np.ptp(heights)
-    gap = reversals[:-1] >= 3.0 * reversals[1:]
-    first = np.flatnonzero(small & gap)
-    if not first.size or len(reversals) - 1 - first[0] < _FEWEST_SWINGS:
-        return 0.0
-    return float(reversals[first[0] + 1])
-
-
 def _corners(splits: Iterable[tuple[float, int]], count: int) -> list[int]:
     """Indices of the corners of a polyline through so many points, in order."""
     return sorted({0, count - 1, *(index for _, index in splits)})
@@ -282,15 +261,15 @@ def _pieces(
         resting[i] = before and after
     labels = np.where(resting, HOLD, np.where(rise > 0.0, LOADING, UNLOADING))
     found: list[tuple[int, int, str]] = []
-    for i, label in enumerate(labels):
-        first, last = int(ends[i]) + (i > 0), int(ends[i + 1])
-        if 0 < i < len(labels) - 1 and _is_turn(labels[i - 1 : i + 2]):
+    for k, label in enumerate(labels):
+        first, last = int(ends[k]) + (k > 0), int(ends[k + 1])
+        if 0 < k < len(labels) - 1 and _is_turn(labels[k - 1 : k + 2]):
             # Half of it at the speed of either side is what a turn is rounded by.
-            rounded = 0.5 * run[i] * min(speed[i - 1], speed[i + 1])
-            if rounded <= tolerance or ends[i + 1] - ends[i] <= width:
+            rounded = 0.5 * run[k] * min(speed[k - 1], speed[k + 1])
+            if rounded <= tolerance or ends[k + 1] - ends[k] <= width:
                 part = motion[first : last + 1]
-                turn = first + int(part.argmax() if labels[i - 1] == LOADING else part.argmin())
-                found += [(first, turn, str(labels[i - 1])), (turn + 1, last, str(labels[i + 1]))]
+                turn = first + int(part.argmax() if labels[k - 1] == LOADING else part.argmin())
+                found += [(first, turn, str(labels[k - 1])), (turn + 1, last, str(labels[k + 1]))]
                 continue
         found.append((first, last, str(label)))
     return [piece for piece in found if piece[0] <= piece[1]]
