@@ -89,6 +89,42 @@ def test_a_reversed_sign_is_named_with_the_key_that_turns_it(curve, put, columns
     assert all(rules[name].startswith("turned, as asked") for name in columns)
 
 
+@pytest.mark.parametrize("offset", [0.0, 5.0, -2.0])
+@pytest.mark.parametrize("from_contact", [False, True])
+def test_both_signs_reversed_are_told_whatever_the_zero_of_the_force(curve, put, offset, from_contact):
+    """A load cell that is not tared: the force begins far from zero, and falls from air, or ever faster."""
+    way_in = curve.loading()
+    kept = way_in.depth >= (0.0 if from_contact else -np.inf)
+    path, scene = put(-way_in.depth[kept], offset * way_in.force.max() - way_in.force[kept])
+    with pytest.raises(CurveError, match="the signs of depth and force are reversed"):
+        load_problem(path, scene)
+
+
+@pytest.mark.parametrize("offset", [0.0, 5.0, -2.0])
+def test_a_contact_that_is_withdrawn_is_not_taken_for_one_that_is_made_with_both_signs_reversed(
+    curve, offset
+):
+    back = curve.unloading()
+    require_signs(ul.Curve(back.depth, back.force + offset * back.force.max()))
+
+
+@pytest.mark.parametrize(
+    ("depth", "force", "columns"), [(-1, 1, "depth"), (1, -1, "force"), (-1, -1, "depth and force")]
+)
+def test_reading_notes_what_looks_like_a_wrong_sign_and_turning_takes_the_note_off(
+    curve, put, depth, force, columns
+):
+    path, _ = put(depth * curve.depth, force * curve.force)
+    (note,) = ul.read(path).metadata["notes"]
+    assert f"looks like the wrong sign of {columns}: " in note
+    turned = flipped(ul.read(path), columns.split(" and "))
+    assert turned.metadata["notes"] == ()
+    np.testing.assert_array_equal(turned.depth, curve.depth)
+    names = {"depth": "depth (m)", "force": "force (N)"}
+    asked = {key: ("-" if key in columns else "") + name for key, name in names.items()}
+    assert ul.read(path, columns=asked).metadata["notes"] == ()
+
+
 def test_an_empty_list_says_that_the_signs_are_right(curve, put):
     problem = load_problem(*put(curve.depth, -curve.force, "flip = []"))
     np.testing.assert_allclose(problem.curves[0].force, -curve.force[: len(INTO)], atol=1e-15)

@@ -16,7 +16,7 @@ from underlay.data.segments import HOLD, LOADING, UNLOADING, one_of_each, segmen
 from underlay.errors import CurveError
 from underlay.units import format_quantity
 
-__all__ = ["flipped", "require_signs"]
+__all__ = ["flipped", "require_signs", "sign_note"]
 
 # A sign is judged on the first motion over this share of the depth's range.
 _LONG = 0.3
@@ -26,6 +26,14 @@ _CHANGE, _END = 0.5, 0.1
 # Below this share of its change, the force a curve begins with is none.
 _NONE = 0.1
 _NOISE = 10.0
+# Over the first fifth of the travel (about each end of it, this share) the force of a stiffening contact that is
+# made changes by less than half a fifth of its change (a ball 9 %), of one that is withdrawn by a fifth or more.
+_EARLY, _ABOUT, _FLAT = 0.2, 0.08, 0.1
+_NOTE = "read as written, with what looks like the wrong sign of"
+_NOTE_END = (
+    ": the first motion of a test goes into the sample, and the force rises over it. Fits from a scene file ask "
+    "about it; in Python give columns with a minus, such as columns={'depth': '-h (um)'}"
+)
 _FEWEST = 8
 
 
@@ -39,7 +47,8 @@ def flipped(curve: Curve, columns: Iterable[str]) -> Curve:
         return curve
     rules: Mapping[str, Any] = curve.metadata.get("sign_rules") or {}
     told = {name: f"turned, as asked; before: {rules.get(name, 'as given')}" for name in turned}
-    found = replace(curve, **turned).with_metadata(sign_rules={**rules, **told})
+    notes = _without_note(curve.metadata.get("notes") or ())
+    found = replace(curve, **turned).with_metadata(sign_rules={**rules, **told}, notes=notes)
     labels = found.segment
     if "depth" not in turned or labels is None:
         return found
@@ -63,23 +72,57 @@ def require_signs(curve: Curve) -> None:
     CurveError
         Names the column and the key of a scene file that turns it.
     """
+    if found := _reversed(curve):
+        raise CurveError(_told(curve, *found))
+
+
+def sign_note(curve: Curve) -> tuple[str, ...]:
+    """Return a note of signs that look reversed, or (); `flipped` takes it off."""
+    if _plainly_right(curve) or not (found := _reversed(curve)):
+        return ()
+    return (f"{_NOTE} {' and '.join(found[0])}{_NOTE_END}",)
+
+
+def _without_note(notes: Iterable[str]) -> tuple[str, ...]:
+    return tuple(note for note in notes if not (note.startswith(_NOTE) and note.endswith(_NOTE_END)))
+
+
+def _plainly_right(curve: Curve) -> bool:
+    """Whether the force is farthest from where it began above it, and deeper: as of nearly every curve."""
+    farthest = int(np.abs(curve.force - curve.force[0]).argmax())
+    return bool(curve.force[farthest] > curve.force[0] and curve.depth[farthest] > curve.depth[0])
+
+
+def _reversed(curve: Curve) -> tuple[tuple[str, ...], float, FloatArray] | None:
+    """Columns whose sign is wrong, the change of the force (N) over the first motion and its depths (m)."""
     depth, force = curve.depth, curve.force
     if len(curve) < _FEWEST or not (np.isfinite(depth).all() and np.isfinite(force).all()):
-        return
+        return None
     way = _first_motion(curve)
     if way is None:
-        return
+        return None
     depth, force = depth[way], force[way]
     goes_in, (start, end) = bool(depth[-1] > depth[0]), _ends(force)
     if goes_in and end >= start:
-        return  # as nearly every curve is
+        return None  # as nearly every curve is
     change = _change(force)
     if change == 0.0 or goes_in == (change > 0.0):
-        reversed_both = change < 0.0 and abs(start) <= _NONE * abs(change) and not goes_in
-        if not reversed_both:
-            return
-        raise CurveError(_told(curve, ("depth", "force"), change, depth))
-    raise CurveError(_told(curve, ("force",) if change < 0.0 else ("depth",), change, depth))
+        if (
+            change < 0.0
+            and not goes_in
+            and (abs(start) <= _NONE * -change or _begins_flat(depth, force, change))
+        ):
+            return ("depth", "force"), change, depth
+        return None
+    return ("force",) if change < 0.0 else ("depth",), change, depth
+
+
+def _begins_flat(depth: FloatArray, force: FloatArray, change: float) -> bool:
+    """Whether both fall from air: a contact that is withdrawn is stiffest at first, one that is made at last."""
+    travel = (depth - depth[0]) / (depth[-1] - depth[0])
+    early = force[(travel >= _EARLY - _ABOUT) & (travel <= _EARLY + _ABOUT)]
+    at_first = force[travel <= _ABOUT]
+    return bool(early.size and at_first.size) and (median(early) - median(at_first)) / change < _FLAT
 
 
 def _first_motion(curve: Curve) -> slice | None:

@@ -19,6 +19,7 @@ from underlay.data.readers._source import Source
 from underlay.data.readers._statistics import without_statistics
 from underlay.data.readers._text import column_factor, is_number, numbers, split_label, uses_comma
 from underlay.data.segments import HOLD, LOADING, UNLOADING
+from underlay.data.signs import sign_note
 from underlay.errors import FileFormatError, InputError
 from underlay.units import kind_of, unit_factor
 
@@ -154,7 +155,7 @@ def table_curve(
         units_found[label] = unit
         signs[role] = f"minus the column {label!r}, as asked" if flipped else f"as written in {label!r}"
     segment, note = _segment(rows, columns.get("segment"))
-    return make_curve(
+    curve = make_curve(
         source,
         values["depth"],
         values["force"],
@@ -165,6 +166,8 @@ def table_curve(
         notes=(*note, *statistics, *_namesakes(labels, columns, options.columns)),
         **metadata,
     )
+    doubt = sign_note(curve)
+    return curve.with_metadata(notes=(*curve.metadata["notes"], *doubt)) if doubt else curve
 
 
 def _check_mapping(mapping: Mapping[str, str] | None) -> None:
