@@ -82,6 +82,18 @@ def test_the_turns_of_many_cycles_are_no_holds(points, noise):
     assert np.mean(labels != true) < 0.01 + 20 / points + 2.0 * noise
 
 
+@pytest.mark.parametrize("growing", [False, True])
+@pytest.mark.parametrize("noise", [0.0, 0.003])
+def test_a_thousand_cycles_are_a_thousand_cycles(noise, growing):
+    """No bound on the work ends the search for corners among them: what is left would rest."""
+    phase = np.arange(60_000) / 60.0
+    load = (1.0 - np.abs(phase % 1.0 * 2.0 - 1.0)) * (np.linspace(0.2, 1.0, 60_000) if growing else 1.0)
+    depth = load ** (2 / 3) + noise * np.random.default_rng(7).standard_normal(60_000)
+    labels = segments_from_motion(depth, phase, load)
+    assert names(labels) == ["loading", "unloading"] * 1000
+    assert np.mean(labels != np.where(phase % 1.0 < 0.5, "loading", "unloading")) < 0.06
+
+
 def test_ten_steps_that_are_held_for_long_are_no_digits():
     """A relaxation in steps, each within one reading, without noise."""
     motion = np.repeat(np.arange(11.0), 50)

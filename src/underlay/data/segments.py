@@ -48,8 +48,9 @@ _SMOOTHED = 20
 # A slow piece that goes back while the force falls by this fraction of its range is unloading. One that goes in
 # while it rises so, and by more than noise, is loading, as after an approach ten times as fast.
 _CHANGE = 0.05
-# More corners than any protocol has; bounds the work on a file of pure noise.
-_MAX_PIECES = 400
+# More corners than any protocol has (two a cycle), and readings looked at for them, in two seconds; bounds the work
+# on a file of spikes.
+_MAX_PIECES, _LOOKED_AT = 10_000, 300_000_000
 
 
 def segments_from_motion(
@@ -225,8 +226,10 @@ def _splits(clock: FloatArray, motion: FloatArray, tolerance: float) -> list[tup
             heapq.heappush(worst, (-float(miss[split]), first, first + split, last))
 
     propose(0, len(motion) - 1)
-    while worst and len(splits) + 2 < _MAX_PIECES:
+    looked_at = 0
+    while worst and len(splits) + 2 < _MAX_PIECES and looked_at < _LOOKED_AT:
         miss, first, split, last = heapq.heappop(worst)
+        looked_at += last - first
         splits.append((-miss, split))
         propose(first, split)
         propose(split, last)
