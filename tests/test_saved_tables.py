@@ -159,6 +159,30 @@ def test_a_table_of_results_is_no_curve(without, order, told, kind, put):
     np.testing.assert_allclose(np.sort(named.force), np.sort(PEAK_FORCE.round(3)) * 1e-3, rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("head", "spread", "told"),
+    [
+        (
+            "HM (N/mm^2);F (mN);h (um)",
+            0.0,
+            "its depths leap from row to row while its forces are all the same",
+        ),
+        ("HM (N/mm^2);F (mN);h (um)", 0.004, "its depths and forces leap from row to row"),
+        ("E (GPa);F (mN);h (um);Test no.", None, "the column 'Test no.' numbers its rows"),
+    ],
+)
+def test_a_table_of_results_without_names_is_no_curve(head, spread, told, put):
+    """Many tests to one load, as of a Fischer microhardness tester; and loads in order, with numbers alone."""
+    forces = PEAK_FORCE if spread is None else 300.0 * (1.0 + spread * RNG.uniform(-1.0, 1.0, 20))
+    depths = PEAK_DEPTH if spread is None else RNG.uniform(2.0, 3.0, 20)
+    rows = [
+        f"{70 + i % 3};{f:.3f};{d:.3f}" + (f";{i + 1}" if spread is None else "")
+        for i, (f, d) in enumerate(zip(forces, depths, strict=True))
+    ]
+    with pytest.raises(FileFormatError, match=f"is a table of results.* and {told}"):
+        read(put("\n".join([head, *rows])))
+
+
 def test_a_curve_that_carries_its_modulus_and_its_clock_is_no_table_of_results(put):
     """Continuous stiffness, with noise before the contact, a text that differs in every row, and 30 cycles."""
     swing = np.abs((np.arange(600) / 10.0 + 1.0) % 2.0 - 1.0)

@@ -10,7 +10,7 @@ does none of it.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -43,6 +43,34 @@ _FEWEST, _LOOKED_AT = 3, 200
 # A motion that passes over its range as often as a third of its rows allows leaps; one of many cycles has a dozen
 # readings a way.
 _LEAPS, _SHORTEST = 6.0, 8
+# Forces that differ by less are those of one load of many tests.
+_SAME = 0.02
+# What a column that counts tests is called; one that counts readings is "point" or "no.".
+_NUMBERED = frozenset(
+    (
+        *(
+            "test",
+            "test no",
+            "test number",
+            "test id",
+            "indent",
+            "indent no",
+            "indent number",
+            "indentation no",
+        ),
+        *(
+            "measurement",
+            "measurement no",
+            "specimen",
+            "specimen no",
+            "versuch",
+            "probe",
+            "messung",
+            "eindruck",
+        ),
+        *("essai", "mesure", "ensayo", "prova"),
+    )
+)
 
 
 def require_readings(
@@ -72,7 +100,7 @@ def require_readings(
     why = (
         _names_of_tests(labels, rows)
         or _words_of_tests(labels)
-        or _leaps(labels, units, {"depths": depth, "forces": force})
+        or _tests_beside_moduli(labels, units, rows, depth, force)
     )
     if why:
         raise FileFormatError(
@@ -109,13 +137,31 @@ def _words_of_tests(labels: Sequence[str]) -> str:
     return f"it has {names_there(found)}" if len(found) >= _ENOUGH else ""
 
 
-def _leaps(labels: Sequence[str], units: Sequence[str], motions: Mapping[str, FloatArray]) -> str:
+def _tests_beside_moduli(
+    labels: Sequence[str],
+    units: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    depth: FloatArray,
+    force: FloatArray,
+) -> str:
     moduli = [
         label for label, unit in zip(labels, units, strict=True) if unit and kind_of(unit) == "pressure"
     ]
-    if not moduli or not all(_leaping(values) for values in motions.values()):
+    if not moduli:
         return ""
-    return f"it has {names_there(moduli)}, and its {' and '.join(motions)} leap from row to row"
+    there = f"it has {names_there(moduli)}, and"
+    for index, label in enumerate(labels):
+        if split_label(label)[0].strip(" .#").lower() in _NUMBERED:
+            numbers = [row[index].strip() for row in rows[:_LOOKED_AT] if index < len(row)]
+            if len(numbers) >= _FEWEST and len(set(numbers)) == len(numbers):
+                return f"{there} the column {label.strip()!r:.80} numbers its rows"
+    if not _leaping(depth):
+        return ""
+    if _leaping(force):
+        return f"{there} its depths and forces leap from row to row"
+    if np.ptp(force) <= _SAME * np.abs(np.median(force)):
+        return f"{there} its depths leap from row to row while its forces are all the same"
+    return ""
 
 
 def _leaping(values: FloatArray) -> bool:
