@@ -195,3 +195,35 @@ def test_a_curve_that_carries_its_modulus_and_its_clock_is_no_table_of_results(p
     head = "Clock,Date,h (um),F (mN),E (GPa),Stage,t (s)\n"
     curve = read(put(head + "\n".join(rows)))
     np.testing.assert_allclose(curve.depth, depth * 1e-6, atol=1e-11, rtol=0)
+
+
+# --- what is not read, and several tests
+
+
+def test_a_second_column_that_may_be_the_force_or_the_depth_is_noted(put):
+    rows = "\n".join(f"{d:.4f},{d / 2:.4f},{f:.5f},{2 * f:.5f}" for d, f in zip(DEPTH, FORCE, strict=True))
+    path = put("Displacement (um),depth (um),load (mN),force (mN)\n" + rows)
+    depth, force = read(path).metadata["notes"]
+    assert depth.startswith(
+        "the depth is read from 'depth (um)'; not read: 'Displacement (um)', which may be one"
+    )
+    assert force.startswith(
+        "the force is read from 'force (mN)'; not read: 'load (mN)', which may be one too"
+    )
+    chosen = read(path, columns={"depth": "Displacement", "force": "load"})
+    is_whole(chosen)
+    assert chosen.metadata["notes"] == ()
+
+
+def test_tests_one_below_the_other_are_noted_and_segments_whose_time_begins_again_are_not(put):
+    def rows(depths, forces):
+        return "".join(
+            f"{d:.4f},{f:.5f},{0.1 * i:.1f}\n" for i, (d, f) in enumerate(zip(depths, forces, strict=True))
+        )
+
+    head, way_in, way_out = "h (um),F (mN),t (s)\n", rows(DEPTH, FORCE), rows(DEPTH[::-1], FORCE[::-1])
+    (note,) = read(put(head + 3 * way_in)).metadata["notes"]
+    assert note.startswith(
+        "time and depth begin again in row 61 of the table: the file looks like 3 tests one below"
+    )
+    assert read(put(head + way_in + way_out)).metadata["notes"] == ()

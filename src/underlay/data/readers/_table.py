@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import unicodedata
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,6 +16,7 @@ from underlay.data.readers._format import Options, make_curve
 from underlay.data.readers._results import require_readings
 from underlay.data.readers._source import Source
 from underlay.data.readers._statistics import without_statistics
+from underlay.data.readers._table_notes import begins_again, namesakes, plain, rivals
 from underlay.data.readers._text import column_factor, is_number, numbers, split_label, uses_comma
 from underlay.data.segments import HOLD, LOADING, UNLOADING
 from underlay.data.signs import sign_note
@@ -71,14 +71,14 @@ def find_columns(labels: Sequence[str], mapping: Mapping[str, str] | None) -> di
     mapping : mapping of role to name, optional
         Names with or without a unit, as ``{"depth": "h (nm)", "force": "-Fz"}``; the sign is ignored here.
     """
-    names = [_plain(split_label(label)[0]) for label in labels]
-    whole = [_plain(label) for label in labels]
+    names = [plain(split_label(label)[0]) for label in labels]
+    whole = [plain(label) for label in labels]
     found: dict[str, int] = {}
     for role in ROLES:
         wanted = (mapping or {}).get(role)
         if wanted is not None:
             text = wanted.strip().removeprefix("-").strip()
-            candidates: tuple[str, ...] = (_plain(text), _plain(split_label(text)[0]))
+            candidates: tuple[str, ...] = (plain(text), plain(split_label(text)[0]))
         else:
             candidates = _KNOWN[role]
         for candidate in candidates:
@@ -89,14 +89,6 @@ def find_columns(labels: Sequence[str], mapping: Mapping[str, str] | None) -> di
                 found[role] = names.index(candidate)
                 break
     return found
-
-
-def _plain(name: str) -> str:
-    """Name in small letters without accents, however these are coded."""
-    if name.isascii():
-        return name.strip().lower()
-    letters = unicodedata.normalize("NFKD", name.strip().lower())
-    return "".join(letter for letter in letters if not unicodedata.combining(letter)).replace("’", "'")
 
 
 def table_curve(
@@ -155,6 +147,10 @@ def table_curve(
         units_found[label] = unit
         signs[role] = f"minus the column {label!r}, as asked" if flipped else f"as written in {label!r}"
     segment, note = _segment(rows, columns.get("segment"))
+    others = (
+        *rivals(labels, columns, options.columns, _KNOWN),
+        *begins_again(values["depth"], values.get("time")),
+    )
     curve = make_curve(
         source,
         values["depth"],
@@ -163,7 +159,7 @@ def table_curve(
         segment,
         units=units_found,
         sign_rules=signs,
-        notes=(*note, *statistics, *_namesakes(labels, columns, options.columns)),
+        notes=(*note, *statistics, *namesakes(labels, columns, options.columns), *others),
         **metadata,
     )
     doubt = sign_note(curve)
@@ -190,25 +186,6 @@ def _check_present(
         raise FileFormatError(
             f"{source.name} has {missing}; it has {there}. Say which with columns={{{role!r}: 'name (unit)'}}"
         )
-
-
-def _namesakes(
-    labels: Sequence[str], columns: Mapping[str, int], mapping: Mapping[str, str] | None
-) -> tuple[str, ...]:
-    """Notes of columns that share the name of the one that is read, the first: another unit, or another test."""
-    names = [_plain(split_label(label)[0]) for label in labels]
-    notes = []
-    for role, index in columns.items():
-        label = labels[index].strip()
-        others = [labels[i].strip() for i, name in enumerate(names) if name == names[index] and i != index]
-        chosen = _plain((mapping or {}).get(role, "").strip().removeprefix("-")) == _plain(label)
-        if others and (label in others or not chosen):
-            told = ", ".join(map(repr, others))
-            notes.append(
-                f"the {role} is read from the first column of its name, {label!r}; not read: {told}. Choose by "
-                "the whole name in columns, or split a file that holds several tests side by side"
-            )
-    return tuple(notes)
 
 
 def _require_no_groups(
