@@ -87,6 +87,14 @@ def test_nanoscope_volumes_have_places_and_points_that_were_not_recorded(put):
         read(path, test=5)
 
 
+@pytest.mark.parametrize("mark", [-(2**15), -(2**31)])
+def test_nanoscope_points_that_were_not_recorded_are_so_in_wide_files_too(mark, put):
+    """Numbers of 16 bits that were widened keep the least of 16 bits."""
+    curves = read_all(put(files.nanoscope(version=0x0930A4F8, curves=4, missing=3, mark=mark)))
+    assert [len(curve) for curve in curves] == [2 * POINTS - 3] * 4
+    np.testing.assert_allclose(curves[0].force[: POINTS - 3], FORCE[3:], atol=0.51 * FORCE_STEP, rtol=0)
+
+
 def test_peakforce_taps_turn_where_the_file_says(put):
     curve = read(put(files.nanoscope(curves=4, tap=True)), test=2)
     travel = curve.depth + curve.force / STIFFNESS

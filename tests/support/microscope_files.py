@@ -41,13 +41,14 @@ def nanoscope(
     stated=2,
     per_number=PER_NUMBER,
     louder=1,
+    mark=None,
     **changes,
 ):
     """NanoScope file: one ramp or a volume of them, with a hold and a height sensor where asked for.
 
-    `missing` points of the way in are marked as not recorded; `tap` makes PeakForce taps of it, whose drive turns
-    at point 30.5. `stated` is what "Bytes/pixel" says of the deflection, `per_number` its scale (V), and its
-    numbers are `louder` times as large as that scale makes them.
+    `missing` points of the way in are marked as not recorded, by `mark` or the least number; `tap` makes PeakForce
+    taps of it, whose drive turns at point 30.5. `stated` is what "Bytes/pixel" says of the deflection, `per_number`
+    its scale (V), and its numbers are `louder` times as large as that scale makes them.
     """
     width = 4 if version >= 0x09200000 else 2
     integer = {2: "<i2", 4: "<i4"}[width]
@@ -55,7 +56,7 @@ def nanoscope(
     volts = force / STIFFNESS / SENSITIVITY
     raw = np.round(_stored(volts, 0.8 * volts[::-1], np.full(hold, volts[-1])) / per_number) * louder
     raw = raw.astype(integer)
-    raw[points - missing : points] = np.iinfo(raw.dtype).min
+    raw[points - missing : points] = np.iinfo(raw.dtype).min if mark is None else mark
     heights = _stored(travel, travel[::-1], np.full(hold, travel[-1])) * 1e9 / SENSOR
     channels = [("DeflectionError", "Deflection Error", "DeflSens", raw)]
     if sensor:

@@ -71,9 +71,10 @@ def channel_numbers(
     if scale is None:
         raise FileFormatError(f"{name}: no scale in volts for {image.text(_SIGNAL)!r:.60}")
     raw = np.frombuffer(content, _NUMBERS[width]).reshape(shape)
-    missing, per_number = np.iinfo(raw.dtype).min, scale.per_number * per_volt
-    recorded = raw[raw != missing]
-    bits = _bits(image, scale, width)
+    bits, per_number = _bits(image, scale, width), scale.per_number * per_volt
+    # The least number marks what was not recorded: of the bytes, and of the scale, as where 16 bits were widened.
+    marks = (np.iinfo(raw.dtype).min, -(2 ** (bits - 1)))
+    recorded = raw[(raw != marks[0]) & (raw != marks[1])]
     if recorded.size and max(int(recorded.max()), -1 - int(recorded.min())) >= 2 ** (bits - 1):
         reached = max(int(recorded.max()), -int(recorded.min()))
         raise FileFormatError(
@@ -81,7 +82,7 @@ def channel_numbers(
             f"{scale.per_number:g} V each, is for {bits} bits, up to {2 ** (bits - 1)}: read so, they would be "
             f"{reached * scale.per_number:.3g} V, a power of two too large; {_NEXT}"
         )
-    return lambda number: np.where(raw[number] == missing, np.nan, raw[number] * per_number)
+    return lambda number: np.where(np.isin(raw[number], marks), np.nan, raw[number] * per_number)
 
 
 def _bits(image: Section, scale: Scale, width: int) -> int:
