@@ -309,6 +309,50 @@ def test_few_animals_are_not_told_by_the_prior():
     assert ul.population(table_of(opened, labels)).groups[""].leads_plain is False
 
 
+def test_animals_that_agree_by_chance_leave_what_is_known_of_each():
+    """Three animals of two curves of 5 % with one mean: no width is left but that of their errors."""
+    labels = [(name,) for name in "aabbcc"]
+    alike = table_of([normal(math.log(1e6), 0.05) for _ in labels], labels)
+    found = ul.population(alike).groups[""]
+    assert found.leads_plain
+    known = math.exp(1.96 * 0.05 / math.sqrt(6.0))
+    assert known < found.high / found.mean < known**1.2
+    assert known < found.mean / found.low < known**1.2
+    assert any("agree better" in sentence for sentence in ul.population(alike).sentences())
+    # A ratio of two such groups has the errors of both.
+    pair = ul.population(
+        pd.concat([alike.assign(group="x"), alike.assign(group="y")]), group="group"
+    ).comparisons[0]
+    assert known ** math.sqrt(2.0) < pair.high / pair.ratio < known ** (1.2 * math.sqrt(2.0))
+    assert pair.probability_above == pytest.approx(0.5, abs=1e-6)
+    # One curve an animal: what curves of one animal differ by is in how the animals differ.
+    alone = ul.population(alike.assign(animal=list("abcdef")).iloc[:3]).groups[""]
+    assert alone.high / alone.mean == pytest.approx(math.exp(1.96 * 0.05 / math.sqrt(3.0)), rel=1e-4)
+    # An error that all share is stated: it adds by the normal distribution, not by Student's.
+    shared = ul.population(alike, shared_error=0.2).groups[""]
+    assert math.log(shared.high / shared.mean) == pytest.approx(
+        math.hypot(math.log(found.high / found.mean), 1.96 * 0.2), rel=1e-3
+    )
+
+
+def test_the_interval_of_few_animals_covers_where_they_agree():
+    """Of 300 studies the fifth that scatters least: the interval covers, that of the scatter alone must fail."""
+    rng = np.random.default_rng(23)
+    studies = []
+    for _ in range(300):
+        curves, labels = made_study(rng, animals=3, sites=3, between=0.0, within=0.05, errors=(0.03, 0.06))
+        group = ul.population(table_of(curves, labels)).groups[""]
+        plain = group.plain_mean
+        studies.append(
+            (plain.scatter.half, group.low < 1.0 < group.high, abs(plain.value) < plain.scatter.half)
+        )
+    agreeing = sorted(studies)[:60]
+    # 95 % of 60 is 57 with a standard deviation of 1.7.
+    assert sum(covers for _, covers, _ in agreeing) >= 52
+    assert sum(covers for *_, covers in agreeing) <= 51
+    assert sum(covers for *_, covers in studies) >= 274
+
+
 def ratio_text(found):
     return f"{found[0]:.3g} ({found[1]:.3g} to {found[2]:.3g})"
 
