@@ -28,6 +28,7 @@ from underlay.inference.problem import Problem
 from underlay.inference.ridge.importance import LogEvidence
 from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.posterior import Posterior
+from underlay.inference.sampling.whose import difference
 from underlay.scene.chain import ContactDepth
 from underlay.scene.low_rank_noise import LowRankNoise
 from underlay.scene.noise import Noise
@@ -62,7 +63,7 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     Raises
     ------
     InputError
-        If there are fewer than two models, or their curves differ.
+        If there are fewer than two models, their curves differ, or a posterior is that of another problem.
     MissingExtraError
         If arviz is not installed (extra ``uq``).
 
@@ -95,6 +96,13 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
         )
         if not same:
             raise InputError(f"model {name!r} was sampled on other curves; compare models of the same data")
+    for name, pair in models.items():
+        told = difference(*pair)
+        if told:
+            raise InputError(
+                f"the posterior of model {name!r} is not that of its problem: {told}; give each problem with what "
+                "ul.sample made of it"
+            )
     arviz = arviz_library()
     data = {name: _inference_data(problem, posterior) for name, (problem, posterior) in models.items()}
     with warnings.catch_warnings():
