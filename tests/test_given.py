@@ -89,3 +89,39 @@ def test_models_that_are_compared_are_told(given: object) -> None:
 def test_curves_of_a_map_are_told(given: object) -> None:
     with pytest.raises(ul.InputError, match="give a folder with curve files, files, or curves"):
         ul.fit_many(given, SCENE, {"layer.E": None})
+
+
+@pytest.fixture(scope="module")
+def fit() -> ul.Fit:
+    curve = ul.synthesize(SCENE, np.linspace(0.0, 5e-5, 40), ul.Noise(force=1e-3), rng=1)
+    return ul.fit(ul.Problem(SCENE, curve, {"layer.E": (1e4, 1e8)}, noise=ul.Noise(force=1e-3)))
+
+
+@pytest.mark.parametrize("level", [0.0, -0.5, 1.0, 95.0, np.nan, "0.95", None, True])
+def test_a_level_is_told(fit: ul.Fit, level: object) -> None:
+    for ask in (
+        lambda: fit.interval("layer.E", level),
+        lambda: fit.band(lambda physical: physical[:, :1], level),
+    ):
+        with pytest.raises(ul.InputError, match=r"level must be above 0 and at most 0\.999; got"):
+            ask()
+
+
+@pytest.mark.parametrize(
+    ("of", "told"),
+    [
+        (lambda physical: physical[:, 0], r"at 3 draws it gave an array of shape \(3,\)"),
+        (lambda physical: physical[:1], r"at 3 draws it gave an array of shape \(1, 1\)"),
+        (lambda physical: physical[None], r"at 3 draws it gave an array of shape \(1, 3, 1\)"),
+        (lambda _: 1.0, "at 3 draws it gave 1.0"),
+        (lambda _: "E", "at 3 draws it gave 'E'"),
+        (lambda _: None, "at 3 draws it gave None"),
+        ("layer.E", "got 'layer.E'"),
+        (None, "got None"),
+    ],
+)
+def test_what_a_band_is_of_is_told(fit: ul.Fit, of: object, told: str) -> None:
+    with pytest.raises(ul.InputError, match=rf"of must be a function .*lambda p: p\[:, :1\]; {told}"):
+        fit.band(of)
+    low, _, high = fit.band(lambda physical: physical.tolist())
+    assert low[0] < fit.values["layer.E"] < high[0]
