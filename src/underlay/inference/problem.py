@@ -26,7 +26,7 @@ from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["Given", "Likelihood", "LikelihoodPart", "Problem"]
+__all__ = ["Given", "Likelihood", "LikelihoodPart", "Problem", "by_path"]
 
 
 class Likelihood(Protocol):
@@ -160,7 +160,7 @@ class Problem:
         noise: NoiseModel | Sequence[NoiseModel | None] | None,
         solver: Solver,
     ) -> None:
-        self.free = _by_path(free)
+        self.free = by_path(free)
         self.shared = shared
         self.noise = noise
         #: What builds the contact laws.
@@ -348,13 +348,13 @@ class Problem:
         return q
 
 
-def _by_path(free: object) -> dict[str, Given]:
+def by_path(free: object) -> dict[str, Given]:
     """Priors by the path of what is not known, given as a mapping or as paths alone."""
-    if isinstance(free, Mapping):
-        return dict(free)
-    if isinstance(free, str) or not isinstance(free, Iterable):
-        raise InputError(
-            'free must be paths with their priors, such as {"layer.E": None} or '
-            f'{{"layer.E": ul.LogUniform(1e3, 1e6)}}, or paths alone; got {free!r:.80}'
-        )
-    return dict.fromkeys(free)
+    if isinstance(free, Iterable) and not isinstance(free, str):
+        paths = list(free)
+        if all(isinstance(path, str) for path in paths):
+            return dict(free) if isinstance(free, Mapping) else dict.fromkeys(paths)
+    raise InputError(
+        'free must be paths with their priors, such as {"layer.E": None} or '
+        f'{{"layer.E": ul.LogUniform(1e3, 1e6)}}, or paths alone; got {free!r:.80}'
+    )

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from underlay._arrays import FloatArray
+from underlay._given import columns_given, require_share
 from underlay.errors import InputError
 from underlay.inference.population.density import Density
 from underlay.inference.population.levels import GroupModel
@@ -47,7 +48,7 @@ _ENOUGH = 6
 
 def population(
     results: pd.DataFrame | str | os.PathLike[str] | Sequence[Labelled],
-    by: Sequence[str] = ("animal",),
+    by: str | Sequence[str] = ("animal",),
     parameter: str = "layer.E",
     *,
     group: str | None = None,
@@ -62,8 +63,8 @@ def population(
     results : DataFrame, path, or sequence of (labels, result)
         The table of a map (`fit_many`), its file, or pairs of labels by column and a `Fit`, a profile or a
         `Posterior`, whose prior is divided out.
-    by : sequence of str
-        Columns that say whose a curve is, outermost level first: ``["animal", "joint"]``. None takes all
+    by : str or sequence of str
+        Columns that say whose a curve is, outermost level first: ``["animal", "joint"]``. An empty list takes all
         curves for independent and speaks of these sites only.
     parameter : str
         A positive parameter; its logarithm is what is normal.
@@ -96,11 +97,13 @@ def population(
     study, and is up to half as long again. It is not where outliers are allowed for, or an end is open. Animals
     that agree by chance leave what the errors of their curves and the scatter within each leave (`student`).
     """
-    names = tuple(by)
+    names = columns_given(
+        by, "by", '["animal"] or ["animal", "joint"], or [] to take all curves for independent'
+    )
     if tails not in _TAILS:
         raise InputError(f"tails must be one of {', '.join(_TAILS)}; got {tails!r}")
-    if not (shared_error is None or (math.isfinite(shared_error) and 0.0 <= shared_error < 1.0)):
-        raise InputError(f"shared_error is a relative error, 0 to 1; got {shared_error!r}")
+    if shared_error is not None:
+        require_share(shared_error, "shared_error", what="a relative error", zero=True)
     curves, left, told = _selected(results, parameter, names, group, doubtful)
     shared = told if shared_error is None else float(shared_error)
     groups: dict[str, list[LabelledCurve]] = {}
