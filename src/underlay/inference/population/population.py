@@ -42,7 +42,7 @@ _ENDS = np.array([0.025, 0.5, 0.975])
 _NO_SPREAD, _MAY_BE_NONE = 0.05, 0.05
 _TAILS = ("normal", "outliers")
 _MODULUS = "layer.E"
-# Fewer units than these hardly tell how much they differ: the prior would, and no scale of it covers evenly.
+# Fewer units than these hardly tell how much they differ: the prior would, and no scale of it covers so evenly.
 _ENOUGH = 6
 
 
@@ -93,9 +93,10 @@ def population(
 
     Up to five animals hardly tell how much animals differ, so the prior would: of three that differ by 20 % or
     less its 95 % interval covers 98 to 100 %, of three that differ by more 92 to 95 %, and no other scale covers
-    evenly. There the interval without a prior is the one to go by: it covers 93 to 96 % in all cells of the stored
-    study, and is up to half as long again. It is not where outliers are allowed for, or an end is open. Animals
-    that agree by chance leave what the errors of their curves and the scatter within each leave (`student`).
+    so evenly. There the interval without a prior is the one to go by: it covers 93 to 98 % in all cells of the
+    stored study, and is up to half as long again. It is not where outliers are allowed for, or an end is open.
+    Animals that agree by chance leave what the errors of their curves and the scatter within each leave
+    (`student`).
     """
     names = columns_given(
         by, "by", '["animal"] or ["animal", "joint"], or [] to take all curves for independent'
