@@ -17,6 +17,7 @@ from underlay.inference.population.levels import GroupModel
 from underlay.inference.population.likelihood import ROOTS, CurveLikelihood
 from underlay.inference.population.messages import Grid
 from underlay.inference.population.spreads import BETWEEN, WITHIN
+from underlay.report.interval_words import quantity_with_interval
 from underlay.report.population_words import comparison_table, group_table, of_map, population_tables, told
 
 ENDS = np.array([0.025, 0.5, 0.975])
@@ -306,7 +307,8 @@ def test_few_animals_are_not_told_by_the_prior():
     assert pair.probability_above == pytest.approx(welch.pvalue, abs=0.01)
     (row,) = [row for _, row in group_table(found).iterrows() if row["group"] == "few"]
     assert row["beside it"].startswith("with priors")
-    assert ratio_text(pair.plain) in comparison_table(found)["of the means"].iloc[0]
+    told_ratio = quantity_with_interval(*pair.plain, "dimensionless")
+    assert told_ratio in comparison_table(found)["of the means"].iloc[0]
     # Where the model allows for outliers, or has no end, it stays the one to go by.
     assert not ul.population(few, tails="outliers").groups[""].leads_plain
     opened, labels = made_study(rng, animals=3, sites=2, between=0.1, within=0.1, openness=3.0)
@@ -355,10 +357,6 @@ def test_the_interval_of_few_animals_covers_where_they_agree():
     assert sum(covers for _, covers, _ in agreeing) >= 52
     assert sum(covers for *_, covers in agreeing) <= 51
     assert sum(covers for *_, covers in studies) >= 274
-
-
-def ratio_text(found):
-    return f"{found[0]:.3g} ({found[1]:.3g} to {found[2]:.3g})"
 
 
 def test_outliers_move_a_tolerant_mean_less():
