@@ -17,6 +17,7 @@ import numpy as np
 from underlay._arrays import FloatArray, read_only
 from underlay.data.curve import Curve
 from underlay.errors import InputError
+from underlay.inference.model.common_errors import CommonErrors
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
 from underlay.inference.model.laws import LawStore
@@ -168,6 +169,8 @@ class Problem:
         self.store = LawStore()
         self.members, self.coordinates = compile_members(tests, self.free, shared, noise, solver, self.store)
         self.space = ScaledSpace.of(self.coordinates)
+        #: Errors that the curves have in common; see `LowRankNoise`.
+        self.common = CommonErrors.of(self.members)
         #: What stands in place of the noise model's likelihood; see `with_likelihood`.
         self.likelihood: Likelihood | None = None
         #: Entries of a vector that are numbers of the noise.
@@ -300,7 +303,8 @@ class Problem:
             If no law exists at these values.
         """
         physical = self.physical(self._one(vector))
-        return np.concatenate([member.whitened(physical) for member in self.members])
+        own = [member.whitened(physical) for member in self.members]
+        return np.concatenate(own if self.common is None else self.common.whitened(own))
 
     def log_prior(self, vectors: FloatArray) -> FloatArray:
         """Log-density of scaled vectors (..., k) before the test, (...); -inf outside the bounds.
@@ -334,9 +338,15 @@ class Problem:
         if self.likelihood is not None:
             return self.likelihood(physical)
         total = np.zeros(len(physical))
-        for member in self.members:
-            total = total + member.log_likelihood(physical)
-        return total
+        if self.common is None:
+            for member in self.members:
+                total = total + member.log_likelihood(physical)
+            return total
+        together = np.zeros((len(physical), len(self.common.sizes)))
+        for member, directions in zip(self.members, self.common.directions, strict=True):
+            own, along = member.log_likelihood_along(physical, directions)
+            total, together = total + own, together + along
+        return total + self.common.log_density(together)
 
     def _one(self, vector: FloatArray) -> FloatArray:
         q = np.asarray(vector, dtype=np.float64)

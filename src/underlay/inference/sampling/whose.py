@@ -80,7 +80,8 @@ def _alike(ours: NoiseModel, theirs: NoiseModel) -> bool:
         return False
     # A number that is not stated is none at all.
     numbers = ([getattr(noise, name) for noise in (ours, theirs)] for name in field_quantities(type(ours)))
-    return np.array_equal(getattr(ours, "columns", 0), getattr(theirs, "columns", 0)) and all(
+    arrays = [[getattr(noise, name, 0) for name in ("columns", "common")] for noise in (ours, theirs)]
+    return all(map(np.array_equal, *arrays)) and all(
         mine == other if mine is None or other is None else np.isclose(mine, other, rtol=_SAME, atol=0.0)
         for mine, other in numbers
     )
