@@ -104,6 +104,17 @@ def test_a_posterior_of_another_problem_is_refused(tmp_path):
             compare_models({"a": (others, kept), "b": (others, kept)})
 
 
+def test_models_with_a_model_error_are_compared():
+    """Their noise has no name in scene files, and arrays that no equality of theirs compares."""
+    problem = halfspace_problem()
+    models = [with_model_error(problem, error) for error in (0.01, 0.02)]
+    posteriors = [sample(model, walkers=8) for model in models]
+    pairs = {"one": (models[0], posteriors[0]), "two": (models[1], posteriors[1])}
+    assert set(compare_models(pairs).index) == {"one", "two"}
+    with pytest.raises(InputError, match="of model 'two' is not that of its problem: the noise differs"):
+        compare_models({**pairs, "two": (models[1], posteriors[0])})
+
+
 def test_models_of_different_data_are_refused():
     one, other = halfspace_problem(), halfspace_problem(halfspace_curve(seed=2))
     posterior = sample(one, walkers=8)

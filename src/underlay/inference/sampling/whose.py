@@ -76,12 +76,18 @@ def _of_scenes(ours: Scene, theirs: Scene) -> str:
 
 
 def _alike(ours: NoiseModel, theirs: NoiseModel) -> bool:
-    if type(ours) is not type(theirs) or ours.choice != theirs.choice:
+    if type(ours) is not type(theirs):
         return False
+    names = field_quantities(type(ours))
     # A number that is not stated is none at all.
-    numbers = ([getattr(noise, name) for noise in (ours, theirs)] for name in field_quantities(type(ours)))
+    numbers = ([getattr(noise, name) for noise in (ours, theirs)] for name in names)
     arrays = [[getattr(noise, name, 0) for name in ("columns", "common")] for noise in (ours, theirs)]
-    return all(map(np.array_equal, *arrays)) and all(
-        mine == other if mine is None or other is None else np.isclose(mine, other, rtol=_SAME, atol=0.0)
-        for mine, other in numbers
+    return (
+        all(
+            mine == other if mine is None or other is None else np.isclose(mine, other, rtol=_SAME, atol=0.0)
+            for mine, other in numbers
+        )
+        and all(map(np.array_equal, *arrays))
+        # What is no number, such as a word.
+        and theirs.at({name: getattr(ours, name) for name in names}) == ours
     )
