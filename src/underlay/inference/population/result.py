@@ -121,7 +121,8 @@ class Comparison(_TwoWays):
     modelled : tuple of float
         Ratio of the geometric means, low and high end of its 95 % interval by the model, with its priors.
     plain : tuple of float
-        The same by Welch's interval of the animals' means, without a prior.
+        The same by Welch's interval of the animals' means, or what the errors of their curves leave where that is
+        longer; without a prior.
     leads_plain : bool
         Whether the second is the one to go by: a group of the two has few animals.
     reference : str
