@@ -266,3 +266,25 @@ def test_in_a_file_no_table_is_cut_off(run):
     code, out, _ = run("compare", SAMPLES / "gel_on_glass.csv", "--scene", SAMPLES / "gel_on_glass.toml")
     assert code == 0
     assert "…" not in out
+
+
+@pytest.mark.parametrize("command", ["film", "fit", "compare", "population", "cite"])
+def test_input_that_is_refused_leaves_no_folder_behind(run, tmp_path, command):
+    curve, scene = tmp_path / "short.csv", ["--scene", tmp_path / "scene.toml"]
+    curve.write_text("depth (um),force (mN)\n0,0\n1,1\n", encoding="utf-8")
+    scene[1].write_text((SAMPLES / "cartilage_on_bone.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    there = tmp_path / "there"
+    there.mkdir()
+    for output in (tmp_path / "new", tmp_path / "new" / "within", there):
+        words = [command, curve, *([] if command in {"population", "cite"} else scene), "--output", output]
+        assert run(*words)[0] == 2
+        # What was there before is left, however empty.
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.toml", "short.csv", "there"]
+
+
+def test_a_folder_with_results_is_kept(run, tmp_path):
+    curve = tmp_path / "curve.csv"
+    curve.write_bytes((SAMPLES / "cartilage_on_bone.csv").read_bytes())
+    words = ["--scene", SAMPLES / "cartilage_on_bone.toml", "--output", tmp_path / "new" / "within"]
+    assert run("fit", curve, *words)[0] == 0
+    assert (tmp_path / "new" / "within" / "curve.fit.json").exists()

@@ -1,5 +1,7 @@
 """Comparing models of one curve, and stating a model's error."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from underlay.inference.sampling.model_comparison import (
     pointwise_log_likelihood,
     with_model_error,
 )
+from underlay.inference.sampling.posterior import Posterior
 from underlay.inference.sampling.run import sample
 from underlay.mechanics.body import RIGID, Layer
 from underlay.mechanics.indenters import Paraboloid
@@ -64,6 +67,52 @@ def test_a_stated_model_error_widens_the_interval():
     assert widths[1] > 1.5 * widths[0]
     with pytest.raises(InputError, match="zero or more"):
         with_model_error(problem, -0.1)
+
+
+def test_a_posterior_of_another_problem_is_refused(tmp_path):
+    """By what differs: what is free, curve, scene, law, noise or prior; where a search starts does not count."""
+    problem = halfspace_problem()
+    posterior = sample(problem, walkers=8)
+    moved = problem.revised(scenes=[halfspace_scene().with_values({"layer.E": 1.3e6})])
+    scores = compare_models({"a": (problem, posterior), "b": (moved, posterior)})
+    assert scores["elpd_diff"].abs().max() < 1e-6
+    others = halfspace_problem(halfspace_curve(seed=2))
+    with pytest.raises(InputError, match="model 'b' is not that of its problem: the curves differ"):
+        compare_models({"a": (problem, posterior), "b": (problem, sample(others, walkers=8))})
+    for other, told in {
+        problem.revised(
+            free={"layer.E": problem.free["layer.E"]}
+        ): "free are layer.E, instrument.contact_depth",
+        problem.revised(scenes=[halfspace_scene().with_values({"indenter.radius": 2e-3})]): (
+            "indenter.radius is 0.001 there and 0.002 in the problem"
+        ),
+        problem.revised(scenes=[Scene(LAYERED.indenter, LAYERED.layer, RIGID)]): "",
+        problem.revised(solver="halfspace"): "the contact law is",
+        problem.revised(noise=Noise(force=2.0 * WHITE)): "the noise differs",
+        problem.revised(noise=Noise()): "the noise is stated in one",
+        with_model_error(problem, 0.01): "the noise differs",
+        problem.revised(free=problem.free | {"layer.E": LogUniform(1e5, 1e7)}): "the priors differ",
+    }.items():
+        with pytest.raises(InputError, match=rf"of model 'b' is not that of its problem: {told}.*ul\.sample"):
+            compare_models({"a": (problem, posterior), "b": (other, posterior)})
+    # Also of one that was saved, and of one that was saved without its problem.
+    file = tmp_path / "posterior.npz"
+    posterior.save(file)
+    for kept in (Posterior.load(file), replace(posterior, problem=None, missing="a reason")):
+        compare_models({"a": (problem, posterior), "b": (problem, kept)})
+        with pytest.raises(InputError, match="the curves differ"):
+            compare_models({"a": (others, kept), "b": (others, kept)})
+
+
+def test_models_with_a_model_error_are_compared():
+    """Their noise has no name in scene files, and arrays that no equality of theirs compares."""
+    problem = halfspace_problem()
+    models = [with_model_error(problem, error) for error in (0.01, 0.02)]
+    posteriors = [sample(model, walkers=8) for model in models]
+    pairs = {"one": (models[0], posteriors[0]), "two": (models[1], posteriors[1])}
+    assert set(compare_models(pairs).index) == {"one", "two"}
+    with pytest.raises(InputError, match="of model 'two' is not that of its problem: the noise differs"):
+        compare_models({**pairs, "two": (models[1], posteriors[0])})
 
 
 def test_models_of_different_data_are_refused():

@@ -115,14 +115,19 @@ def test_saving_writes_each_format_closes_the_figure_and_refuses_others(fit, tmp
 def test_fit_shows_the_data_the_law_and_the_half_space(fit):
     upper = ul.plots.fit(fit)
     lines = {line.get_label(): line for line in upper.get_lines()}
-    assert set(lines) == {"measured", "fit", "half-space, same modulus"}
+    # Nobody stated its noise: the values of the headline are averaged, and those of the line are not.
+    own = "least-squares fit, before averaging"
+    assert set(lines) == {"measured", own, "half-space, same modulus"}
+    assert {line.get_label() for line in ul.plots.fit_log(fit).get_lines()} >= {"measured", own}
+    stated = ul.fit(fit.problem.revised(noise=ul.Noise(force=5.9e-4)))
+    assert "fit" in {line.get_label() for line in ul.plots.fit(stated).get_lines()}
     assert upper.get_ylabel() == "force (N)"
     # 0.3 mm: the largest unit in which the number is at least a tenth.
     x, y = lines["measured"].get_data()
     assert x.max() == pytest.approx(fit.curves[0].depth.max() / 1e-3)
     assert y.max() == pytest.approx(fit.curves[0].force.max())
     # The half-space of the same modulus carries less than the layer on bone.
-    assert lines["half-space, same modulus"].get_ydata()[-1] < 0.8 * lines["fit"].get_ydata()[-1]
+    assert lines["half-space, same modulus"].get_ydata()[-1] < 0.8 * lines[own].get_ydata()[-1]
     strip = upper.get_figure(root=True).axes[1]
     residual = strip.get_lines()[1].get_ydata()
     np.testing.assert_allclose(residual * 1e-3, fit.residuals[0], rtol=1e-12)

@@ -17,6 +17,7 @@ from underlay.inference.population.levels import GroupModel
 from underlay.inference.population.likelihood import ROOTS, CurveLikelihood
 from underlay.inference.population.messages import Grid
 from underlay.inference.population.spreads import BETWEEN, WITHIN
+from underlay.report.interval_words import quantity_with_interval
 from underlay.report.population_words import comparison_table, group_table, of_map, population_tables, told
 
 ENDS = np.array([0.025, 0.5, 0.975])
@@ -198,9 +199,12 @@ def test_the_stored_study_covers_and_its_controls_fail():
         error = 100.0 * math.sqrt(0.95 * 0.05 / float(row["studies"]))
         # What is printed: without a prior below six animals, by the model's levels from there on.
         printed = float(row["levels"] if int(row["animals"]) >= 6 else row["animal_means"])
-        assert 93.0 <= printed <= 97.0
-        assert abs(printed - 95.0) < 3.0 * error
+        assert 93.0 <= printed <= 98.0
+        assert printed > 95.0 - 3.0 * error
         assert float(row["animal_means"]) > 95.0 - 3.0 * error
+        # More than 95 % where the errors of the curves are the longer of the two: where animals hardly differ.
+        if int(row["animals"]) >= 6 or float(row["between"]) > float(row["within"]):
+            assert printed < 95.0 + 3.0 * error
     # Curves of one animal hang together where animals differ.
     apart = [float(row["sites_independent"]) for row in rows if float(row["between"]) >= 0.3]
     assert max(apart) < 70.0
@@ -211,7 +215,7 @@ def test_the_stored_study_covers_and_its_controls_fail():
 
 
 def test_no_scale_of_the_prior_covers_three_animals_alike():
-    """What the docs say of three animals, by the stored study: the interval without a prior alone covers evenly."""
+    """What the docs say of three animals, by the stored study: the interval without a prior covers most evenly."""
     file = Path(__file__).parent / "studies" / "results" / "population_prior.csv"
     with file.open(encoding="utf-8") as lines:
         rows = list(csv.DictReader(lines))
@@ -220,10 +224,11 @@ def test_no_scale_of_the_prior_covers_three_animals_alike():
         covers.setdefault(row["interval"], []).append(float(row["covers"]))
     error = 100.0 * math.sqrt(0.95 * 0.05 / float(rows[0]["studies"]))
     even = covers.pop("t")
-    assert max(even) - min(even) < 3.0 * error
+    assert min(even) > 95.0 - 3.0 * error
+    assert max(even) < 99.0
     assert len(covers) >= 4
     for scale, shares in covers.items():
-        assert max(shares) - min(shares) > 4.0 * error, scale
+        assert max(shares) - min(shares) > max(4.0 * error, max(even) - min(even)), scale
 
 
 def test_dropping_open_curves_biases_and_keeping_them_does_not():
@@ -302,15 +307,56 @@ def test_few_animals_are_not_told_by_the_prior():
     assert pair.probability_above == pytest.approx(welch.pvalue, abs=0.01)
     (row,) = [row for _, row in group_table(found).iterrows() if row["group"] == "few"]
     assert row["beside it"].startswith("with priors")
-    assert ratio_text(pair.plain) in comparison_table(found)["of the means"].iloc[0]
+    told_ratio = quantity_with_interval(*pair.plain, "dimensionless")
+    assert told_ratio in comparison_table(found)["of the means"].iloc[0]
     # Where the model allows for outliers, or has no end, it stays the one to go by.
     assert not ul.population(few, tails="outliers").groups[""].leads_plain
     opened, labels = made_study(rng, animals=3, sites=2, between=0.1, within=0.1, openness=3.0)
     assert ul.population(table_of(opened, labels)).groups[""].leads_plain is False
 
 
-def ratio_text(found):
-    return f"{found[0]:.3g} ({found[1]:.3g} to {found[2]:.3g})"
+def test_animals_that_agree_by_chance_leave_what_is_known_of_each():
+    """Three animals of two curves of 5 % with one mean: no width is left but that of their errors."""
+    labels = [(name,) for name in "aabbcc"]
+    alike = table_of([normal(math.log(1e6), 0.05) for _ in labels], labels)
+    found = ul.population(alike).groups[""]
+    assert found.leads_plain
+    known = math.exp(1.96 * 0.05 / math.sqrt(6.0))
+    assert known < found.high / found.mean < known**1.2
+    assert known < found.mean / found.low < known**1.2
+    assert any("agree better" in sentence for sentence in ul.population(alike).sentences())
+    # A ratio of two such groups has the errors of both.
+    pair = ul.population(
+        pd.concat([alike.assign(group="x"), alike.assign(group="y")]), group="group"
+    ).comparisons[0]
+    assert known ** math.sqrt(2.0) < pair.high / pair.ratio < known ** (1.2 * math.sqrt(2.0))
+    assert pair.probability_above == pytest.approx(0.5, abs=1e-6)
+    # One curve an animal: what curves of one animal differ by is in how the animals differ.
+    alone = ul.population(alike.assign(animal=list("abcdef")).iloc[:3]).groups[""]
+    assert alone.high / alone.mean == pytest.approx(math.exp(1.96 * 0.05 / math.sqrt(3.0)), rel=1e-4)
+    # An error that all share is stated: it adds by the normal distribution, not by Student's.
+    shared = ul.population(alike, shared_error=0.2).groups[""]
+    assert math.log(shared.high / shared.mean) == pytest.approx(
+        math.hypot(math.log(found.high / found.mean), 1.96 * 0.2), rel=1e-3
+    )
+
+
+def test_the_interval_of_few_animals_covers_where_they_agree():
+    """Of 300 studies the fifth that scatters least: the interval covers, that of the scatter alone must fail."""
+    rng = np.random.default_rng(23)
+    studies = []
+    for _ in range(300):
+        curves, labels = made_study(rng, animals=3, sites=3, between=0.0, within=0.05, errors=(0.03, 0.06))
+        group = ul.population(table_of(curves, labels)).groups[""]
+        plain = group.plain_mean
+        studies.append(
+            (plain.scatter.half, group.low < 1.0 < group.high, abs(plain.value) < plain.scatter.half)
+        )
+    agreeing = sorted(studies)[:60]
+    # 95 % of 60 is 57 with a standard deviation of 1.7.
+    assert sum(covers for _, covers, _ in agreeing) >= 52
+    assert sum(covers for *_, covers in agreeing) <= 51
+    assert sum(covers for *_, covers in studies) >= 274
 
 
 def test_outliers_move_a_tolerant_mean_less():

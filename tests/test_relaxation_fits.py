@@ -240,6 +240,39 @@ def test_moduli_at_once_and_at_equilibrium_have_intervals(fitted):
         fitted.interval("layer.soft_modulus")
 
 
+@pytest.mark.parametrize(
+    ("own", "others", "expected"),
+    [
+        # The number of a fraction in its path is not that of a curve, and a thickness has no part in a modulus.
+        ((), {}, [""]),
+        (("layer.thickness",), {}, [""]),
+        (("layer.E",), {}, ["[0]", "[1]"]),
+        (("layer.relaxation.fractions[1]",), {}, ["[0]", "[1]"]),
+        # A known fraction that differs makes two moduli of one.
+        ((), {"layer.relaxation.fractions[1]": 0.2}, ["[0]", "[1]"]),
+        ((), {"layer.relaxation.times[1]": 4.0}, [""]),
+    ],
+)
+def test_a_modulus_that_curves_share_is_named_once(own, others, expected):
+    free = {"layer.E": None, "layer.thickness": None, "layer.relaxation.fractions[0]": (0.0, 1.0)}
+    if "layer.relaxation.fractions[1]" in own:
+        free["layer.relaxation.fractions[1]"] = (0.0, 1.0)
+    scenes = SCENE, SCENE.with_values(others)
+    tests = [(s, ul.simulate(s, depth, time=TIME)) for s, depth in zip(scenes, (LOADING, CYCLE), strict=True)]
+    problem = ul.Problem.joint(tests, free, [path for path in free if path not in own], NOISE)
+    found = derived_quantities(problem, problem.physical(problem.start)[None])
+    told = [name for name in found if name.startswith("layer.equilibrium_modulus")]
+    assert told == [f"layer.equilibrium_modulus{suffix}" for suffix in expected]
+    kept = [1.0 - sum(s.layer.relaxation.fractions) for s in scenes]
+    for name, scene_kept in zip(told, kept, strict=False):
+        assert found[name].item() == pytest.approx(1e6 * scene_kept)
+    # So are those that follow from E alone, or from E and nu.
+    for other in ("instantaneous", "reduced"):
+        told = [name for name in found if name.startswith(f"layer.{other}_modulus")]
+        suffixes = ["[0]", "[1]"] if "layer.E" in own else [""]
+        assert told == [f"layer.{other}_modulus{suffix}" for suffix in suffixes]
+
+
 def test_an_equilibrium_modulus_near_zero_is_not_taken_to_first_order():
     """E (1 - f) with f = 0.93 known to 0.01: against draws of the same normal distribution of the parameters.
 

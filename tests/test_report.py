@@ -18,12 +18,15 @@ from support.reports import SAMPLES, cells_of, joint_fit, page_text, small_poste
 from underlay.data.recorded import recorded
 from underlay.errors import FileAccessError, FileFormatError, FitError, InputError, MissingExtraError
 from underlay.inference.priors.prior import Truncated
+from underlay.inference.profiling.interval import Interval
 from underlay.report import labels, maps, open_ends, tables, words
 from underlay.report.distinct_scenes import distinct_scenes
 from underlay.report.execution import execute
-from underlay.report.intervals import estimates
+from underlay.report.interval_words import wide_interval
+from underlay.report.intervals import Estimate, estimates
 from underlay.report.notebook import filled, make_notebook
 from underlay.report.page import html_page
+from underlay.report.posterior_tables import _span
 from underlay.report.problem_source import _exact_csv, problem_source, write_inputs
 
 # --- words -----------------------------------------------------------------------------------------------
@@ -45,6 +48,47 @@ from underlay.report.problem_source import _exact_csv, problem_source, write_inp
 )
 def test_interval_in_words(value, low, high, kind, text):
     assert words.quantity_with_interval(value, low, high, kind) == text
+
+
+def wide(value, noise, model):
+    return Estimate("layer.E", "layer.E", value, *noise, "profile", "", *model, ("friction",))
+
+
+@pytest.mark.parametrize(
+    ("noise", "model", "text"),
+    [
+        # As many digits as the nearer of its own ends needs: 1.1 would look narrower than 1.09.
+        ((1.09e6, 2.24e6), (1.083e6, 2.31e6), "1.08 to 2.31"),
+        # More of them where rounding would turn two ends about that are nearly the same.
+        ((1.0953e6, 1.4023e6), (1.0951e6, 2.2e6), "1.095 to 2.200"),
+        ((1.39e6, 1.41e6), (0.5e6, 2.2e6), "0.50 to 2.20"),
+        ((1.09e6, 2.24e6), (1.09e6, np.inf), "at least 1.09"),
+        ((1.09e6, 2.24e6), (-np.inf, 2.31e6), "at most 2.31"),
+        ((1.09e6, 2.24e6), (-np.inf, np.inf), ""),
+    ],
+)
+def test_the_wider_interval_looks_wider(noise, model, text):
+    assert wide_interval(wide(1.4e6, noise, model), "pressure") == text
+
+
+def test_no_rounding_makes_the_wider_interval_the_narrower():
+    rng = np.random.default_rng(1)
+    for _ in range(2000):
+        value = np.exp(rng.normal(0.0, 5.0))
+        away = value * np.exp(rng.uniform(-9.0, 1.0, 2))
+        more = away * (1.0 + np.exp(rng.uniform(-8.0, 3.0, 2)) * (rng.random(2) < 0.8))
+        noise, model = ((value - ends[0], value + ends[1]) for ends in (away, more))
+        text = words.quantity_with_interval(value, *noise, "dimensionless")
+        own, wider = text.partition("(")[2][:-1], wide_interval(wide(value, noise, model), "dimensionless")
+        low, high = map(float, own.split(" to "))
+        wide_low, wide_high = map(float, wider.split(" to "))
+        assert wide_low <= low <= high <= wide_high, (text, wider)
+
+
+def test_ends_that_are_close_are_told_apart():
+    interval = Interval("layer.E", 0.95, 1.00012e6, 1.00038e6, "data", "data")
+    assert str(interval) == "layer.E between 1.00012 MPa and 1.00038 MPa (95 %)"
+    assert _span(1.00012e6, 1.00038e6, "pressure") == "1.00012 to 1.00038 MPa"
 
 
 def test_names_for_people():

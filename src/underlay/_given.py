@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection, Mapping
+from numbers import Integral, Real
+
 from underlay.errors import InputError
 
-__all__ = ["require_given"]
+__all__ = ["columns_given", "require_count", "require_given", "require_level", "require_share"]
 
 _MADE_BY = {
     "Curve": "ul.read(file) reads one, ul.Curve(depth, force) makes one",
     "Fit": "ul.fit(problem) makes one",
+    "NoiseModel": "ul.Noise(force=2e-6) makes one, of 2 uN",
     "Posterior": "ul.sample(problem) makes one",
     "Problem": "ul.Problem(scene, curve, free) or ul.load_problem(curve_file, scene_file) makes one",
     "Scene": "ul.Scene(indenter, layer, substrate) makes one, ul.load_scene(file) reads one",
 }
 _LONGEST = 80
+# Beyond it the tail of what was drawn or walked is not known.
+_HIGHEST_LEVEL = 0.999
 
 
 def require_given(value: object, name: str, *kinds: type) -> None:
@@ -30,3 +37,60 @@ def require_given(value: object, name: str, *kinds: type) -> None:
     ways = "; ".join(_MADE_BY[kind.__name__] for kind in kinds if kind.__name__ in _MADE_BY)
     given = f"{type(value).__name__} {value!r:.{_LONGEST}}" if value is not None else "None"
     raise InputError(f"{name} must be {wanted}; got {given}{': ' if ways else ''}{ways}")
+
+
+def require_level(level: object) -> None:
+    """Refuse a confidence level that is none.
+
+    Raises
+    ------
+    InputError
+        With what was given and what is allowed.
+    """
+    if not (isinstance(level, Real) and 0.0 < float(level) <= _HIGHEST_LEVEL):
+        raise InputError(f"level must be above 0 and at most {_HIGHEST_LEVEL}; got {level!r:.{_LONGEST}}")
+
+
+def require_count(count: object, name: str, least: int) -> None:
+    """Refuse what is no whole number of at least `least`.
+
+    Raises
+    ------
+    InputError
+        With what was given and what is allowed.
+    """
+    if isinstance(count, bool) or not (isinstance(count, Integral) and int(count) >= least):
+        raise InputError(f"{name} must be a whole number, {least} or more; got {count!r:.{_LONGEST}}")
+
+
+def require_share(share: object, name: str, *, what: str, zero: bool = False, one: bool = False) -> None:
+    """Refuse what is no share: a number between 0 and 1, these left out unless said.
+
+    Raises
+    ------
+    InputError
+        With what was given and what is allowed.
+    """
+    number = float(share) if isinstance(share, Real) else math.nan
+    if (number > 0.0 or (zero and number == 0.0)) and (number < 1.0 or (one and number == 1.0)):
+        return
+    allowed = f"{'0 or more' if zero else 'above 0'} and {'at most' if one else 'below'} 1"
+    raise InputError(f"{name} is {what}, {allowed}; got {share!r:.{_LONGEST}}")
+
+
+def columns_given(columns: object, name: str, example: str) -> tuple[str, ...]:
+    """Names of columns, given as a list of them or as the one that there is.
+
+    Raises
+    ------
+    InputError
+        If they are no different names.
+    """
+    given = (columns,) if isinstance(columns, str) else columns
+    if isinstance(given, Collection) and not isinstance(given, Mapping):
+        names = [column for column in given if isinstance(column, str) and column]
+        if len(set(names)) == len(given):
+            return tuple(names)
+    raise InputError(
+        f"{name} must be different names of columns, such as {example}; got {columns!r:.{_LONGEST}}"
+    )

@@ -13,6 +13,9 @@ goes on where the last stopped.
 The rows of 2000 studies were asked again, with fresh chance, since 500 had left them outside 93 to 97 %:
 ``cover --cells 2 4 5 7 --seed 2 --studies 2000``.
 
+The interval of the animals' means is never shorter than what the errors of the curves and the scatter within
+animals leave, so it covers more than 95 % where animals differ by little more than that: `joint` names such cells.
+
 `joint` asks of all cells together whether their coverage is 95 % but for chance (sum of squared deviations, each in
 its standard error, chi-square), then without those whose own p is below 0.05 over the number of cells, which it
 names (`results/population_joint.json`).

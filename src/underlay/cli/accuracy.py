@@ -6,10 +6,11 @@ from typing import Annotated
 
 import typer
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.expected import deepest_point, measured_curve
 from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, ScenePath
+from underlay.cli.output_folder import ready_folder
 
 __all__ = ["accuracy"]
 
@@ -39,7 +40,7 @@ def accuracy(
     file = read_scene_file(scene)
     deepest = deepest_point(file, max_depth, measured_curve(file, curve))
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     table = accuracy_cost(file.scene, deepest)
     facts = table.attrs
     say_table(

@@ -23,6 +23,7 @@ from underlay.cli.formats import formats
 from underlay.cli.identify import identify
 from underlay.cli.keys import keys
 from underlay.cli.map import map_curves
+from underlay.cli.output_folder import without_empty_folders
 from underlay.cli.plan import plan
 from underlay.cli.population import population
 from underlay.cli.report import report
@@ -87,7 +88,7 @@ app.command("app")(browser_page)
 def main() -> None:
     """Run the command line; bad input ends with one line and exit code 2, never a traceback."""
     try:
-        with noted():
+        with noted(), without_empty_folders():
             app()
     except UnderlayError as error:
         say_error(str(error))

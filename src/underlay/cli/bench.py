@@ -9,9 +9,10 @@ from typing import Annotated
 import typer
 
 from underlay._door import FileKind, read_text
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.options import OutputFolder
+from underlay.cli.output_folder import ready_folder
 from underlay.errors import FileFormatError
 
 __all__ = ["bench"]
@@ -42,7 +43,7 @@ def bench(
 
     page = None if readme is None else _read(readme)
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     table, curve, fits, users = bench_table(), depth_table(), fit_table(), user_table()
     say_table(table, "Times in units of the explicit formula, 1000 depths")
     say_table(curve, "Against the number of depths")

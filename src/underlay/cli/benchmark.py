@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.options import OutputFolder
+from underlay.cli.output_folder import ready_folder
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def benchmark(
     if solver is not None and program is not None:
         raise InputError("--solver and --program do not go together: score one after the other")
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     other = None if program is None else Program(program)
     with Console(stderr=True).status("") as line:  # seen on a terminal only
         scores = scored(

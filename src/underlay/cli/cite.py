@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.options import OutputFolder
+from underlay.cli.output_folder import ready_folder
 
 __all__ = ["cite"]
 
@@ -32,7 +33,7 @@ def cite(
     from underlay.inference.citation.result import cited
 
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     found = cited(result)
     say_table(
         pd.DataFrame([{"for": why, "cite": str(work)} for work, why in found]),

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import write_atomic
 from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.options import CurveFile, OutputFolder, SceneOption
+from underlay.cli.output_folder import ready_folder
 from underlay.report.gathered_warnings import gathered_warnings
 from underlay.report.spoken import spoken
 
@@ -31,7 +32,7 @@ def compare(curve: CurveFile, scene: SceneOption, output: OutputFolder = None) -
     from underlay.scene.faces import has_face
 
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     with gathered_warnings() as notes:
         problem = load_problem(curve, scene)
         laws = compare_laws(problem)

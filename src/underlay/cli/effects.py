@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.expected import deepest_point, measured_curve
 from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, Rtol, ScenePath, SolverName
+from underlay.cli.output_folder import ready_folder
 from underlay.cli.wanted_solver import wanted_solver
 
 __all__ = ["effects"]
@@ -34,7 +35,7 @@ def effects(
     deepest = deepest_point(file, max_depth, measured_curve(file, curve))
     wanted = wanted_solver(file.solver, solver, rtol)
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     table = effects_table(file.scene, deepest, wanted)
     on_fits = effects_on_answers(file.scene, deepest, wanted).drop(columns="effect")
     law, notes = table.attrs["law"], table.pop("note")

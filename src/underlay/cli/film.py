@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from underlay._files import require_writable_folder
 from underlay.cli.console import say, say_table
 from underlay.cli.options import CurveFile, OutputFolder, SceneOption
+from underlay.cli.output_folder import ready_folder
 
 __all__ = ["film"]
 
@@ -39,7 +39,7 @@ def film(
     from underlay.scene.scene_file import read_scene_file
 
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     found = fit_film(read_scene_file(scene), curve, calibration, known_modulus, (depth_from, depth_to))
     say_table(film_table(found), "Film")
     for note in film_notes(found, perfect=calibration is None):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from underlay._files import require_writable_folder
 from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.excel_file import require_excel
 from underlay.cli.options import CurveFile, ExcelFile, OutputFolder, Rtol, SceneOption, SolverName
+from underlay.cli.output_folder import ready_folder
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.report.gathered_warnings import gathered_warnings
 from underlay.report.spoken import spoken
@@ -36,7 +36,7 @@ def fit(
     from underlay.report.reservations import quality_doubts, reservations
 
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     if excel is not None:
         require_excel(excel)
     with gathered_warnings() as notes:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import write_atomic
 from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.new_scene import new_scene as starter
 from underlay.cli.options import OutputFolder
+from underlay.cli.output_folder import ready_folder
 from underlay.errors import InputError
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def formats(
         _list_formats()
         return
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     stated = {} if scene is None else dict(read_scene_file(scene).curve)
     read = read_all(file, **{key: stated[key] for key in _READING if key in stated})
     # The signs are shown as they are: only what the scene turns is turned.

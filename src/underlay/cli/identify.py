@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import write_atomic
 from underlay.cli.console import say
 from underlay.cli.expected import deepest_point, expected_depths, expected_noise, measured_curve
 from underlay.cli.options import CurveOption, OutputFolder, Rtol, ScenePath, SolverName
+from underlay.cli.output_folder import ready_folder
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.report.spoken import spoken
 
@@ -41,7 +42,7 @@ def identify(
     file = read_scene_file(scene)
     file = replace(file, solver=wanted_solver(file.solver, solver, rtol))
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     measured = measured_curve(file, curve)
     told = _before(file) if measured is None else identifiability(problem_from(file, measured))
     say(spoken(told.report()))

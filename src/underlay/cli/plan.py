@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import write_atomic
 from underlay.cli.console import say, say_warnings
 from underlay.cli.expected import deepest_point, expected_noise, measured_curve
 from underlay.cli.options import CurveOption, MaxDepth, OutputFolder, Rtol, ScenePath, SolverName
+from underlay.cli.output_folder import ready_folder
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
 
@@ -57,7 +58,7 @@ def plan(
 
     file = read_scene_file(scene)
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     measured = measured_curve(file, curve)
     deepest = deepest_point(file, max_depth, measured)
     free = free_of(file, measured)

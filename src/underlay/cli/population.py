@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import write_atomic
 from underlay.cli.console import say, say_table
 from underlay.cli.excel_file import require_excel
 from underlay.cli.options import ExcelFile, OutputFolder
+from underlay.cli.output_folder import ready_folder
 
 __all__ = ["population"]
 
@@ -53,7 +54,7 @@ def population(
     from underlay.report.population_words import comparison_table, group_table, population_sentences
 
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     if excel is not None:
         require_excel(excel)
     levels = [] if sites_only else (by or ["animal"])

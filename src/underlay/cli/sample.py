@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from underlay._files import require_writable_folder, write_atomic
+from underlay._files import write_atomic
 from underlay.cli.console import say, say_table, say_warnings
 from underlay.cli.options import CurveFile, OutputFolder, Rtol, SceneOption, Seed, SolverName
+from underlay.cli.output_folder import ready_folder
 from underlay.cli.wanted_solver import wanted_solver
 from underlay.errors import InputError
 from underlay.report.gathered_warnings import gathered_warnings
@@ -72,7 +73,7 @@ def sample(
     if resume and method == "importance":
         raise InputError("--resume continues a chain, and weighted draws are none: leave --method out")
     if output is not None:
-        require_writable_folder(output)
+        ready_folder(output)
     chain = None if method == "importance" else _chain_file(output, curve.stem, resume=resume)
     with gathered_warnings() as notes:
         problem = problem.revised(solver=wanted_solver(problem.solver, solver, rtol))

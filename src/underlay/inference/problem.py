@@ -17,6 +17,7 @@ import numpy as np
 from underlay._arrays import FloatArray, read_only
 from underlay.data.curve import Curve
 from underlay.errors import InputError
+from underlay.inference.model.common_errors import CommonErrors
 from underlay.inference.model.compilation import compile_members
 from underlay.inference.model.coordinates import ScaledSpace
 from underlay.inference.model.laws import LawStore
@@ -26,7 +27,7 @@ from underlay.mechanics.solvers import AnySolver, as_solver
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.scene import Scene
 
-__all__ = ["Given", "Likelihood", "LikelihoodPart", "Problem"]
+__all__ = ["Given", "Likelihood", "LikelihoodPart", "Problem", "by_path"]
 
 
 class Likelihood(Protocol):
@@ -160,7 +161,7 @@ class Problem:
         noise: NoiseModel | Sequence[NoiseModel | None] | None,
         solver: Solver,
     ) -> None:
-        self.free = _by_path(free)
+        self.free = by_path(free)
         self.shared = shared
         self.noise = noise
         #: What builds the contact laws.
@@ -168,6 +169,8 @@ class Problem:
         self.store = LawStore()
         self.members, self.coordinates = compile_members(tests, self.free, shared, noise, solver, self.store)
         self.space = ScaledSpace.of(self.coordinates)
+        #: Errors that the curves have in common; see `LowRankNoise`.
+        self.common = CommonErrors.of(self.members)
         #: What stands in place of the noise model's likelihood; see `with_likelihood`.
         self.likelihood: Likelihood | None = None
         #: Entries of a vector that are numbers of the noise.
@@ -300,7 +303,8 @@ class Problem:
             If no law exists at these values.
         """
         physical = self.physical(self._one(vector))
-        return np.concatenate([member.whitened(physical) for member in self.members])
+        own = [member.whitened(physical) for member in self.members]
+        return np.concatenate(own if self.common is None else self.common.whitened(own))
 
     def log_prior(self, vectors: FloatArray) -> FloatArray:
         """Log-density of scaled vectors (..., k) before the test, (...); -inf outside the bounds.
@@ -334,9 +338,15 @@ class Problem:
         if self.likelihood is not None:
             return self.likelihood(physical)
         total = np.zeros(len(physical))
-        for member in self.members:
-            total = total + member.log_likelihood(physical)
-        return total
+        if self.common is None:
+            for member in self.members:
+                total = total + member.log_likelihood(physical)
+            return total
+        together = np.zeros((len(physical), len(self.common.sizes)))
+        for member, directions in zip(self.members, self.common.directions, strict=True):
+            own, along = member.log_likelihood_along(physical, directions)
+            total, together = total + own, together + along
+        return total + self.common.log_density(together)
 
     def _one(self, vector: FloatArray) -> FloatArray:
         q = np.asarray(vector, dtype=np.float64)
@@ -348,13 +358,13 @@ class Problem:
         return q
 
 
-def _by_path(free: object) -> dict[str, Given]:
+def by_path(free: object) -> dict[str, Given]:
     """Priors by the path of what is not known, given as a mapping or as paths alone."""
-    if isinstance(free, Mapping):
-        return dict(free)
-    if isinstance(free, str) or not isinstance(free, Iterable):
-        raise InputError(
-            'free must be paths with their priors, such as {"layer.E": None} or '
-            f'{{"layer.E": ul.LogUniform(1e3, 1e6)}}, or paths alone; got {free!r:.80}'
-        )
-    return dict.fromkeys(free)
+    if isinstance(free, Iterable) and not isinstance(free, str):
+        paths = list(free)
+        if all(isinstance(path, str) for path in paths):
+            return dict(free) if isinstance(free, Mapping) else dict.fromkeys(paths)
+    raise InputError(
+        'free must be paths with their priors, such as {"layer.E": None} or '
+        f'{{"layer.E": ul.LogUniform(1e3, 1e6)}}, or paths alone; got {free!r:.80}'
+    )

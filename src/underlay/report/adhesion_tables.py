@@ -9,10 +9,10 @@ import pandas as pd
 
 from underlay.inference.adhesive_numbers import adhesive_estimates
 from underlay.inference.sampling.derived import kind_of_quantity
+from underlay.report.interval_words import quantity_with_interval
 from underlay.report.labels import label
 from underlay.report.notebook import Cell, filled
 from underlay.report.tables import labelled_table
-from underlay.report.words import quantity_with_interval
 from underlay.units import format_quantity, human_unit
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 from underlay.inference.bonding import compare_bonds
+from underlay.report.interval_words import quantity_with_interval
 from underlay.report.intervals import estimates
 from underlay.report.labels import is_of_the_sample, label
-from underlay.report.words import quantity_with_interval
 from underlay.scene.faces import has_face
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity

@@ -9,7 +9,7 @@ import pandas as pd
 
 from underlay._version import VERSION
 from underlay.scene.parameters import kind_of
-from underlay.units import format_quantity, human_unit
+from underlay.units import format_ends, format_quantity, human_unit
 
 if TYPE_CHECKING:
     from underlay.inference.films import StiffnessFit
@@ -33,7 +33,7 @@ def film_table(found: StiffnessFit) -> pd.DataFrame:
     rows = []
     for name, value in found.values.items():
         low, high, kind = found.low[name], found.high[name], kind_of(name)
-        ends = f"{format_quantity(low, kind)} to {format_quantity(high, kind)}"
+        ends = " to ".join(format_ends(low, high, kind))
         rows.append(
             {
                 "parameter": name,

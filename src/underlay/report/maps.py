@@ -10,9 +10,9 @@ import pandas as pd
 from underlay.inference.batch.decisions import ACCEPT, REFUSE, without_refused
 from underlay.inference.batch.map_table import is_map, read_map, shared_error_of
 from underlay.inference.batch.results_table import FITTED, SHARED
+from underlay.report.interval_words import quantity_with_interval
 from underlay.report.labels import label, start
 from underlay.report.tables import facts_table, labelled_table, source_rows
-from underlay.report.words import quantity_with_interval
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity
 

@@ -9,9 +9,9 @@ import pandas as pd
 
 from underlay.errors import UnderlayError
 from underlay.inference.pointwise.modulus import ModulusCurve, PointwiseModulus, pointwise_modulus
+from underlay.report.interval_words import quantity_with_interval
 from underlay.report.notebook import Cell, filled
 from underlay.report.tables import labelled_table
-from underlay.report.words import quantity_with_interval
 from underlay.units import format_quantity, human_unit, printed, printed_unit
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from underlay._text import one_line
 from underlay.errors import InputError
 from underlay.inference.population.population import population
 from underlay.inference.population.result import Comparison, Group, Population, Spread, Triple
+from underlay.report.interval_words import quantity_with_interval
 from underlay.report.labels import label, start
 from underlay.report.maps import sample_parameters
 from underlay.report.markdown import markdown_text
-from underlay.report.words import quantity_with_interval
 from underlay.scene.parameters import kind_of
 
 __all__ = [
@@ -130,8 +130,7 @@ def _compared(pair: Comparison) -> str:
 def _ratio(ratio: float, low: float, high: float) -> str:
     if math.isnan(low):
         return f"{ratio:.3g} (no interval)"
-    ends = f"{low:.3g} to {high:.3g}" if math.isfinite(high) else f"at least {low:.3g}"
-    return f"{ratio:.3g} ({ends})"
+    return quantity_with_interval(ratio, low, high, "dimensionless")
 
 
 def _beside(found: Group | Comparison, written: Callable[[Triple], str]) -> str:

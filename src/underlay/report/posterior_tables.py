@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from underlay.inference.sampling.derived import kind_of_quantity
+from underlay.report.interval_words import quantity_with_interval
 from underlay.report.labels import label
 from underlay.report.tables import facts_table, labelled_table
-from underlay.report.words import quantity_with_interval
 from underlay.scene.parameters import kind_of
-from underlay.units import format_quantity, human_unit
+from underlay.units import format_ends, human_unit, interval_digits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -48,8 +48,9 @@ def posterior_table(posterior: Posterior) -> pd.DataFrame:
 def _span(low: float, high: float, kind: str) -> str:
     unit, factor = human_unit(min(low, high, key=abs), kind)
     if not abs(low) > _ONE_UNIT * abs(high):
-        return f"{format_quantity(low, kind)} to {format_quantity(high, kind)}"
-    return f"{low / factor:.4g} to {high / factor:.4g} {unit}".strip()
+        return " to ".join(format_ends(low, high, kind))
+    digits = interval_digits(low, high)
+    return f"{low / factor:.{digits}g} to {high / factor:.{digits}g} {unit}".strip()
 
 
 def prior_table(posterior: Posterior) -> pd.DataFrame:

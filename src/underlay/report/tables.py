@@ -15,10 +15,11 @@ from underlay._text import one_line
 from underlay.inference.least_squares.provenance import version_record
 from underlay.inference.recipe import Step
 from underlay.quantities import numbers_of
+from underlay.report.interval_words import quantity_with_interval, wide_interval
 from underlay.report.intervals import Estimate, doubts_of_curves, estimates, standing
 from underlay.report.labels import label
 from underlay.report.open_ends import rival_name
-from underlay.report.words import quantity_with_interval, strong_pairs
+from underlay.report.words import strong_pairs
 from underlay.scene.noise_model import NoiseModel
 from underlay.scene.parameters import kind_of
 from underlay.units import format_quantity, human_unit, printed
@@ -138,8 +139,7 @@ def _wide_text(entry: Estimate, kind: str) -> str:
     """The interval with what the law leaves out and an unknown bond; empty where it is no more."""
     if not entry.left_out:
         return ""
-    text = quantity_with_interval(entry.value, entry.wide_low, entry.wide_high, kind)
-    return text.partition("(")[2].removesuffix(")") or "anything"
+    return wide_interval(entry, kind) or "anything"
 
 
 def steps_table(steps: Sequence[Step]) -> pd.DataFrame:

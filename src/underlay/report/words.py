@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +13,7 @@ from underlay.inference.headline.known_inputs import FORCE
 from underlay.inference.misfit.known_errors import known_errors
 from underlay.inference.misfit.sizes import shape_parameters
 from underlay.report.distinct_scenes import distinct_scenes
+from underlay.report.interval_words import quantity_with_interval, wide_interval
 from underlay.report.intervals import Estimate, doubts_of_curves, estimates, is_averaged, standing
 from underlay.report.labels import is_of_the_sample, label, labelled, start
 from underlay.report.markdown import markdown_text
@@ -32,7 +32,6 @@ __all__ = [
     "longer_intervals",
     "noted",
     "posterior_summary",
-    "quantity_with_interval",
     "stands_on",
     "strong_pairs",
     "summary",
@@ -45,40 +44,8 @@ STRONG = 0.9
 _LEVEL = 0.95
 # A standard error of the logarithm above which a parameter is badly known by itself.
 _BADLY = 0.05
-# Decimals that an end near zero may add, so that it is not read as zero, and one.
-_MORE = 4
 # A change of the force below this is not worth a sentence.
 _NOTICEABLE = 0.01
-
-
-def quantity_with_interval(value: float, low: float, high: float, kind: str) -> str:
-    """Return ``"0.42 MPa (0.40 to 0.44)"``; two digits of the interval's half-width are shown."""
-    unit, factor = human_unit(value, kind)
-    suffix = f" {unit}" if unit else ""
-    decimals = _decimals(value, low, high, factor)
-    middle = f"{value / factor:.{decimals}f}{suffix}"
-    if math.isfinite(low) and math.isfinite(high):
-        more = next((n for n in range(_MORE) if not _misread((low, high), factor, decimals + n)), 0)
-        ends = f"({low / factor:.{decimals + more}f} to {high / factor:.{decimals + more}f})"
-        return f"{value / factor:.{decimals + more}f}{suffix} {ends}"
-    for word, end in (("at least", low), ("at most", high)):
-        if math.isfinite(end):
-            far = _misread((end,), factor, decimals)
-            return (
-                f"{middle} ({word} {format_quantity(end, kind) if far else f'{end / factor:.{decimals}f}'})"
-            )
-    return middle
-
-
-def _misread(ends: Sequence[float], factor: float, decimals: int) -> bool:
-    """Whether an end is off by a quarter with so many decimals: 0.00 for 0.0048."""
-    return any(abs(round(end / factor, decimals) - end / factor) > 0.25 * abs(end / factor) for end in ends)
-
-
-def _decimals(value: float, low: float, high: float, factor: float) -> int:
-    widths = [abs(end - value) / factor for end in (low, high) if math.isfinite(end)]
-    width = min((w for w in widths if w > 0.0), default=0.0)
-    return min(12, max(0, 1 - math.floor(math.log10(width)))) if width > 0.0 else 4
 
 
 def headline(result: Fit) -> str:
@@ -86,9 +53,9 @@ def headline(result: Fit) -> str:
 
     Examples
     --------
-    ``"Layer modulus 0.42 MPa (0.40 to 0.44, 95 %). Layer thickness is not fixed by this test."``; where friction
-    or finite strain could do something, ``"Layer modulus 0.62 MPa (0.61 to 0.63 from the noise; with friction and
-    finite strain unknown 0.57 to 0.66, 95 %)."``
+    ``"Layer modulus 0.420 MPa (0.400 to 0.440, 95 %). Layer thickness is not fixed by this test."``; where friction
+    or finite strain could do something, ``"Layer modulus 0.620 MPa (0.608 to 0.632 from the noise; with friction
+    and finite strain unknown 0.571 to 0.664, 95 %)."``
     """
     return " ".join([*map(_sentence, _of_the_sample(result)), *_bonds(result)])
 
@@ -244,7 +211,10 @@ def _sentence(entry: Estimate) -> str:
         told = _one_end(entry, "less than", entry.high, entry.wide_high, kind)
         return f"{words} is {told} (95 %); the data set no lower end."
     text = quantity_with_interval(entry.value, entry.low, entry.high, kind)
-    return f"{words} {_with_level(f'{text[:-1]}{_wide(entry, kind)})' if entry.left_out else text)}."
+    if entry.left_out:
+        unknown = wide_interval(entry, kind) or "anything"
+        text = f"{text[:-1]} from the noise; with {_listed(entry)} unknown {unknown})"
+    return f"{words} {_with_level(text)}."
 
 
 def _one_end(entry: Estimate, word: str, end: float, wide: float, kind: str) -> str:
@@ -259,32 +229,6 @@ def _one_end(entry: Estimate, word: str, end: float, wide: float, kind: str) -> 
 def _listed(entry: Estimate) -> str:
     *first, last = entry.left_out
     return f"{', '.join(first)} and {last}" if first else last
-
-
-def _wide(entry: Estimate, kind: str) -> str:
-    """What follows in the brackets where the law leaves something out that acts."""
-    factor = human_unit(entry.value, kind)[1]
-    digits = _wide_decimals(entry, factor)
-    known = f" from the noise; with {_listed(entry)} unknown "
-    if math.isinf(entry.wide_low) and math.isinf(entry.wide_high):
-        return f"{known}anything"
-    if math.isinf(entry.wide_high):
-        return f"{known}at least {entry.wide_low / factor:.{digits}f}"
-    if math.isinf(entry.wide_low):
-        return f"{known}at most {entry.wide_high / factor:.{digits}f}"
-    return f"{known}{entry.wide_low / factor:.{digits}f} to {entry.wide_high / factor:.{digits}f}"
-
-
-def _wide_decimals(entry: Estimate, factor: float) -> int:
-    """Two digits of the width, or as many as the interval beside it has where an end would be off by a quarter."""
-    width = abs(entry.wide_high - entry.wide_low) / factor
-    if not math.isfinite(width):
-        return _decimals(entry.value, entry.wide_low, entry.wide_high, factor)
-    digits = max(0, 1 - math.floor(math.log10(width)))
-    ends = [end / factor for end in (entry.wide_low, entry.wide_high)]
-    if any(abs(round(end, digits) - end) > 0.25 * abs(end) for end in ends):
-        return max(digits, _decimals(entry.value, entry.low, entry.high, factor))
-    return digits
 
 
 def _bonds(result: Fit) -> list[str]:

@@ -38,6 +38,9 @@ class LowRankNoise(Noise):
     columns : FloatArray
         What each error of size one adds to the readings, over the standard deviation of their noise, (n, m); the
         sizes are normal with standard deviation one.
+    common : FloatArray
+        The same, (n, q), of errors that have one size in all curves of a problem. `whiten` and `log_deviations` are
+        those of the curve where these sizes are known: what the curves have in common is theirs together.
 
     Raises
     ------
@@ -58,13 +61,22 @@ class LowRankNoise(Noise):
     columns: FloatArray = field(
         default_factory=lambda: np.zeros((0, 0)), metadata=no_number(), compare=False, repr=False
     )
+    common: FloatArray = field(
+        default_factory=lambda: np.zeros((0, 0)), metadata=no_number(), compare=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        columns = as_finite(self.columns, "columns")
-        if columns.ndim != 2:
-            raise InputError(f"columns are (readings, errors); got shape {columns.shape}")
-        object.__setattr__(self, "columns", read_only(np.array(columns)))
+        for name in ("columns", "common"):
+            columns = as_finite(getattr(self, name), name)
+            if columns.ndim != 2:
+                raise InputError(f"{name} are (readings, errors); got shape {columns.shape}")
+            object.__setattr__(self, name, read_only(np.array(columns)))
+        # Without errors of a kind the other says how many readings there are.
+        points = max(len(self.columns), len(self.common))
+        for name in ("columns", "common"):
+            if not getattr(self, name).size:
+                object.__setattr__(self, name, read_only(np.zeros((points, 0))))
 
     def whiten(self, standardised: FloatArray, time: FloatArray | None = None) -> FloatArray:
         """Independent unit-variance residuals (..., n) from `standardised` ones; see the module."""
@@ -84,13 +96,15 @@ class LowRankNoise(Noise):
     ) -> FloatArray:
         """Draw noise and shared errors (N) of standard deviation `sigma` (N) of the noise, same shape (..., n)."""
         self._require(sigma.shape[-1])
-        sizes = rng.standard_normal((*sigma.shape[:-1], self.columns.shape[1]))
-        return np.asarray(super().sample(rng, sigma, time) + sigma * (sizes @ self.columns.T))
+        columns = np.hstack((self.columns, self.common))
+        sizes = rng.standard_normal((*sigma.shape[:-1], columns.shape[1]))
+        return np.asarray(super().sample(rng, sigma, time) + sigma * (sizes @ columns.T))
 
     @property
     def correlation(self) -> tuple[PerSet, ...]:
         """The correlation time, and the size of every column."""
-        return (*super().correlation, *np.linalg.norm(self.columns, axis=0).tolist())
+        columns = np.hstack((self.columns, self.common))
+        return (*super().correlation, *np.linalg.norm(columns, axis=0).tolist())
 
     def check(self, free: Collection[str], points: int, time: FloatArray | None) -> None:
         """Refuse columns for other readings, and numbers of the noise that are not given."""
@@ -105,13 +119,12 @@ class LowRankNoise(Noise):
 
     def of_readings(self, kept: NDArray[np.bool_]) -> Self:
         """Return the model for some of the readings, (n,)."""
-        return replace(self, columns=self.columns[kept])
+        return replace(self, columns=self.columns[kept], common=self.common[kept])
 
     def _require(self, points: int) -> None:
-        if len(self.columns) != points:
-            raise InputError(
-                f"these shared errors are of a curve with {len(self.columns)} readings; got {points}"
-            )
+        if not len(self.columns) == len(self.common) == points:
+            of = len(self.columns) if len(self.columns) != points else len(self.common)
+            raise InputError(f"these shared errors are of a curve with {of} readings; got {points}")
 
     def _steps(self, time: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows a, gains M^-1 a, (n, m) each, and s (n,)."""

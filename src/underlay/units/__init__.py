@@ -7,12 +7,21 @@ is an error that names both.
 
 from underlay.units.kinds import KINDS
 from underlay.units.reading import kind_of, parse_quantity, unit_factor
-from underlay.units.writing import format_quantity, human_unit, printed, printed_unit
+from underlay.units.writing import (
+    format_ends,
+    format_quantity,
+    human_unit,
+    interval_digits,
+    printed,
+    printed_unit,
+)
 
 __all__ = [
     "KINDS",
+    "format_ends",
     "format_quantity",
     "human_unit",
+    "interval_digits",
     "kind_of",
     "parse_quantity",
     "printed",

@@ -8,7 +8,10 @@ import re
 from underlay.units.kinds import kind_named
 from underlay.units.reading import unit_factor
 
-__all__ = ["format_quantity", "human_unit", "printed", "printed_unit"]
+__all__ = ["format_ends", "format_quantity", "human_unit", "interval_digits", "printed", "printed_unit"]
+
+# Significant digits of a number for people, and of one that differs little from its neighbour.
+_DIGITS, _MOST_DIGITS = 4, 12
 
 # A typed micro before a unit, behind a number.
 _TYPED = re.compile(r"(?<=[\d.)] )u(?=[mNsVJ](?![A-Za-z]))")
@@ -59,6 +62,42 @@ def printed(text: str) -> str:
     return _TYPED.sub("\u00b5", text)
 
 
+def format_ends(low: float, high: float, kind: str) -> tuple[str, str]:
+    """Write the ends of an interval (SI) for people, each in a unit of its size, with digits that tell its width.
+
+    Four digits each, and where they are close as many as show two of the distance between them.
+
+    Examples
+    --------
+    >>> format_ends(9.8e5, 1.02e6, "pressure")
+    ('0.98 MPa', '1.02 MPa')
+    >>> format_ends(1.00012e6, 1.00038e6, "pressure")
+    ('1.00012 MPa', '1.00038 MPa')
+    """
+    digits = interval_digits(low, high)
+    return _written(low, kind, digits), _written(high, kind, digits)
+
+
+def interval_digits(low: float, high: float) -> int:
+    """Significant digits of the ends of an interval: four, or as many as show two of the distance between them.
+
+    Examples
+    --------
+    >>> interval_digits(0.98, 1.02), interval_digits(1.00012, 1.00038)
+    (4, 6)
+    """
+    if not (math.isfinite(low) and math.isfinite(high) and high > low):
+        return _DIGITS
+    most = max(abs(low), abs(high))
+    wanted = 2 + math.floor(math.log10(most)) - math.floor(math.log10(high - low))
+    return max(_DIGITS, min(wanted, _MOST_DIGITS))
+
+
+def _written(value: float, kind: str, digits: int) -> str:
+    unit, factor = human_unit(value, kind)
+    return f"{value / factor:.{digits}g}{f' {unit}' if unit else ''}"
+
+
 def format_quantity(value: float, kind: str, uncertainty: float | None = None) -> str:
     """Write an SI value for people, in a unit of its size.
 
@@ -82,7 +121,7 @@ def format_quantity(value: float, kind: str, uncertainty: float | None = None) -
     scaled = value / factor
     suffix = f" {unit}" if unit else ""
     if uncertainty is None or not math.isfinite(uncertainty) or uncertainty <= 0.0:
-        return f"{scaled:.4g}{suffix}"
+        return _written(value, kind, _DIGITS)
     error = uncertainty / factor
     decimals = max(0, 1 - math.floor(math.log10(error)))
     if decimals > 12:

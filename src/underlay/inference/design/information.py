@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from underlay._arrays import ArrayLike, FloatArray, as_finite
+from underlay._given import require_given
 from underlay.data.curve import Curve
 from underlay.data.synthetic import simulate
 from underlay.errors import InputError
@@ -73,9 +74,12 @@ def expected_problem(
     InputError
         If the size of the noise is unknown, or as `Problem`.
     """
+    require_given(noise, "noise", NoiseModel)
     if noise.size_is_unknown:
         raise InputError("before a test the noise must be given: Noise(force=...) in newtons")
     readings = as_finite(depth, "depth")
+    if readings.ndim != 1:
+        raise InputError(f"depth must be a list of numbers, (n,); got shape {readings.shape}")
     clock = np.linspace(0.0, duration, len(readings)) if time is None else time
     curve: Curve = simulate(scene, readings, time=clock, solver=solver)
     return Problem(scene, curve, free, noise, solver=solver)

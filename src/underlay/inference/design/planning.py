@@ -14,13 +14,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from underlay._arrays import ArrayLike, FloatArray, as_finite, read_only
+from underlay._arrays import ArrayLike, FloatArray, as_finite, positive, read_only
+from underlay._given import require_count, require_given
 from underlay._threads import one_thread
+from underlay.data.curve import MIN_POINTS
 from underlay.errors import InputError, ParameterError
 from underlay.inference.design.grid import Grid, readings
 from underlay.inference.design.information import SPECIMEN, deviation_of, expected_problem
 from underlay.inference.least_squares import fit
-from underlay.inference.problem import Given
+from underlay.inference.problem import Given, by_path
 from underlay.inference.profiles import profile
 from underlay.inference.profiling.interval import Interval
 from underlay.mechanics.solvers import AnySolver
@@ -36,6 +38,8 @@ _POINTS = 200
 _AS_GOOD = 1.1
 # Above this relative standard error the forecast, which is linear, is none.
 _NO_FORECAST = 0.1
+# A first test this far beyond the grid is another test than any of it.
+_BEYOND = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +143,7 @@ class Plan:
         Parameters
         ----------
         radius, depth : float
-            The first test (m): the nearest one of the grid is taken.
+            The first test (m): the nearest one of the grid is taken, up to a factor of two beyond its ends.
 
         Returns
         -------
@@ -149,10 +153,9 @@ class Plan:
         Raises
         ------
         InputError
-            If the first test cannot be done.
+            If the first test cannot be done, or lies further beyond the grid.
         """
-        i = int(np.argmin(np.abs(np.log(self.radii / radius))))
-        j = int(np.argmin(np.abs(np.log(self.depths / depth))))
+        i, j = _nearest(self.radii, radius, "radius"), _nearest(self.depths, depth, "depth")
         if (i, j) in self.refusals:
             raise InputError(f"the first test cannot be done: {self.refusals[i, j]}")
         first = self.scaled_information[i, j]
@@ -207,9 +210,12 @@ def plan(
     ParameterError
         If the parameter is not one of the free ones of the specimen, or the indenter has no radius.
     InputError
-        If the noise is unknown, or a radius or depth is not positive.
+        If the noise is unknown, or radii or depths are not positive and increasing.
     """
-    wanted = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    require_given(scene, "scene", Scene)
+    require_given(noise, "noise", NoiseModel)
+    require_count(points, "points", MIN_POINTS)
+    wanted = by_path(free)
     specimen = tuple(path for path in wanted if path.startswith(SPECIMEN))
     if parameter not in specimen:
         raise ParameterError(
@@ -258,8 +264,22 @@ def _errors(matrices: FloatArray, index: int, possible: NDArray[np.bool_]) -> Fl
     return errors
 
 
+def _nearest(grid: FloatArray, length: float, name: str) -> int:
+    """Which of increasing lengths (m) is the nearest in ratio to that of a first test."""
+    asked = positive(length, f"the {name} of the first test", "m")
+    if not grid[0] / _BEYOND <= asked <= grid[-1] * _BEYOND:
+        ends = " to ".join(format_quantity(float(end), "length") for end in (grid[0], grid[-1]))
+        raise InputError(
+            f"the {name} of the first test, {format_quantity(asked, 'length')}, lies far outside the grid of this "
+            f"plan, {ends}: plan with a grid that holds it (lengths are in m)"
+        )
+    return int(np.argmin(np.abs(np.log(grid / asked))))
+
+
 def _positive(values: ArrayLike, name: str) -> FloatArray:
-    array = np.atleast_1d(as_finite(values, name))
-    if array.ndim != 1 or not (array > 0.0).all():
-        raise InputError(f"{name} must be positive lengths (m), one row of them; got {values!r:.80}")
+    array = np.atleast_1d(as_finite([] if values is None else values, name))
+    if array.ndim != 1 or not array.size or not (array > 0.0).all() or (np.diff(array) <= 0.0).any():
+        raise InputError(
+            f"{name} must be positive lengths (m), one row of them, increasing; got {values!r:.80}"
+        )
     return array

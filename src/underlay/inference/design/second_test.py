@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from underlay._arrays import FloatArray, read_only
-from underlay._given import require_given
+from underlay._arrays import FloatArray, finite, read_only
+from underlay._given import require_given, require_share
 from underlay._threads import one_thread
 from underlay.errors import InputError, ParameterError
 from underlay.inference.design.grid import Grid
@@ -155,7 +155,7 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     ParameterError
         If the parameter was not fitted, or the indenter has no radius.
     InputError
-        If the fit is of several curves, or no second test can be done.
+        If the fit is of several curves, no second test can be done, or the target is no share.
 
     Examples
     --------
@@ -169,6 +169,9 @@ def remedy(fit: Fit, parameter: str, *, value: float | None = None, target: floa
     '0.5 mm'
     """
     require_given(fit, "fit", Fit)
+    require_share(target, "target", what="the relative standard error that counts as fixed", one=True)
+    if value is not None:
+        value = finite(value, "value", "SI")
     if len(fit.curves) != 1:
         raise InputError(f"a remedy is for a fit of one curve; this one is of {len(fit.curves)}: see plan()")
     specimen = [name for name in fit.names if name.startswith(SPECIMEN)]

@@ -127,7 +127,7 @@ def band(
     vector = fit.vector if averaged is None else averaged.vector
     k = len(fit.names)
     steps = np.concatenate((np.zeros((1, k)), _STEP * np.eye(k), -_STEP * np.eye(k)))
-    found = of(fit.problem.physical(vector + steps))
+    found = _quantities(of, fit.problem.physical(vector + steps))
     low, middle, high = np.full(found.shape[1], -np.inf), np.array(found[0]), np.full(found.shape[1], np.inf)
     for n, values in enumerate(found.T):
         if not (values > 0.0).all():
@@ -137,6 +137,23 @@ def band(
         if ends is not None:
             low[n], middle[n], high[n] = values[0] * np.exp(ends)
     return low, middle, high
+
+
+def _quantities(of: object, physical: FloatArray) -> FloatArray:
+    """What a caller's function gives (draws, n) at parameters (draws, k); refused where it is not that."""
+    given: object = of(physical) if callable(of) else of
+    try:
+        found = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        found = np.zeros(0)
+    if not (callable(of) and found.ndim == 2 and len(found) == len(physical)):
+        told = f"an array of shape {np.shape(given)}" if isinstance(given, np.ndarray) else f"{given!r:.80}"
+        asked = f"at {len(physical)} draws it gave" if callable(of) else "got"
+        raise InputError(
+            "of must be a function that takes parameters (draws, k), SI, and gives quantities (draws, n), a row "
+            f"per draw, such as lambda p: p[:, :1]; {asked} {told}"
+        )
+    return found
 
 
 def _ends(

@@ -61,7 +61,8 @@ def _force_column(fit: Fit, rows: int) -> FloatArray:
         -noise.whiten(member.force / sigma, member.curve.time)
         for member, noise, sigma in zip(fit.problem.members, fit.noises, fit.sigmas, strict=True)
     ]
-    column = np.concatenate(parts)
+    common = fit.problem.common
+    column = np.concatenate(parts if common is None else common.whitened(parts))
     return np.concatenate((column, np.zeros(rows - len(column))))
 
 

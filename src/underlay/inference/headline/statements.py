@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from underlay._arrays import FloatArray
+from underlay._given import require_level
 from underlay._threads import one_thread
 from underlay.errors import InputError
 from underlay.inference.headline.averaged import averaged_fit, averaged_interval
@@ -49,8 +50,7 @@ class Headline(Statements):
     @one_thread()
     def interval(self, name: str, level: float, *, model_error: bool = False) -> StatedInterval:
         """Interval of a parameter; see `Fit.interval`."""
-        if not 0.0 < level <= 0.999:
-            raise InputError(f"level must be above 0 and at most 0.999; got {level!r}")
+        require_level(level)
         key = (name, level, model_error)
         if key not in self._intervals:
             self._intervals[key] = self._wider(name, level) if model_error else self._found(name, level)
@@ -89,6 +89,7 @@ class Headline(Statements):
     @one_thread()
     def band(self, of: Follows, level: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Lower ends, middles and upper ends, (n,), of quantities that follow; see `Fit.band`."""
+        require_level(level)
         return band(self.fit, self.averaged, of, level)
 
     def _found(self, name: str, level: float) -> StatedInterval:

@@ -164,7 +164,13 @@ class Fit:
         of : callable
             Quantities (draws, n) at parameters (draws, k), SI, in the order of `names`.
         level : float, default 0.95
-            Confidence, point by point; under the noise that `interval` assumes, to first order.
+            Confidence, point by point, above 0 and at most 0.999; under the noise that `interval` assumes, to
+            first order.
+
+        Raises
+        ------
+        InputError
+            If `level` is none, or `of` gives no such quantities.
         """
         return self._statements.band(of, level)
 

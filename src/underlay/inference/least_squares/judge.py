@@ -205,6 +205,8 @@ def _statistics(
             size = max((square / points) ** 0.5, np.finfo(float).tiny)
         normalisation = float(noise.log_normalisation(size * sigma, member.curve.time))
         log_likelihood += normalisation - 0.5 * square / size**2
+    if problem.common is not None:
+        log_likelihood -= problem.common.log_determinant
     counted = k + estimated
     return FitStatistics(
         points=n,

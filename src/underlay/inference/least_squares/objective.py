@@ -77,7 +77,11 @@ class Objective:
         #: Entries of a vector that a search varies: not the noise's, and not those held.
         self.active = [i for i in range(len(coordinates)) if i not in noisy and i not in self.held]
         self._informative = [i for i, c in enumerate(coordinates) if c.prior.informative and i not in noisy]
-        self._entries = [np.array(list(member.entries.values()), dtype=np.intp) for member in self.members]
+        self._own_entries = [np.array(list(one.entries.values()), dtype=np.intp) for one in self.members]
+        # Errors that curves have in common make the residuals of each depend on what any reads.
+        self._common = self.problem.common if self.members is self.problem.members else None
+        everything = np.arange(len(coordinates))
+        self._entries = self._own_entries if self._common is None else [everything] * len(self.members)
         self.asked = Models(self.members)
 
     @property
@@ -181,6 +185,8 @@ class Objective:
             float(noise.log_normalisation(sigma, member.curve.time))
             for member, noise, sigma in self._curves()
         )
+        if self._common is not None:
+            normalisation -= self._common.log_determinant
         return self.square(vector) - 2.0 * normalisation
 
     def models(self, vector: FloatArray) -> list[FloatArray]:
@@ -224,14 +230,12 @@ class Objective:
         columns, models = self.asked.several(physical, possible)
         slopes = self.problem.space.slopes(physical)
         curves = [
-            Rows(
-                noise.whiten((model - member.force) / sigma, member.curve.time),
-                noise.whiten(own / sigma, member.curve.time)
-                * (slopes if entries is None else slopes[:, entries])[:, :, None],
-                entries,
-            )
-            for own, model, entries, (member, noise, sigma) in zip(
-                columns, models, self._some_entries, self._curves(), strict=True
+            Rows(residuals, rows * (slopes if entries is None else slopes[:, entries])[:, :, None], entries)
+            for residuals, rows, entries in zip(
+                self._whitened([m - one.force for m, one in zip(models, self.members, strict=True)]),
+                self._spread(self._each_whitened(columns)),
+                self._some_entries,
+                strict=True,
             )
         ]
         here = projected(curves, self._prior_places(vectors, physical), self._linear, low, high)
@@ -317,17 +321,30 @@ class Objective:
         )
 
     def _whitened(self, forces: list[FloatArray]) -> list[FloatArray]:
-        """Forces (N), (n,) each, over the noise."""
+        """Forces (N), (..., n) each, over the noise."""
+        own = self._each_whitened(forces)
+        return own if self._common is None else self._common.whitened(own)
+
+    def _whitened_rows(self, columns: list[FloatArray]) -> list[FloatArray]:
+        return self._spread(self._each_whitened([own.T for own in columns]))
+
+    def _each_whitened(self, forces: list[FloatArray]) -> list[FloatArray]:
+        """Forces (N), (..., n) each, over the noise of their curve alone."""
         return [
             noise.whiten(force / sigma, member.curve.time)
             for force, (member, noise, sigma) in zip(forces, self._curves(), strict=True)
         ]
 
-    def _whitened_rows(self, columns: list[FloatArray]) -> list[FloatArray]:
-        return [
-            noise.whiten(own.T / sigma, member.curve.time)
-            for own, (member, noise, sigma) in zip(columns, self._curves(), strict=True)
-        ]
+    def _spread(self, rows: list[FloatArray]) -> list[FloatArray]:
+        """Whitened rows of each curve's own entries, (..., e, n); of all where curves have errors in common."""
+        if self._common is None:
+            return rows
+        spread = []
+        for own, entries in zip(rows, self._own_entries, strict=True):
+            every = np.zeros((*own.shape[:-2], len(self.problem.coordinates), own.shape[-1]))
+            every[..., entries, :] = own
+            spread.append(every)
+        return self._common.whitened(spread)
 
     def _curves(self) -> Iterator[tuple[Member, NoiseModel, FloatArray]]:
         return zip(self.members, self.noise.models, self.noise.sigmas, strict=True)

@@ -145,12 +145,18 @@ class Member:
 
     def log_likelihood(self, physical: FloatArray) -> FloatArray:
         """Log-likelihood (B,) at physical vectors (B, k); -inf where no law exists."""
+        return self.log_likelihood_along(physical, np.zeros((len(self.force), 0)))[0]
+
+    def log_likelihood_along(
+        self, physical: FloatArray, directions: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The same, and the whitened residuals along directions (n, m): (B, m), zero where no law exists."""
         noise, time = self.noise_of(physical), self.curve.time
         readings = self.readings(physical, stiffness=noise.needs_stiffness)
         possible = readings.possible
-        result = np.full(len(physical), -np.inf)
+        result, along = np.full(len(physical), -np.inf), np.zeros((len(physical), directions.shape[1]))
         if not possible.any():
-            return result
+            return result, along
         contact, stiffness, force = readings[:3]
         # A copy of the rows that exist costs as much as the noise does: mostly all of them do.
         if not possible.all():
@@ -165,7 +171,9 @@ class Member:
             result[possible] = normalisation - 0.5 * len(self.force) * np.log(square)
         else:
             result[possible] = normalisation - 0.5 * square
-        return result
+        if directions.size:
+            along[possible] = residuals @ directions
+        return result, along
 
     def readings(self, physical: FloatArray, *, stiffness: bool = True) -> Readings:
         """Model at physical vectors (B, k); without `stiffness` that is left zero."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -41,3 +42,8 @@ class Units:
             names.append(tuple(distinct))
             below = distinct
         return cls(tuple(names[::-1]), tuple(parents[::-1])), order
+
+    def freedoms(self, curves: int) -> list[int]:
+        """Of each level below the outermost, curves last: how many members are beyond the first of their unit."""
+        counts = [*(len(names) for names in self.names), curves]
+        return [below - above for above, below in pairwise(counts)]

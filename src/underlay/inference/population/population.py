@@ -16,13 +16,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import special
 
 from underlay._arrays import FloatArray
+from underlay._given import columns_given, require_share
 from underlay.errors import InputError
 from underlay.inference.population.density import Density
 from underlay.inference.population.levels import GroupModel
-from underlay.inference.population.result import Comparison, Group, Population, Spread, Triple
+from underlay.inference.population.result import Comparison, Group, Population, Spread
 from underlay.inference.population.selection import (
     Labelled,
     LabelledCurve,
@@ -30,6 +30,7 @@ from underlay.inference.population.selection import (
     select_results,
     select_rows,
 )
+from underlay.inference.population.student import PlainMean, Triple, Variance
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,13 +42,13 @@ _ENDS = np.array([0.025, 0.5, 0.975])
 _NO_SPREAD, _MAY_BE_NONE = 0.05, 0.05
 _TAILS = ("normal", "outliers")
 _MODULUS = "layer.E"
-# Fewer units than these hardly tell how much they differ: the prior would, and no scale of it covers evenly.
+# Fewer units than these hardly tell how much they differ: the prior would, and no scale of it covers so evenly.
 _ENOUGH = 6
 
 
 def population(
     results: pd.DataFrame | str | os.PathLike[str] | Sequence[Labelled],
-    by: Sequence[str] = ("animal",),
+    by: str | Sequence[str] = ("animal",),
     parameter: str = "layer.E",
     *,
     group: str | None = None,
@@ -62,8 +63,8 @@ def population(
     results : DataFrame, path, or sequence of (labels, result)
         The table of a map (`fit_many`), its file, or pairs of labels by column and a `Fit`, a profile or a
         `Posterior`, whose prior is divided out.
-    by : sequence of str
-        Columns that say whose a curve is, outermost level first: ``["animal", "joint"]``. None takes all
+    by : str or sequence of str
+        Columns that say whose a curve is, outermost level first: ``["animal", "joint"]``. An empty list takes all
         curves for independent and speaks of these sites only.
     parameter : str
         A positive parameter; its logarithm is what is normal.
@@ -92,14 +93,18 @@ def population(
 
     Up to five animals hardly tell how much animals differ, so the prior would: of three that differ by 20 % or
     less its 95 % interval covers 98 to 100 %, of three that differ by more 92 to 95 %, and no other scale covers
-    evenly. There the interval without a prior is the one to go by: it covers 93 to 96 % in all cells of the stored
-    study, and is up to half as long again. It is not where outliers are allowed for, or an end is open.
+    so evenly. There the interval without a prior is the one to go by: it covers 93 to 98 % in all cells of the
+    stored study, and is up to half as long again. It is not where outliers are allowed for, or an end is open.
+    Animals that agree by chance leave what the errors of their curves and the scatter within each leave
+    (`student`).
     """
-    names = tuple(by)
+    names = columns_given(
+        by, "by", '["animal"] or ["animal", "joint"], or [] to take all curves for independent'
+    )
     if tails not in _TAILS:
         raise InputError(f"tails must be one of {', '.join(_TAILS)}; got {tails!r}")
-    if not (shared_error is None or (math.isfinite(shared_error) and 0.0 <= shared_error < 1.0)):
-        raise InputError(f"shared_error is a relative error, 0 to 1; got {shared_error!r}")
+    if shared_error is not None:
+        require_share(shared_error, "shared_error", what="a relative error", zero=True)
     curves, left, told = _selected(results, parameter, names, group, doubtful)
     shared = told if shared_error is None else float(shared_error)
     groups: dict[str, list[LabelledCurve]] = {}
@@ -157,10 +162,10 @@ def _group(
     modelled = _triple(_widened(model.mean, shared))
     spreads = tuple(_spread(model, level, label) for level, label in enumerate((*by, "curve")))
     errors = np.array([member.likelihood.error for member in members])
-    values, moments = pd.DataFrame(), _plain_of_curves(model)
+    values, plain = pd.DataFrame(), _plain_of_curves(model)
     if by:
         centre, deviation = model.unit_values()
-        own, own_variance = model.own_values([spread.median for spread in spreads[1:]])
+        own = model.own_values([spread.median for spread in spreads[1:]])[0]
         labels = [" / ".join(unit) for unit in model.units.names[0]]
         counted = Counter(member.labels[0] for member in members)
         values = pd.DataFrame(
@@ -173,11 +178,11 @@ def _group(
             },
             index=labels,
         )
-        moments = _moments(own, own_variance, spreads[0].median)
+        plain = _plain_of_units(model, own, spreads)
     return Group(
         name,
         modelled,
-        _plain(moments, shared),
+        plain.interval(shared),
         not outliers and 1 < len(values) < _ENOUGH and modelled[1] > 0.0 and modelled[2] < math.inf,
         spreads,
         len(values),
@@ -186,7 +191,7 @@ def _group(
         float(np.median(errors)),
         values,
         model.mean,
-        moments,
+        plain,
         model.spreads.probability_of_none(min(_NO_SPREAD, float(np.median(errors)))) > _MAY_BE_NONE,
     )
 
@@ -199,56 +204,41 @@ def _spread(model: GroupModel, level: int, label: str) -> Spread:
     return Spread(label, median, low, high)
 
 
-def _plain_of_curves(model: GroupModel) -> tuple[float, float, int]:
+def _plain_of_curves(model: GroupModel) -> PlainMean:
+    """Mean of curves that nobody says belong together; each counts alike, open ones by where they are likeliest."""
     middles = np.array([curve.middle for curve in model.curves])
-    return _moments(middles, np.ones(len(middles)), 1e6)
+    errors = np.array([curve.error for curve in model.curves])
+    known = float(np.mean(errors**2)) / len(errors) if np.isfinite(errors).all() else 0.0
+    return PlainMean.of_units(middles, np.ones(len(middles)), Variance(known, math.inf))
 
 
-def _moments(values: FloatArray, variances: FloatArray, between: float) -> tuple[float, float, int]:
-    """Weighted mean of units, variance of that mean from their scatter, and degrees of freedom.
+def _plain_of_units(model: GroupModel, own: FloatArray, spreads: Sequence[Spread]) -> PlainMean:
+    """Mean of the outermost units, `own` (units,), each weighted by its own variance and by their spread."""
+    inner = [spread.median for spread in spreads[1:]]
+    weights = 1.0 / (model.own_values(inner)[1] + spreads[0].median ** 2)
+    shares = weights / weights.sum()
 
-    Weights go by each unit's own variance and the spread between units, as in the interval of Hartung and Knapp
-    (2001).
-    """
-    weights = 1.0 / (variances + between**2)
-    weights /= weights.sum()
-    mean = float(weights @ values)
-    freedom = len(values) - 1
-    variance = float(weights @ (values - mean) ** 2) / freedom if freedom else math.nan
-    return mean, variance, freedom
+    def left(which: Sequence[float]) -> float:
+        return float(shares**2 @ model.own_values(which)[1])
 
-
-def _plain(moments: tuple[float, float, int], shared: float) -> Triple:
-    mean, variance, freedom = moments
-    return _student(mean, variance + shared**2, freedom)
-
-
-def _student(value: float, variance: float, freedom: float) -> Triple:
-    """Student's interval of a logarithm, as the parameter; without ends where nothing is left to scatter."""
-    if not freedom:
-        return math.exp(value), math.nan, math.nan
-    half = float(special.stdtrit(freedom, _ENDS[2])) * math.sqrt(variance)
-    return math.exp(value), math.exp(value - half), math.exp(value + half)
+    # Where no unit holds two of the next level, nothing within units tells how those differ: the scatter does.
+    freedoms = model.units.freedoms(len(model.curves))
+    seen = [spread if freedom else 0.0 for spread, freedom in zip(inner, freedoms, strict=True)]
+    parts, rest = [], left(seen)
+    for level, freedom in enumerate(freedoms):
+        if freedom:
+            seen[level] = 0.0
+            parts.append(Variance(max(rest - left(seen), 0.0), freedom))
+            rest = left(seen)
+    return PlainMean.of_units(own, weights, Variance.sum_of([*parts, Variance(rest, math.inf)]))
 
 
 def _compared(later: Group, earlier: Group) -> Comparison:
     difference = later.density.minus(earlier.density)
-    value, variance, freedom = _welch(later.plain_moments, earlier.plain_moments)
-    leads_plain = bool(freedom) and (later.leads_plain or earlier.leads_plain)
-    if leads_plain:
-        above = float(special.stdtr(freedom, value / math.sqrt(variance)))
-    else:
-        above = float(difference.shares[difference.x > 0.0].sum())
-    plain = _student(value, variance, freedom)
-    return Comparison(later.name, _triple(difference), plain, leads_plain, earlier.name, above)
-
-
-def _welch(later: tuple[float, float, int], earlier: tuple[float, float, int]) -> tuple[float, float, float]:
-    """Difference of two means, its variance and degrees of freedom (Welch 1947); none where nothing scatters."""
-    (a, va, fa), (b, vb, fb) = later, earlier
-    if not (fa and fb and va + vb):
-        return a - b, math.nan, 0.0
-    return a - b, va + vb, (va + vb) ** 2 / (va**2 / fa + vb**2 / fb)
+    plain = later.plain_mean.over(earlier.plain_mean)
+    leads_plain = plain.variance is not None and (later.leads_plain or earlier.leads_plain)
+    above = plain.probability_above() if leads_plain else float(difference.shares[difference.x > 0.0].sum())
+    return Comparison(later.name, _triple(difference), plain.interval(), leads_plain, earlier.name, above)
 
 
 def _triple(density: Density) -> Triple:

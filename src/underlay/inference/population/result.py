@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 
 from underlay.inference.population.density import Density
 from underlay.inference.population.selection import LeftOut
+from underlay.inference.population.student import PlainMean, Triple
 
 if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["Comparison", "Group", "Population", "Spread", "Triple"]
-
-#: What is found, and the low and the high end of its 95 % interval.
-Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -73,7 +71,8 @@ class Group(_TwoWays):
         Geometric mean (SI), low and high end of its 95 % interval by the model of all levels, with its priors on
         the spreads; an end that is not there is zero or infinite.
     plain : tuple of float
-        The same by the t interval of the animals' means, without a prior; not-a-number for fewer than two.
+        The same by the t interval of the animals' means, or what the errors of their curves leave where that is
+        longer; without a prior; not-a-number for fewer than two.
     leads_plain : bool
         Whether the second is the one to go by: two to five animals, whose spread the prior would decide.
     spreads : tuple of Spread
@@ -89,8 +88,8 @@ class Group(_TwoWays):
         curves alone), ``curves``.
     density : Density
         Posterior of ln of the mean, without the error that all curves share.
-    plain_moments : tuple
-        Of ln of the plain mean: value, variance, degrees of freedom.
+    plain_mean : PlainMean
+        Logarithm of the mean without a prior, with its variances and their degrees of freedom.
     errors_explain_all : bool
         Whether the curves may scatter by no more than their errors.
     """
@@ -102,7 +101,7 @@ class Group(_TwoWays):
     curve_error: float
     unit_values: pd.DataFrame
     density: Density
-    plain_moments: tuple[float, float, int]
+    plain_mean: PlainMean
     errors_explain_all: bool
 
     @property
@@ -122,7 +121,8 @@ class Comparison(_TwoWays):
     modelled : tuple of float
         Ratio of the geometric means, low and high end of its 95 % interval by the model, with its priors.
     plain : tuple of float
-        The same by Welch's interval of the animals' means, without a prior.
+        The same by Welch's interval of the animals' means, or what the errors of their curves leave where that is
+        longer; without a prior.
     leads_plain : bool
         Whether the second is the one to go by: a group of the two has few animals.
     reference : str
@@ -243,6 +243,11 @@ class Population:
                 f"With {group.units} {level}s a prior would decide how much {level}s differ: the interval is "
                 f"Student's, of their means, without one."
             )
+            if group.plain_mean.agrees_by_chance:
+                said.append(
+                    f"The {level}s agree better than what is known of each lets them but by chance: the interval "
+                    f"is what the errors of their curves and the scatter within each {level} leave."
+                )
         if group.open_curves:
             said.append(
                 f"{group.open_curves} of {group.curves} curves are open to one side; they count as that."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from underlay.scene.parameters import kind_of
-from underlay.units import format_quantity
+from underlay.units import format_ends
 
 __all__ = ["Interval"]
 
@@ -39,7 +39,7 @@ class Interval:
 
     def __str__(self) -> str:
         kind = kind_of(self.name)
-        low, high = format_quantity(self.low, kind), format_quantity(self.high, kind)
+        low, high = format_ends(self.low, self.high, kind)
         at = f"({100.0 * self.level:g} %{', calibrated' if self.calibrated else ''})"
         has_low, has_high = self.low_reason == "data", self.high_reason == "data"
         if has_low and has_high:

@@ -16,10 +16,12 @@ import numpy as np
 
 from underlay._arrays import FloatArray
 from underlay.inference.adhesive_numbers import ADHESIVE
+from underlay.inference.derived_names import suffixes
 from underlay.inference.model.adhesion_batch import batched_pull_offs
 from underlay.inference.model.members import Member
 from underlay.inference.problem import Problem
 from underlay.inference.relaxed_moduli import relaxed_moduli
+from underlay.mechanics.body import Base
 from underlay.quantities import Quantity, numbers_of, path_of
 from underlay.scene.parameters import kind_of
 
@@ -56,18 +58,17 @@ def derived_quantities(problem: Problem, physical: FloatArray) -> dict[str, Floa
     -------
     dict of str to FloatArray
         Each (...), SI. Names such as ``"layer.reduced_modulus"`` and ``"stiffness"``; with several curves
-        the stiffness, and what one curve has of its own, carry the curve's number.
+        the stiffness, and what follows from numbers that a curve has of its own, carry the curve's number.
     """
     flat = physical.reshape(-1, physical.shape[-1])
     quantities: dict[str, FloatArray] = {}
     several = len(problem.members) > 1
-    for number, member in enumerate(problem.members):
-        for part in ("layer", "substrate"):
-            entries = {path: entry for path, entry in member.entries.items() if path.startswith(f"{part}.")}
-            own = several and any("[" in problem.names[entry] for entry in entries.values())
-            suffix = f"[{number}]" if own else ""
-            for name, values in _moduli(member, part, flat).items():
+    for part in ("layer", "substrate"):
+        paths = [_constants(member, part) for member in problem.members]
+        for member, own, suffix in zip(problem.members, paths, suffixes(problem, paths), strict=True):
+            for name, values in _moduli(member, part, own, flat).items():
                 quantities.setdefault(f"{part}.{name}{suffix}", values)
+    for number, member in enumerate(problem.members):
         suffix = f"[{number}]" if several else ""
         stiffness, possible = _deepest_stiffness(member, flat)
         if possible:
@@ -86,17 +87,27 @@ def _pull_offs(member: Member, flat: FloatArray) -> dict[str, FloatArray]:
     return {} if found is None else {"pull_off_force": found[0], "pull_off_depth": found[1]}
 
 
-def _moduli(member: Member, part: str, flat: FloatArray) -> dict[str, FloatArray]:
-    """Reduced and oedometric modulus of one part, if one of its constants is free."""
-    material = member.scene.layer.material if part == "layer" else member.scene.base
-    names = [] if material is None else list(numbers_of(material))
-    if material is None or not any(f"{part}.{name}" in member.entries for name in names):
+def _constants(member: Member, part: str) -> list[str]:
+    """Paths of the constants of a part's material, if any of them is free."""
+    material = _material(member, part)
+    paths = [] if material is None else [f"{part}.{name}" for name in numbers_of(material)]
+    return paths if any(path in member.entries for path in paths) else []
+
+
+def _material(member: Member, part: str) -> Base | None:
+    return member.scene.layer.material if part == "layer" else member.scene.base
+
+
+def _moduli(member: Member, part: str, paths: list[str], flat: FloatArray) -> dict[str, FloatArray]:
+    """Reduced and oedometric modulus of one part from the constants at these paths; none of none."""
+    material = _material(member, part)
+    if material is None or not paths:
         return {}
     constants = {
-        name: flat[:, member.entries[path]]
-        if (path := f"{part}.{name}") in member.entries
+        path.removeprefix(f"{part}."): flat[:, member.entries[path]]
+        if path in member.entries
         else member.base[path]
-        for name in names
+        for path in paths
     }
     plane = material.constants_of(**constants)
     if plane is None:

@@ -28,6 +28,7 @@ from underlay.inference.problem import Problem
 from underlay.inference.ridge.importance import LogEvidence
 from underlay.inference.sampling.arviz_bridge import arviz_library
 from underlay.inference.sampling.posterior import Posterior
+from underlay.inference.sampling.whose import difference
 from underlay.scene.chain import ContactDepth
 from underlay.scene.low_rank_noise import LowRankNoise
 from underlay.scene.noise import Noise
@@ -62,7 +63,7 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
     Raises
     ------
     InputError
-        If there are fewer than two models, or their curves differ.
+        If there are fewer than two models, their curves differ, or a posterior is that of another problem.
     MissingExtraError
         If arviz is not installed (extra ``uq``).
 
@@ -95,6 +96,13 @@ def compare_models(models: Mapping[str, tuple[Problem, Posterior]]) -> pd.DataFr
         )
         if not same:
             raise InputError(f"model {name!r} was sampled on other curves; compare models of the same data")
+    for name, pair in models.items():
+        told = difference(*pair)
+        if told:
+            raise InputError(
+                f"the posterior of model {name!r} is not that of its problem: {told}; give each problem with what "
+                "ul.sample made of it"
+            )
     arviz = arviz_library()
     data = {name: _inference_data(problem, posterior) for name, (problem, posterior) in models.items()}
     with warnings.catch_warnings():
@@ -177,19 +185,25 @@ def pointwise_log_likelihood(problem: Problem, physical: FloatArray) -> FloatArr
     InputError
         If no law exists at a draw.
     """
-    return np.concatenate([_pointwise(member, physical) for member in problem.members], axis=1)
+    each = [_pointwise(member, physical) for member in problem.members]
+    white, spread = (np.concatenate(parts, axis=1) for parts in zip(*each, strict=True))
+    if problem.common is not None:
+        white, more = problem.common.innovations(white)
+        spread = spread + more
+    return np.asarray(-0.5 * np.square(white) - spread - 0.5 * np.log(2.0 * np.pi))
 
 
 def with_model_error(problem: Problem, model_error: float) -> Problem:
     """Return the problem with the error of its contact law as an error that all readings share.
 
     A law that is off by a share of the force is off smoothly: along the contact radius, from contact (x = 0) to the
-    deepest point (x = 1), the share is taken as
+    widest (x = 1), of all curves where there are several, the share is taken as
 
         model_error (u_0 + u_1 cos(pi x) + u_2 sin(pi x)) / sqrt(2),   u ~ N(0, 1),
 
     of standard deviation `model_error` everywhere, alike at neighbouring depths, independent from one end to the
-    other. It does not average away with the number of points. (A stated term, not an estimate.)
+    other. It does not average away with the number of points, nor with that of the curves fitted jointly: one law
+    errs alike in all of them, and the u are the same ones. (A stated term, not an estimate.)
 
     Parameters
     ----------
@@ -231,7 +245,14 @@ def with_model_error(problem: Problem, model_error: float) -> Problem:
     for member in problem.members:
         _require_stated(member)
     physical = problem.physical(quick_fit(problem).vector)
-    return problem.revised(noise=[_widened(member, physical, model_error) for member in problem.members])
+    spans = [_span(member, physical) for member in problem.members]
+    widest = max(float(span.max()) for span in spans)
+    return problem.revised(
+        noise=[
+            _widened(member, physical, model_error, span / widest, is_alone=len(spans) == 1)
+            for member, span in zip(problem.members, spans, strict=True)
+        ]
+    )
 
 
 def _require_stated(member: Member) -> None:
@@ -243,17 +264,28 @@ def _require_stated(member: Member) -> None:
         raise InputError("a model's error stands beside a noise that is known: state noise.force (N)")
 
 
-def _widened(member: Member, physical: FloatArray, model_error: float) -> LowRankNoise:
-    """The noise of one curve with the error of its law."""
+def _span(member: Member, physical: FloatArray) -> FloatArray:
+    """What goes as the contact radius of each reading does, (n,): the root of depth, and of the tip's radius."""
+    values = member.values_at(physical)
+    travel = np.maximum(member.curve.depth - values[ContactDepth.path], 0.0)
+    return np.maximum(np.sqrt(travel * values.get("indenter.radius", 1.0)), np.finfo(float).tiny)
+
+
+def _widened(
+    member: Member, physical: FloatArray, model_error: float, span: FloatArray, *, is_alone: bool
+) -> LowRankNoise:
+    """The noise of one curve with the error of its law; `span` (n,) is the contact radius over the widest."""
     reading, noise = member.reading(physical), member.noise
     sigma = member.sigma(reading, noise)
-    travel = member.curve.depth - member.values_at(physical)[ContactDepth.path]
-    along = np.pi * np.sqrt(np.maximum(travel, 0.0) / max(float(travel.max()), np.finfo(float).tiny))
+    along = np.pi * span
     shapes = np.column_stack((np.ones_like(along), np.cos(along), np.sin(along))) / np.sqrt(2.0)
     columns = model_error * (reading.contact / sigma)[:, None] * shapes
     given = {entry.name: getattr(noise, entry.name) for entry in fields(Noise)}
-    before = noise.columns if isinstance(noise, LowRankNoise) else np.zeros((len(columns), 0))
-    return LowRankNoise(**given, columns=np.hstack((before, columns)))
+    none = np.zeros((len(columns), 0))
+    own, common = (noise.columns, noise.common) if isinstance(noise, LowRankNoise) else (none, none)
+    if is_alone:
+        return LowRankNoise(**given, columns=np.hstack((own, columns)), common=common)
+    return LowRankNoise(**given, columns=own, common=np.hstack((common, columns)))
 
 
 def _score(arviz: ModuleType, data: Any) -> Any:
@@ -281,7 +313,8 @@ def _inference_data(problem: Problem, posterior: Posterior) -> Any:
     return few.to_inference_data(pointwise.reshape(*few.chain.shape[:2], -1))
 
 
-def _pointwise(member: Member, physical: FloatArray) -> FloatArray:
+def _pointwise(member: Member, physical: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Whitened residuals of a curve at draws, and the logarithms of their deviations (N), (draws, points) each."""
     contact, stiffness, force, possible = member.readings(physical)
     if not possible.all():
         raise InputError("no contact law exists at some draws; they cannot be compared")
@@ -291,5 +324,4 @@ def _pointwise(member: Member, physical: FloatArray) -> FloatArray:
     if member.scale_is_unknown:
         size = np.sqrt(np.mean(np.square(white), axis=-1, keepdims=True))
         white, sigma = white / size, sigma * size
-    spread = noise.log_deviations(sigma, time)
-    return np.asarray(-0.5 * np.square(white) - spread - 0.5 * np.log(2.0 * np.pi))
+    return white, np.broadcast_to(noise.log_deviations(sigma, time), white.shape)

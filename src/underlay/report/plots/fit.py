@@ -51,7 +51,10 @@ def fit(result: Fit, *, curve: int = 0, whole: bool = False, ax: Axes | None = N
     with style():
         upper, lower, newton = _measured(result, curve, measured.depth / mm, ax)
         upper.plot(
-            depth / mm, scene.force(depth, time, solver=result.solver) / newton, color=FIT, label="fit"
+            depth / mm,
+            scene.force(depth, time, solver=result.solver) / newton,
+            color=FIT,
+            label=_fitted(result),
         )
         if scene.substrate is not None:
             bare = halfspace_of(scene).force(depth, time)
@@ -61,6 +64,11 @@ def fit(result: Fit, *, curve: int = 0, whole: bool = False, ax: Axes | None = N
         if not whole:
             _zoom(upper, measured.depth / mm, scene.instrument.contact_depth / mm)
     return upper
+
+
+def _fitted(result: Fit) -> str:
+    """Name of the line of the optimum: where nobody stated the noise, what is stated is averaged, and another."""
+    return "least-squares fit, before averaging" if result.problem.noise_is_open else "fit"
 
 
 def _zoom(panel: Axes, depth: FloatArray, contact: float) -> None:
@@ -117,7 +125,9 @@ def fit_log(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         x, y = travel[shown][::step] / metre, force[shown][::step] / newton
         panel.loglog(x, y, ".", ms=2.2, color=DATA, label="measured")
         order = np.argsort(travel[seen])
-        panel.plot(travel[seen][order] / metre, fitted[seen][order] / newton, color=FIT, label="fit")
+        panel.plot(
+            travel[seen][order] / metre, fitted[seen][order] / newton, color=FIT, label=_fitted(result)
+        )
         low, high = float(fitted[seen].min()) / newton, float(force.max()) / newton
         _slopes(panel, float(travel.max()) / metre, high)
         panel.set_ylim(0.5 * low, 2.0 * high)
@@ -163,7 +173,7 @@ def fit_in_time(result: Fit, *, curve: int = 0, ax: Axes | None = None) -> Axes:
         raise InputError("this curve has no times to be drawn against")
     with style():
         upper, lower, newton = _measured(result, curve, measured.time, ax)
-        upper.plot(measured.time, (measured.force - residual) / newton, color=FIT, label="fit")
+        upper.plot(measured.time, (measured.force - residual) / newton, color=FIT, label=_fitted(result))
         upper.legend(loc="best")
         lower.set_xlabel("time (s)")
     return upper
