@@ -43,18 +43,23 @@ class Mixture:
         """Shifts of parameter `entry` (scaled coordinates) below which each of the `probabilities` lies."""
         asked, deviation = np.array(probabilities), self.deviation[:, entry]
         own = self.shift[:, entry] + special.stdtrit(self.degrees, asked)[:, None] * deviation
-        # Newton's method between the lowest and the highest of the parts' own quantiles.
+        # Newton's method between the lowest and the highest of the parts' own quantiles, in the normal deviate of
+        # the probability: that is nearly a straight line, where the probability itself is flat far out.
         low, high = own.min(axis=1), own.max(axis=1)
         near = np.maximum(1e-7 * (high - low), 1e-12 * np.maximum(np.abs(low), np.abs(high)))
-        value, going = own @ self.weights, high - low > near
+        value, going, wanted = own @ self.weights, high - low > near, special.ndtri(asked)
         while going.any():
             scaled = (value[:, None] - self.shift[:, entry]) / deviation
-            beyond = special.stdtr(self.degrees, scaled) @ self.weights - asked
+            deviate = special.ndtri(special.stdtr(self.degrees, scaled) @ self.weights)
+            beyond = deviate - wanted
             low, high = np.where(beyond > 0.0, low, value), np.where(beyond > 0.0, value, high)
             logs = -0.5 * (self.degrees + 1.0) * np.log1p(np.square(scaled) / self.degrees)
             density = np.exp(logs) @ (self.weights / deviation) * self._peak
+            # So far out that the probability is rounded to nothing or to one there is no slope: halve.
+            sloped = np.isfinite(deviate) & (density > 0.0)
+            slope = np.sqrt(2.0 * np.pi) * density * np.exp(0.5 * np.square(np.where(sloped, deviate, 0.0)))
             middle = 0.5 * (low + high)
-            there = value - np.divide(beyond, density, out=np.full_like(value, np.inf), where=density > 0.0)
+            there = value - np.divide(beyond, slope, out=np.full_like(value, np.inf), where=sloped)
             inside = (low < there) & (there < high)
             there = np.where(inside, there, middle)
             step = np.where(going, there - value, 0.0)
