@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy import interpolate
+from scipy import optimize
 
 from underlay.errors import InputError
 from underlay.inference.misfit.blocked import Blocked
@@ -84,12 +84,15 @@ class Path:
     def _between(self, last: int, height: float) -> float:
         """How far from the optimum the height is reached between a stop and the one before it."""
         low, high = self.stops[last - 1], self.stops[last]
-        secant = (high.z - low.z) / (high.gone - low.gone)
+        wide, rise = high.gone - low.gone, high.z - low.z
         # Slopes of up to three secants leave a cubic monotone (Fritsch and Carlson 1980, doi:10.1137/0717021).
-        slopes = [min(max(stop.slope, 0.0), 3.0 * secant) for stop in (low, high)]
-        cubic = interpolate.CubicHermiteSpline([low.gone, high.gone], [low.z, high.z], slopes)
-        roots = cubic.solve(height, extrapolate=False)
-        return float(roots[0]) if len(roots) else high.gone
+        first, final = (min(max(stop.slope * wide, 0.0), 3.0 * rise) for stop in (low, high))
+
+        def missing(share: float) -> float:
+            bent = (first + final - 2.0 * rise) * share + 3.0 * rise - 2.0 * first - final
+            return low.z + share * (first + share * bent) - height
+
+        return low.gone + wide * (optimize.brentq(missing, 0.0, 1.0) if missing(1.0) > 0.0 else 1.0)
 
 
 @dataclass(frozen=True)
