@@ -143,13 +143,14 @@ class Averaged:
     @property
     def drifts(self) -> list[float]:
         """Relative change of the law from contact to the deepest point, one per curve, of the likeliest drift."""
-        parts = self.model.parts
-        # The second column is P w / (2 w_max).
-        deepest = [int(np.argmax(np.abs(part.drift[:, 1]))) for part in parts]
-        return [
-            float(part.drift[at] @ own[:DRIFTS] / (2.0 * part.drift[at, 1]))
-            for part, own, at in zip(parts, self._misfits, deepest, strict=True)
-        ]
+        amounts = self.competition.amounts[self.competition.heaviest]
+        acting = amounts[:DRIFTS] > 0.0
+        found = []
+        for part, own in zip(self.model.parts, self._misfits, strict=True):
+            at = int(np.argmax(np.abs(part.grown[:, 1])))
+            added = part.force[at] * part.shapes(amounts).drift[at] @ own[:DRIFTS][acting]
+            found.append(float(added / (2.0 * part.grown[at, 1])))
+        return found
 
     @property
     def jumps(self) -> list[float]:
@@ -167,8 +168,7 @@ class Averaged:
         model = self.model
         free = [i for i in range(len(self.vector)) if i not in self.blocked.held]
         jacobian = np.vstack([part.jacobian[:, free] for part in model.parts])
-        # The second column is P w / (2 w_max).
-        added = np.concatenate([2.0 * drift * part.drift[:, 1] for part in model.parts])
+        added = np.concatenate([2.0 * drift * part.grown[:, 1] for part in model.parts])
         shift = np.linalg.lstsq(jacobian, added, rcond=None)[0]
         return float(shift[free.index(index)]) if index in free else 0.0
 
@@ -210,8 +210,8 @@ class Averaged:
         found = [1.0]
         for part in self.model.parts:
             rough = np.diff(part.residuals, n=2)
-            # The first column of the drift is P s: nil before contact, half of its largest at 0.7 of the depth.
-            grown = part.drift[1:-1, 0] / np.abs(part.drift[:, 0]).max()
+            # P s is nil before contact, and half of its largest at 0.7 of the depth.
+            grown = part.grown[1:-1, 0] / np.abs(part.grown[:, 0]).max()
             deep, before = rough[grown > _DEEP], rough[grown == 0.0]
             if len(deep) and before.any():
                 ratio = float(np.mean(deep * deep) / np.mean(before * before))
@@ -283,21 +283,32 @@ def average(
 def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> Optimum:
     """Optimum of the heaviest combination, from a start, and the weights about it."""
     model = blocked.linearised(vector)
-    competition = Competition.of(model, sizes)
+    # Far from where the weights are wanted, white noise says about where that is.
+    competition = Competition.in_haste(model, sizes)
     for _ in range(_MOST_PASSES):
-        at, k = competition.heaviest, len(vector)
-        shift, deviation = competition.shift[at][:k], _deviations(competition, at)[:k]
-        if (shift * shift <= _STRAIGHT * deviation).all():
+        moved = _moved(blocked, Optimum(vector, model, competition))
+        if moved is None and competition.sizes is sizes:
             break
-        chosen = Combination.of(competition, at)
-        ahead = descend(blocked.standing(model, chosen.amounts), vector, chosen, model=model).vector
-        try:
-            model = blocked.linearised(ahead)
-        except InputError:
-            # The last step of a descent is the linear model's, and may end beyond the laws.
-            break
-        vector, competition = ahead, Competition.of(model, sizes)
+        vector, model = moved or (vector, model)
+        competition = Competition.of(model, sizes)
     return Optimum(vector, model, competition)
+
+
+def _moved(blocked: Blocked, optimum: Optimum) -> tuple[FloatArray, Linearised] | None:
+    """Vector of the heaviest combination's own optimum and the model about it; None where it is near enough."""
+    vector, model, competition = optimum
+    at, k = competition.heaviest, len(vector)
+    shift, deviation = competition.shift[at][:k], _deviations(competition, at)[:k]
+    if (shift * shift <= _STRAIGHT * deviation).all():
+        return None
+    chosen = Combination.of(competition, at)
+    stand = blocked.standing(model, chosen.amounts)
+    ahead = descend(stand, vector, chosen, model=model, straight=_STRAIGHT).vector
+    try:
+        return ahead, blocked.linearised(ahead)
+    except InputError:
+        # The last step of a descent is the linear model's, and may end beyond the laws.
+        return None
 
 
 def _deviations(competition: Competition, at: int) -> FloatArray:

@@ -87,21 +87,35 @@ class Competition:
     @classmethod
     def of(cls, model: Linearised, sizes: Sizes, lightest: float = _LIGHTEST) -> Competition:
         """Weigh every combination about a linearised model; those below the share `lightest` are left out."""
-        noises = sizes.noises([part.time for part in model.parts])
-        evidence = Evidence.of(model, sizes, noises)
-        prior = sizes.log_prior(len(noises))
-        rough, square = evidence.roughly(prior)
+        evidence = Evidence.of(model, sizes)
+        rough, square = evidence.roughly()
         weights = np.exp(rough - rough.max())
         # Whether what fades does fade is asked closely only; until then the exact law stays, light as it may seem.
         exact = rough[:, : len(sizes.amounts) // len(sizes.kinds)]
         weights[:, : exact.shape[1]] = np.exp(exact - exact.max())
         kept = np.argwhere(np.asarray(weights >= lightest * weights.sum()))
-        noise, column = kept.T
-        variance = square[noise, column] / evidence.freedom
-        found = evidence.closely(noise, column, variance, prior[noise, column])
+        return cls._closely(evidence, kept, square[tuple(kept.T)])
+
+    @classmethod
+    def in_haste(cls, model: Linearised, sizes: Sizes) -> Competition:
+        """Weigh what may be beside white noise: which is about the heaviest, where the weights do not matter yet.
+
+        A drift is as large as it would be beside the noise that the largest of everything leaves.
+        """
+        evidence = Evidence.of(model, sizes.of_white_noise)
+        every = np.argwhere(np.isfinite(evidence.log_prior))
+        return cls._closely(evidence, every, evidence.least_square[every[:, 0]])
+
+    @classmethod
+    def _closely(cls, evidence: Evidence, places: NDArray[np.intp], square: FloatArray) -> Competition:
+        """Weigh the combinations at some places (c, 2), whose S is about `square` (c,)."""
+        model, (noise, column) = evidence.model, places.T
+        variance = square / evidence.freedom
+        found = evidence.closely(noise, column, variance)
         best = int(np.argmax(found.log_evidence))
         misfits = evidence.misfits(noise[best], column[best], variance[best])
-        return cls(noises, sizes, kept, *found, misfits, model.readings - len(model.precision))
+        degrees = model.readings - len(model.precision)
+        return cls(evidence.noises, evidence.sizes, places, *found, misfits, degrees)
 
     @cached_property
     def weights(self) -> FloatArray:

@@ -137,6 +137,14 @@ class Place:
         """By how much a step should lower S, in s^2."""
         return float(-(2.0 * self.gradient + self.normal @ step) @ step) / self.variance
 
+    def is_straight(self, step: FloatArray, share: float) -> bool:
+        """Whether the square of a step (k,) is below a share of a standard deviation in every entry."""
+        acting = np.diag(self.normal) > 0.0
+        if share <= 0.0 or not acting.all():
+            return False
+        deviation = np.sqrt(self.variance * np.diag(np.linalg.inv(self.normal)))
+        return bool((step * step <= share * deviation).all())
+
     def moved(self, vector: FloatArray) -> Place:
         """Return the place at a vector near by, as the linear model has it."""
         step = vector - self.vector
@@ -152,10 +160,12 @@ def descend(
     most_steps: int = _MOST_STEPS,
     model: Linearised | None = None,
     misfits: FloatArray | None = None,
+    straight: float = 0.0,
 ) -> Place:
     """Optimum of one combination from a scaled vector (k,), with one entry held where it is if wanted.
 
-    `model` is that about the vector, and `misfits` those of a place near by, where they are known.
+    `model` is that about the vector, and `misfits` those of a place near by, where they are known. A step whose
+    square is below the share `straight` of a standard deviation in every entry is the last one, taken unseen.
 
     Raises
     ------
@@ -171,7 +181,8 @@ def descend(
         if held is not None:
             free[held] = False
         target = np.clip(here.vector + here.step(damping, free), low, high)
-        if 0.0 <= here.gain(target - here.vector) < _SHORT**2:
+        step = target - here.vector
+        if 0.0 <= here.gain(step) < _SHORT**2 or here.is_straight(step, straight):
             return here.moved(target)
         there = _exists(blocked, target, combination, here.misfits)
         if there is None or not there.square < here.square:

@@ -52,6 +52,8 @@ class Evidence:
         The model.
     sizes : Sizes
         What is weighed.
+    noises : sequence of (tau, g) or None
+        Correlated noises; the first is white noise alone.
     products : FloatArray
         Of the columns that have a size, as of `Linearised.products`, (g, m, m).
     log_determinants : FloatArray
@@ -60,13 +62,20 @@ class Evidence:
 
     model: Linearised
     sizes: Sizes
+    noises: Sequence[tuple[float, float] | None]
     products: FloatArray
     log_determinants: FloatArray
 
     @classmethod
-    def of(cls, model: Linearised, sizes: Sizes, noises: Sequence[tuple[float, float] | None]) -> Self:
-        """Prepare some noises."""
-        return cls(model, sizes, *model.products(noises, sizes.largest))
+    def of(cls, model: Linearised, sizes: Sizes) -> Self:
+        """Prepare the noises that are weighed."""
+        noises = sizes.noises([part.time for part in model.parts])
+        return cls(model, sizes, noises, *model.products(noises, sizes.largest))
+
+    @cached_property
+    def log_prior(self) -> FloatArray:
+        """Logarithm of the prior probability of every combination, (g, c)."""
+        return self.sizes.log_prior(len(self.noises))
 
     @property
     def freedom(self) -> int:
@@ -83,12 +92,21 @@ class Evidence:
         """Which of the 10 + 2 amounts is that of each of the misfits' columns."""
         return acting_columns(self.sizes.largest, len(self.model.parts))
 
-    def roughly(self, log_prior: FloatArray) -> tuple[FloatArray, FloatArray]:
+    @cached_property
+    def least_square(self) -> FloatArray:
+        """S under every noise with the largest of drift, jump and ramp, (g,)."""
+        root = np.linalg.cholesky(self._with_everything(np.ones(len(self.products))))
+        return np.asarray(root[:, -1, -1] ** 2)
+
+    def _with_everything(self, variance: FloatArray) -> FloatArray:
+        """N as of `_bordered` under every noise, with the largest of drift, jump and ramp, (g, m, m)."""
+        noises = len(self.products)
+        return self._bordered(np.arange(noises), np.tile(self.sizes.largest, (noises, 1)), variance)
+
+    def roughly(self) -> tuple[FloatArray, FloatArray]:
         """Log evidence and S of all combinations, (g, c), with s^2 of their noise: what is light is seen here."""
         noises, known = len(self.products), self._known
-        every, largest = np.arange(noises), np.tile(self.sizes.largest, (noises, 1))
-        start = np.linalg.cholesky(self._bordered(every, largest, np.ones(noises)))
-        bordered = self._bordered(every, largest, start[:, -1, -1] ** 2 / self.freedom)
+        bordered = self._with_everything(self.least_square / self.freedom)
         own, cross = bordered[:, -1 - known : -1, -1 - known : -1], bordered[:, -1 - known : -1]
         left, log_jump = self._without_jumps(
             bordered - np.swapaxes(cross, 1, 2) @ np.linalg.solve(own, cross)
@@ -97,7 +115,7 @@ class Evidence:
         square = np.stack([each for each, _ in found], axis=1).reshape(noises, -1)
         log_normal = np.stack([each + log_jump for _, each in found], axis=1).reshape(noises, -1)
         log_known = self.log_determinants + np.linalg.slogdet(own)[1]
-        return log_prior + self._evidence(square, log_known[:, None], log_normal), square
+        return self.log_prior + self._evidence(square, log_known[:, None], log_normal), square
 
     def _without_jumps(self, bordered: FloatArray) -> tuple[FloatArray, FloatArray]:
         """N (g, jumps, 1, m, m) of drift, ramp and residuals with the jump solved for at each of its sizes.
@@ -128,9 +146,7 @@ class Evidence:
         diagonal = np.diagonal(root, axis1=-2, axis2=-1)
         return diagonal[..., -1] ** 2, 2.0 * np.log(diagonal[..., :-1]).sum(axis=-1)
 
-    def closely(
-        self, noise: NDArray[np.intp], column: NDArray[np.intp], variance: FloatArray, log_prior: FloatArray
-    ) -> Weighed:
+    def closely(self, noise: NDArray[np.intp], column: NDArray[np.intp], variance: FloatArray) -> Weighed:
         """What some combinations say, (c,), each with its own s^2."""
         k, amounts = self._known, self.sizes.amounts[column]
         root = np.asarray(np.linalg.cholesky(self._bordered(noise, amounts, variance)))
@@ -138,7 +154,8 @@ class Evidence:
         diagonal = np.diagonal(root, axis1=-2, axis2=-1)
         square = diagonal[:, -1] ** 2
         log_normal = 2.0 * np.log(diagonal[:, :-1]).sum(axis=-1)
-        log_evidence = log_prior + self._evidence(square, self.log_determinants[noise], log_normal)
+        log_evidence = self._evidence(square, self.log_determinants[noise], log_normal)
+        log_evidence += self.log_prior[noise, column]
         fading, fades = np.zeros(len(noise)), (amounts[:, FADING] > 0.0).any(axis=1)
         if fades.any():
             scale = over_noise(amounts[fades], variance[fades])[:, self._amount]

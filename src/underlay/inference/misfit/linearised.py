@@ -15,6 +15,8 @@ from underlay.inference.misfit.whitener import Whitener
 
 __all__ = ["Linearised", "Part"]
 
+_FIRST = np.arange(DRIFTS) < 2
+
 
 @dataclass(frozen=True)
 class Part:
@@ -56,6 +58,11 @@ class Part:
     def drift(self) -> FloatArray:
         """Phi, the `shares` times the contact force, over the scatter, (n, 10)."""
         return np.asarray(self.force[:, None] * self.shares)
+
+    @cached_property
+    def grown(self) -> FloatArray:
+        """P s and P w / (2 w_max), the first columns of `drift`, (n, 2)."""
+        return np.asarray(self.force[:, None] * drift_shares(self.depth, self.time, _FIRST))
 
     @cached_property
     def jump(self) -> FloatArray:

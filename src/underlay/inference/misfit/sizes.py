@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -66,8 +66,8 @@ class Sizes:
         Whether something is fitted that the shape of the curve alone tells: a thickness takes up any disturbance.
     """
 
-    times: int = 5
-    shares: tuple[float, ...] = (0.1, 1.0, 10.0, 100.0, 1000.0)
+    times: int = 4
+    shares: tuple[float, ...] = (0.1, 2.15, 46.4, 1000.0)
     drifts: tuple[tuple[float, ...], ...] = (BENT, RELAXING)
     jumps: tuple[float, ...] = (1.0, 4.64, 21.5, 100.0)
     ramps: tuple[float, ...] = (0.03,)
@@ -97,6 +97,11 @@ class Sizes:
         ratio = (longest / shortest) ** (1.0 / (self.times - 1))
         taus = [shortest * ratio**number for number in range(self.times)]
         return [None, *product(taus, self.shares)]
+
+    @property
+    def of_white_noise(self) -> Sizes:
+        """The same with white noise alone: enough to see about where the heaviest combination has its optimum."""
+        return replace(self, shares=())
 
     @property
     def kinds(self) -> tuple[tuple[float, ...], ...]:
