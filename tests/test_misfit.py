@@ -333,15 +333,14 @@ def test_quantiles_far_out_are_found_where_a_probability_is_rounded_to_one():
             assert mixture.probability_below(0, value + slip) >= probability * (1.0 - 1e-9)
 
 
-def test_white_noise_alone_says_about_where_the_heaviest_combination_has_its_optimum():
+def test_a_few_noises_say_about_where_the_heaviest_combination_has_its_optimum():
     """A drift that every noise sees: what is weighed in haste moves the parameters as far as all of it does."""
     n = 200
     depth = np.linspace(-0.3, 1.0, n)
     added = 0.4 * np.maximum(depth, 0.0) ** 2.5 / 3e-3
     model = made(n, truth=np.random.default_rng(5).standard_normal(n) + added)
     hasty, whole = Competition.in_haste(model, Sizes()), Competition.of(model, Sizes())
-    assert set(hasty.places[:, 0]) == {0}
-    assert len(hasty.weights) == len(Sizes().amounts)
+    assert len(hasty.weights) == 5 * len(Sizes().amounts)
     assert hasty.exact_law < 0.01
     near, far = hasty.shift[hasty.heaviest], whole.shift[whole.heaviest]
     # Both are optima of combinations that the readings do not tell apart: most of the way is gone.

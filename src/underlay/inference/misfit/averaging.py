@@ -283,7 +283,7 @@ def average(
 def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> Optimum:
     """Optimum of the heaviest combination, from a start, and the weights about it."""
     model = blocked.linearised(vector)
-    # Far from where the weights are wanted, white noise says about where that is.
+    # Far from where the weights are wanted, a few noises say about where that is.
     competition = Competition.in_haste(model, sizes)
     for _ in range(_MOST_PASSES):
         moved = _moved(blocked, Optimum(vector, model, competition))

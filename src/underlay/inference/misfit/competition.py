@@ -98,11 +98,11 @@ class Competition:
 
     @classmethod
     def in_haste(cls, model: Linearised, sizes: Sizes) -> Competition:
-        """Weigh what may be beside white noise: which is about the heaviest, where the weights do not matter yet.
+        """Weigh a few noises alone: which combination is about the heaviest, where the weights do not matter yet.
 
         A drift is as large as it would be beside the noise that the largest of everything leaves.
         """
-        evidence = Evidence.of(model, sizes.of_white_noise)
+        evidence = Evidence.of(model, sizes.of_few_noises)
         every = np.argwhere(np.isfinite(evidence.log_prior))
         return cls._closely(evidence, every, evidence.least_square[every[:, 0]])
 

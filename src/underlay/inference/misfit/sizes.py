@@ -99,9 +99,13 @@ class Sizes:
         return [None, *product(taus, self.shares)]
 
     @property
-    def of_white_noise(self) -> Sizes:
-        """The same with white noise alone: enough to see about where the heaviest combination has its optimum."""
-        return replace(self, shares=())
+    def of_few_noises(self) -> Sizes:
+        """The same with five noises: enough to see about where the heaviest combination has its optimum.
+
+        White noise alone is not: what follows a periodic noise is then a drift, and the intervals of 200 curves with
+        interference fringes held in 87 % for 97 (`tests/studies/intervals.py`).
+        """
+        return replace(self, times=2, shares=(1.0, 100.0))
 
     @property
     def kinds(self) -> tuple[tuple[float, ...], ...]:
