@@ -102,8 +102,8 @@ class Sizes:
     def of_few_noises(self) -> Sizes:
         """The same with five noises: enough to see about where the heaviest combination has its optimum.
 
-        White noise alone is not: what follows a periodic noise is then a drift, and the intervals of 200 curves with
-        interference fringes held in 87 % for 97 (`tests/studies/intervals.py`).
+        White noise alone is not: what follows a periodic noise is then a drift, and the intervals of 200 curves
+        with interference fringes held in 87 % for 97 (`tests/studies/intervals.py`).
         """
         return replace(self, times=2, shares=(1.0, 100.0))
 
