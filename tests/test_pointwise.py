@@ -7,8 +7,11 @@ import pytest
 
 import underlay as ul
 from support.inverse import layer_on, measured
+from underlay.inference.headline.averaged import averaged_fit
 from underlay.inference.pointwise.explained import Body, halfspace_of
+from underlay.inference.pointwise.reading import Reading
 from underlay.report import pointwise_tables
+from underlay.scene.chain import Chain
 from underlay.scene.noise import Noise
 
 ELASTIC = ul.Isotropic(5e6, 0.3)
@@ -138,6 +141,52 @@ def test_the_intervals_cover():
     # of 0.95 has a standard error of 0.028.
     for hits in inside.values():
         assert 0.95 - 3.0 * 0.028 < np.mean(hits) <= 1.0
+
+
+TILTED = {**FREE, "instrument.baseline": None, "instrument.baseline_slope": None}
+
+
+def tilted_fit(seed):
+    """A curve at constant speed whose noise nobody states: a baseline that creeps looks like one that slopes."""
+    depth, time = np.linspace(-4e-5, 1.2e-4, 400), np.linspace(0.0, 2.0, 400)
+    curve = ul.synthesize(layer_on(ul.RIGID), depth, Noise(force=1e-3), rng=seed, time=time)
+    return ul.fit(ul.Problem(layer_on(ul.RIGID), curve, TILTED))
+
+
+def test_a_slope_and_a_creep_that_cancel_leave_the_modulus():
+    fit = tilted_fit(0)
+    averaged = averaged_fit(fit)
+    reading = Reading.of(fit, averaged, 0, 15)
+    (curve,) = fit.curves
+    largest = averaged.creep_at(0, curve.time)
+    share, tilted = 1e-3, reading.optimum.copy()
+    tilted[fit.names.index("instrument.baseline_slope")] -= share * np.ptp(largest) / np.ptp(curve.depth)
+    # What slope and creep together add to the first reading the baseline takes away.
+    offsets = [
+        Chain.of(reading.values(numbers)).reading(np.zeros(1), curve.depth[:1])[0]
+        for numbers in (reading.optimum, tilted)
+    ]
+    tilted[fit.names.index("instrument.baseline")] += offsets[0] - offsets[1] - share * largest[0]
+    plain, both = reading.explained(reading.optimum)[0], reading.explained(tilted, share)[0]
+    alone = reading.explained(tilted)[0]
+    # Sums of forces that differ by rounding alone: of the first bins' forces, a thousandth of the largest.
+    np.testing.assert_allclose(both.apparent, plain.apparent, rtol=1e-10)
+    np.testing.assert_allclose(both.incremental, plain.incremental, rtol=1e-10)
+    assert np.abs(alone.apparent / plain.apparent - 1.0).min() > 1e-4
+
+
+def test_without_a_stated_noise_the_intervals_cover_and_do_not_hold_what_the_baseline_alone_is_not_known():
+    """The control: with baselines and slopes whose creep compensates nothing they are nearly twice as wide."""
+    hits, ratios = [], []
+    for seed in range(6):
+        fit = tilted_fit(seed)
+        reading = Reading.of(fit, averaged_fit(fit), 0, 15)
+        still = replace(reading, creep=tuple(np.zeros_like(part) for part in reading.creep))
+        own, alone = (each.curves(0.95)["apparent"] for each in (reading, still))
+        hits.append(np.mean((own.low < 1e6) & (own.high > 1e6)))
+        ratios.append(np.log(alone.high / alone.low)[3:] / np.log(own.high / own.low)[3:])
+    assert np.mean(hits) > 0.9
+    assert np.median(ratios) > 1.5
 
 
 def test_a_relaxing_layer_shows_the_fall_that_its_fit_expects():

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
@@ -117,23 +118,28 @@ def _along_line(
 
 
 def band(
-    fit: Fit, averaged: Averaged | None, of: Follows, level: float
+    fit: Fit, averaged: Averaged | None, of: Follows, level: float, *, creeping: int | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Lower ends, middles and upper ends, each (n,), of quantities that follow from the parameters.
 
     `of` takes parameters (draws, k), SI, and gives the quantities (draws, n). An end is infinite where the data
-    leave it open, or the quantity is not positive.
+    leave it open, or the quantity is not positive. With `creeping`, the number of a curve, `of` takes one column
+    more: what the baseline of that curve creeps by, as a share of its largest force (`Averaged.creep_at`).
     """
     vector = fit.vector if averaged is None else averaged.vector
-    k = len(fit.names)
-    steps = np.concatenate((np.zeros((1, k)), _STEP * np.eye(k), -_STEP * np.eye(k)))
-    found = _quantities(of, fit.problem.physical(vector + steps))
+    k, beside = len(fit.names), creeping is not None
+    steps = np.concatenate(
+        (np.zeros((1, k + beside)), _STEP * np.eye(k + beside), -_STEP * np.eye(k + beside))
+    )
+    physical = fit.problem.physical(vector + steps[:, :k])
+    found = _quantities(of, np.hstack((physical, steps[:, k:])))
+    spread = None if averaged is None else _Spread.of(averaged, k, creeping)
     low, middle, high = np.full(found.shape[1], -np.inf), np.array(found[0]), np.full(found.shape[1], np.inf)
     for n, values in enumerate(found.T):
         if not (values > 0.0).all():
             continue
-        logs = np.log(values)
-        ends = _ends(fit, averaged, (logs[1 : k + 1] - logs[k + 1 :]) / (2.0 * _STEP), level)
+        above, below = np.split(np.log(values[1:]), 2)
+        ends = _ends(fit, spread, (above - below) / (2.0 * _STEP), level)
         if ends is not None:
             low[n], middle[n], high[n] = values[0] * np.exp(ends)
     return low, middle, high
@@ -157,34 +163,56 @@ def _quantities(of: object, physical: FloatArray) -> FloatArray:
 
 
 def _ends(
-    fit: Fit, averaged: Averaged | None, gradient: FloatArray, level: float
+    fit: Fit, spread: _Spread | None, gradient: FloatArray, level: float
 ) -> tuple[float, float, float] | None:
-    """Lower end, middle and upper end of the change of a logarithm with this gradient (k,); None where open."""
-    acting = [name for name, slope in zip(fit.names, gradient, strict=True) if slope]
+    """Lower end, middle and upper end of the change of a logarithm with this gradient; None where open."""
+    own = gradient[: len(fit.names)]
+    acting = [name for name, slope in zip(fit.names, own, strict=True) if slope]
     if any(name in fit.no_error_bars and name not in fit.bounds_hit for name in acting):
         return None
-    half = 0.5 * (1.0 + (level if averaged is None else averaged.inside(level)))
-    if averaged is not None:
-        low, middle, high = _along(averaged, gradient).quantiles(0, [1.0 - half, 0.5, half])
+    if spread is not None:
+        low, middle, high = spread.along(gradient, level)
         return low, middle, high
-    s = fit.statistics
+    half, s = 0.5 * (1.0 + level), fit.statistics
     freedom = max(s.points - s.parameters, 1)
     times = float(special.stdtrit(freedom, half) if s.noise_estimated else special.ndtri(half))
-    deviation = math.sqrt(float(gradient @ fit.scaled_covariance @ gradient))
+    deviation = math.sqrt(float(own @ fit.scaled_covariance @ own))
     return None if deviation > _OPEN else (-times * deviation, 0.0, times * deviation)
 
 
-def _along(averaged: Averaged, gradient: FloatArray) -> Mixture:
-    """Distribution of the change of the logarithm, from the optimum of the likeliest combination."""
-    weights, shifts, deviations = [], [], []
-    for share, (vector, _, competition) in zip(averaged.shares, averaged.optima, strict=True):
-        k = len(gradient)  # the amplitudes of known errors come after the coordinates
-        covariance = competition.covariance[:, :k, :k]
-        moved = competition.shift[:, :k] + (vector - averaged.vector)[:k]
-        weights.append(share * competition.weights)
-        shifts.append(moved @ gradient)
-        deviations.append(np.sqrt(np.einsum("i,gij,j->g", gradient, covariance, gradient)))
-    degrees = averaged.competition.degrees
-    return Mixture(
-        np.concatenate(weights), np.concatenate(shifts)[:, None], np.concatenate(deviations)[:, None], degrees
-    )
+@dataclass(frozen=True)
+class _Spread:
+    """The parameters about the likeliest optimum, one Gaussian for each combination of noise and misfit.
+
+    Weights (c,), shifts (c, k) and covariances (c, k, k) of the scaled vector, and of the creep of one curve's
+    baseline behind it if that was asked for.
+    """
+
+    averaged: Averaged
+    weights: FloatArray
+    shift: FloatArray
+    covariance: FloatArray
+
+    @classmethod
+    def of(cls, averaged: Averaged, k: int, creeping: int | None) -> _Spread:
+        weights, shifts, covariances = [], [], []
+        for share, (vector, model, competition) in zip(averaged.shares, averaged.optima, strict=True):
+            shift, covariance = competition.shift, competition.covariance
+            wanted = np.arange(k)  # the amplitudes of known errors come after the coordinates
+            if creeping is not None:
+                shift, covariance = competition.with_creep(model, creeping)
+                wanted = np.append(wanted, shift.shape[1] - 1)
+            shift = shift[:, wanted]
+            shift[:, :k] += (vector - averaged.vector)[:k]
+            weights.append(share * competition.weights)
+            shifts.append(shift)
+            covariances.append(covariance[:, wanted[:, None], wanted])
+        return cls(averaged, *(np.concatenate(each) for each in (weights, shifts, covariances)))
+
+    def along(self, gradient: FloatArray, level: float) -> list[float]:
+        """Lower end, middle and upper end of the change of what has this gradient."""
+        deviations = np.sqrt(np.einsum("i,gij,j->g", gradient, self.covariance, gradient))
+        moved, degrees = self.shift @ gradient, self.averaged.competition.degrees
+        out = 0.5 * (1.0 - self.averaged.inside(level))
+        mixture = Mixture(self.weights, moved[:, None], deviations[:, None], degrees)
+        return mixture.quantiles(0, [out, 0.5, 1.0 - out])

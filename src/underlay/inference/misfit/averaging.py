@@ -27,7 +27,7 @@ from underlay.inference.misfit.drift import DRIFTS
 from underlay.inference.misfit.known_error import KnownError
 from underlay.inference.misfit.linearised import Linearised
 from underlay.inference.misfit.mixture import Mixture
-from underlay.inference.misfit.shapes import JUMPS
+from underlay.inference.misfit.shapes import JUMPS, ramp_column
 from underlay.inference.misfit.sizes import Sizes
 from underlay.inference.misfit.valley import Valley
 from underlay.inference.problem import Problem
@@ -176,6 +176,11 @@ class Averaged:
     def creeps(self) -> list[float]:
         """Creep of the baseline as a share of the largest force, one per curve, of the likeliest ramp."""
         return [float(own[DRIFTS + JUMPS]) for own in self._misfits]
+
+    def creep_at(self, curve: int, time: FloatArray) -> FloatArray:
+        """Force (N) at times (s), (n,), of a baseline of one curve that creeps by its largest force."""
+        part, scatter = self.model.parts[curve], self.blocked.curves[curve].member.scatter
+        return scatter * ramp_column(part.force, part.time, time)[:, 0]
 
     @property
     def wanders(self) -> list[float]:

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from underlay._arrays import FloatArray
-from underlay.inference.misfit.drift import DRIFTS
+from underlay.inference.misfit.drift import DRIFTS, FADING
 from underlay.inference.misfit.evidence import Evidence
 from underlay.inference.misfit.linearised import Linearised
 from underlay.inference.misfit.mixture import Mixture
@@ -90,9 +90,9 @@ class Competition:
         evidence = Evidence.of(model, sizes)
         rough, square = evidence.roughly()
         weights = np.exp(rough - rough.max())
-        # Whether what fades does fade is asked closely only; until then the exact law stays, light as it may seem.
-        exact = rough[:, : len(sizes.amounts) // len(sizes.kinds)]
-        weights[:, : exact.shape[1]] = np.exp(exact - exact.max())
+        # Whether what fades does fade is asked closely only; until then all else stays, light as it may seem.
+        lasts = ~(sizes.amounts[:, FADING] > 0.0).any(axis=1)
+        weights[:, lasts] = np.exp(rough[:, lasts] - rough[:, lasts].max())
         kept = np.argwhere(np.asarray(weights >= lightest * weights.sum()))
         return cls._closely(evidence, kept, square[tuple(kept.T)])
 
@@ -162,6 +162,14 @@ class Competition:
     def steady(self) -> float:
         """Probability that the noise is white and the baseline does not creep."""
         return float(self.weights[(self.places[:, 0] == 0) & (self.amounts[:, DRIFTS + 1] == 0.0)].sum())
+
+    def with_creep(self, model: Linearised, curve: int) -> tuple[FloatArray, FloatArray]:
+        """Shifts (c, k + 1) and covariances (c, k + 1, k + 1), the creep of one curve's baseline behind the others.
+
+        `model` is the one that was weighed; the creep is a share of the curve's largest force.
+        """
+        noise, column = self.places.T
+        return Evidence.of(model, self.sizes).with_creep(noise, column, self.variance, curve)
 
     @property
     def mixture(self) -> Mixture:

@@ -109,14 +109,14 @@ class Place:
 
     def step(self, damping: float, free: NDArray[np.bool_]) -> FloatArray:
         """Damped Gauss-Newton step (k,) of the coordinates that are `free`."""
-        step = np.zeros(len(self.vector))
-        normal = self.normal[np.ix_(free, free)]
-        diagonal = np.diag(normal)
+        step, (entries,) = np.zeros(len(self.vector)), np.nonzero(free)
+        damped = self.normal[entries[:, None], entries]
+        diagonal = damped.diagonal().copy()
         if not diagonal.size or not diagonal.max() > 0.0:
             return step
-        damped = normal + np.diag(damping * diagonal + _LEAST * diagonal.max())
-        step[free] = -np.linalg.solve(damped, self.gradient[free])
-        return np.asarray(np.clip(step, -_FARTHEST, _FARTHEST))
+        np.fill_diagonal(damped, (1.0 + damping) * diagonal + _LEAST * diagonal.max())
+        step[entries] = -np.linalg.solve(damped, self.gradient[entries])
+        return np.minimum(np.maximum(step, -_FARTHEST), _FARTHEST)
 
     def tangent(self, index: int) -> FloatArray:
         """d vector / d entry along the profile of an entry, (k,): the others as the linear model has them."""

@@ -167,6 +167,24 @@ class Evidence:
         covariance = own[:, None, None] * (np.swapaxes(inverse, 1, 2) @ inverse)
         return Weighed(log_evidence + fading, np.asarray(shift), covariance, own, fading)
 
+    def with_creep(
+        self, noise: NDArray[np.intp], column: NDArray[np.intp], variance: FloatArray, curve: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Shifts (c, k + 1) and covariances (c, k + 1, k + 1) of some combinations with this s^2, (c,).
+
+        Last is what the baseline of a curve creeps by, a share of its largest force.
+        """
+        amounts, first = self.sizes.amounts[column], len(self._amount)
+        ramp = int(np.flatnonzero(self._amount == DRIFTS + 1)[curve])
+        bordered = self._bordered(noise, amounts, variance)
+        wanted = np.append(first + np.arange(self._known), ramp)
+        solved = np.linalg.solve(bordered[:, :-1, :-1], np.eye(bordered.shape[1] - 1)[:, wanted])
+        size = np.ones((len(noise), len(wanted)))
+        size[:, -1] = over_noise(amounts, variance)[:, DRIFTS + 1]
+        shift = -(bordered[:, -1:, :-1] @ solved)[:, 0] * size
+        covariance = variance[:, None, None] * solved[:, wanted]
+        return np.asarray(shift), covariance * size[:, :, None] * size[:, None, :]
+
     def _fades(self, root: FloatArray, along: FloatArray) -> FloatArray:
         """Log of twice the probability that every curve's force fades, and does not grow, (c,).
 

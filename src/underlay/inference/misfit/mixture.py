@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import special
@@ -47,28 +48,29 @@ class Mixture:
         # the probability: that is nearly a straight line, where the probability itself is flat far out.
         low, high = own.min(axis=1), own.max(axis=1)
         near = np.maximum(1e-7 * (high - low), 1e-12 * np.maximum(np.abs(low), np.abs(high)))
-        value, going, wanted = own @ self.weights, high - low > near, special.ndtri(asked)
-        while going.any():
+        found, wanted = own @ self.weights, special.ndtri(asked)
+        (going,) = np.nonzero(high - low > near)
+        while going.size:
+            value = found[going]
             scaled = (value[:, None] - self.shift[:, entry]) / deviation
             deviate = special.ndtri(special.stdtr(self.degrees, scaled) @ self.weights)
-            beyond = deviate - wanted
-            low, high = np.where(beyond > 0.0, low, value), np.where(beyond > 0.0, value, high)
+            beyond = deviate - wanted[going]
+            low[going] = np.where(beyond > 0.0, low[going], value)
+            high[going] = np.where(beyond > 0.0, value, high[going])
             logs = -0.5 * (self.degrees + 1.0) * np.log1p(np.square(scaled) / self.degrees)
             density = np.exp(logs) @ (self.weights / deviation) * self._peak
             # So far out that the probability is rounded to nothing or to one there is no slope: halve.
             sloped = np.isfinite(deviate) & (density > 0.0)
             slope = np.sqrt(2.0 * np.pi) * density * np.exp(0.5 * np.square(np.where(sloped, deviate, 0.0)))
-            middle = 0.5 * (low + high)
             there = value - np.divide(beyond, slope, out=np.full_like(value, np.inf), where=sloped)
-            inside = (low < there) & (there < high)
-            there = np.where(inside, there, middle)
-            step = np.where(going, there - value, 0.0)
-            value = value + step
+            inside = (low[going] < there) & (there < high[going])
+            found[going] = np.where(inside, there, 0.5 * (low[going] + high[going]))
             # Newton's steps square: after one this short the next one is nothing.
-            going &= (np.abs(step) > near) & (high - low > near)
-        return [float(each) for each in value]
+            short = (np.abs(found[going] - value) <= near[going]) | (high - low <= near)[going]
+            going = going[~short]
+        return [float(each) for each in found]
 
-    @property
+    @cached_property
     def _peak(self) -> float:
         """Density of Student's t at zero."""
         half = 0.5 * self.degrees

@@ -33,9 +33,12 @@ def jump_columns(depth: FloatArray) -> FloatArray:
     return np.asarray(np.hstack((steps, grown)) / np.sqrt(JUMPS))
 
 
-def ramp_column(force: FloatArray, time: FloatArray) -> FloatArray:
-    """Return a baseline that creeps by the largest of the forces P (n,) over the times (s), (n,): (n, 1)."""
-    passed = (time - time[0]) / (time[-1] - time[0])
+def ramp_column(force: FloatArray, time: FloatArray, at: FloatArray | None = None) -> FloatArray:
+    """Return a baseline that creeps by the largest of the forces P (n,) over the times (s), (n,): (n, 1).
+
+    At these times, or at others, (m,): (m, 1).
+    """
+    passed = ((time if at is None else at) - time[0]) / (time[-1] - time[0])
     return np.asarray(float(np.abs(force).max()) * passed[:, None])
 
 

@@ -105,7 +105,7 @@ class Sizes:
         White noise alone is not: what follows a periodic noise is then a drift, and the intervals of 200 curves
         with interference fringes held in 87 % for 97 (`tests/studies/intervals.py`).
         """
-        return replace(self, times=2, shares=(1.0, 100.0))
+        return replace(self, times=2, shares=self.shares[1:3])
 
     @property
     def kinds(self) -> tuple[tuple[float, ...], ...]:
