@@ -138,7 +138,8 @@ def test_curves_of_a_joint_problem_share_what_is_weighed():
     other = disturbed(Clean.of(SCENE, 1.5e-4, 90), "clean", np.random.default_rng(5), 0.003)
     joint = ul.Problem.joint([(SCENE, problem.curves[0]), (SCENE, other)], FREE, ["layer.E"])
     single = [ul.marginalised(one) for one in (problem, problem.revised(curves=[other]))]
-    q = np.array([[0.0], [0.004]])
+    # Four standard deviations out: further on it is the lightest models that are left, of other noises each time.
+    q = np.array([[0.0], [0.002]])
     rises = [np.diff(one.log_likelihood(q))[0] for one in (*single, ul.marginalised(joint))]
     # Two curves that both look clean tell together what they tell one by one, but for the few models that differ.
     assert rises[2] == pytest.approx(rises[0] + rises[1], rel=0.2)

@@ -108,7 +108,7 @@ def test_the_evidence_is_that_of_dense_matrices():
     n, k = model.jacobian.shape
     prior = sizes.log_prior(len(found.noises))
     assert len(found.weights) == prior.size
-    for g, c in [(0, 0), (7, 0), (0, 3), (0, 8), (13, 19), (16, 17), (4, 27)]:
+    for g, c in [(0, 0), (7, 0), (0, 3), (0, 8), (13, 19), (25, 17), (4, 27)]:
         place = at(found, g, c)
         noise, (drift, (jump, ramp)) = found.noises[g], np.split(sizes.amounts[c], [DRIFTS])
         V = np.eye(n)
@@ -288,7 +288,7 @@ def test_two_curves_are_one_curve_read_twice():
     both = Linearised([model.parts[0], model.parts[0]], model.precision, model.pull)
     one, two = (Competition.of(found, Sizes(), lightest=0.0) for found in (model, both))
     # Without drift and ramp, whose sizes do not go with s.
-    for g, c in [(0, 0), (9, 2), (14, 8)]:
+    for g, c in [(0, 0), (9, 2), (20, 8)]:
         assert (one.sizes.amounts[c, [*range(DRIFTS), -1]] == 0.0).all()
         first, second = at(one, g, c), at(two, g, c)
         assert two.shift[second, :2] == pytest.approx(one.shift[first, :2], rel=1e-8)

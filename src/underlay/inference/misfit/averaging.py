@@ -34,7 +34,7 @@ from underlay.inference.problem import Problem
 
 __all__ = ["Averaged", "average"]
 
-_MOST_PASSES = 3
+_MOST_PASSES = 4
 # Share of the largest force times contact radius from which on a reading is deep, and the chance of as loud a noise
 # there below which it is none. Second differences (1, -2, 1) have correlations 1, -2/3, 1/6: 1 + 2 (4/9 + 1/36).
 _DEEP, _CHANCE, _KNOWN = 0.5, 1e-3, 1.944
@@ -286,16 +286,23 @@ def average(
 
 
 def _settled(blocked: Blocked, vector: FloatArray, sizes: Sizes) -> Optimum:
-    """Optimum of the heaviest combination, from a start, and the weights about it."""
+    """Optimum of the heaviest combination, from a start, and the weights about it.
+
+    While its noise is white the grid of noises is the sparse one. Where it is correlated it is the whole one, and
+    nothing is followed that the whole one did not choose: under such noise a curve may have several contact points
+    to choose from.
+    """
     model = blocked.linearised(vector)
-    # Far from where the weights are wanted, a few noises say about where that is.
     competition = Competition.in_haste(model, sizes)
+    followed, grid = competition.is_white, sizes.sparse if competition.is_white else sizes
     for _ in range(_MOST_PASSES):
-        moved = _moved(blocked, Optimum(vector, model, competition))
-        if moved is None and competition.sizes is sizes:
+        moved = _moved(blocked, Optimum(vector, model, competition)) if followed else None
+        if moved is None and competition.sizes is grid:
             break
         vector, model = moved or (vector, model)
-        competition = Competition.of(model, sizes)
+        competition = Competition.of(model, grid)
+        grid = grid if competition.is_white else sizes
+        followed = competition.sizes is grid
     return Optimum(vector, model, competition)
 
 

@@ -102,7 +102,7 @@ class Competition:
 
         A drift is as large as it would be beside the noise that the largest of everything leaves.
         """
-        evidence = Evidence.of(model, sizes.of_few_noises)
+        evidence = Evidence.of(model, sizes.in_haste)
         every = np.argwhere(np.isfinite(evidence.log_prior))
         return cls._closely(evidence, every, evidence.least_square[every[:, 0]])
 
@@ -132,6 +132,11 @@ class Competition:
     def amounts(self) -> FloatArray:
         """Sizes of drift, jump and ramp of every combination, (c, 10 + 2)."""
         return np.asarray(self.sizes.amounts[self.places[:, 1]])
+
+    @property
+    def is_white(self) -> bool:
+        """Whether the noise of the heaviest combination is white."""
+        return bool(self.places[self.heaviest, 0] == 0)
 
     @property
     def white(self) -> float:

@@ -66,8 +66,8 @@ class Sizes:
         Whether something is fitted that the shape of the curve alone tells: a thickness takes up any disturbance.
     """
 
-    times: int = 4
-    shares: tuple[float, ...] = (0.1, 2.15, 46.4, 1000.0)
+    times: int = 5
+    shares: tuple[float, ...] = (0.1, 1.0, 10.0, 100.0, 1000.0)
     drifts: tuple[tuple[float, ...], ...] = (BENT, RELAXING)
     jumps: tuple[float, ...] = (1.0, 4.64, 21.5, 100.0)
     ramps: tuple[float, ...] = (0.03,)
@@ -98,14 +98,23 @@ class Sizes:
         taus = [shortest * ratio**number for number in range(self.times)]
         return [None, *product(taus, self.shares)]
 
-    @property
-    def of_few_noises(self) -> Sizes:
-        """The same with five noises: enough to see about where the heaviest combination has its optimum.
+    @cached_property
+    def in_haste(self) -> Sizes:
+        """The same with four correlated noises: whether there is one, and about where the optimum is if not.
 
-        White noise alone is not: what follows a periodic noise is then a drift, and the intervals of 200 curves
-        with interference fringes held in 87 % for 97 (`tests/studies/intervals.py`).
+        White noise alone does not tell: what follows a periodic noise is then a drift, and the intervals of 200
+        curves with interference fringes held in 87 % for 97 (`tests/studies/intervals.py`).
         """
-        return replace(self, times=2, shares=self.shares[1:3])
+        return replace(self, times=2, shares=self.shares[1::2])
+
+    @cached_property
+    def sparse(self) -> Sizes:
+        """The same with nine correlated noises: enough where the likeliest noise is white.
+
+        Against 81 of them the ends of an interval are off by less than 0.3 % of its length in the median of such
+        curves. Where the noise is correlated the grid must be finer: 16 leave the ends off by 2.7 %, 25 by 1.4 %.
+        """
+        return replace(self, times=3, shares=self.shares[::2])
 
     @property
     def kinds(self) -> tuple[tuple[float, ...], ...]:
