@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import re
 import time
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from underlay._door import FileKind, read_bytes, read_text
@@ -25,14 +26,22 @@ __all__ = [
     "LARGEST_FILE",
     "MOST_BYTES",
     "MOST_FILES",
+    "RESULTS",
     "AnalysisFolder",
     "analyses",
     "new_analysis",
     "safe_name",
+    "stem_of",
 ]
 
 #: Bounds of what may be brought: bytes of one file, files of one analysis, bytes of all of them.
 LARGEST_FILE, MOST_FILES, MOST_BYTES = 200_000_000, 5_000, 4_000_000_000
+#: The files of a curve's results by what made them: what stands in their names behind the curve's.
+RESULTS: Mapping[str, tuple[str, ...]] = {
+    "found": ("fit", "time", "relaxation", "adhesion", "segments", "depths", "effects"),
+    "sampled": ("corner", "predictive", "posterior"),
+    "film": ("film", "film.depths"),
+}
 _TEXT = FileKind("a file of an analysis", 5_000_000, "start a new analysis")
 _ANY = FileKind("a file of an analysis", MOST_BYTES, "start a new analysis")
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,60}")
@@ -139,10 +148,19 @@ class AnalysisFolder:
         path = self.result(name)
         return read_bytes(path, _ANY) if path.is_file() else None
 
-    def result_files(self, stem: str, suffix: str) -> list[Path]:
-        """Results of a curve with this ending, by name."""
-        found = (path for path in self.results.iterdir() if path.suffix == suffix)
-        return sorted(path for path in found if stem and path.name.startswith(f"{stem}."))
+    def result_files(
+        self, stem: str, suffixes: Collection[str], made_by: Collection[str] = tuple(RESULTS)
+    ) -> list[Path]:
+        """Results of a curve with these endings, by name; of some of `RESULTS` only where `made_by` says so."""
+        words = [word for made in made_by for word in RESULTS[made]]
+        names = {f"{stem}.{word}{suffix}" for word in words for suffix in suffixes}
+        return sorted(path for path in self.results.iterdir() if path.name in names)
+
+
+def stem_of(name: str, test: object = None) -> str:
+    """Return the beginning of the names of the results of a curve: of its file, and of its test if it is named."""
+    stem = Path(name).stem or "curve"
+    return f"{stem}-{test}" if test else stem
 
 
 def safe_name(name: str) -> str:

@@ -44,7 +44,8 @@ _TOGETHER = "population"
 
 def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
     """Fit every curve; what was done before with the same files and scene is not done again."""
-    of = _fingerprint(folder)
+    text = _scene_of_all(folder)
+    of = _fingerprint(folder, text)
     table = folder.results / "map.csv"
     journal = table.with_name("map.csv.journal")
     done = folder.read_result("map.done.txt") == of.encode()
@@ -53,7 +54,7 @@ def run_map(folder: AnalysisFolder, tell: Tell) -> Overview:
     if folder.read_result("map.of.txt") != of.encode():
         for old in (table, journal, folder.results / "map.cards.json"):
             old.unlink(missing_ok=True)
-    scene = write_atomic(folder.results / "map.scene.toml", _scene_of_all(folder))
+    scene = write_atomic(folder.results / "map.scene.toml", text)
     write_atomic(folder.results / "map.of.txt", of)
     options = MapOptions(
         resume=journal.exists(),
@@ -84,7 +85,7 @@ def overview(folder: AnalysisFolder) -> Overview:
         rows_of(failure_table(table)) if (table["status"] != FITTED).any() else (),
         tuple(pictures),
         tuple(name for name in label_columns(folder) if name in table.columns),
-        folder.read_result("map.of.txt") != _fingerprint(folder).encode(),
+        folder.read_result("map.of.txt") != _fingerprint(folder, _scene_of_all(folder)).encode(),
         folder.read_result("map.of.txt") == folder.read_result("map.done.txt"),
     )
 
@@ -141,6 +142,7 @@ def decide(folder: AnalysisFolder, names: Sequence[str], word: str, reason: str)
 
 def show_population(folder: AnalysisFolder, by: str, group: str) -> Together:
     """Say what the curves tell of a population."""
+    of = _judged(folder)
     result = population(
         judged_table(folder), [by] if by else [], parameter=_parameter(folder), group=group or None
     )
@@ -151,7 +153,7 @@ def show_population(folder: AnalysisFolder, by: str, group: str) -> Together:
         picture = "population.png"
     ratios = rows_of(comparison_table(result)) if result.comparisons else ()
     sentences, groups = tuple(population_sentences(result)), rows_of(group_table(result))
-    together = Together(_judged(folder), by, group, sentences, groups, ratios, picture)
+    together = Together(of, by, group, sentences, groups, ratios, picture)
     keep(folder, _TOGETHER, together)
     return together
 
@@ -191,10 +193,10 @@ def _manifest(folder: AnalysisFolder) -> Path | None:
     return path if path.exists() else None
 
 
-def _fingerprint(folder: AnalysisFolder) -> str:
-    """SHA-256 of all that decides the numbers of the map."""
+def _fingerprint(folder: AnalysisFolder, scene: str) -> str:
+    """SHA-256 of all that decides the numbers of the map: scene, labels and curves."""
     manifest = _manifest(folder)
-    parts = [_scene_of_all(folder), "" if manifest is None else sha256_of(manifest)]
+    parts = [scene, "" if manifest is None else sha256_of(manifest)]
     parts += [f"{path.name} {sha256_of(path)}" for path in folder.curve_files()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 

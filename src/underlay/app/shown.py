@@ -18,6 +18,7 @@ __all__ = [
     "Reading",
     "Row",
     "Sampled",
+    "Taken",
     "Together",
 ]
 
@@ -92,6 +93,8 @@ class Found:
         Beginning of the names of its files.
     of : str
         Fingerprint of the curve and scene that were fitted.
+    scene : str
+        Text of that scene.
     headline, verdict : str
         In words.
     more : tuple of str
@@ -112,6 +115,7 @@ class Found:
 
     stem: str
     of: str
+    scene: str
     headline: str = ""
     verdict: str = ""
     more: tuple[str, ...] = ()
@@ -264,6 +268,23 @@ class Together:
     groups: tuple[Row, ...] = ()
     ratios: tuple[Row, ...] = ()
     picture: str = ""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What is taken away of a fit.
+
+    Parameters
+    ----------
+    scene, script : str
+        Texts: the test as it was fitted, and Python that fits it again.
+    is_old : bool
+        Whether test or curve were changed since.
+    """
+
+    scene: str
+    script: str
+    is_old: bool = False
 
 
 @dataclass(frozen=True)

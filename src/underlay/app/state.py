@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from underlay._files import require_writable_folder
-from underlay.app.folder import AnalysisFolder
+from underlay.app.folder import AnalysisFolder, stem_of
 from underlay.app.form import Draft, preset
 from underlay.app.security import Doorkeeper
 from underlay.app.work import Worker
@@ -55,6 +55,11 @@ class OpenAnalysis:
         """Name of the file that is looked at; empty where there is none."""
         name = Path(self.draft.get("curve", "file")).name
         return name if any(path.name == name for path in self.folder.curve_files()) else ""
+
+    @property
+    def stem(self) -> str:
+        """Beginning of the names of the results of what is looked at; empty where nothing is."""
+        return stem_of(self.curve_name, self.draft.get("curve", "test")) if self.curve_name else ""
 
     def pick(self, name: str, test: int = 1) -> None:
         """Look at a curve from now on."""

@@ -1,0 +1,71 @@
+"""The test at one moment: what a task began with is what its results are of, whatever the form says since."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+
+from underlay._door import sha256_of
+from underlay.app.folder import AnalysisFolder, stem_of
+from underlay.errors import InputError
+from underlay.scene.scene_file import SceneFile, scene_file_from_text
+
+__all__ = ["Snapshot"]
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A scene and the curve that it looks at, as they were when this was made.
+
+    Parameters
+    ----------
+    file : SceneFile
+        All that the scene says; its curve stands in the analysis.
+    text : str
+        Of the scene file.
+    of : str
+        Fingerprint of text and curve.
+    """
+
+    file: SceneFile
+    text: str
+    of: str
+
+    @classmethod
+    def now(cls, folder: AnalysisFolder) -> Snapshot:
+        """The test as the form and the files say it now; the scene file is read once."""
+        return cls.from_text(folder, folder.scene_text())
+
+    @classmethod
+    def from_text(cls, folder: AnalysisFolder, text: str) -> Snapshot:
+        """The test of a text, with the curve of the analysis as it is now.
+
+        Raises
+        ------
+        FileFormatError, InputError
+            If the text is not that of a scene file.
+        FileAccessError
+            If its curve is gone.
+        """
+        file = replace(scene_file_from_text(text), path=folder.scene)
+        scene = hashlib.sha256(text.encode()).hexdigest()
+        curve = "" if file.curve_path is None else sha256_of(file.curve_path)
+        return cls(file, text, hashlib.sha256(f"{scene}{curve}".encode()).hexdigest())
+
+    @property
+    def stem(self) -> str:
+        """Beginning of the names of its results."""
+        return stem_of("" if self.file.curve_path is None else self.curve_name, self.file.curve.get("test"))
+
+    @property
+    def curve_name(self) -> str:
+        """Name of the file that is looked at.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        if self.file.curve_path is None:
+            raise InputError("bring a file first, and pick the curve to look at")
+        return self.file.curve_path.name

@@ -1,0 +1,153 @@
+"""What is shown and taken away is of the test that was fitted, whatever the form says by then."""
+
+import io
+import zipfile
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from support.page import begin, bring, page, press, run, seen, until, wait_for, write
+from underlay.app import tasks
+from underlay.app.folder import AnalysisFolder
+from underlay.app.form import Draft, preset
+from underlay.app.kept import keep
+from underlay.app.shown import Film, Found, Sampled
+from underlay.app.snapshot import Snapshot
+from underlay.app.tasks import Analyst
+from underlay.app.work import Worker
+from underlay.errors import InputError
+
+SAMPLES = Path(__file__).parents[1] / "data_samples"
+
+
+def silent(_value):
+    return None
+
+
+def gel(tmp_path):
+    """An analysis of the gel."""
+    folder = AnalysisFolder(tmp_path / "one")
+    folder.add_curve("gel_on_glass.csv", (SAMPLES / "gel_on_glass.csv").read_bytes())
+    draft = preset("gel_on_glass")
+    draft.table("curve")["file"] = "curves/gel_on_glass.csv"
+    folder.write_scene(draft.text())
+    return folder
+
+
+def change(folder):
+    """What a hand in the form does: another Poisson's ratio, and so another modulus."""
+    draft = Draft.of(folder.scene_text())
+    draft.table("layer")["nu"] = 0.4
+    folder.write_scene(draft.text())
+
+
+def fitted_while_the_form_changes(folder, monkeypatch):
+    """Fit, with another number in the form before the fit is through."""
+    fit = tasks.least_squares_fit
+
+    def meanwhile(problem):
+        change(folder)
+        return fit(problem)
+
+    monkeypatch.setattr(tasks, "least_squares_fit", meanwhile)
+    analyst = Analyst(str(folder.path))
+    found = analyst.fit(silent)
+    monkeypatch.setattr(tasks, "least_squares_fit", fit)
+    return analyst, found
+
+
+def members(archive):
+    with zipfile.ZipFile(io.BytesIO(archive)) as file:
+        return {name: file.read(name) for name in file.namelist()}
+
+
+def modulus_in(workbook):
+    """Of the sheet of results, in kPa."""
+    sheets = pd.read_excel(io.BytesIO(workbook), sheet_name=None)
+    table = next(sheet for sheet in sheets.values() if "parameter" in sheet.columns)
+    return float(table.set_index("parameter")["value"]["layer.E"])
+
+
+def test_a_form_changed_during_a_fit_does_not_stamp_its_numbers(tmp_path, monkeypatch):
+    folder = gel(tmp_path)
+    first = Snapshot.now(folder)
+    analyst, found = fitted_while_the_form_changes(folder, monkeypatch)
+    now = Snapshot.now(folder)
+    assert (found.of, found.scene) == (first.of, first.text)
+    assert now.of != first.of
+    before, is_same = analyst.before(Found, silent)
+    assert (before.headline, is_same) == (found.headline, False)
+    # What is taken away repeats the numbers that are shown, also by a process that did not fit them.
+    taken = analyst.taken(silent)
+    assert (taken.scene, taken.is_old) == (first.text, True)
+    assert members(analyst.archive(silent))["scene.toml"].decode() == first.text
+    shown = modulus_in(analyst.excel(silent))
+    assert modulus_in(Analyst(str(folder.path)).excel(silent)) == shown
+    again = Analyst(str(folder.path))
+    again.fit(silent)
+    assert modulus_in(again.excel(silent)) != pytest.approx(shown, rel=0.01)
+    assert not again.taken(silent).is_old
+
+
+def test_results_of_another_test_stay_out_of_the_archive(tmp_path):
+    folder = gel(tmp_path)
+    analyst = Analyst(str(folder.path))
+    (folder.results / "gel_on_glass.time.png").write_bytes(b"of a fit before this one")
+    found = analyst.fit(silent)
+    for kind, name in ((Sampled, "corner.png"), (Film, "film.csv")):
+        (folder.results / f"{found.stem}.{name}").write_bytes(b"more")
+        keep(folder, found.stem, kind("of another test"))
+        assert f"results/{found.stem}.{name}" not in members(analyst.archive(silent))
+        keep(folder, found.stem, kind(found.of))
+        assert f"results/{found.stem}.{name}" in members(analyst.archive(silent))
+    assert f"results/{found.stem}.fit.png" in members(analyst.archive(silent))
+    assert f"results/{found.stem}.time.png" not in members(analyst.archive(silent))
+
+
+def test_nothing_is_taken_away_of_a_curve_that_is_another_by_now(tmp_path):
+    folder = gel(tmp_path)
+    analyst = Analyst(str(folder.path))
+    with pytest.raises(InputError, match="press Fit first"):
+        analyst.excel(silent)
+    analyst.fit(silent)
+    folder.remove_curve("gel_on_glass.csv")
+    folder.add_curve("gel_on_glass.csv", (SAMPLES / "gel_on_glass.csv").read_bytes() + b"\n")
+    for task in (analyst.excel, analyst.archive, analyst.report):
+        with pytest.raises(InputError, match="press Fit again"):
+            task(silent)
+
+
+def test_the_page_says_that_the_form_was_changed_while_it_fitted(tmp_path):
+    async def person():
+        async with page(tmp_path) as user:
+            folder = await begin(user)
+            analysis = user.home.analysis(folder.name)
+            analysis.long = Worker("support.worker_tasks:Held", str(folder.path))
+            await bring(user, SAMPLES / "gel_on_glass.csv")
+            press(user, "step-2")
+            press(user, "preset-gel_on_glass")
+            await until(user, "to-fit")
+            press(user, "step-3")
+            await until(user, "modulus-half-space")
+            press(user, "fit")
+            await wait_for((folder.results / "fitted").exists)
+            write(user, "contact", 300)
+            await wait_for(lambda: "contact_depth =" in folder.scene_text())
+            (folder.results / "go").touch()
+            await until(user, content="What acts in this test, and how much")
+            assert "old" in seen(user)
+            press(user, "step-5")
+            await until(user, "old-fit")
+            (code,) = user.find(marker="fitted-scene").elements
+            assert "contact_depth =" not in code.content
+            # Another fit is of the form as it is, and says nothing.
+            press(user, "step-3")
+            await until(user, "headline")
+            (folder.results / "fitted").unlink()
+            press(user, "fit")
+            await wait_for((folder.results / "fitted").exists)
+            await until(user, content="What acts in this test, and how much")
+            assert "old" not in seen(user)
+
+    run(person())
