@@ -132,8 +132,10 @@ def test_from_a_dropped_file_to_a_number_that_python_repeats(tmp_path):
         env=environment,
     ).stdout
     assert set(values) == {"layer.E", "layer.thickness", "instrument.contact_depth", "instrument.baseline"}
-    for name, value in values.items():
-        assert f"{name} {value} as on the page" in told
+    for name, numbers in values.items():
+        value, low, high = (float(number) for number in numbers[:3])
+        assert f"{name} {value:.6g} ({low:.6g} to {high:.6g})" in told
+        assert f"{name} is as on the page" in told
 
 
 def made_curves(folder, count=4, points=120):

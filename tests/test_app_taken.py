@@ -1,6 +1,8 @@
 """What is shown and taken away is of the test that was fitted, whatever the form says by then."""
 
 import io
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -60,6 +62,11 @@ def fitted_while_the_form_changes(folder, monkeypatch):
 def members(archive):
     with zipfile.ZipFile(io.BytesIO(archive)) as file:
         return {name: file.read(name) for name in file.namelist()}
+
+
+def run_as_program(path):
+    done = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, check=True)
+    return done.stdout
 
 
 def modulus_in(workbook):
@@ -151,3 +158,31 @@ def test_the_page_says_that_the_form_was_changed_while_it_fitted(tmp_path):
             assert "old" not in seen(user)
 
     run(person())
+
+
+def test_the_script_prints_and_compares_what_the_page_prints(tmp_path):
+    """Of the gel, whose noise nobody stated: the page averages, and least squares alone says another modulus."""
+    folder = gel(tmp_path)
+    analyst = Analyst(str(folder.path))
+    found = analyst.fit(silent)
+    with zipfile.ZipFile(io.BytesIO(analyst.archive(silent))) as archive:
+        archive.extractall(tmp_path / "taken")
+    value, low, high = (float(number) for number in found.values["layer.E"][:3])
+    assert analyst._fit[1].values["layer.E"] != pytest.approx(value, rel=0.01)
+    assert f"{value * 1e-3:.3f} kPa ({low * 1e-3:.3f} to {high * 1e-3:.3f}" in found.headline
+    program = tmp_path / "taken" / "analysis.py"
+    told = run_as_program(program)
+    assert f"layer.E {value:.6g} ({low:.6g} to {high:.6g})" in told
+    assert set(found.values) == {"layer.E", "instrument.baseline"}
+    assert told.count("is as on the page") == 2
+    # It compares: of another number it says that it differs.
+    program.write_text(program.read_text().replace(found.values["layer.E"][0], "1254.7"))
+    told = run_as_program(program)
+    assert "layer.E differs from the page" in told
+    assert "instrument.baseline is as on the page" in told
+
+
+def test_the_script_of_a_curve_without_a_fit_compares_nothing(tmp_path):
+    taken = Analyst(str(gel(tmp_path).path)).taken(silent)
+    assert "fit.interval(name)" in taken.script
+    assert "page" not in taken.script.split("import", 1)[1]

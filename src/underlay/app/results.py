@@ -22,6 +22,7 @@ from underlay.inference.pointwise.modulus import PointwiseModulus
 from underlay.inference.problem import Problem
 from underlay.report import plots
 from underlay.report.fit_files import write_fit
+from underlay.report.intervals import Estimate, estimates
 from underlay.report.labels import labelled
 from underlay.report.model_limits import model_limits
 from underlay.report.open_ends import advice, rivals
@@ -64,7 +65,7 @@ def _parts(
     yield {
         "headline": spoken(headline(result)),
         "verdict": printed(spoken(verdict_sentence(result))),
-        "values": {name: repr(float(value)) for name, value in result.values.items()},
+        "values": {entry.name: _exact(entry) for entry in estimates(result)},
         "table": rows_of(interval_table(result)),
     }
     doubts = [*quality_doubts(problem), *reservations(result, notes)]
@@ -84,6 +85,12 @@ def _parts(
         # A scene that the ledger has no rows for: the fit stands without it.
         return
     yield {"effects": rows_of(ledger_in_words(effects))}
+
+
+def _exact(entry: Estimate) -> list[str]:
+    """The numbers that are printed of a parameter, as Python writes them."""
+    numbers = (entry.value, entry.low, entry.high, entry.wide_low, entry.wide_high)
+    return [repr(float(number)) for number in numbers]
 
 
 def _named(sentence: str, result: Fit) -> str:

@@ -105,8 +105,9 @@ class Found:
         A row per fitted number.
     effects : tuple of Row
         A row per effect.
-    values : mapping of str to str
-        Every fitted number (SI) to its last bit.
+    values : mapping of str to list of str
+        What is printed of every number (SI), to its last bit: value, low and high of its interval, and of the one
+        with what is unknown.
     pictures : tuple of str
         Names of the files.
     depths : str
@@ -122,7 +123,7 @@ class Found:
     doubts: tuple[str, ...] = ()
     table: tuple[Row, ...] = ()
     effects: tuple[Row, ...] = ()
-    values: dict[str, str] = field(default_factory=dict)
+    values: dict[str, list[str]] = field(default_factory=dict)
     pictures: tuple[str, ...] = ()
     depths: str = ""
 

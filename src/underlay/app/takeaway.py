@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Mapping, Sequence
 
 from underlay._door import FileKind, read_bytes
 from underlay.app.folder import AnalysisFolder
@@ -25,30 +26,38 @@ _KIND = FileKind("a file of an analysis", 4_000_000_000, "start a new analysis")
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
-def script(curve_name: str, values: dict[str, str]) -> str:
+def script(curve_name: str, values: Mapping[str, Sequence[str]]) -> str:
     """Return Python that repeats the fit of the page from ``scene.toml`` and the curve beside it.
 
     Parameters
     ----------
     curve_name : str
         File of the curve, which stands under ``curves``.
-    values : mapping of str to str
-        What the page found (SI), to its last bit; compared with what the script finds.
+    values : mapping of str to sequence of str
+        What the page prints, as `Found` has it; compared with what the script finds. Empty before there is a fit.
     """
-    found = "".join(f"    {name!r}: {value},\n" for name, value in values.items())
+    shown = "".join(f"    {name!r}: ({', '.join(numbers)}),\n" for name, numbers in values.items())
+    compare = (
+        "# What the page prints (SI): the value, its 95 % interval, and that with what is unknown.\n"
+        f"shown = {{\n{shown}}}\n"
+        "for name, numbers in shown.items():\n"
+        "    known, wide = fit.interval(name), fit.interval(name, model_error=True)\n"
+        "    same = (known.value, known.low, known.high, wide.low, wide.high) == numbers\n"
+        "    print(name, 'is as on the page' if same else 'differs from the page')\n"
+    )
     return (
         '"""The analysis of the page, as Python: the same curve, the same scene, the same numbers."""\n\n'
+        "from math import inf\n"
         "from pathlib import Path\n\n"
         "import underlay as ul\n\n"
         "here = Path(__file__).parent\n"
         f"problem = ul.load_problem(here / 'curves' / {curve_name!r}, here / 'scene.toml')\n"
         "fit = ul.fit(problem)\n"
-        "print(fit.report())\n\n"
-        "# What the page found (SI):\n"
-        f"found = {{\n{found}}}\n"
-        "for name, value in fit.values.items():\n"
-        "    same = value == found.get(name)\n"
-        "    print(name, repr(float(value)), 'as on the page' if same else 'differs from the page')\n"
+        "# What is printed is fit.interval; fit.values, of least squares alone, may be other numbers.\n"
+        "for name in (*fit.names, *fit.derived):\n"
+        "    known = fit.interval(name)\n"
+        "    print(f'{name} {known.value:.6g} ({known.low:.6g} to {known.high:.6g})')\n"
+        "print(f'verdict: {fit.verdict}')\n" + (f"\n{compare}" if values else "")
     )
 
 
