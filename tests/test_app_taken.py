@@ -11,9 +11,9 @@ import pytest
 
 from support.page import begin, bring, page, press, run, seen, until, wait_for, write
 from underlay.app import tasks
-from underlay.app.folder import AnalysisFolder
+from underlay.app.folder import AnalysisFolder, stem_of
 from underlay.app.form import Draft, preset
-from underlay.app.kept import keep
+from underlay.app.kept import keep, kept
 from underlay.app.shown import Film, Found, Sampled
 from underlay.app.snapshot import Snapshot
 from underlay.app.tasks import Analyst
@@ -100,7 +100,7 @@ def test_a_form_changed_during_a_fit_does_not_stamp_its_numbers(tmp_path, monkey
 def test_results_of_another_test_stay_out_of_the_archive(tmp_path):
     folder = gel(tmp_path)
     analyst = Analyst(str(folder.path))
-    (folder.results / "gel_on_glass.time.png").write_bytes(b"of a fit before this one")
+    (folder.results / "gel_on_glass.csv.time.png").write_bytes(b"of a fit before this one")
     found = analyst.fit(silent)
     for kind, name in ((Sampled, "corner.png"), (Film, "film.csv")):
         (folder.results / f"{found.stem}.{name}").write_bytes(b"more")
@@ -186,3 +186,40 @@ def test_the_script_of_a_curve_without_a_fit_compares_nothing(tmp_path):
     taken = Analyst(str(gel(tmp_path).path)).taken(silent)
     assert "fit.interval(name)" in taken.script
     assert "page" not in taken.script.split("import", 1)[1]
+
+
+def test_files_of_one_name_but_for_their_endings_have_results_of_their_own(tmp_path):
+    folder = gel(tmp_path)
+    content = (folder.curves / "gel_on_glass.csv").read_bytes()
+    other = folder.add_curve("gel_on_glass.txt", b"# the same again\n" + content)
+    first = Analyst(str(folder.path)).fit(silent)
+    kept_files = {path.name: path.read_bytes() for path in folder.results.iterdir()}
+    draft = Draft.of(folder.scene_text())
+    draft.table("curve")["file"] = f"curves/{other.name}"
+    folder.write_scene(draft.text())
+    analyst = Analyst(str(folder.path))
+    assert analyst.before(Found, silent) == (None, False)
+    second = analyst.fit(silent)
+    assert (first.stem, second.stem) == ("gel_on_glass.csv", "gel_on_glass.txt")
+    assert {name: (folder.results / name).read_bytes() for name in kept_files} == kept_files
+    taken = members(analyst.archive(silent))
+    assert "results/gel_on_glass.txt.fit.csv" in taken
+    assert not [name for name in taken if name.startswith("results/gel_on_glass.csv")]
+
+
+def test_long_names_keep_their_results_apart(tmp_path):
+    folder = AnalysisFolder(tmp_path / "one")
+    names = [folder.add_curve("\u6e2c" * 300 + ".csv", content).name for content in (b"1", b"2")]
+    stems = [stem_of(name, test) for name in names for test in (None, 2, "2.csv")]
+    for number, stem in enumerate(stems):
+        for kind in (Sampled, Film):
+            keep(folder, stem, kind(f"of {number}"))
+    told = [kept(folder, stem, kind).of for stem in stems for kind in (Sampled, Film)]
+    assert told == [f"of {number}" for number in range(len(stems)) for _ in range(2)]
+
+
+@pytest.mark.parametrize("name", ["../scene.toml", "/etc/passwd", "a\\b", ".hidden", ""])
+def test_no_result_is_read_from_elsewhere(tmp_path, name):
+    folder = gel(tmp_path)
+    with pytest.raises(InputError, match="plain name"):
+        folder.read_result(name)

@@ -47,7 +47,8 @@ _ANY = FileKind("a file of an analysis", MOST_BYTES, "start a new analysis")
 _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,60}")
 # A name of a file may not lead anywhere, hide itself, or mean something to a shell or a spreadsheet.
 _ODD = re.compile(r"[^\w.()+,= -]|^[.=+\s-]+")
-_LONGEST = 100
+# Bytes of a curve's name and of its ending: with what results add, a system takes it.
+_LONGEST, _LONGEST_ENDING = 120, 40
 
 
 class AnalysisFolder:
@@ -140,8 +141,16 @@ class AnalysisFolder:
         write_atomic(self.scene, text)
 
     def result(self, name: str) -> Path:
-        """Where a result is kept."""
-        return self.results / safe_name(name)
+        """Where a result is kept.
+
+        Raises
+        ------
+        InputError
+            If the name leads elsewhere.
+        """
+        if name[:1] in ("", ".") or re.search(r"[/\\\0]", name):
+            raise InputError(f"a result has a plain name; got {one_line(name, 80)!r}")
+        return self.results / name
 
     def read_result(self, name: str) -> bytes | None:
         """Content of a result, None where there is none."""
@@ -158,9 +167,16 @@ class AnalysisFolder:
 
 
 def stem_of(name: str, test: object = None) -> str:
-    """Return the beginning of the names of the results of a curve: of its file, and of its test if it is named."""
-    stem = Path(name).stem or "curve"
-    return f"{stem}-{test}" if test else stem
+    """Return the beginning of the names of the results of a curve: its file, and its test where one is named.
+
+    No two curves have the same: the ending of the file is in it, and no file that was brought has a ``~``.
+
+    Examples
+    --------
+    >>> stem_of("a.csv"), stem_of("a.txt"), stem_of("a.csv", 2)
+    ('a.csv', 'a.txt', 'a.csv~2')
+    """
+    return f"{name or 'curve'}~{test}" if test else name or "curve"
 
 
 def safe_name(name: str) -> str:
@@ -173,8 +189,13 @@ def safe_name(name: str) -> str:
     """
     last = re.split(r"[/\\]", name)[-1]
     plain = _ODD.sub(lambda found: "" if found.start() == 0 else "_", last).strip()
-    stem, suffix = Path(plain).stem[:_LONGEST], Path(plain).suffix[:_LONGEST]
+    stem, suffix = _cut(Path(plain).stem, _LONGEST), _cut(Path(plain).suffix, _LONGEST_ENDING)
     return f"{stem}{suffix}" if stem.strip("._ ") else f"curve{suffix}"
+
+
+def _cut(text: str, most: int) -> str:
+    """The beginning of a text that takes no more bytes."""
+    return text.encode("utf-8", "replace")[:most].decode("utf-8", "ignore")
 
 
 def analyses(home: Path) -> list[str]:
