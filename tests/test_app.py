@@ -57,6 +57,16 @@ async def fill_in_with_mistakes(user, folder):
     await wait_for(lambda: radius.error)
     assert "must be given as" in radius.error
     assert ul.load_scene(folder.scene).indenter.radius == 1e-3
+    for marker in ("layer.nu", "layer.E", "layer.E.max"):
+        before = folder.scene_text()
+        write(user, marker, "0,45")
+        (field,) = user.find(marker=marker).elements
+        await wait_for(lambda field=field: field.error)
+        assert "with a point, such as 0.45" in field.error
+        assert folder.scene_text() == before
+    write(user, "layer.nu", "0.46")
+    write(user, "layer.E", "1")
+    write(user, "layer.E.max", "1")
     write(user, "indenter.radius", "1")
 
 

@@ -8,6 +8,7 @@ from nicegui import ui
 
 from underlay.app.form import apart, problem_with
 from underlay.app.pages.step import Window
+from underlay.app.typed import comma_problem
 from underlay.errors import UnderlayError
 from underlay.report.labels import label, start
 from underlay.scene.parameters import kind_of
@@ -110,7 +111,7 @@ class FreeTable:
         async def changed() -> None:
             said = str(entry.value or "").strip()
             text = f"{said} {picked.value}" if said and picked is not None else said
-            wrong = problem_with(text, _key_of(kind))
+            wrong = comma_problem(said, may_list=False) or problem_with(text, _key_of(kind))
             entry.error = wrong or None
             if not wrong:
                 await self._put(path, name, text)
