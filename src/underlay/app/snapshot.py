@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import dataclass, replace
 
+from underlay._documents import parse_toml
 from underlay._door import sha256_of
 from underlay.app.folder import AnalysisFolder, stem_of
 from underlay.errors import InputError
 from underlay.scene.scene_file import SceneFile, scene_file_from_text
 
-__all__ = ["Snapshot"]
+__all__ = ["Snapshot", "said"]
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class Snapshot:
     text : str
         Of the scene file.
     of : str
-        Fingerprint of text and curve.
+        Fingerprint of what the text says, in whatever order, and of the curve.
     """
 
     file: SceneFile
@@ -48,7 +50,7 @@ class Snapshot:
             If its curve is gone.
         """
         file = replace(scene_file_from_text(text), path=folder.scene)
-        scene = hashlib.sha256(text.encode()).hexdigest()
+        scene = hashlib.sha256(said(text).encode()).hexdigest()
         curve = "" if file.curve_path is None else sha256_of(file.curve_path)
         return cls(file, text, hashlib.sha256(f"{scene}{curve}".encode()).hexdigest())
 
@@ -69,3 +71,11 @@ class Snapshot:
         if self.file.curve_path is None:
             raise InputError("bring a file first, and pick the curve to look at")
         return self.file.curve_path.name
+
+
+def said(text: str) -> str:
+    """What the text of a scene file says: the same for the same keys in another order, or with other comments."""
+    try:
+        return json.dumps(parse_toml(text), sort_keys=True, default=str)
+    except ValueError:
+        return text  # no TOML: it says what it is

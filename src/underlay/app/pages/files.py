@@ -100,7 +100,7 @@ class FilesStep(Step):
 
     async def _remove(self, name: str) -> None:
         if self.window.holds:
-            self.analysis.folder.remove_curve(name)
+            self.analysis.remove(name)
             await self.show()
 
     async def _show_reading(self) -> None:

@@ -242,11 +242,11 @@ class FitStep(Step):
         self._outcome.is_old()
 
     def _fill_in(self) -> None:
-        """Free the contact point over the whole curve, where nothing is said of it."""
+        """Free the contact point over the whole curve, where no more is said of it than that it is free."""
         draft = self.analysis.draft
         if (
             self._look is not None
-            and _CONTACT not in draft.free
+            and not draft.free.get(_CONTACT)
             and not draft.get("instrument", "contact_depth")
         ):
             self._free_contact()

@@ -9,6 +9,7 @@ from nicegui import ui
 from underlay.app.pages.step import Window, data_address, message_list
 from underlay.app.pages.working import Working
 from underlay.app.shown import Found, Row
+from underlay.app.snapshot import said
 
 __all__ = ["Outcome", "plain_table", "plain_words"]
 
@@ -71,7 +72,7 @@ class Outcome:
         if found.stem != analysis.stem:
             return  # another curve was picked since: it has its own place
         # The form may have been changed while this was fitted, and what is shown is of what was fitted.
-        self._old.set_visibility(found.scene != analysis.folder.scene_text())
+        self._old.set_visibility(said(found.scene) != said(analysis.folder.scene_text()))
         self._turns += 1
         self._place.clear()
         with self._place:
