@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from support.page import begin, bring, page, press, run, until, wait_for
+from support.page import begin, bring, page, press, run, text_of, until, wait_for
 from underlay.app.folder import AnalysisFolder
 from underlay.app.form import Draft
 from underlay.app.many import _scene_of_all
@@ -100,5 +100,28 @@ def test_each_curve_is_fitted_with_the_bounds_that_its_own_depths_give(tmp_path)
             bounds.append([float(entry[end].split()[0]) for end in ("min", "max")])
         assert bounds[0] == bounds[2]
         assert bounds[0][1] > 10.0 * bounds[1][1]
+
+    run(person())
+
+
+def test_zero_has_the_unit_of_what_stands_beside_it_or_none(tmp_path):
+    async def person():
+        async with page(tmp_path) as user:
+            folder = await begin(user)
+            await bring(user, SAMPLES / "gel_on_glass.csv")
+            await until(user, "tests")
+            press(user, "step-2")
+            press(user, "preset-gel_on_glass")
+            await until(user, "to-fit")
+            await until(user, content="held at 0")
+            texts = [element.text for element in user.client.elements.values() if hasattr(element, "text")]
+            assert "held at 0" in texts
+            assert not [text for text in texts if str(text).startswith("held at 0 ")]
+            analysis = user.home.analysis(folder.name)
+            analysis.draft.table("instrument")["contact_depth"] = "-1e-22 m"
+            analysis.keep()
+            press(user, "step-3")
+            await until(user, "modulus-half-space")
+            assert text_of(user, "contact-words") == "0 \u00b5m"
 
     run(person())

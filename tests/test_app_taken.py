@@ -1,6 +1,7 @@
 """What is shown and taken away is of the test that was fitted, whatever the form says by then."""
 
 import io
+import json
 import subprocess
 import sys
 import zipfile
@@ -223,3 +224,22 @@ def test_no_result_is_read_from_elsewhere(tmp_path, name):
     folder = gel(tmp_path)
     with pytest.raises(InputError, match="plain name"):
         folder.read_result(name)
+
+
+@pytest.mark.parametrize("where", ["absolute", "relative"])
+def test_the_archive_names_its_files_by_their_places_in_it(tmp_path, monkeypatch, where):
+    folder = gel(tmp_path)
+    if where == "relative":
+        monkeypatch.chdir(tmp_path)
+        folder = AnalysisFolder(Path("one"))
+    analyst = Analyst(str(folder.path))
+    stem = analyst.fit(silent).stem
+    taken = members(analyst.archive(silent))
+    here = str(tmp_path).encode()
+    assert here in (folder.results / f"{stem}.fit.json").read_bytes() or where == "relative"
+    assert not [name for name, content in taken.items() if here in content or b"one/curves" in content]
+    record = json.loads(taken[f"results/{stem}.fit.json"])["provenance"]["curves"][0]
+    assert (record["path"], record["scene_path"]) == ("curves/gel_on_glass.csv", "scene.toml")
+    table = pd.read_csv(io.BytesIO(taken[f"results/{stem}.fit.csv"]))
+    assert set(table["file"]) == {"curves/gel_on_glass.csv"}
+    assert {"curves/gel_on_glass.csv", "scene.toml"} <= set(taken)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import json
 import zipfile
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from underlay._door import FileKind, read_bytes
 from underlay.app.folder import AnalysisFolder
@@ -89,13 +91,25 @@ def analysis_archive(folder: AnalysisFolder, found: Found, tested: Snapshot) -> 
         "analysis.py": script(curve.name, found.values).encode(),
         f"curves/{curve.name}": read_bytes(curve, _KIND),
     }
+    scene = folder.result(f"{tested.stem}.scene.toml")
+    places = {curve: f"curves/{curve.name}", scene: "scene.toml"}
     made_by = ["found"]
     sampled, film = kept(folder, tested.stem, Sampled), kept(folder, tested.stem, Film)
     made_by += ["sampled"] if sampled is not None and sampled.of == found.of else []
     made_by += ["film"] if film is not None and film.of == found.of else []
     for path in folder.result_files(tested.stem, (".csv", ".json", ".png"), made_by):
-        members[f"results/{path.name}"] = read_bytes(path, _KIND)
+        content = read_bytes(path, _KIND)
+        members[f"results/{path.name}"] = content if path.suffix == ".png" else _moved(content, places)
     return _zipped(members)
+
+
+def _moved(content: bytes, places: Mapping[Path, str]) -> bytes:
+    """Name files in a table or in JSON by where they stand in the archive: who takes it has no such folders."""
+    for path, name in places.items():
+        for known in dict.fromkeys((str(path.resolve()), str(path.absolute()), str(path))):
+            for written in (json.dumps(known)[1:-1], known):
+                content = content.replace(written.encode("utf-8", "surrogateescape"), name.encode())
+    return content
 
 
 def workbook_of(result: Fit) -> bytes:
