@@ -30,7 +30,7 @@ from underlay.data.recorded import recorded
 from underlay.data.signs import flipped
 from underlay.errors import InputError, UnderlayError
 from underlay.inference.file_facts import settle
-from underlay.inference.from_files import chosen_part, problem_from, read_whole
+from underlay.inference.from_files import chosen_part, problem_from, read_for, read_whole
 from underlay.inference.held_contact import laws_at_contact
 from underlay.inference.least_squares import Fit
 from underlay.inference.least_squares import fit as least_squares_fit
@@ -152,8 +152,7 @@ class Analyst:
     def sample(self, most: int, tell: Tell) -> Sampled:
         """Sample the posterior of the curve."""
         tested = Snapshot.now(self._folder)
-        curve = chosen_part(self._curve(tested.file), tested.file.curve)
-        return sample_posterior(self._folder, tested, curve, most, tell)
+        return sample_posterior(self._folder, tested, self._part(tested), most, tell)
 
     def fit_all(self, tell: Tell) -> Overview:
         """Fit every curve."""
@@ -233,11 +232,13 @@ class Analyst:
         return self._fit[1]
 
     def _problem(self, tested: Snapshot) -> Problem:
-        file = tested.file
-        curve = chosen_part(self._curve(file), file.curve)
         # What is read again for a picture is read as it was fitted, not as the form says by then.
         scene = write_atomic(self._folder.result(f"{tested.stem}.scene.toml"), tested.text)
-        return problem_from(file, curve.with_metadata(scene_path=str(scene)))
+        return problem_from(tested.file, self._part(tested).with_metadata(scene_path=str(scene)))
+
+    def _part(self, tested: Snapshot) -> Curve:
+        """What of the curve is fitted, taken as every command takes it: a loading that left an imprint says so."""
+        return read_for(tested.file, self._folder.curve_file(tested.curve_name))
 
     def _stated(self) -> dict[str, Any]:
         """What the scene says of how files are read; nothing while it is not complete."""
