@@ -24,6 +24,9 @@ class Tasks:
     def refuse(self, _tell):
         raise InputError("depth must be positive")
 
+    def refuse_in_python(self, _tell):
+        raise InputError("the series ends there; use solver='exact'")
+
     def break_down(self, _tell):
         raise ZeroDivisionError("division by zero")
 

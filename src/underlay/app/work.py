@@ -25,6 +25,7 @@ from typing import Any, TypeVar
 
 from underlay.errors import UnderlayError
 from underlay.inference.batch.fresh_process import start_of_a_process
+from underlay.report.spoken import spoken
 
 __all__ = ["Tell", "WorkError", "Worker", "load_ahead"]
 
@@ -213,7 +214,7 @@ def _answer(tasks: object, task: str, given: tuple[Any, ...], tell: Tell) -> tup
     try:
         return _DONE, getattr(tasks, task)(*given, tell)
     except UnderlayError as error:
-        return _REFUSED, str(error)
+        return _REFUSED, spoken(str(error))
     except KeyboardInterrupt:
         return _REFUSED, _STOPPED
     except Exception as error:  # noqa: BLE001  whatever it is, the page says it and lives on
