@@ -153,7 +153,7 @@ class FilesStep(Step):
         table = ui.table(
             columns=columns, rows=[dict(row) for row in told.tests], row_key="test", pagination=_FEW
         )
-        table.props("flat dense").classes("wide").mark("tests")
+        table.props("flat dense wrap-cells").classes("wide").mark("tests")
         if len(told.tests) <= _FEW:
             table.props("hide-pagination")
         if len(told.tests) > 1:

@@ -78,9 +78,11 @@ class TakeAwayStep(Step):
         self._script.set_content(told.script if is_told else str(told))
         self._pictures.clear()
         with self._pictures:
-            for path in folder.result_files(self.analysis.stem, (".png",)):
+            stem = self.analysis.stem
+            for path in folder.result_files(stem, (".png",)):
                 ui.button(
-                    f"Picture: {path.name}", on_click=lambda path=path: self._give(path.name, path.name)
+                    f"Picture: {path.name.removeprefix(f'{stem}.')}",
+                    on_click=lambda path=path: self._give(path.name, path.name),
                 ).props("flat dense no-caps align=left")
 
     async def _take(self, task: str, ending: str) -> None:
