@@ -10,6 +10,8 @@ from underlay.app.form import Draft
 from underlay.app.many import _scene_of_all
 from underlay.app.snapshot import Snapshot
 from underlay.app.state import OpenAnalysis
+from underlay.app.tasks import Analyst
+from underlay.errors import InputError
 from underlay.scene.scene_file import read_scene_file
 
 SAMPLES = Path(__file__).parents[1] / "data_samples"
@@ -125,3 +127,17 @@ def test_zero_has_the_unit_of_what_stands_beside_it_or_none(tmp_path):
             assert text_of(user, "contact-words") == "0 \u00b5m"
 
     run(person())
+
+
+def test_when_the_curve_that_is_looked_at_is_removed_another_is_looked_at(tmp_path):
+    analysis = two_curves(tmp_path)
+    analysis.remove("a.csv")
+    assert analysis.curve_name == "b.csv"
+    assert read_scene_file(analysis.folder.scene).curve_path == analysis.folder.path / "curves" / "b.csv"
+    assert said_of_depths(analysis) == (["", "", ""], {})
+    analysis.remove("b.csv")
+    assert analysis.curve_name == ""
+    # The scene names no file that is not there, and what needs one says so.
+    assert read_scene_file(analysis.folder.scene).curve_path is None
+    with pytest.raises(InputError, match="bring a file first"):
+        Analyst(str(analysis.folder.path)).fit(lambda _value: None)

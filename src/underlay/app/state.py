@@ -75,20 +75,28 @@ class OpenAnalysis:
         if test > 1:
             curve["test"] = test
         if self.stem != before:
-            self._handles[before] = self._take_handles()
+            taken = self._take_handles()
+            if before:
+                self._handles[before] = taken
             self._put_handles(self._handles.get(self.stem, {_BOUNDS: {}}))
         self.keep()
 
     def remove(self, name: str) -> None:
-        """Forget a file that was brought, and what was said of its depths."""
+        """Forget a file and what was said of its depths; where it was looked at, another is from now on."""
         looked_at = self.curve_name == name
         self.folder.remove_curve(name)
-        if looked_at:
-            self._take_handles()
-        for stem in [
-            stem for stem in self._handles if stem == name or stem.startswith(stem_of(name, " ").rstrip())
-        ]:
-            del self._handles[stem]
+        # Every test of the file goes with it: the stem of the first is its name, of others that and a number.
+        self._handles = {stem: said for stem, said in self._handles.items() if stem.split("~")[0] != name}
+        if not looked_at:
+            return
+        self._take_handles()
+        for key in ("file", "test"):
+            self.draft.table("curve").pop(key, None)
+        left = self.folder.curve_files()
+        if left:
+            self.pick(left[0].name)
+        else:
+            self.keep()
 
     def _take_handles(self) -> dict[str, Any]:
         """Take what is of one curve only out of the scene."""
