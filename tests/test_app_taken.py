@@ -243,3 +243,18 @@ def test_the_archive_names_its_files_by_their_places_in_it(tmp_path, monkeypatch
     table = pd.read_csv(io.BytesIO(taken[f"results/{stem}.fit.csv"]))
     assert set(table["file"]) == {"curves/gel_on_glass.csv"}
     assert {"curves/gel_on_glass.csv", "scene.toml"} <= set(taken)
+
+
+def test_the_table_of_all_curves_says_the_test_that_was_fitted_and_the_page_that_it_is_another_now(tmp_path):
+    folder = gel(tmp_path)
+    analyst = Analyst(str(folder.path))
+    assert not analyst.taken(silent).is_map_old
+    analyst.fit_all(silent)
+    assert not analyst.taken(silent).is_map_old
+    change(folder)
+    assert analyst.taken(silent).is_map_old
+    assert analyst.overview(silent).is_old
+    sheets = pd.read_excel(io.BytesIO(analyst.excel_of_all(silent)), sheet_name=None, header=None)
+    said_in_it = " ".join(str(cell) for sheet in sheets.values() for cell in sheet.to_numpy().ravel())
+    assert "nu = 0.5" in said_in_it
+    assert "nu = 0.4" not in said_in_it

@@ -34,7 +34,16 @@ from underlay.report.population_words import comparison_table, group_table, popu
 from underlay.report.review import review_cards
 from underlay.report.spoken import spoken
 
-__all__ = ["decide", "gallery", "judged_table", "overview", "population_before", "run_map", "show_population"]
+__all__ = [
+    "decide",
+    "gallery",
+    "judged_table",
+    "map_is_old",
+    "overview",
+    "population_before",
+    "run_map",
+    "show_population",
+]
 
 _KIND = FileKind("the gallery of a map", 1_000_000_000, "fit the curves again")
 #: Curves on a page of the gallery.
@@ -85,9 +94,16 @@ def overview(folder: AnalysisFolder) -> Overview:
         rows_of(failure_table(table)) if (table["status"] != FITTED).any() else (),
         tuple(pictures),
         tuple(name for name in label_columns(folder) if name in table.columns),
-        folder.read_result("map.of.txt") != _fingerprint(folder, _scene_of_all(folder)).encode(),
+        map_is_old(folder),
         folder.read_result("map.of.txt") == folder.read_result("map.done.txt"),
     )
+
+
+def map_is_old(folder: AnalysisFolder) -> bool:
+    """Whether files, labels or the test were changed since the map was begun; False where there is none."""
+    if not (folder.results / "map.csv").is_file():
+        return False
+    return folder.read_result("map.of.txt") != _fingerprint(folder, _scene_of_all(folder)).encode()
 
 
 def judged_table(folder: AnalysisFolder) -> pd.DataFrame:

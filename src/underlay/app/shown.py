@@ -281,11 +281,14 @@ class Taken:
         Texts: the test as it was fitted, and Python that fits it again.
     is_old : bool
         Whether test or curve were changed since.
+    is_map_old : bool
+        Whether the curves, their labels or the test were changed since all were fitted.
     """
 
     scene: str
     script: str
     is_old: bool = False
+    is_map_old: bool = False
 
 
 @dataclass(frozen=True)

@@ -194,9 +194,11 @@ class Analyst:
         """What is taken away: of the fit, whatever the form says since; without one, of the test as it is."""
         now = Snapshot.now(self._folder)
         found = kept(self._folder, now.stem, Found)
+        is_map_old = many.map_is_old(self._folder)
         if found is None:
-            return Taken(now.text, takeaway.script(now.curve_name, {}))
-        return Taken(found.scene, takeaway.script(now.curve_name, found.values), found.of != now.of)
+            return Taken(now.text, takeaway.script(now.curve_name, {}), is_map_old=is_map_old)
+        script = takeaway.script(now.curve_name, found.values)
+        return Taken(found.scene, script, found.of != now.of, is_map_old)
 
     def archive(self, _tell: Tell) -> bytes:
         """The analysis as files that repeat it."""

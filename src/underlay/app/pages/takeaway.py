@@ -21,6 +21,10 @@ _OLD_FIT = (
     "The test was changed since it was fitted. What is taken away of the fit is of the test as it was then, which "
     "stands here; press Fit again for the test as it is now."
 )
+_OLD_MAP = (
+    "Files, labels or the test were changed since all curves were fitted: the table is of what was fitted, and "
+    "says with which test."
+)
 _OLD = "The test, the contact point or the range was changed since: sample again."
 _STEPS = {2_000: "quick look", 20_000: "for a paper", 100_000: "hard cases"}
 
@@ -41,6 +45,7 @@ class TakeAwayStep(Step):
                     ).props("outline no-caps align=left").mark(f"take-{task}")
                 self._pictures = ui.column().classes("wide")
                 ui.label("Of all curves").classes("heading")
+                self._old_map = ui.label(_OLD_MAP).classes("note").mark("old-map")
                 ui.button("Excel", on_click=lambda: self._take("excel_of_all", "all.xlsx")).props(
                     "outline no-caps"
                 ).mark("take-all")
@@ -74,6 +79,7 @@ class TakeAwayStep(Step):
         told = await self.window.try_to(self.analysis.quick, "taken")
         is_told = isinstance(told, Taken)
         self._old.set_visibility(is_told and told.is_old)
+        self._old_map.set_visibility(is_told and told.is_map_old)
         self._scene.set_content(told.scene if is_told else folder.scene_text())
         self._script.set_content(told.script if is_told else str(told))
         self._pictures.clear()
