@@ -273,3 +273,43 @@ def test_long_names_stay_in_their_places(tmp_path):
         press(tab, "5")
         until(tab, says("Picture: fit.png"))
         assert tab.evaluate(_CUT_OFF) == []
+
+
+# Words under a field that lie on something else than what the field stands in.
+_WORDS_ON_OTHERS = """
+[...document.querySelectorAll('.q-field__bottom')].filter(e => e.innerText.trim() && e.getClientRects().length)
+  .flatMap(words => [...document.querySelectorAll(
+      '.q-field__control, .q-field__bottom, .q-checkbox, .quiet, button')]
+    .filter(other => {
+      const a = words.getBoundingClientRect(), b = other.getBoundingClientRect();
+      const beside = a.left < b.right - 1 && b.left < a.right - 1;
+      return other !== words && b.width && beside && a.top < b.bottom - 1 && b.top < a.bottom - 1;
+    }).map(other => `${words.innerText} | ${other.innerText || other.className}`))
+"""
+
+
+def type_into(tab, label, text):
+    """Write into the first field of that name, in place of what stands there."""
+    field = f"[...document.querySelectorAll('input')].find(e => e.getAttribute('aria-label') === {label!r})"
+    until(tab, f"Boolean({field})")
+    tab.evaluate(f"(() => {{ const e = {field}; e.focus(); e.select(); }})()")
+    tab.call("Input.insertText", text=text)
+
+
+def test_what_is_wrong_with_a_number_can_be_read_under_its_field(tmp_path):
+    with browser() as tab, server(tmp_path / "home") as (_, address):
+        tab.open(address, **SIZE)
+        enter(tab, "New analysis")
+        choose(tab, SAMPLES / "gel_on_glass.csv")
+        until(tab, says("loading"))
+        press(tab, "2")
+        for number, label in enumerate(("Poisson's ratio of the layer", "Layer thickness", "min", "max"), 1):
+            type_into(tab, label, "0,45")
+            until(
+                tab,
+                "[...document.querySelectorAll('.q-field__bottom')].filter(e => e.innerText.includes("
+                f"'with a point')).length === {number}",
+            )
+        # They come and go with a movement.
+        assert eventually(lambda: tab.evaluate(_WORDS_ON_OTHERS) == [])
+        nothing_is_cut_off(tab)

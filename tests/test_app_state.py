@@ -141,3 +141,10 @@ def test_when_the_curve_that_is_looked_at_is_removed_another_is_looked_at(tmp_pa
     assert read_scene_file(analysis.folder.scene).curve_path is None
     with pytest.raises(InputError, match="bring a file first"):
         Analyst(str(analysis.folder.path)).fit(lambda _value: None)
+
+
+@pytest.mark.parametrize("task", ["fit", "taken", "excel", "archive"])
+def test_an_analysis_without_a_file_says_to_bring_one(tmp_path, task):
+    analyst = Analyst(str(AnalysisFolder(tmp_path / "new").path))
+    with pytest.raises(InputError, match="bring a file first"):
+        getattr(analyst, task)(lambda _value: None)

@@ -15,6 +15,9 @@ from underlay.scene.scene_file import SceneFile, scene_file_from_text
 __all__ = ["Snapshot", "said"]
 
 
+_NOTHING = "bring a file first, and pick the curve to look at"
+
+
 @dataclass(frozen=True)
 class Snapshot:
     """A scene and the curve that it looks at, as they were when this was made.
@@ -36,7 +39,10 @@ class Snapshot:
     @classmethod
     def now(cls, folder: AnalysisFolder) -> Snapshot:
         """The test as the form and the files say it now; the scene file is read once."""
-        return cls.from_text(folder, folder.scene_text())
+        text = folder.scene_text()
+        if not text:
+            raise InputError(_NOTHING)
+        return cls.from_text(folder, text)
 
     @classmethod
     def from_text(cls, folder: AnalysisFolder, text: str) -> Snapshot:
@@ -69,7 +75,7 @@ class Snapshot:
             If there is none.
         """
         if self.file.curve_path is None:
-            raise InputError("bring a file first, and pick the curve to look at")
+            raise InputError(_NOTHING)
         return self.file.curve_path.name
 
 

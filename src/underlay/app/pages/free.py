@@ -101,7 +101,7 @@ class FreeTable:
         number, unit = apart(stated, units)
         with ui.row(wrap=False).classes("amount small"):
             entry = ui.input(name.replace("_", " "), value=number).props(
-                "outlined dense inputmode=decimal debounce=500"
+                "outlined dense hide-bottom-space inputmode=decimal debounce=500"
             )
             entry.classes("number").mark(f"{path}.{name}")
             picked = None
